@@ -1,0 +1,122 @@
+"""How well the robot does: the paper's behaviour fitness at each step, its goal reward, and the live fitness F.
+
+    forward   = (left + right) / 1.5           driving ahead         left, right: network outputs in (-1, 1)
+    avoid     = 1 - max(proximity)^3           keeping off walls
+    spin      = 1 - |right - left| / 2         not turning on the spot
+    junction  = 1 once in the correct arm, else 0
+    combined  = (forward + 2 avoid + spin + junction) / 5
+    reward    = 1 - min(1, (1.7 distance)^3)   nearness to the goal [m]
+    final     = (combined + reward) / 2
+
+`forward` and `spin` are kept within [0, 1], which the paper leaves unsaid and its published code does.
+"""
+
+import math
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.epuck import SENSORS, STEP_S
+
+class Signal(IntEnum):
+    """Which live fitness F scales plasticity; what each means stands at `live_fitness`."""
+
+    behaviour = 0
+    final = 1
+    lifetime_mean = 2
+    light_code = 3
+
+
+# `lifetime_mean` begins as if the robot had lived two lifetimes of 250 s at F = 0.50 before, because the published
+# program never resets its running mean; the obstacle tables come out with this history (and not without it).
+HISTORY_STEPS = 2 * 250 / STEP_S
+HISTORY_MEAN = 0.50
+
+_BEHAVIOUR, _FINAL, _LIFETIME_MEAN = int(Signal.behaviour), int(Signal.final), int(Signal.lifetime_mean)
+
+
+@compiled
+def forward(left: float, right: float) -> float:
+    """Driving ahead, 0 to 1."""
+    return min(1.0, max(0.0, (left + right) / 1.5))
+
+
+@compiled
+def avoid(nearest: float) -> float:
+    """Keeping off walls, 0 to 1, from the largest proximity reading."""
+    return 1.0 - nearest * nearest * nearest
+
+
+@compiled
+def spin(left: float, right: float) -> float:
+    """Not turning on the spot, 0 to 1."""
+    return max(0.0, 1.0 - abs(right - left) / 2.0)
+
+
+@compiled
+def combined(left: float, right: float, nearest: float, junction: float) -> float:
+    """The paper's behaviour fitness of one step, collision avoidance counted twice."""
+    return (forward(left, right) + 2.0 * avoid(nearest) + spin(left, right) + junction) / 5.0
+
+
+@compiled
+def reward(distance: float) -> float:
+    """The paper's goal reward from the distance to the goal [m]: 1 at the goal, 0 from 0.59 m on."""
+    scaled = 1.7 * distance
+    return 1.0 - min(1.0, scaled * scaled * scaled)
+
+
+@compiled
+def largest(readings: NDArray[np.float64], first: int) -> float:
+    """The largest of eight readings from index `first` on; 8 for the proximity sensors."""
+    most = readings[first]
+    for i in range(first + 1, first + SENSORS):
+        most = max(most, readings[i])
+    return most
+
+
+@compiled
+def light_code(readings: NDArray[np.float64], left: float, right: float) -> float:
+    """F as the published program of the light experiment computes it, which is not what the paper says.
+
+    Six terms instead of five, a "follow the light" term among them, no junction; and `avoid` looks at inputs 3 to 10
+    (five light and three proximity sensors), so that any dark sensor makes it nearly 0.
+    """
+    right_half = (readings[0] + readings[1] + readings[2] + readings[3]) / 4.0
+    left_half = (readings[4] + readings[5] + readings[6] + readings[7]) / 4.0
+    follow = 1.0 - abs(right_half - left_half)
+    return (forward(left, right) + 2.0 * avoid(largest(readings, 3)) + spin(left, right) + follow) / 6.0
+
+
+@compiled
+def live_fitness(
+    signal: int,
+    readings: NDArray[np.float64],
+    left: float,
+    right: float,
+    behaviour: float,
+    distance: float,
+    lived: float,
+    undirected_sum: float,
+) -> float:
+    """The live fitness F that scales plasticity at this step.
+
+    behaviour: this step's combined fitness (the paper as written). final: its mean with the goal reward at this
+    distance [m]. lifetime_mean: running mean of combined fitness without the junction term, `undirected_sum` over
+    `lived` steps. light_code: see there.
+    """
+    if signal == _BEHAVIOUR:
+        return behaviour
+    if signal == _FINAL:
+        return (behaviour + reward(distance)) / 2.0
+    if signal == _LIFETIME_MEAN:
+        return (HISTORY_STEPS * HISTORY_MEAN + undirected_sum) / (HISTORY_STEPS + lived)
+    return light_code(readings, left, right)
+
+
+@compiled
+def distance_to(x: float, y: float, goal_x: float, goal_y: float) -> float:
+    """Distance [m] from (x, y) to the goal."""
+    return math.sqrt((x - goal_x) * (x - goal_x) + (y - goal_y) * (y - goal_y))

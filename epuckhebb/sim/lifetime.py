@@ -1,0 +1,310 @@
+"""A lifetime: sense, act, score, learn, move, every 32 ms, from birth with the genome's weights to forgetting them.
+
+`live` is the whole story of one robot, compiled. `live_block` lives many of them, on as many threads as asked for;
+no robot knows of another, so results do not depend on how the lifetimes are shared out.
+"""
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim import fitness
+from epuckhebb.sim.compiled import compiled_and_cached
+from epuckhebb.sim.controller import (
+    INPUTS,
+    LANES,
+    OUTPUTS,
+    ROWS,
+    WHEELS,
+    forward,
+    genome_to_weights,
+    new_activation,
+)
+from epuckhebb.sim.epuck import SENSORS, STEP_S, cast, sense, sensor_rays
+from epuckhebb.sim.light import Lights, lights
+from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, START, Pose, Side, boxes, in_correct_arm
+from epuckhebb.sim.noise import normal_numbers
+from epuckhebb.sim.plasticity import Hebbian, Rule, effective_rate, learn, rule
+from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.world import Handles, World, is_finite, move, read_pose
+
+CONTACT = 0.8  # a proximity reading above this counts as contact, as in the published code
+_LIVES_PER_BLOCK = 50  # lifetimes that share a World, one after the other
+
+
+class Samples(NamedTuple):
+    """What is recorded of a lifetime, every so many steps; first axis: samples.
+
+    time [s]; pose: x, y [m], heading [rad]; sensors: the 16 network inputs; motors: the 2 network outputs; fitness:
+    live F; rate: N_e; weight_change: sum of |W - W_gene|; weights: (samples, 41, 8), after the step's update.
+    """
+
+    time: NDArray[np.float64]
+    pose: NDArray[np.float64]
+    sensors: NDArray[np.float64]
+    motors: NDArray[np.float64]
+    fitness: NDArray[np.float64]
+    rate: NDArray[np.float64]
+    weight_change: NDArray[np.float64]
+    weights: NDArray[np.float32]
+
+
+class Outcome(NamedTuple):
+    """What a lifetime came to.
+
+    time_to_goal: s, first time within 5 cm of the goal, nan if never. path_length: m. final_distance: m from the goal.
+    behaviour: mean combined fitness over the steps. weight_change_mean, weight_change_final: sum over weights of
+    |W - W_gene|. contact_fraction: share of steps with a proximity reading above 0.8. steps: lived; fewer than asked
+    for only if the pose stopped being finite.
+    """
+
+    time_to_goal: float
+    path_length: float
+    final_distance: float
+    behaviour: float
+    weight_change_mean: float
+    weight_change_final: float
+    contact_fraction: float
+    steps: int
+
+    @property
+    def success(self) -> bool:
+        """Whether the robot was within 5 cm of its goal at the last step."""
+        return self.final_distance < GOAL_RADIUS
+
+    @property
+    def fitness(self) -> float:
+        """The paper's final fitness: mean of the behaviour fitness and of the goal reward at the end."""
+        return (self.behaviour + float(fitness.reward(self.final_distance))) / 2.0
+
+
+@compiled_and_cached
+def live(
+    world: Handles,
+    walls: NDArray[np.float64],
+    lit: Lights,
+    goal_x: float,
+    goal_y: float,
+    genes: NDArray[np.float64],
+    plasticity: Rule,
+    signal: int,
+    gain: float,
+    noise_level: float,
+    key: np.uint64,
+    steps: int,
+    record_every: int,
+    samples: Samples,
+) -> Outcome:
+    """One lifetime of the robot that stands in `world`.
+
+    walls: (boxes, 4). genes: (41, 8) weights at birth, not written. gain: wheel speed [rad/s] of an output of 1.
+    record_every: steps between two samples, 0 for none.
+    """
+    weights = genes.copy()
+    trace = np.zeros((ROWS, LANES))
+    activation = new_activation()
+    rays, distances, noise = np.empty((4, SENSORS)), np.empty(SENSORS), np.zeros(INPUTS)
+    drive, change_by_lane = np.empty(LANES), np.empty(LANES)
+
+    junction, undirected_sum, behaviour_sum = 0.0, 0.0, 0.0
+    weight_change, weight_change_sum = 0.0, 0.0
+    path_length, time_to_goal, contacts, lived = 0.0, math.nan, 0, 0
+    x, y, heading = read_pose(world)
+    goal_distance = fitness.distance_to(x, y, goal_x, goal_y)
+
+    for step in range(steps):
+        # Sense.
+        cos, sin = math.cos(heading), math.sin(heading)
+        sensor_rays(x, y, cos, sin, rays)
+        cast(x, y, rays, walls, distances)
+        if noise_level > 0.0:
+            normal_numbers(key, step, noise)
+        sense(rays, distances, lit, noise, noise_level, activation)
+
+        # Act.
+        forward(weights, activation, drive)
+        left, right = activation[WHEELS], activation[WHEELS + 1]
+
+        # Score.
+        if in_correct_arm(x, y, goal_x):
+            junction = 1.0
+        nearest = fitness.largest(activation, SENSORS)
+        undirected = fitness.combined(left, right, nearest, 0.0)
+        behaviour = undirected + junction / 5.0
+        undirected_sum += undirected
+        behaviour_sum += behaviour
+        contacts += nearest > CONTACT
+
+        # Learn.
+        live_fitness = fitness.live_fitness(
+            signal, activation, left, right, behaviour, goal_distance, step + 1.0, undirected_sum
+        )
+        rate = effective_rate(plasticity.rate, live_fitness, plasticity.floor)
+        if plasticity.rate > 0.0:
+            weight_change = learn(weights, trace, genes, activation, rate, plasticity, change_by_lane)
+            weight_change_sum += weight_change
+
+        if record_every > 0 and step % record_every == 0:
+            k = step // record_every
+            samples.time[k] = step * STEP_S
+            samples.pose[k, 0], samples.pose[k, 1], samples.pose[k, 2] = x, y, heading
+            samples.sensors[k] = activation[:INPUTS]
+            samples.motors[k, 0], samples.motors[k, 1] = left, right
+            samples.fitness[k], samples.rate[k], samples.weight_change[k] = live_fitness, rate, weight_change
+            samples.weights[k] = weights
+
+        # Move.
+        move(world, cos, sin, gain * left, gain * right)
+        new_x, new_y, heading = read_pose(world)
+        if not is_finite(new_x, new_y, heading):
+            break
+        path_length += math.sqrt((new_x - x) * (new_x - x) + (new_y - y) * (new_y - y))
+        x, y = new_x, new_y
+        goal_distance = fitness.distance_to(x, y, goal_x, goal_y)
+        if math.isnan(time_to_goal) and goal_distance < GOAL_RADIUS:
+            time_to_goal = (step + 1) * STEP_S
+        lived = step + 1
+
+    return Outcome(
+        time_to_goal,
+        path_length,
+        goal_distance,
+        behaviour_sum / steps,
+        weight_change_sum / steps,
+        weight_change,
+        contacts / steps,
+        lived,
+    )
+
+
+@dataclass(kw_only=True)
+class Lifetime:
+    """How a lifetime is run.
+
+    duration_s: its length [s]. gain_rad_s: wheel speed [rad/s] of a network output of 1. noise: 1 for the sensors' own
+    noise, 0 for none, other values scale it. record_every: steps between two recorded samples, 0 to record nothing.
+    """
+
+    duration_s: float = 250.0
+    gain_rad_s: float = 1.0
+    noise: float = 1.0
+    record_every: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse lifetimes that cannot be.
+
+        Raises:
+            ValueError: a value is outside the range named in the message.
+        """
+        if not (math.isfinite(self.duration_s) and self.duration_s >= STEP_S):
+            raise ValueError(f"lifetime.duration_s must be at least one step, {STEP_S} s, got {self.duration_s}")
+        if not (math.isfinite(self.gain_rad_s) and self.gain_rad_s > 0):
+            raise ValueError(f"lifetime.gain_rad_s must be more than 0, got {self.gain_rad_s}")
+        if not (math.isfinite(self.noise) and self.noise >= 0):
+            raise ValueError(f"lifetime.noise must be 0 or more, got {self.noise}")
+        if self.record_every < 0:
+            raise ValueError(f"lifetime.record_every must be 0 or more, got {self.record_every}")
+
+    @property
+    def steps(self) -> int:
+        """Whole control steps of 32 ms in the lifetime."""
+        return math.floor(self.duration_s / STEP_S + 1e-9)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Life:
+    """One lifetime to be lived: a genome (234,), a side, a plasticity, a noise key, a start, and whether to record it."""
+
+    genome: NDArray[np.float64]
+    side: Side
+    hebbian: Hebbian
+    key: np.uint64
+    start: Pose = START
+    record: bool = False
+
+
+class PoseNotFiniteError(ArithmeticError):
+    """A robot's pose stopped being finite, so nothing that it did afterwards means anything."""
+
+
+def noise_key(seed: int, *place: int) -> np.uint64:
+    """The key of a lifetime's sensor noise, from the seed and its place in the study (generation, individual, side)."""
+    return np.uint64(np.random.SeedSequence(seed, spawn_key=place).generate_state(1, np.uint64)[0])
+
+
+def live_block(
+    lives: Sequence[Life], scenario: Scenario, lifetime: Lifetime, threads: int = 1
+) -> list[tuple[Outcome, Samples]]:
+    """Live many lifetimes in the same scenario; the outcomes come in the order of `lives`, whatever `threads` is.
+
+    Samples have length 0 where a life is not recorded.
+
+    Raises:
+        PoseNotFiniteError: a pose stopped being finite; the message says whose and when.
+    """
+    size = min(_LIVES_PER_BLOCK, -(-len(lives) // threads))
+    blocks = [lives[first : first + size] for first in range(0, len(lives), size)]
+    if threads == 1:
+        lived = [_live_in_one_world(block, scenario, lifetime) for block in blocks]
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            lived = list(pool.map(lambda block: _live_in_one_world(block, scenario, lifetime), blocks))
+    return [life for block in lived for life in block]
+
+
+def _live_in_one_world(
+    lives: Sequence[Life], scenario: Scenario, lifetime: Lifetime
+) -> list[tuple[Outcome, Samples]]:
+    walls = boxes(scenario.obstacles)
+    world = World(walls)
+    return [_live_one(life, world, walls, scenario, lifetime) for life in lives]
+
+
+def _live_one(
+    life: Life, world: World, walls: NDArray[np.float64], scenario: Scenario, lifetime: Lifetime
+) -> tuple[Outcome, Samples]:
+    world.place_robot(life.start)
+    record_every = lifetime.record_every if life.record else 0
+    samples = _empty_samples(-(-lifetime.steps // record_every) if record_every else 0)
+    outcome = live(
+        world.handles,
+        walls,
+        lights(scenario.light, scenario.lamp, lamp_on=life.side == "right"),
+        *GOALS[life.side],
+        genome_to_weights(life.genome),
+        rule(life.hebbian),
+        int(life.hebbian.signal),
+        float(lifetime.gain_rad_s),
+        float(lifetime.noise),
+        life.key,
+        lifetime.steps,
+        record_every,
+        samples,
+    )
+    if outcome.steps < lifetime.steps:
+        raise PoseNotFiniteError(
+            f"the pose of a robot on a {life.side} trial of scenario {scenario.name} stopped being finite "
+            f"at step {outcome.steps} of {lifetime.steps}; check lifetime.gain_rad_s ({lifetime.gain_rad_s})"
+        )
+    return outcome, samples
+
+
+def _empty_samples(count: int) -> Samples:
+    def numbers(*shape: int) -> NDArray[np.float64]:
+        return np.zeros((count, *shape))
+
+    return Samples(
+        time=numbers(),
+        pose=numbers(3),
+        sensors=numbers(INPUTS),
+        motors=numbers(OUTPUTS),
+        fitness=numbers(),
+        rate=numbers(),
+        weight_change=numbers(),
+        weights=np.zeros((count, ROWS, LANES), np.float32),
+    )

@@ -1,0 +1,74 @@
+"""Light in the maze: a sun that shines from ahead and right, and the lamp that tells which way to turn.
+
+A sensor reads *low when bright*. Irradiance E adds ambient light (1, whatever the light level), the sun (2.7 times the
+light level, times the cosine of its angle to the sensor) and, on right trials, the lamp. Walls cast no shadow.
+Source: Webots' light sensor, its textured background light and its e-puck model, which the paper used.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from epuckhebb.sim.compiled import compiled
+
+SUN_X, SUN_Y = 0.465, 0.427  # horizontal part of the unit vector towards the sun; the sensors look level
+SUN_IRRADIANCE = 2.7  # at light level 1
+NOISE = 0.01  # standard deviation of a reading, as a fraction of it
+
+
+@dataclass(kw_only=True)
+class Lamp:
+    """A spot light in the plane of the sensors, shining to the left (-X) from inside the stem's right wall."""
+
+    x_m: float = 0.1
+    y_m: float = -0.2
+    beam_rad: float = 1.5  # half-angle
+    intensity: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Refuse a lamp that cannot be.
+
+        Raises:
+            ValueError: a number is not finite, the beam is not in (0, pi], or the intensity is negative.
+        """
+        for name in ("x_m", "y_m"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"scenario.lamp.{name} must be a finite number, got {getattr(self, name)}")
+        if not 0 < self.beam_rad <= math.pi:
+            raise ValueError(f"scenario.lamp.beam_rad must lie in (0, pi], got {self.beam_rad}")
+        if not (math.isfinite(self.intensity) and self.intensity >= 0):
+            raise ValueError(f"scenario.lamp.intensity must be 0 or more, got {self.intensity}")
+
+
+class Lights(NamedTuple):
+    """The lights of one lifetime as numbers for the kernel; `lamp_intensity` is 0 when the lamp is off."""
+
+    sun: float
+    lamp_intensity: float
+    lamp_x: float
+    lamp_y: float
+    cos_beam: float
+
+
+def lights(light: float, lamp: Lamp, lamp_on: bool) -> Lights:
+    """Sun at this light level and the lamp, lit or not."""
+    intensity = lamp.intensity if lamp_on else 0.0
+    return Lights(SUN_IRRADIANCE * light, intensity, lamp.x_m, lamp.y_m, math.cos(lamp.beam_rad))
+
+
+@compiled
+def irradiance(x: float, y: float, look_x: float, look_y: float, lit: Lights) -> float:
+    """Irradiance E on a sensor at (x, y) that looks along the unit vector (look_x, look_y)."""
+    sun = lit.sun * max(0.0, look_x * SUN_X + look_y * SUN_Y)
+    to_x, to_y = lit.lamp_x - x, lit.lamp_y - y
+    distance = math.sqrt(to_x * to_x + to_y * to_y)
+    in_beam = to_x >= lit.cos_beam * distance  # the beam points along -X, so this is cos(angle) >= cos(beam)
+    facing = max(0.0, look_x * to_x + look_y * to_y)
+    lamp = lit.lamp_intensity * facing / (distance * distance * distance) if in_beam else 0.0
+    return 1.0 + sun + lamp
+
+
+@compiled
+def reading(e: float) -> float:
+    """Light reading in [0, 1]: 1 in the dark (E <= 1), 0 when bright (E >= 2), linear between."""
+    return min(1.0, max(0.0, 2.0 - e))

@@ -1,0 +1,124 @@
+"""Hebbian plasticity, scaled by how well the robot is doing: the paper's equations, one function each.
+
+    N_e   = N max(0.2, F)              effective rate from the base rate N and the live fitness F
+    C     = pre x post                 correlation of the two neurons that a connection joins
+    T'    = 0.95 T + 0.05 C            trace: what has fired together lately
+    W'    = clip(W + N_e T', -2, 2)    weight
+
+Weights change after every control step, in all layers, and act from the next step on. They are a copy made at birth:
+the genome is never written, so a robot forgets by being born again.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.controller import FIRST_NEURON, FIRST_ROW, LANES
+from epuckhebb.sim.fitness import Signal
+
+
+@dataclass(kw_only=True)
+class Hebbian:
+    """How plastic a robot is.
+
+    N: base rate, 0 for a robot that does not learn. trace_decay, trace_update: how long the trace lasts and how fast
+    it takes up new correlations. w_max: bound of the weights. floor: the least factor on N, when fitness is low.
+    signal: the live fitness that scales the rate.
+    """
+
+    N: float = 0.0
+    trace_decay: float = 0.95
+    trace_update: float = 0.05
+    w_max: float = 2.0
+    floor: float = 0.2
+    signal: Signal = Signal.behaviour
+
+    def __post_init__(self) -> None:
+        """Refuse rates and bounds that cannot be.
+
+        Raises:
+            ValueError: a number is not finite or outside the range named in the message.
+        """
+        for name in ("N", "floor"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"hebbian.{name} must be 0 or more, got {value}")
+        for name in ("trace_decay", "trace_update"):
+            value = getattr(self, name)
+            if not 0 <= value <= 1:
+                raise ValueError(f"hebbian.{name} must lie in [0, 1], got {value}")
+        if not (math.isfinite(self.w_max) and self.w_max > 0):
+            raise ValueError(f"hebbian.w_max must be more than 0, got {self.w_max}")
+
+
+class Rule(NamedTuple):
+    """The same as `Hebbian`, as numbers for the kernel."""
+
+    rate: float
+    trace_decay: float
+    trace_update: float
+    w_max: float
+    floor: float
+
+
+def rule(hebbian: Hebbian) -> Rule:
+    """The numbers of a plasticity rule, for the kernel."""
+    return Rule(
+        float(hebbian.N),
+        float(hebbian.trace_decay),
+        float(hebbian.trace_update),
+        float(hebbian.w_max),
+        float(hebbian.floor),
+    )
+
+
+@compiled
+def effective_rate(rate: float, fitness: float, floor: float) -> float:
+    """N_e = N max(0.2, F): a robot that does well learns fast, one that does badly still explores a little."""
+    return rate * max(floor, fitness)
+
+
+@compiled
+def next_trace(trace: float, correlation: float, decay: float, update: float) -> float:
+    """T' = 0.95 T + 0.05 C."""
+    return decay * trace + update * correlation
+
+
+@compiled
+def next_weight(weight: float, rate: float, trace: float, w_max: float) -> float:
+    """W' = clip(W + N_e T', -W_max, W_max)."""
+    return min(w_max, max(-w_max, weight + rate * trace))
+
+
+@compiled
+def learn(
+    weights: NDArray[np.float64],
+    trace: NDArray[np.float64],
+    genes: NDArray[np.float64],
+    activation: NDArray[np.float64],
+    rate: float,
+    by: Rule,
+    change: NDArray[np.float64],
+) -> float:
+    """One plastic update of all weights, in place; returns the weight change, the sum of |W - W_gene|.
+
+    weights, trace, genes: (41, 8) as laid out in `epuckhebb.sim.controller`. rate: N_e. change: (8,) workspace.
+    """
+    for j in range(LANES):
+        change[j] = 0.0
+    for layer in range(len(FIRST_ROW) - 1):
+        pre, post, row = FIRST_NEURON[layer], FIRST_NEURON[layer + 1], FIRST_ROW[layer]
+        for i in range(FIRST_ROW[layer + 1] - row):
+            for j in range(LANES):
+                correlation = activation[pre + i] * activation[post + j]
+                trace[row + i, j] = next_trace(trace[row + i, j], correlation, by.trace_decay, by.trace_update)
+                weights[row + i, j] = next_weight(weights[row + i, j], rate, trace[row + i, j], by.w_max)
+                change[j] += abs(weights[row + i, j] - genes[row + i, j])
+    total = 0.0
+    for j in range(LANES):
+        total += change[j]
+    return total
