@@ -8,19 +8,21 @@ import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numba
 
-_OPTIONS = {"nogil": True, "error_model": "numpy"}
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 
 
-def compiled(function: Callable[..., Any]) -> Any:
+def compiled(function: Function) -> Function:
     """Compile a building block; it is inlined into the kernel that calls it and needs no cache of its own."""
-    return numba.njit(**_OPTIONS)(function)
+    return cast(Function, numba.njit(**_OPTIONS)(function))
 
 
-def compiled_and_cached(function: Callable[..., Any]) -> Any:
+def compiled_and_cached(function: Function) -> Function:
     """Compile a kernel that Python calls, and keep the machine code on disk for the next start.
 
     numba notices a change of the file that holds the kernel but not of the files it calls. The folder of the cache is
@@ -33,13 +35,13 @@ def compiled_and_cached(function: Callable[..., Any]) -> Any:
     except OSError:
         writable = False
     if not writable:
-        return numba.njit(**_OPTIONS)(function)
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(folder)
+        return compiled(function)
+    settings: Any = numba.config
+    before, settings.CACHE_DIR = settings.CACHE_DIR, str(folder)
     try:
-        return numba.njit(cache=True, **_OPTIONS)(function)
+        return cast(Function, numba.njit(cache=True, **_OPTIONS)(function))
     finally:
-        numba.config.CACHE_DIR = before
+        settings.CACHE_DIR = before
 
 
 def _cache_folder() -> Path:

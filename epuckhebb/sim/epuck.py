@@ -48,7 +48,7 @@ REACH = 0.07 / 1.25  # m: real distance to a wall beyond which a beam feels noth
 
 @compiled
 def sensor_rays(x: float, y: float, cos: float, sin: float, rays: NDArray[np.float64]) -> None:
-    """Place the eight sensors in the maze: `rays` (4, 8) becomes x, y [m] and the unit vector along which each looks."""
+    """Place the eight sensors in the maze: `rays` (4, 8) becomes x, y [m] and the unit vector each looks along."""
     for i in range(SENSORS):
         rays[0, i] = x + (cos * PLACE_X[i] - sin * PLACE_Y[i])
         rays[1, i] = y + (sin * PLACE_X[i] + cos * PLACE_Y[i])

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.epuck import SENSORS, STEP_S
 
+
 class Signal(IntEnum):
     """Which live fitness F scales plasticity; what each means stands at `live_fitness`."""
 
@@ -71,7 +72,7 @@ def reward(distance: float) -> float:
 @compiled
 def largest(readings: NDArray[np.float64], first: int) -> float:
     """The largest of eight readings from index `first` on; 8 for the proximity sensors."""
-    most = readings[first]
+    most = float(readings[first])
     for i in range(first + 1, first + SENSORS):
         most = max(most, readings[i])
     return most
@@ -86,7 +87,7 @@ def light_code(readings: NDArray[np.float64], left: float, right: float) -> floa
     """
     right_half = (readings[0] + readings[1] + readings[2] + readings[3]) / 4.0
     left_half = (readings[4] + readings[5] + readings[6] + readings[7]) / 4.0
-    follow = 1.0 - abs(right_half - left_half)
+    follow: float = 1.0 - abs(right_half - left_half)
     return (forward(left, right) + 2.0 * avoid(largest(readings, 3)) + spin(left, right) + follow) / 6.0
 
 

@@ -15,23 +15,14 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim import fitness
 from epuckhebb.sim.compiled import compiled_and_cached
-from epuckhebb.sim.controller import (
-    INPUTS,
-    LANES,
-    OUTPUTS,
-    ROWS,
-    WHEELS,
-    forward,
-    genome_to_weights,
-    new_activation,
-)
+from epuckhebb.sim.controller import BIAS, GENES, INPUTS, NEURONS, OUTPUTS, POST, WHEELS, forward, weights_at_birth
 from epuckhebb.sim.epuck import SENSORS, STEP_S, cast, sense, sensor_rays
 from epuckhebb.sim.light import Lights, lights
 from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, START, Pose, Side, boxes, in_correct_arm
 from epuckhebb.sim.noise import normal_numbers
-from epuckhebb.sim.plasticity import Hebbian, Rule, effective_rate, learn, rule
+from epuckhebb.sim.plasticity import CHANGE_ROOM, Hebbian, Rule, effective_rate, learn, rule
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.world import Handles, World, is_finite, move, read_pose
+from epuckhebb.sim.world import Handles, World, is_finite, move, pose
 
 CONTACT = 0.8  # a proximity reading above this counts as contact, as in the published code
 _LIVES_PER_BLOCK = 50  # lifetimes that share a World, one after the other
@@ -41,7 +32,7 @@ class Samples(NamedTuple):
     """What is recorded of a lifetime, every so many steps; first axis: samples.
 
     time [s]; pose: x, y [m], heading [rad]; sensors: the 16 network inputs; motors: the 2 network outputs; fitness:
-    live F; rate: N_e; weight_change: sum of |W - W_gene|; weights: (samples, 41, 8), after the step's update.
+    live F; rate: N_e; weight_change: sum of |W - W_gene|; weights: (samples, 234), after the step's update.
     """
 
     time: NDArray[np.float64]
@@ -80,13 +71,12 @@ class Outcome(NamedTuple):
     @property
     def fitness(self) -> float:
         """The paper's final fitness: mean of the behaviour fitness and of the goal reward at the end."""
-        return (self.behaviour + float(fitness.reward(self.final_distance))) / 2.0
+        return (self.behaviour + fitness.reward(self.final_distance)) / 2.0
 
 
 @compiled_and_cached
 def live(
     world: Handles,
-    walls: NDArray[np.float64],
     lit: Lights,
     goal_x: float,
     goal_y: float,
@@ -102,26 +92,27 @@ def live(
 ) -> Outcome:
     """One lifetime of the robot that stands in `world`.
 
-    walls: (boxes, 4). genes: (41, 8) weights at birth, not written. gain: wheel speed [rad/s] of an output of 1.
+    genes: (234,) weights at birth, not written. gain: wheel speed [rad/s] of an output of 1.
     record_every: steps between two samples, 0 for none.
     """
     weights = genes.copy()
-    trace = np.zeros((ROWS, LANES))
-    activation = new_activation()
+    trace = np.zeros(GENES)
+    activation = np.zeros(NEURONS)
+    activation[BIAS] = 1.0
     rays, distances, noise = np.empty((4, SENSORS)), np.empty(SENSORS), np.zeros(INPUTS)
-    drive, change_by_lane = np.empty(LANES), np.empty(LANES)
+    drive, correlation, change = np.empty(max(POST)), np.empty(GENES), np.empty(CHANGE_ROOM)
 
     junction, undirected_sum, behaviour_sum = 0.0, 0.0, 0.0
     weight_change, weight_change_sum = 0.0, 0.0
     path_length, time_to_goal, contacts, lived = 0.0, math.nan, 0, 0
-    x, y, heading = read_pose(world)
+    x, y, heading = pose(world)
     goal_distance = fitness.distance_to(x, y, goal_x, goal_y)
 
     for step in range(steps):
         # Sense.
         cos, sin = math.cos(heading), math.sin(heading)
         sensor_rays(x, y, cos, sin, rays)
-        cast(x, y, rays, walls, distances)
+        cast(x, y, rays, world.walls, distances)
         if noise_level > 0.0:
             normal_numbers(key, step, noise)
         sense(rays, distances, lit, noise, noise_level, activation)
@@ -146,7 +137,7 @@ def live(
         )
         rate = effective_rate(plasticity.rate, live_fitness, plasticity.floor)
         if plasticity.rate > 0.0:
-            weight_change = learn(weights, trace, genes, activation, rate, plasticity, change_by_lane)
+            weight_change = learn(weights, trace, genes, activation, rate, plasticity, correlation, change)
             weight_change_sum += weight_change
 
         if record_every > 0 and step % record_every == 0:
@@ -160,7 +151,7 @@ def live(
 
         # Move.
         move(world, cos, sin, gain * left, gain * right)
-        new_x, new_y, heading = read_pose(world)
+        new_x, new_y, heading = pose(world)
         if not is_finite(new_x, new_y, heading):
             break
         path_length += math.sqrt((new_x - x) * (new_x - x) + (new_y - y) * (new_y - y))
@@ -218,7 +209,7 @@ class Lifetime:
 
 @dataclass(frozen=True, kw_only=True)
 class Life:
-    """One lifetime to be lived: a genome (234,), a side, a plasticity, a noise key, a start, and whether to record it."""
+    """A lifetime to be lived: a genome (234,), a side, a plasticity, a noise key, a start; recorded or not."""
 
     genome: NDArray[np.float64]
     side: Side
@@ -230,11 +221,6 @@ class Life:
 
 class PoseNotFiniteError(ArithmeticError):
     """A robot's pose stopped being finite, so nothing that it did afterwards means anything."""
-
-
-def noise_key(seed: int, *place: int) -> np.uint64:
-    """The key of a lifetime's sensor noise, from the seed and its place in the study (generation, individual, side)."""
-    return np.uint64(np.random.SeedSequence(seed, spawn_key=place).generate_state(1, np.uint64)[0])
 
 
 def live_block(
@@ -257,26 +243,20 @@ def live_block(
     return [life for block in lived for life in block]
 
 
-def _live_in_one_world(
-    lives: Sequence[Life], scenario: Scenario, lifetime: Lifetime
-) -> list[tuple[Outcome, Samples]]:
-    walls = boxes(scenario.obstacles)
-    world = World(walls)
-    return [_live_one(life, world, walls, scenario, lifetime) for life in lives]
+def _live_in_one_world(lives: Sequence[Life], scenario: Scenario, lifetime: Lifetime) -> list[tuple[Outcome, Samples]]:
+    world = World(boxes(scenario.obstacles))
+    return [_live_one(life, world, scenario, lifetime) for life in lives]
 
 
-def _live_one(
-    life: Life, world: World, walls: NDArray[np.float64], scenario: Scenario, lifetime: Lifetime
-) -> tuple[Outcome, Samples]:
+def _live_one(life: Life, world: World, scenario: Scenario, lifetime: Lifetime) -> tuple[Outcome, Samples]:
     world.place_robot(life.start)
     record_every = lifetime.record_every if life.record else 0
     samples = _empty_samples(-(-lifetime.steps // record_every) if record_every else 0)
     outcome = live(
         world.handles,
-        walls,
         lights(scenario.light, scenario.lamp, lamp_on=life.side == "right"),
         *GOALS[life.side],
-        genome_to_weights(life.genome),
+        weights_at_birth(life.genome),
         rule(life.hebbian),
         int(life.hebbian.signal),
         float(lifetime.gain_rad_s),
@@ -306,5 +286,5 @@ def _empty_samples(count: int) -> Samples:
         fitness=numbers(),
         rate=numbers(),
         weight_change=numbers(),
-        weights=np.zeros((count, ROWS, LANES), np.float32),
+        weights=np.zeros((count, GENES), np.float32),
     )

@@ -1,6 +1,6 @@
 """Sensor noise: standard normal numbers that depend on a key and a step, and on nothing else.
 
-The key belongs to one lifetime (see `epuckhebb.sim.lifetime.noise_key`). There is no generator whose state could be
+The key belongs to one lifetime (`epuckhebb.sim.streams.key`). There is no generator whose state could be
 shared, so a robot hears the same noise alone, in a block, on any thread and after a restart.
 """
 
@@ -21,8 +21,9 @@ _FOUR = np.uint64(4)
 
 def _normal_quantiles(count: int) -> NDArray[np.float64]:
     """The middles of `count` equally likely slices of the normal distribution, scaled to variance 1."""
-    quantiles = np.array([NormalDist().inv_cdf((k + 0.5) / count) for k in range(count)])
-    return quantiles / np.sqrt(np.mean(quantiles**2))
+    quantiles: NDArray[np.float64] = np.array([NormalDist().inv_cdf((k + 0.5) / count) for k in range(count)])
+    quantiles /= np.sqrt(np.mean(quantiles**2))
+    return quantiles
 
 
 QUANTILES = _normal_quantiles(4096)  # reaches 3.7 standard deviations

@@ -17,19 +17,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.compiled import compiled
-from epuckhebb.sim.controller import FIRST_NEURON, FIRST_ROW, LANES
+from epuckhebb.sim.controller import FIRST_NEURON, GENES, POST, PRE
 from epuckhebb.sim.fitness import Signal
+
+CHANGE_ROOM = 240  # numbers in the workspace of `learn`, a little more than there are genes
 
 
 @dataclass(kw_only=True)
 class Hebbian:
     """How plastic a robot is.
 
-    N: base rate, 0 for a robot that does not learn. trace_decay, trace_update: how long the trace lasts and how fast
-    it takes up new correlations. w_max: bound of the weights. floor: the least factor on N, when fitness is low.
-    signal: the live fitness that scales the rate.
+    name: what to call it. N: base rate, 0 for a robot that does not learn. trace_decay, trace_update: how long the
+    trace lasts and how fast it takes up new correlations. w_max: bound of the weights. floor: the least factor on N,
+    when fitness is low. signal: the live fitness that scales the rate.
     """
 
+    name: str = "none"
     N: float = 0.0
     trace_decay: float = 0.95
     trace_update: float = 0.05
@@ -95,6 +98,18 @@ def next_weight(weight: float, rate: float, trace: float, w_max: float) -> float
 
 
 @compiled
+def correlate(activation: NDArray[np.float64], correlation: NDArray[np.float64]) -> None:
+    """C = pre x post for every connection: how strongly its two neurons fire together. Fills `correlation` (234,)."""
+    gene = 0
+    for layer in range(len(POST)):
+        pre, post = FIRST_NEURON[layer], FIRST_NEURON[layer + 1]
+        for i in range(PRE[layer]):
+            for j in range(POST[layer]):
+                correlation[gene] = activation[pre + i] * activation[post + j]
+                gene += 1
+
+
+@compiled
 def learn(
     weights: NDArray[np.float64],
     trace: NDArray[np.float64],
@@ -102,23 +117,31 @@ def learn(
     activation: NDArray[np.float64],
     rate: float,
     by: Rule,
+    correlation: NDArray[np.float64],
     change: NDArray[np.float64],
 ) -> float:
     """One plastic update of all weights, in place; returns the weight change, the sum of |W - W_gene|.
 
-    weights, trace, genes: (41, 8) as laid out in `epuckhebb.sim.controller`. rate: N_e. change: (8,) workspace.
+    weights, trace: (234,), updated. genes: (234,) weights at birth. activation: (43,). rate: N_e. correlation (234,)
+    and change (240,) are workspace.
     """
-    for j in range(LANES):
-        change[j] = 0.0
-    for layer in range(len(FIRST_ROW) - 1):
-        pre, post, row = FIRST_NEURON[layer], FIRST_NEURON[layer + 1], FIRST_ROW[layer]
-        for i in range(FIRST_ROW[layer + 1] - row):
-            for j in range(LANES):
-                correlation = activation[pre + i] * activation[post + j]
-                trace[row + i, j] = next_trace(trace[row + i, j], correlation, by.trace_decay, by.trace_update)
-                weights[row + i, j] = next_weight(weights[row + i, j], rate, trace[row + i, j], by.w_max)
-                change[j] += abs(weights[row + i, j] - genes[row + i, j])
+    correlate(activation, correlation)
+    for k in range(GENES):
+        trace[k] = next_trace(trace[k], correlation[k], by.trace_decay, by.trace_update)
+        weights[k] = next_weight(weights[k], rate, trace[k], by.w_max)
+        change[k] = abs(weights[k] - genes[k])
+    return _sum_by_halves(change)
+
+
+@compiled
+def _sum_by_halves(values: NDArray[np.float64]) -> float:
+    """Sum of the first 234 of 240 numbers, in an order that the processor can do four at a time; spoils `values`."""
+    for k in range(GENES, CHANGE_ROOM):
+        values[k] = 0.0
+    for half in (120, 60, 30, 15):
+        for k in range(half):
+            values[k] += values[k + half]
     total = 0.0
-    for j in range(LANES):
-        total += change[j]
+    for k in range(15):
+        total += values[k]
     return total

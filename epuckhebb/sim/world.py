@@ -7,10 +7,13 @@ through its public interface, and the compiled lifetime calls the same C functio
 
 The robot is pushed, never placed: force and torque that would give the wanted speeds in one step, in a space that
 damps everything else away. Overwriting velocities instead discards the solver's corrections and sinks it into walls.
+
+Far from walls a step of pymunk is one line of arithmetic, so it is asked only when a wall is near or was lately: the
+result is the same to the last bit, and most of the time is saved (`tests/test_world.py` holds both).
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import llvmlite.binding
 import numpy as np
@@ -26,7 +29,10 @@ from epuckhebb.sim.maze import Pose
 
 COLLISION_SLOP = 1e-4  # m; pymunk's default, 0.1, is larger than the robot
 ITERATIONS = 10  # of the contact solver, pymunk's default
-_ROOM = 16  # numbers in an exchange buffer; a body takes three, and the space has two
+_ROOM = 16  # numbers in an exchange buffer; a body takes six at most, and the space has two
+_CLEAR_GAP = 1e-3  # m between robot and walls that counts as free of contact
+_CLEAR_STEPS = 4.0  # steps without contact after which pymunk has forgotten the last one (it remembers 3)
+_X, _Y, _HEADING, _V_X, _V_Y, _TURN, _CLEAR_FOR = range(7)  # places in Handles.state
 
 
 def _address(pointer: object) -> int:
@@ -35,22 +41,30 @@ def _address(pointer: object) -> int:
 
 for _name in ("cpSpaceStep", "cpSpaceEachBody"):
     llvmlite.binding.add_symbol(_name, _address(ffi.addressof(lib, _name)))
-_space_step = types.ExternalFunction("cpSpaceStep", types.void(types.intp, types.float64))
-_for_each_body = types.ExternalFunction("cpSpaceEachBody", types.void(types.intp, types.intp, types.intp))
+_space_step: Any = types.ExternalFunction("cpSpaceStep", types.void(types.intp, types.float64))
+_for_each_body: Any = types.ExternalFunction("cpSpaceEachBody", types.void(types.intp, types.intp, types.intp))
 
 
 class Handles(NamedTuple):
-    """What compiled code needs to reach a space: addresses, and two buffers through which it reads and pushes."""
+    """What compiled code needs to reach a space: addresses, and the buffers through which it reads and writes.
 
+    state: (7,) x, y [m], heading [rad], velocity x, y [m/s], turn [rad/s], and for how many steps nothing was touched.
+    """
+
+    state: NDArray[np.float64]
+    walls: NDArray[np.float64]
     space: int
-    read: int
+    get: int
+    put: int
     read_data: int
     read_count: NDArray[np.int32]
-    pose: NDArray[np.float64]
-    push: int
+    read: NDArray[np.float64]
     push_data: int
     push_count: NDArray[np.int32]
-    force: NDArray[np.float64]
+    push: NDArray[np.float64]
+    place_data: int
+    place_count: NDArray[np.int32]
+    place: NDArray[np.float64]
 
 
 class _Exchange:
@@ -79,24 +93,31 @@ class World:
         self._space.collision_slop = COLLISION_SLOP
         self._space.iterations = ITERATIONS
         for left, right, bottom, top in boxes.tolist():
-            wall = pymunk.Poly(
-                self._space.static_body, [(left, bottom), (right, bottom), (right, top), (left, top)]
-            )
+            wall = pymunk.Poly(self._space.static_body, [(left, bottom), (right, bottom), (right, top), (left, top)])
             wall.friction = 0  # with friction the robot jams in the stem, and the paper's tables do not come out
             self._space.add(wall)
         self._robot: tuple[pymunk.Body, pymunk.Circle] | None = None
-        self._read = _Exchange(BodyFields.POSITION | BodyFields.ANGLE)
-        self._push = _Exchange(BodyFields.FORCE | BodyFields.TORQUE)
+        motion = BodyFields.POSITION | BodyFields.ANGLE | BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY
+        self._exchanges = read, push, place = (
+            _Exchange(motion),
+            _Exchange(BodyFields.FORCE | BodyFields.TORQUE),
+            _Exchange(motion),
+        )
         self.handles = Handles(
+            state=np.zeros(7),
+            walls=boxes,
             space=_address(self._space._space),
-            read=_address(ffi.addressof(lib, "pmSpaceBodyGetIteratorFuncBatched")),
-            read_data=self._read.address,
-            read_count=self._read.count,
-            pose=self._read.values,
-            push=_address(ffi.addressof(lib, "pmSpaceBodySetIteratorFuncBatched")),
-            push_data=self._push.address,
-            push_count=self._push.count,
-            force=self._push.values,
+            get=_address(ffi.addressof(lib, "pmSpaceBodyGetIteratorFuncBatched")),
+            put=_address(ffi.addressof(lib, "pmSpaceBodySetIteratorFuncBatched")),
+            read_data=read.address,
+            read_count=read.count,
+            read=read.values,
+            push_data=push.address,
+            push_count=push.count,
+            push=push.values,
+            place_data=place.address,
+            place_count=place.count,
+            place=place.values,
         )
 
     def place_robot(self, pose: Pose) -> None:
@@ -110,14 +131,13 @@ class World:
         disc.friction = 0
         self._space.add(body, disc)
         self._robot = (body, disc)
+        self.handles.state[:] = (*pose, 0.0, 0.0, 0.0, 0.0)
 
 
 @compiled
-def read_pose(world: Handles) -> tuple[float, float, float]:
+def pose(world: Handles) -> tuple[float, float, float]:
     """The robot's x, y [m] and heading [rad]."""
-    world.read_count[0] = 0
-    _for_each_body(world.space, world.read, world.read_data)
-    return world.pose[0], world.pose[1], world.pose[2]
+    return world.state[_X], world.state[_Y], world.state[_HEADING]
 
 
 @compiled
@@ -128,13 +148,42 @@ def move(world: Handles, cos: float, sin: float, left: float, right: float) -> N
     """
     speed = WHEEL_RADIUS * (left + right) / 2.0
     turn = WHEEL_RADIUS * (right - left) / AXLE
-    push = MASS * speed / STEP_S
-    world.force[0] = push * cos
-    world.force[1] = push * sin
-    world.force[2] = INERTIA * turn / STEP_S
+    force = MASS * speed / STEP_S
+    torque = INERTIA * turn / STEP_S
+    state = world.state
+    x = state[_X] + state[_V_X] * STEP_S
+    y = state[_Y] + state[_V_Y] * STEP_S
+    clear = _is_clear(x, y, world.walls)
+    if clear and state[_CLEAR_FOR] >= _CLEAR_STEPS:
+        state[_X], state[_Y] = x, y
+        state[_HEADING] += state[_TURN] * STEP_S
+        state[_V_X] = force * cos * (1.0 / MASS) * STEP_S
+        state[_V_Y] = force * sin * (1.0 / MASS) * STEP_S
+        state[_TURN] = torque * (1.0 / INERTIA) * STEP_S
+        return
+    if state[_CLEAR_FOR] >= _CLEAR_STEPS:
+        world.place_count[0] = 0
+        world.place[:6] = state[:6]
+        _for_each_body(world.space, world.put, world.place_data)
     world.push_count[0] = 0
-    _for_each_body(world.space, world.push, world.push_data)
+    world.push[0], world.push[1], world.push[2] = force * cos, force * sin, torque
+    _for_each_body(world.space, world.put, world.push_data)
     _space_step(world.space, STEP_S)
+    world.read_count[0] = 0
+    _for_each_body(world.space, world.get, world.read_data)
+    state[:6] = world.read[:6]
+    state[_CLEAR_FOR] = state[_CLEAR_FOR] + 1.0 if clear and state[_CLEAR_FOR] < _CLEAR_STEPS else 0.0
+
+
+@compiled
+def _is_clear(x: float, y: float, walls: NDArray[np.float64]) -> bool:
+    """Whether a robot with its centre at (x, y) touches no wall, with a millimetre to spare."""
+    for wall in range(walls.shape[0]):
+        beside = max(walls[wall, 0] - x, x - walls[wall, 1], 0.0)
+        before = max(walls[wall, 2] - y, y - walls[wall, 3], 0.0)
+        if beside * beside + before * before < (RADIUS + _CLEAR_GAP) ** 2:
+            return False
+    return True
 
 
 @compiled

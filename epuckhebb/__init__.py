@@ -1,0 +1,63 @@
+"""Evolved controllers that learn: an e-puck in a T-maze, a genetic algorithm, and Hebbian plasticity on top.
+
+A controller (a network of 234 weights, its genome) is evolved to drive an e-puck through a T-maze: lamp on, go right;
+lamp off, go left. While it lives, Hebbian plasticity may change its weights every 32 ms, the faster the better it does;
+when it dies the changes are forgotten. This package evolves such controllers, lets them live in worlds with other light
+or with obstacles, and says what plasticity did for them.
+
+Axes: X to the robot's right and Y ahead of it at the start; headings anticlockwise from X. Units: m, s, rad, kg.
+Read in this order: sim/maze, light, epuck, controller, plasticity, fitness, world, lifetime; then evolution/ga, evolve;
+then study/evaluate, tables, figures. app/ is the program around it, conf/ its settings.
+
+    import epuckhebb
+    champion = epuckhebb.load("reference")                           # 234 genes
+    rows = epuckhebb.evaluate(champion, "scenario=4obstacles")       # a pandas DataFrame, a row a lifetime
+    champion, history = epuckhebb.evolve("seed=7")                   # the fittest, and how the generations went
+"""
+
+from typing import TYPE_CHECKING
+
+__version__ = "0.1.0"
+__all__ = ["evaluate", "evolve", "load"]
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+    from numpy.typing import NDArray
+
+
+def load(where: str = "reference", experiment: str = "obstacles") -> "NDArray[np.float64]":
+    """A genome (234,): `reference`, the bundled champion of an experiment, or one from a run folder, .npz or .npy.
+
+    Raises:
+        ValueError: there is no genome there; the message says why.
+    """
+    from epuckhebb.app import genomes
+
+    return genomes.load(where, experiment).genes
+
+
+def evaluate(genome: "NDArray[np.float64]", *overrides: str) -> "pd.DataFrame":
+    """Let a genome (234,) live with and without plasticity; overrides as on the command line.
+
+    Returns one row a lifetime, with the columns of `metrics.csv`. Writes nothing.
+
+    Raises:
+        ValueError: an override or the genome cannot be used; the message says why.
+    """
+    from epuckhebb.app import notebook
+
+    return notebook.evaluate(genome, list(overrides))
+
+
+def evolve(*overrides: str) -> "tuple[NDArray[np.float64], pd.DataFrame]":
+    """Evolve a controller; overrides as on the command line, for example "seed=7", "scenario=highlight".
+
+    Returns the champion (234,) of the last generation, and the rows of `history.csv`. Writes nothing.
+
+    Raises:
+        ValueError: an override cannot be used; the message says why.
+    """
+    from epuckhebb.app import notebook
+
+    return notebook.evolve(list(overrides))

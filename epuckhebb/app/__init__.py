@@ -1,0 +1,1 @@
+"""The program around the science: configuration, run folders, Hydra, and the command line."""

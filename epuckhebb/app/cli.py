@@ -1,0 +1,175 @@
+"""The command line: Typer verbs. Everything heavy is imported inside a verb, so that help comes at once."""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from typer.core import TyperCommand
+
+from epuckhebb import __version__
+from epuckhebb.app.errors import ConfigError
+
+JOB_FAILED, USAGE, INTERRUPTED = 1, 2, 130
+
+app = typer.Typer(
+    name="epuckhebb",
+    help="Evolve e-puck controllers in a T-maze, and see what Hebbian plasticity does for them when the world changes.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+class ConfiguredCommand(TyperCommand):
+    """A verb that takes `key=value`; its help lists the configuration groups."""
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write the groups and their choices below the options."""
+        from epuckhebb.app.data import groups
+
+        with formatter.section("Configuration groups (GROUP=CHOICE; any key of a group: GROUP.KEY=VALUE)"):
+            formatter.write_dl([(name, ", ".join(choices)) for name, choices in groups(str(ctx.info_name)).items()])
+        with formatter.section("Examples"):
+            for example in _EXAMPLES[str(ctx.info_name)]:
+                formatter.write_text(f"epuckhebb {ctx.info_name} {example}")
+
+
+_EXAMPLES = {
+    "evaluate": [
+        "scenario=4obstacles",
+        "scenario=lowlight hebbian.N=0.002 repeats=50",
+        "genome=runs/evolve/RUN scenario=2obstacles",
+        "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles hydra/launcher=joblib",
+    ],
+    "evolve": ["seed=7", "scenario=highlight ga=as_coded", "-m seed='range(1,21)' hydra/launcher=joblib"],
+}
+
+Overrides = Annotated[list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Settings to change.")]
+Multirun = Annotated[bool, typer.Option("--multirun", "-m", help="Run every combination of comma-separated values.")]
+Cfg = Annotated[
+    str | None, typer.Option("--cfg", "-c", metavar="job|hydra|all", help="Show the configuration, run nothing.")
+]
+ConfigDir = Annotated[str | None, typer.Option("--config-dir", help="A folder with more configuration files.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output, all else on standard error.")
+]
+
+
+@app.command(cls=ConfiguredCommand)
+def evolve(
+    overrides: Overrides = None,
+    multirun: Multirun = False,
+    cfg: Cfg = None,
+    config_dir: ConfigDir = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Evolve a controller."""
+    with _told():
+        from epuckhebb.app.jobs import evolve_job
+
+        _run("evolve", evolve_job, overrides or [], multirun, cfg, config_dir, quiet, as_json)
+
+
+@app.command(cls=ConfiguredCommand)
+def evaluate(
+    overrides: Overrides = None,
+    multirun: Multirun = False,
+    cfg: Cfg = None,
+    config_dir: ConfigDir = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """A genome's lifetimes in a scenario, GA alone and with plasticity."""
+    with _told():
+        from epuckhebb.app.jobs import evaluate_job
+
+        _run("evaluate", evaluate_job, overrides or [], multirun, cfg, config_dir, quiet, as_json)
+
+
+@app.command()
+def show(
+    run: Annotated[Path, typer.Argument(help="A run folder.", metavar="RUN")],
+    as_json: Json = False,
+) -> None:
+    """Tell what a run holds."""
+    with _told():
+        from epuckhebb.app import report
+
+        if as_json:
+            typer.echo(json.dumps(report.as_json(run)))
+        else:
+            report.show(run, Console())
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Options of the program itself."""
+
+
+def _run(
+    verb: str,
+    job: Callable[..., None],
+    arguments: list[str],
+    multirun: bool,
+    cfg: str | None,
+    config_dir: str | None,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Hand a verb over to Hydra, then say what came out."""
+    from epuckhebb.app import hydra_bridge, jobs, report
+
+    flags = ["--multirun"] if multirun else []
+    flags += ["--cfg", cfg] if cfg else []
+    flags += ["--config-dir", config_dir] if config_dir else []
+    jobs.begin(quiet=quiet)
+    stamp = hydra_bridge.run(verb, job, [*arguments, *flags])
+    runs = hydra_bridge.runs_of(verb, stamp, arguments) if multirun else jobs.finished
+    if as_json and not cfg:
+        typer.echo(json.dumps({"verb": verb, "runs": [report.as_json(path) for path in runs]}))
+    elif not quiet and not cfg:
+        report.tell(runs, Console())
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """Turn errors into one message and an exit code."""
+    try:
+        yield
+    except ConfigError as error:
+        _say_error(str(error))
+        raise typer.Exit(USAGE) from None
+    except KeyboardInterrupt as interruption:
+        _say_error(f"interrupted{f': {interruption}' if str(interruption) else ''}")
+        raise typer.Exit(INTERRUPTED) from None
+    except (ArithmeticError, OSError) as error:
+        _say_error(f"a job failed: {error}")
+        raise typer.Exit(JOB_FAILED) from None
+
+
+def _say_error(message: str) -> None:
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console.print("Error: ", style="bold red", end="")
+    console.print(message, markup=False)
+
+
+def main() -> None:
+    """The entry point of `epuckhebb`."""
+    app()

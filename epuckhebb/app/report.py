@@ -1,0 +1,122 @@
+"""What the terminal says of runs: the paper's table, how an evolution went, where the files are."""
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from rich.console import Console
+from rich.table import Table
+
+from epuckhebb.app import runs
+from epuckhebb.study import tables
+
+
+def tell(finished: list[Path], console: Console) -> None:
+    """Say what the runs of one call came to: the table of one, a line for each of many."""
+    if len(finished) == 1:
+        _results(finished[0], console)
+        console.print(f"Run folder: {finished[0]}", markup=False, highlight=False, soft_wrap=True)
+    elif finished:
+        console.print(_overview(finished))
+        console.print(f"Run folders: {finished[0].parent}/", markup=False, highlight=False, soft_wrap=True)
+
+
+def show(path: Path, console: Console) -> None:
+    """Tell all of a run: what was asked, by which program, how it ended, and its results.
+
+    Raises:
+        ConfigError: it is not a run folder.
+    """
+    told = runs.read(path)
+    status, code = told["status"], told["code"]
+    commit = f", commit {code['commit'][:10]}{' with changes' if code['dirty'] else ''}" if code["commit"] else ""
+    facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    facts.add_column(style="bold")
+    facts.add_column(overflow="fold")
+    for name, value in {
+        "Command": " ".join(told["command"]),
+        "State": status["state"] + (f": {status['error']}" if status.get("error") else ""),
+        "Time": f"{status['started']} – {status.get('finished', '')}",
+        "Seed": str(told["seed"]),
+        "Program": f"epuckhebb {code['version']}{commit}, Python {told['python']}",
+        "Packages": ", ".join(f"{name} {number}" for name, number in told["packages"].items() if name != "epuckhebb"),
+        "Machine": f"{told['platform']}, {told['cores']} cores",
+        "Genome": f"{told['genome']} (SHA-256 {told['genome_sha256'][:16]}…)" if "genome" in told else "",
+        "Files": ", ".join(sorted(str(file.relative_to(path)) for file in path.rglob("*") if file.is_file())),
+    }.items():
+        if value:
+            facts.add_row(name, value)
+    console.print(facts)
+    _results(path, console)
+
+
+def as_json(path: Path) -> dict[str, Any]:
+    """Provenance, status and results of a run, as JSON values.
+
+    Raises:
+        ConfigError: it is not a run folder.
+    """
+    told = {"run": str(path), **runs.read(path)}
+    for name in ("metrics", "history"):
+        if (path / f"{name}.csv").is_file():
+            frame = pd.read_csv(path / f"{name}.csv", keep_default_na=False, na_values=[""])
+            told[name] = frame.astype(object).where(frame.notna(), None).to_dict("records")
+    return told
+
+
+def _results(path: Path, console: Console) -> None:
+    if (path / "metrics.csv").is_file():
+        console.print(_paper_table(pd.read_csv(path / "metrics.csv", keep_default_na=False, na_values=[""])))
+    if (path / "history.csv").is_file():
+        history = pd.read_csv(path / "history.csv")
+        last = history.iloc[-1]
+        console.print(
+            f"{len(history)} generations: best fitness {history.best_fitness.iloc[0]:.3f} → {last.best_fitness:.3f}, "
+            f"mean {history.mean_fitness.iloc[0]:.3f} → {last.mean_fitness:.3f}; the champion reached its goal in "
+            f"{100 * last.best_success:.0f} % of its training lifetimes.",
+            highlight=False,
+        )
+
+
+def _paper_table(metrics: pd.DataFrame) -> Table:
+    text = tables.formatted(tables.paper_table(metrics))
+    first = metrics.iloc[0]
+    plastic = metrics[metrics.N > 0]
+    rate = f", N = {plastic.N.iloc[0]:g}" if len(plastic) else ""
+    repeats = metrics.repeat.nunique()
+    shown = Table(
+        title=f"{first.scenario}: genome {first.genome}{rate}, "
+        f"mean of {repeats} lifetime{'s' if repeats > 1 else ''} a side (seed {first.seed})",
+        title_justify="left",
+        title_style="bold",
+    )
+    shown.add_column("")
+    for column in text.columns:
+        shown.add_column("\n".join(column), justify="right")
+    for row, values in zip(text.index, text.to_numpy().tolist(), strict=True):
+        shown.add_row(str(row), *values)
+    return shown
+
+
+def _overview(finished: list[Path]) -> Table:
+    """A line for each run of a multirun."""
+    shown = Table()
+    for heading in ("run", "overrides", "result"):
+        shown.add_column(heading, overflow="fold")
+    for path in finished:
+        told = runs.read(path)
+        shown.add_row(path.name, " ".join(told["overrides"]), _in_short(path, told))
+    return shown
+
+
+def _in_short(path: Path, told: dict[str, Any]) -> str:
+    if told["status"]["state"] != "finished":
+        return f"{told['status']['state']}: {told['status'].get('error', '')}"
+    if (path / "metrics.csv").is_file():
+        success = pd.read_csv(path / "metrics.csv").groupby(["controller", "side"], sort=False).success.mean()
+        controllers = success.index.get_level_values("controller").unique()
+        return ", ".join(
+            f"{name} success {success[name, 'left']:.2f} left {success[name, 'right']:.2f} right"
+            for name in controllers
+        )
+    return f"best fitness {pd.read_csv(path / 'history.csv').best_fitness.iloc[-1]:.3f}"

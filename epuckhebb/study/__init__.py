@@ -1,0 +1,1 @@
+"""From lifetimes to findings: rows of metrics, the paper's tables and its figures."""

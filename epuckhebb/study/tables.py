@@ -1,0 +1,57 @@
+"""The paper's tables: a row for each metric, a column for each controller and side."""
+
+import math
+from collections.abc import Mapping
+
+import pandas as pd
+
+from epuckhebb.study.evaluate import GA_ALONE
+
+ROWS: Mapping[str, str] = {
+    "Success": "success",
+    "Time-to-Goal (s)": "time_to_goal_s",
+    "Path Length (m)": "path_length_m",
+    "Average Speed (m/s)": "average_speed_m_s",
+    "Final Position Error (m)": "final_position_error_m",
+    "Weight Change Mean": "weight_change_mean",
+}
+_DECIMALS = {"Success": 2, "Time-to-Goal (s)": 2}
+
+
+def paper_table(metrics: pd.DataFrame) -> pd.DataFrame:
+    """Means over the repeats, in the paper's layout: index `ROWS`, columns (controller, side).
+
+    Success is the share of lifetimes that ended at the goal; the time to the goal is the mean over those that came
+    there at all; weight change is blank for the GA, which has none.
+    """
+    means = metrics.groupby(["controller", "side"], sort=False)[list(ROWS.values())].mean()
+    table = means.rename(columns={column: row for row, column in ROWS.items()}).T
+    table.loc["Weight Change Mean", [column for column in table.columns if column[0] == GA_ALONE]] = math.nan
+    table.index.name = "metric"
+    return table
+
+
+def formatted(table: pd.DataFrame) -> pd.DataFrame:
+    """The same table as text, with the paper's decimals and a dash where there is no value."""
+
+    def text(value: float, row: str) -> str:
+        return "–" if math.isnan(value) else f"{value:.{_DECIMALS.get(row, 4)}f}"
+
+    rows = {row: [text(value, str(row)) for value in table.loc[row]] for row in table.index}
+    return pd.DataFrame.from_dict(rows, orient="index", columns=table.columns)
+
+
+def to_csv(table: pd.DataFrame) -> str:
+    """The table as CSV, one header line: metric, then `<controller> <side>` for each column."""
+    flat = table.copy()
+    flat.columns = [" ".join(column) for column in table.columns]
+    return str(flat.to_csv())
+
+
+def to_markdown(table: pd.DataFrame) -> str:
+    """The table in Markdown."""
+    text = formatted(table)
+    head = ["", *(" ".join(column) for column in text.columns)]
+    lines = [head, ["---", *["---:"] * len(text.columns)]]
+    lines += [[f"**{row}**", *values] for row, values in zip(text.index, text.to_numpy().tolist(), strict=True)]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
