@@ -11,7 +11,7 @@ from rich.console import Console
 from typer.core import TyperCommand
 
 from epuckhebb import __version__
-from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.errors import ConfigError, JobFailedError
 
 JOB_FAILED, USAGE, INTERRUPTED = 1, 2, 130
 
@@ -134,12 +134,14 @@ def _run(
     as_json: bool,
 ) -> None:
     """Hand a verb over to Hydra, then say what came out."""
-    from epuckhebb.app import hydra_bridge, jobs, report
+    from epuckhebb.app import compose, hydra_bridge, jobs, report
 
     flags = ["--multirun"] if multirun else []
     flags += ["--cfg", cfg] if cfg else []
     flags += ["--config-dir", config_dir] if config_dir else []
     jobs.begin(quiet=quiet)
+    if multirun:
+        compose.check_sweep(verb, arguments)
     stamp = hydra_bridge.run(verb, job, [*arguments, *flags])
     runs = hydra_bridge.runs_of(verb, stamp, arguments) if multirun else jobs.finished
     if as_json and not cfg:
@@ -159,7 +161,10 @@ def _told() -> Iterator[None]:
     except KeyboardInterrupt as interruption:
         _say_error(f"interrupted{f': {interruption}' if str(interruption) else ''}")
         raise typer.Exit(INTERRUPTED) from None
-    except (ArithmeticError, OSError) as error:
+    except OSError as error:
+        _say_error(f"{error.filename or ''}: {error.strerror or error}")
+        raise typer.Exit(USAGE) from None
+    except JobFailedError as error:
         _say_error(f"a job failed: {error}")
         raise typer.Exit(JOB_FAILED) from None
 

@@ -89,6 +89,8 @@ def explain(error: BaseException) -> str:
     missing = re.search(r"Could not find 'hydra/launcher/(?:\w+/)?(\w+?)(?:_\w+)?'", text)
     if missing and missing[1] in _EXTRAS:
         text += f'\nThis launcher is a plug-in: pip install "epuckhebb[{_EXTRAS[missing[1]]}]"'
+    if "LexerNoViableAlt" in type(error).__name__ or "mismatched input" in text or "missing EQUAL" in text:
+        text += "\nSettings are written KEY=VALUE, for example scenario=4obstacles or hebbian.N=0.002"
     wrong = re.search(r"Could not override '([^']+)'", text)
     if wrong and "Did you mean" not in text:
         near = difflib.get_close_matches(wrong[1], known_keys(), n=3)

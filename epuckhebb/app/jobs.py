@@ -3,6 +3,8 @@
 import io
 import json
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -77,12 +79,8 @@ def evolve_job(cfg: DictConfig) -> None:
         remove_if_empty(path, Path.cwd())
         raise
     history: list[dict[str, Any]] = []
-    with (
-        run,
-        EvolutionProgress(
-            config.ga.generations, path, quiet=_in_multirun() or bool(os.environ.get(_QUIET))
-        ) as progress,
-    ):
+    quiet = _in_multirun() or bool(os.environ.get(_QUIET))
+    with run, _saying_what_is_safe(run), EvolutionProgress(config.ga.generations, quiet=quiet) as progress:
         for generation in evolve(config.ga, config.scenario, config.lifetime, config.seed, _threads(config.threads)):
             history.append(history_row(generation))
             run.write("checkpoint.npz", _checkpoint_file(generation, history))
@@ -99,6 +97,19 @@ def evolve_job(cfg: DictConfig) -> None:
             )
             progress.show(generation)
     finished.append(path)
+
+
+@contextmanager
+def _saying_what_is_safe(run: RunFolder) -> Iterator[None]:
+    """Tell who interrupts an evolution what it has left behind."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        checkpoint = run.path / "checkpoint.npz"
+        safe = (
+            f"the last whole generation is in {checkpoint}" if checkpoint.is_file() else "before the first generation"
+        )
+        raise KeyboardInterrupt(safe) from None
 
 
 def _folder() -> Path:

@@ -2,18 +2,11 @@
 
 import numpy as np
 import pandas as pd
-from hydra import compose, initialize_config_dir
-from hydra.core.global_hydra import GlobalHydra
-from hydra.errors import HydraException
 from numpy.typing import NDArray
-from omegaconf import DictConfig
-from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.app import genomes
+from epuckhebb.app.compose import composed
 from epuckhebb.app.config import EvaluateConfig, EvolveConfig, thread_count, typed
-from epuckhebb.app.data import data_folder
-from epuckhebb.app.errors import ConfigError
-from epuckhebb.app.hydra_bridge import explain
 from epuckhebb.evolution.evolve import evolve as generations
 from epuckhebb.evolution.evolve import history_row
 from epuckhebb.study.evaluate import evaluate as study
@@ -43,17 +36,3 @@ def evolve(overrides: list[str]) -> tuple[NDArray[np.float64], pd.DataFrame]:
     ):
         history.append(history_row(generation))
     return generation.champion, pd.DataFrame(history)
-
-
-def composed(verb: str, overrides: list[str]) -> DictConfig:
-    """The configuration that a verb would run with these overrides.
-
-    Raises:
-        ConfigError: they do not make one.
-    """
-    GlobalHydra.instance().clear()
-    try:
-        with initialize_config_dir(str(data_folder("conf")), version_base="1.3"):
-            return compose(verb, overrides)
-    except (HydraException, OmegaConfBaseException) as error:
-        raise ConfigError(explain(error)) from error

@@ -1,7 +1,5 @@
 """How an evolution is shown while it runs: one live line on a terminal, one plain line a generation elsewhere."""
 
-import time
-from pathlib import Path
 from types import TracebackType
 
 from rich.console import Console
@@ -13,14 +11,12 @@ from epuckhebb.evolution.evolve import Generation
 class EvolutionProgress:
     """Shows each generation on standard error; a context manager that leaves the terminal tidy."""
 
-    def __init__(self, generations: int, folder: Path, quiet: bool) -> None:
-        """Prepare to show so many generations of the evolution in `folder`; say nothing if `quiet`."""
+    def __init__(self, generations: int, *, quiet: bool) -> None:
+        """Prepare to show so many generations; say nothing if `quiet`."""
         console = Console(stderr=True, highlight=False)
-        self._quiet = quiet
         self._plain = None if console.is_terminal or quiet else console
         self._generations = generations
-        self._folder = folder
-        self._steps, self._seconds, self._began = 0, 0.0, time.perf_counter()
+        self._steps, self._seconds = 0, 0.0
         self._bar = Progress(
             TextColumn("generation"),
             MofNCompleteColumn(),

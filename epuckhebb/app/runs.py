@@ -8,6 +8,7 @@ import json
 import os
 import platform
 import subprocess
+import traceback
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -17,7 +18,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 import epuckhebb
-from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.errors import ConfigError, JobFailedError
 
 SCHEMA = 1  # of provenance.json and status.json
 _PACKAGES = ("epuckhebb", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
@@ -72,9 +73,21 @@ class RunFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Finished, failed (with the error) or interrupted."""
-        state = "finished" if kind is None else "interrupted" if kind is KeyboardInterrupt else "failed"
-        self.write_text("status.json", _json(self._status(state, finished=_now(), error=str(error or ""))))
+        """Write whether the run finished, was interrupted or failed.
+
+        Raises:
+            JobFailedError: it failed; `status.json` has the whole traceback.
+        """
+        if error is None:
+            self._close("finished")
+        elif isinstance(error, KeyboardInterrupt):
+            self._close("interrupted", error=str(error))
+        else:
+            self._close("failed", error=str(error), traceback="".join(traceback.format_exception(error)))
+            raise JobFailedError(f"{self.path}: {type(error).__name__}: {error}") from error
+
+    def _close(self, state: str, **more: str) -> None:
+        self.write_text("status.json", _json(self._status(state, finished=_now(), **more)))
 
     def _status(self, state: str, **more: str) -> dict[str, Any]:
         return {"schema": SCHEMA, "state": state, "started": self._started, **more}

@@ -57,7 +57,7 @@ def evolve(
     after: the last record of an earlier, unfinished evolution with the same arguments, to go on from.
 
     Raises:
-        PoseNotFiniteError: a robot left the world of numbers.
+        LostRobotError: a pose stopped being finite.
     """
     rng = streams.rng(seed, Stream.variation)
     if after is None:

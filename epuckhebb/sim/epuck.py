@@ -18,6 +18,7 @@ MASS = 0.16  # kg
 INERTIA = 8.75e-5  # kg m2, about the vertical axis
 WHEEL_RADIUS = 0.020  # m
 AXLE = 0.052  # m between the wheels
+MOTOR_LIMIT = 6.28  # rad/s
 
 SENSORS = 8
 PLACE_X = np.array([0.030, 0.022, 0.000, -0.030, -0.030, 0.000, 0.022, 0.030])

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from epuckhebb.sim import fitness
 from epuckhebb.sim.compiled import compiled_and_cached
 from epuckhebb.sim.controller import BIAS, GENES, INPUTS, NEURONS, OUTPUTS, POST, WHEELS, forward, weights_at_birth
-from epuckhebb.sim.epuck import SENSORS, STEP_S, cast, sense, sensor_rays
+from epuckhebb.sim.epuck import MOTOR_LIMIT, SENSORS, STEP_S, cast, sense, sensor_rays
 from epuckhebb.sim.light import Lights, lights
 from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, START, Pose, Side, boxes, in_correct_arm
 from epuckhebb.sim.noise import normal_numbers
 from epuckhebb.sim.plasticity import CHANGE_ROOM, Hebbian, Rule, effective_rate, learn, rule
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.world import Handles, World, is_finite, move, pose
+from epuckhebb.sim.world import Handles, World, is_lost, move, pose
 
 CONTACT = 0.8  # a proximity reading above this counts as contact, as in the published code
 _LIVES_PER_BLOCK = 50  # lifetimes that share a World, one after the other
@@ -51,7 +51,7 @@ class Outcome(NamedTuple):
     time_to_goal: s, first time within 5 cm of the goal, nan if never. path_length: m. final_distance: m from the goal.
     behaviour: mean combined fitness over the steps. weight_change_mean, weight_change_final: sum over weights of
     |W - W_gene|. contact_fraction: share of steps with a proximity reading above 0.8. steps: lived; fewer than asked
-    for only if the pose stopped being finite.
+    for only if the robot was lost.
     """
 
     time_to_goal: float
@@ -152,7 +152,7 @@ def live(
         # Move.
         move(world, cos, sin, gain * left, gain * right)
         new_x, new_y, heading = pose(world)
-        if not is_finite(new_x, new_y, heading):
+        if is_lost(new_x, new_y, heading):
             break
         path_length += math.sqrt((new_x - x) * (new_x - x) + (new_y - y) * (new_y - y))
         x, y = new_x, new_y
@@ -194,8 +194,11 @@ class Lifetime:
         """
         if not (math.isfinite(self.duration_s) and self.duration_s >= STEP_S):
             raise ValueError(f"lifetime.duration_s must be at least one step, {STEP_S} s, got {self.duration_s}")
-        if not (math.isfinite(self.gain_rad_s) and self.gain_rad_s > 0):
-            raise ValueError(f"lifetime.gain_rad_s must be more than 0, got {self.gain_rad_s}")
+        if not 0 < self.gain_rad_s <= MOTOR_LIMIT:
+            raise ValueError(
+                f"lifetime.gain_rad_s must be more than 0 and at most {MOTOR_LIMIT}, the e-puck's fastest, "
+                f"got {self.gain_rad_s}"
+            )
         if not (math.isfinite(self.noise) and self.noise >= 0):
             raise ValueError(f"lifetime.noise must be 0 or more, got {self.noise}")
         if self.record_every < 0:
@@ -219,8 +222,8 @@ class Life:
     record: bool = False
 
 
-class PoseNotFiniteError(ArithmeticError):
-    """A robot's pose stopped being finite, so nothing that it did afterwards means anything."""
+class LostRobotError(ArithmeticError):
+    """A robot's pose stopped being finite or left the arena, so nothing that it did afterwards means anything."""
 
 
 def live_block(
@@ -231,7 +234,7 @@ def live_block(
     Samples have length 0 where a life is not recorded.
 
     Raises:
-        PoseNotFiniteError: a pose stopped being finite; the message says whose and when.
+        LostRobotError: a pose stopped being finite; the message says whose and when.
     """
     size = min(_LIVES_PER_BLOCK, -(-len(lives) // threads))
     blocks = [lives[first : first + size] for first in range(0, len(lives), size)]
@@ -267,9 +270,9 @@ def _live_one(life: Life, world: World, scenario: Scenario, lifetime: Lifetime) 
         samples,
     )
     if outcome.steps < lifetime.steps:
-        raise PoseNotFiniteError(
-            f"the pose of a robot on a {life.side} trial of scenario {scenario.name} stopped being finite "
-            f"at step {outcome.steps} of {lifetime.steps}; check lifetime.gain_rad_s ({lifetime.gain_rad_s})"
+        raise LostRobotError(
+            f"on a {life.side} trial of scenario {scenario.name} the robot's pose stopped being finite or left the "
+            f"arena at step {outcome.steps} of {lifetime.steps}"
         )
     return outcome, samples
 

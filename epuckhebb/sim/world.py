@@ -27,6 +27,7 @@ from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.epuck import AXLE, INERTIA, MASS, RADIUS, STEP_S, WHEEL_RADIUS
 from epuckhebb.sim.maze import Pose
 
+ARENA = 0.5  # m: no robot gets farther from the middle of the maze than this
 COLLISION_SLOP = 1e-4  # m; pymunk's default, 0.1, is larger than the robot
 ITERATIONS = 10  # of the contact solver, pymunk's default
 _ROOM = 16  # numbers in an exchange buffer; a body takes six at most, and the space has two
@@ -187,6 +188,6 @@ def _is_clear(x: float, y: float, walls: NDArray[np.float64]) -> bool:
 
 
 @compiled
-def is_finite(x: float, y: float, heading: float) -> bool:
-    """Whether a pose is made of numbers; pymunk lets infinite forces through in silence."""
-    return math.isfinite(x) and math.isfinite(y) and math.isfinite(heading)
+def is_lost(x: float, y: float, heading: float) -> bool:
+    """Whether a pose is not made of numbers or outside the arena; pymunk lets both happen in silence."""
+    return not (abs(x) < ARENA and abs(y) < ARENA and math.isfinite(heading))

@@ -74,7 +74,7 @@ def evaluate(
     the traces of the first repeat (empty if `lifetime.record_every` is 0).
 
     Raises:
-        PoseNotFiniteError: a robot left the world of numbers.
+        LostRobotError: a pose stopped being finite.
     """
     wanted: list[tuple[str, Hebbian, Side, int]] = [
         (controller, hebbian, side, repeat)

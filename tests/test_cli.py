@@ -1,0 +1,221 @@
+"""Each verb as a user calls it, and each mistake a user can make."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from epuckhebb.app.cli import app
+from epuckhebb.study.evaluate import COLUMNS
+
+FAST = ["lifetime.duration_s=8", "repeats=2"]
+TINY = ["ga.population=6", "ga.generations=3", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3"]
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def call(*words):
+    return CliRunner().invoke(app, list(words))
+
+
+def only_run(folder):
+    runs = list(folder.iterdir())
+    assert len(runs) == 1
+    return runs[0]
+
+
+def test_evaluate_leaves_a_whole_run(here):
+    result = call("evaluate", "scenario=4obstacles", *FAST)
+    assert result.exit_code == 0, result.output
+    assert "Time-to-Goal" in result.stdout
+    run = only_run(here / "runs" / "evaluate")
+    assert run.name.endswith("_4obstacles_seed1")
+    files = {str(file.relative_to(run)) for file in run.rglob("*") if file.is_file()}
+    assert files == {
+        ".hydra/config.yaml",
+        ".hydra/overrides.yaml",
+        "provenance.json",
+        "status.json",
+        "metrics.csv",
+        "table.csv",
+        "table.md",
+        "traces.npz",
+        "figures/trajectories.png",
+    }
+    assert tuple(pd.read_csv(run / "metrics.csv").columns) == COLUMNS
+    assert json.loads((run / "status.json").read_text())["state"] == "finished"
+
+
+def test_the_same_command_twice_and_on_other_threads_gives_the_same_bytes(here):
+    for threads in (1, 1, 2):
+        assert call("evaluate", *FAST, f"threads={threads}", "-q").stdout == ""
+    written = {run.joinpath("metrics.csv").read_bytes() for run in (here / "runs" / "evaluate").iterdir()}
+    assert len(list((here / "runs" / "evaluate").iterdir())) == 3
+    assert len(written) == 1
+
+
+def test_evolve_then_evaluate_its_champion(here):
+    assert call("evolve", *TINY, "seed=7").exit_code == 0
+    run = only_run(here / "runs" / "evolve")
+    assert len(pd.read_csv(run / "history.csv")) == 3
+    result = call("evaluate", f"genome={run}", "scenario=2obstacles", *FAST, "--json")
+    told = json.loads(result.stdout)["runs"][0]
+    assert told["genome"] == run.name
+    assert len(told["metrics"]) == 8
+
+
+def test_show_tells_of_both_kinds(here):
+    call("evolve", *TINY)
+    call("evaluate", *FAST)
+    for verb, word in (("evolve", "3 generations"), ("evaluate", "Weight Change Mean")):
+        result = call("show", str(only_run(here / "runs" / verb)))
+        assert result.exit_code == 0
+        assert word in result.stdout
+        assert "finished" in result.stdout
+
+
+@pytest.mark.parametrize("launcher", ["basic", "joblib"])
+def test_multirun_sweeps(here, launcher):
+    words = ["-m", "hebbian.N=0,0.002", "scenario=base,4obstacles", f"hydra/launcher={launcher}", "seed=3"]
+    result = call("evaluate", *words, *FAST)
+    assert result.exit_code == 0, result.output
+    runs = sorted(only_run(here / "runs" / "evaluate").glob("*/metrics.csv"))
+    assert len(runs) == 4
+    rows = pd.concat([pd.read_csv(run) for run in runs])
+    assert set(rows[rows.controller == "Hebbian"].groupby(["N", "scenario"]).size()) == {4}
+    ga = rows[rows.controller == "GA"].drop_duplicates()
+    assert len(ga) == 8  # the control is the same whatever N is
+
+
+def test_without_plasticity_there_is_the_ga_alone(here):
+    call("evaluate", "hebbian=none", *FAST)
+    rows = pd.read_csv(only_run(here / "runs" / "evaluate") / "metrics.csv")
+    assert set(rows.controller) == {"GA"}
+
+
+def test_cfg_shows_and_runs_nothing(here):
+    result = call("evaluate", "--cfg", "job", "scenario=lowlight")
+    assert result.exit_code == 0
+    assert "light: 0.1" in result.stdout
+    assert list(here.iterdir()) == []
+
+
+BAD = {
+    "unknown key": (["scenrio=base"], ["scenrio", "Did you mean: scenario"]),
+    "unknown choice": (["scenario=5obstacles"], ["5obstacles", "2obstacles", "4obstacles"]),
+    "wrong type": (["hebbian.N=fast"], ["hebbian.N", "fast"]),
+    "negative rate": (["hebbian.N=-1"], ["hebbian.N must be 0 or more", "-1"]),
+    "three obstacles": (["scenario.obstacles=3"], ["scenario.obstacles must be one of 0, 2, 4", "3"]),
+    "light nan": (["scenario.light=nan"], ["scenario.light must", "nan"]),
+    "no repeats": (["repeats=0"], ["repeats must be 1 or more", "0"]),
+    "negative seed": (["seed=-1"], ["seed must be 0 or more"]),
+    "no seed": (["seed=null"], ["seed"]),
+    "unknown signal": (["hebbian.signal=joy"], ["joy", "behaviour", "light_code"]),
+    "missing genome": (["genome=nowhere.npz"], ["genome=nowhere.npz does not exist", "reference"]),
+    "227 genes": (["genome=short.npy"], ["234", "227"]),
+    "nan gene": (["genome=nan.npy"], ["finite", "1 "]),
+    "not an array": (["genome=text.npz"], ["text.npz", "cannot be read"]),
+    "other layers": (["genome=layers.npz"], ["layers", "16, 7, 5, 8, 4, 2"]),
+    "folder without champion": (["genome=empty"], ["genome=empty", "champion.npz"]),
+    "sweep without -m": (["hebbian.N=0,0.002", "scenario=base,4obstacles"], ["--multirun"]),
+    "grammar": (["hebbian.N"], ["hebbian.N", "KEY=VALUE"]),
+    "bad value in a sweep": (["-m", "hebbian.N=0,-1"], ["hebbian.N must be 0 or more", "-1"]),
+    "bad choice in a sweep": (["-m", "scenario=base,nope"], ["nope", "4obstacles"]),
+    "missing launcher": (["-m", "hydra/launcher=submitit_slurm", "seed=1,2"], ["epuckhebb[slurm]"]),
+    "unknown option": (["--bogus"], ["--bogus"]),
+}
+
+
+@pytest.mark.parametrize("mistake", BAD)
+def test_a_mistake_gets_one_message_and_leaves_nothing(here, mistake):
+    words, expected = BAD[mistake]
+    np.save("short.npy", np.zeros(227))
+    np.save("nan.npy", np.where(np.arange(234) == 5, np.nan, 0.0))
+    Path("text.npz").write_text("not a genome")
+    np.savez("layers.npz", genome=np.zeros(234), layers=[16, 8, 2])
+    Path("empty").mkdir()
+    before = sorted(here.rglob("*"))
+    result = call("evaluate", *words)
+    assert result.exit_code == 2, result.output
+    for text in expected:
+        assert text in result.stderr
+    assert "Traceback" not in result.output
+    assert result.stdout == ""
+    assert sorted(here.rglob("*")) == before
+
+
+def test_show_of_something_else(here):
+    (here / "folder").mkdir()
+    for what in ("folder", "nothing"):
+        result = call("show", what)
+        assert result.exit_code == 2
+        assert what in result.stderr
+
+
+@pytest.mark.usefixtures("here")
+def test_a_run_is_never_overwritten():
+    assert call("evaluate", *FAST, "hydra.run.dir=mine").exit_code == 0
+    before = {file: file.read_bytes() for file in Path("mine").rglob("*") if file.is_file()}
+    result = call("evaluate", *FAST, "hydra.run.dir=mine", "seed=2")
+    assert result.exit_code == 2
+    assert "never overwritten" in result.stderr
+    assert {file: file.read_bytes() for file in Path("mine").rglob("*") if file.is_file()} == before
+
+
+def test_an_output_folder_that_cannot_be_made(here):
+    (here / "runs").write_text("a file where the folder should be")
+    result = call("evaluate", *FAST)
+    assert result.exit_code == 2
+    assert "runs" in result.stderr
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root writes everywhere")
+def test_a_read_only_output_folder(here):
+    here.chmod(0o500)
+    result = call("evaluate", *FAST)
+    here.chmod(0o700)
+    assert result.exit_code == 2
+    assert list(here.iterdir()) == []
+
+
+def test_interrupting_evolve_leaves_a_whole_checkpoint(here):
+    code = (
+        "import epuckhebb.app.progress as p, sys\n"
+        "show = p.EvolutionProgress.show\n"
+        "def stop(self, generation):\n"
+        "    show(self, generation)\n"
+        "    if generation.number == 1: raise KeyboardInterrupt\n"
+        "p.EvolutionProgress.show = stop\n"
+        "from epuckhebb.app.cli import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, "evolve", *TINY], capture_output=True, text=True, check=False)
+    run = only_run(here / "runs" / "evolve")
+    assert done.returncode == 130, done.stderr
+    assert f"{run.relative_to(here)}/checkpoint.npz" in done.stderr
+    assert json.loads((run / "status.json").read_text())["state"] == "interrupted"
+    with np.load(run / "checkpoint.npz") as checkpoint:
+        assert checkpoint["generation"] == 1
+        assert checkpoint["population"].shape == (6, 234)
+
+
+def test_help_lists_the_groups():
+    for verb, word in (("evaluate", "4obstacles"), ("evolve", "as_coded")):
+        result = call(verb, "--help")
+        assert result.exit_code == 0
+        assert word in result.stdout
+
+
+def test_help_imports_nothing_heavy():
+    code = "import sys, epuckhebb.app.cli; print(sorted({'numba', 'pandas', 'hydra', 'pymunk'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -1,0 +1,39 @@
+"""Every file of conf/ composes into a checked configuration."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from epuckhebb.app.compose import composed
+from epuckhebb.app.config import EvaluateConfig, EvolveConfig, typed
+from epuckhebb.app.data import data_folder, groups
+
+SCHEMA = {"evaluate": EvaluateConfig, "evolve": EvolveConfig}
+CHOICES = [(verb, group, choice) for verb in SCHEMA for group, choices in groups(verb).items() for choice in choices]
+
+
+@pytest.mark.parametrize(("verb", "group", "choice"), CHOICES)
+def test_every_choice_of_every_group_composes(verb, group, choice):
+    typed(composed(verb, [f"{group}={choice}"]), SCHEMA[verb])
+
+
+def test_defaults_are_the_papers():
+    evaluate = typed(composed("evaluate", []), EvaluateConfig)
+    assert (evaluate.hebbian.N, evaluate.lifetime.duration_s, evaluate.lifetime.gain_rad_s) == (0.000015, 250, 1)
+    light = typed(composed("evaluate", ["scenario=lowlight"]), EvaluateConfig)
+    assert (light.hebbian.N, light.lifetime.duration_s, light.scenario.lamp.y_m) == (0.002, 200, -0.3)
+    evolve = typed(composed("evolve", []), EvolveConfig)
+    assert (evolve.ga.population, evolve.ga.generations, evolve.ga.elites, evolve.ga.loops) == (50, 30, 6, 3)
+    assert (evolve.lifetime.duration_s, evolve.lifetime.gain_rad_s) == (60, 4)
+
+
+def test_every_file_says_what_it_is_for():
+    for file in data_folder("conf").rglob("*.yaml"):
+        assert file.read_text().startswith("# "), file
+        yaml.safe_load(file.read_text())
+
+
+def test_conf_and_champions_are_found():
+    assert isinstance(data_folder("conf"), Path)
+    assert (data_folder("runs/reference") / "champion_light.npz").is_file()

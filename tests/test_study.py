@@ -1,0 +1,73 @@
+"""Evaluation, tables and figures."""
+
+import numpy as np
+import pytest
+
+from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.plasticity import Hebbian
+from epuckhebb.sim.scenario import Scenario
+from epuckhebb.study import figures, tables
+from epuckhebb.study.evaluate import COLUMNS, evaluate
+
+BRIEF = Lifetime(duration_s=40, gain_rad_s=4, record_every=10)
+
+
+@pytest.fixture(scope="module")
+def evaluated(genomes):
+    return evaluate(genomes[1], Scenario(), [Hebbian(N=0.002)], BRIEF, repeats=3, seed=4, name="one")
+
+
+def test_a_row_for_every_lifetime(evaluated):
+    rows, _ = evaluated
+    assert tuple(rows.columns) == COLUMNS
+    assert list(rows.groupby(["controller", "side"]).size()) == [3, 3, 3, 3]
+    assert set(rows[rows.controller == "GA"].N) == {0}
+    assert (rows[rows.controller == "GA"][["weight_change_mean", "weight_change_final"]] == 0).all(axis=None)
+    assert (rows.average_speed_m_s == rows.path_length_m / 40).all()
+
+
+def test_twins_hear_the_same_noise(genomes):
+    rows, _ = evaluate(genomes[1], Scenario(), [Hebbian(N=0.0)], BRIEF, repeats=3, seed=4)
+    measured = list(COLUMNS[COLUMNS.index("success") :])
+    ga, twin = (rows[rows.controller == name][measured].to_numpy() for name in ("GA", "Hebbian"))
+    np.testing.assert_array_equal(ga, twin)
+
+
+def test_repeats_differ_and_do_not_depend_on_how_many_there_are(genomes, evaluated):
+    rows, _ = evaluated
+    more, _ = evaluate(genomes[1], Scenario(), [Hebbian(N=0.002)], BRIEF, repeats=5, seed=4, threads=2, name="one")
+    assert rows.path_length_m.nunique() == len(rows)
+    kept = more[more.repeat < 3].reset_index(drop=True)
+    assert kept.to_csv() == rows.to_csv()
+
+
+def test_traces_are_of_the_first_repeat(evaluated):
+    rows, traces = evaluated
+    assert traces.controller == ["GA", "GA", "Hebbian", "Hebbian"]
+    assert traces.side == ["left", "right", "left", "right"]
+    assert traces.samples.pose.shape == (4, BRIEF.steps // 10, 3)
+    first = rows[rows.repeat == 0]
+    near = np.hypot(*(traces.samples.pose[:, -1, :2] - [[-0.36, 0.155], [0.36, 0.155]] * 2).T)
+    np.testing.assert_allclose(near, first.final_position_error_m, atol=0.03)
+
+
+def test_table_in_the_papers_layout(evaluated, golden):
+    rows, _ = evaluated
+    table = tables.paper_table(rows)
+    golden("table.csv", tables.to_csv(table.round(9)))
+    golden("table.md", tables.to_markdown(table))
+
+
+def test_time_to_goal_is_the_mean_of_those_that_arrived(evaluated):
+    rows = evaluated[0].copy()
+    rows["time_to_goal_s"] = np.nan
+    rows.loc[rows.index[0], "time_to_goal_s"] = 12.5
+    text = tables.formatted(tables.paper_table(rows))
+    assert list(text.loc["Time-to-Goal (s)"]) == ["12.50", "–", "–", "–"]
+
+
+def test_trajectories_are_a_picture_that_does_not_change(evaluated):
+    _, traces = evaluated
+    picture = figures.trajectories(traces, Scenario(), "title")
+    assert picture.startswith(b"\x89PNG")
+    assert picture == figures.trajectories(traces, Scenario(), "title")
