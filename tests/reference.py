@@ -149,4 +149,5 @@ def live(robot, steps):
         changes += change
         behaviour += combined
         contacts += max(readings[8:]) > 0.8
-    return (arrived, path, distance, behaviour / steps, changes / steps, change, contacts / steps, steps), told
+    reward = 1 - min(1, (1.7 * distance) ** 3)
+    return (arrived, path, distance, behaviour / steps, reward, changes / steps, change, contacts / steps, steps), told

@@ -49,15 +49,16 @@ class Outcome(NamedTuple):
     """What a lifetime came to.
 
     time_to_goal: s, first time within 5 cm of the goal, nan if never. path_length: m. final_distance: m from the goal.
-    behaviour: mean combined fitness over the steps. weight_change_mean, weight_change_final: sum over weights of
-    |W - W_gene|. contact_fraction: share of steps with a proximity reading above 0.8. steps: lived; fewer than asked
-    for only if the robot was lost.
+    behaviour: mean combined fitness over the steps. reward: goal reward at the end. weight_change_mean,
+    weight_change_final: sum over weights of |W - W_gene|. contact_fraction: share of steps with a proximity reading
+    above 0.8. steps: lived; fewer than asked for only if the robot was lost.
     """
 
     time_to_goal: float
     path_length: float
     final_distance: float
     behaviour: float
+    reward: float
     weight_change_mean: float
     weight_change_final: float
     contact_fraction: float
@@ -71,7 +72,7 @@ class Outcome(NamedTuple):
     @property
     def fitness(self) -> float:
         """The paper's final fitness: mean of the behaviour fitness and of the goal reward at the end."""
-        return (self.behaviour + fitness.reward(self.final_distance)) / 2.0
+        return (self.behaviour + self.reward) / 2.0
 
 
 @compiled_and_cached
@@ -166,6 +167,7 @@ def live(
         path_length,
         goal_distance,
         behaviour_sum / steps,
+        fitness.reward(goal_distance),
         weight_change_sum / steps,
         weight_change,
         contacts / steps,
