@@ -62,7 +62,15 @@ def test_weights_stay_within_bounds_and_change_is_the_sum_of_differences(seed, r
     weights, trace = genes.copy(), rng.normal(size=GENES)
     by = rule(Hebbian(N=1.0, w_max=w_max))
     change = learn(
-        weights, trace, genes, np.tanh(rng.normal(size=NEURONS)), rate, by, np.empty(GENES), np.full(CHANGE_ROOM, 7.0)
+        weights,
+        trace,
+        genes,
+        np.tanh(rng.normal(size=NEURONS)),
+        rate,
+        by,
+        np.ones(GENES),
+        np.empty(GENES),
+        np.full(CHANGE_ROOM, 7.0),
     )
     assert np.abs(weights).max() <= w_max
     assert change == pytest.approx(np.abs(weights - genes).sum(), rel=1e-12, abs=1e-300)

@@ -40,6 +40,7 @@ class ConfiguredCommand(TyperCommand):
 
 
 _EXAMPLES = {
+    "reproduce": ["--quick", "obstacles champions=40", "all genome=Best.npy signal=as_coded"],
     "evaluate": [
         "scenario=4obstacles",
         "scenario=lowlight hebbian.N=0.002 repeats=50",
@@ -91,6 +92,32 @@ def evaluate(
         from epuckhebb.app.jobs import evaluate_job
 
         _run("evaluate", evaluate_job, overrides or [], multirun, cfg, config_dir, quiet, as_json)
+
+
+@app.command(cls=ConfiguredCommand)
+def reproduce(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[light|obstacles|all] [KEY=VALUE]...", help="The experiment, and settings to change."),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="3 champions and 3 repeats: a look in two minutes.")] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """The paper's tables and figures, ours beside theirs, and how often its claims hold."""
+    with _told():
+        from epuckhebb.app import progress, report
+        from epuckhebb.app.reproduce import reproduce as run
+
+        experiment, overrides = "all", list(words or [])
+        if overrides and "=" not in overrides[0]:
+            experiment = overrides.pop(0)
+        with progress.StepProgress(quiet=quiet) as steps:
+            folder = run(experiment, overrides, quick=quick, step=steps.begin)
+        if as_json:
+            typer.echo(json.dumps(report.as_json(folder)))
+        elif not quiet:
+            report.tell_reproduction(folder, Console())
 
 
 @app.command()

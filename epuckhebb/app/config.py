@@ -4,8 +4,10 @@ The schema is made of the dataclasses of the science itself (`Scenario`, `Hebbia
 their own ranges. This is the only file that knows where `conf/` is.
 """
 
+import math
 import os
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import Any, TypeVar
 
 from hydra.core.config_store import ConfigStore
@@ -13,6 +15,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.evolution.ga import GA
+from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.plasticity import Hebbian
 from epuckhebb.sim.scenario import Scenario
@@ -67,10 +70,53 @@ class EvolveConfig:
         _check_common(self.seed, self.threads)
 
 
-for _verb, _schema in (("evaluate", EvaluateConfig), ("evolve", EvolveConfig)):
+class LiveFitness(Enum):
+    """Which live fitness a reproduction uses: as the paper says, or as each of its two programs does."""
+
+    paper = "paper"
+    as_coded = "as_coded"
+
+    def of(self, experiment: str) -> Signal:
+        """The signal of an experiment."""
+        if self is LiveFitness.paper:
+            return Signal.behaviour
+        return Signal.light_code if experiment == "light" else Signal.lifetime_mean
+
+
+@dataclass(kw_only=True)
+class ReproduceConfig:
+    """All keys of `epuckhebb reproduce`."""
+
+    champions: int = 20
+    first_seed: int = 1
+    seed: int = 1
+    repeats: int = 5
+    rates: list[float] = field(default_factory=list)
+    signal: LiveFitness = LiveFitness.paper
+    genome: str | None = None
+    threads: int = 0
+    ga: GA = field(default_factory=GA)
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be run.
+
+        Raises:
+            ValueError: a value is outside the range named in the message.
+        """
+        _check_common(self.seed, self.threads)
+        for name, least in (("champions", 1), ("repeats", 1), ("first_seed", 0)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} must be {least} or more, got {getattr(self, name)}")
+        for rate in self.rates:
+            if not (math.isfinite(rate) and rate > 0):
+                raise ValueError(f"rates must be numbers above 0 (0 is always run, as the GA alone), got {rate}")
+
+
+_SCHEMAS = (("evaluate", EvaluateConfig), ("evolve", EvolveConfig), ("reproduce", ReproduceConfig))
+for _verb, _schema in _SCHEMAS:
     ConfigStore.instance().store(name=f"schema_{_verb}", node=_schema, provider="epuckhebb")
 
-Config = TypeVar("Config", EvaluateConfig, EvolveConfig)
+Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig)
 
 
 def typed(cfg: DictConfig, schema: type[Config]) -> Config:

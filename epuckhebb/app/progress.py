@@ -1,5 +1,6 @@
 """How an evolution is shown while it runs: one live line on a terminal, one plain line a generation elsewhere."""
 
+from collections.abc import Callable
 from types import TracebackType
 
 from rich.console import Console
@@ -45,6 +46,48 @@ class EvolutionProgress:
         if self._plain is not None:
             left = self._seconds / (generation.number + 1) * (self._generations - generation.number - 1)
             self._plain.print(f"generation {generation.number + 1}/{self._generations}  {told}  {left:.0f} s left")
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop showing."""
+        self._bar.stop()
+
+
+class StepProgress:
+    """Shows the steps of a long job on standard error: a bar on a terminal, a line a step elsewhere."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        """Prepare to show; say nothing if `quiet`."""
+        self._console = Console(stderr=True, highlight=False)
+        self._quiet = quiet
+        self._bar = Progress(
+            MofNCompleteColumn(),
+            BarColumn(bar_width=20),
+            TextColumn("{task.description}"),
+            TimeRemainingColumn(compact=True),
+            console=self._console,
+            disable=quiet or not self._console.is_terminal,
+        )
+
+    def __enter__(self) -> "StepProgress":
+        """Start to show."""
+        self._bar.start()
+        return self
+
+    def begin(self, total: int) -> Callable[[str], None]:
+        """Announce so many steps; call what is returned with the name of each as it begins."""
+        task = self._bar.add_task("", total=total)
+        begun = 0
+
+        def step(name: str) -> None:
+            nonlocal begun
+            self._bar.update(task, completed=begun, description=name)
+            begun += 1
+            if not self._quiet and not self._console.is_terminal:
+                self._console.print(f"{begun}/{total}  {name}")
+
+        return step
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

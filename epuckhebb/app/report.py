@@ -21,6 +21,18 @@ def tell(finished: list[Path], console: Console) -> None:
         console.print(f"Run folders: {finished[0].parent}/", markup=False, highlight=False, soft_wrap=True)
 
 
+def tell_reproduction(path: Path, console: Console) -> None:
+    """Say what a reproduction found of the paper's claims, and where its report is."""
+    claims = pd.read_csv(path / "claims.csv")
+    shown = Table(title="The paper's claims", title_justify="left", title_style="bold")
+    for heading in ("experiment", "claim", "verdict", "true in"):
+        shown.add_column(heading, overflow="fold")
+    for row in claims.itertuples():
+        shown.add_row(str(row.experiment), str(row.claim), str(row.verdict), f"{row.true} of {row.n}")
+    console.print(shown)
+    console.print(f"Report: {path}/report.html", markup=False, highlight=False, soft_wrap=True)
+
+
 def show(path: Path, console: Console) -> None:
     """Tell all of a run: what was asked, by which program, how it ended, and its results.
 

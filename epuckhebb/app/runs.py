@@ -4,6 +4,7 @@ A folder belongs to the process that could create its `status.json`; nothing is 
 written beside their place and renamed, so that a file that is there is whole.
 """
 
+import hashlib
 import json
 import os
 import platform
@@ -22,6 +23,17 @@ from epuckhebb.app.errors import ConfigError, JobFailedError
 
 SCHEMA = 1  # of provenance.json and status.json
 _PACKAGES = ("epuckhebb", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
+
+
+def write_whole(target: Path, content: bytes) -> None:
+    """Write a file and its folder: whole, or not at all."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    with beside.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    beside.replace(target)
 
 
 class RunFolder:
@@ -53,14 +65,7 @@ class RunFolder:
 
     def write(self, name: str, content: bytes) -> None:
         """Write a file in the folder: whole, or not at all."""
-        target = self.path / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-        with beside.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(target)
+        write_whole(self.path / name, content)
 
     def write_text(self, name: str, content: str) -> None:
         """Write a text file in the folder: whole, or not at all."""
@@ -145,6 +150,19 @@ def code_version() -> dict[str, Any]:
         known["commit"] = git("rev-parse", "HEAD")
         known["dirty"] = bool(git("status", "--porcelain", "--", str(here)))
     return known
+
+
+def science_version() -> str:
+    """A digest of the code that results depend on: the same science, the same numbers."""
+    package = Path(epuckhebb.__file__).parent
+    sources = [file for layer in ("sim", "evolution") for file in sorted((package / layer).glob("*.py"))]
+    sources.append(package / "study" / "evaluate.py")
+    return hashlib.sha256(b"\0".join(source.read_bytes() for source in sources)).hexdigest()[:16]
+
+
+def as_json(content: dict[str, Any]) -> bytes:
+    """Content of a JSON file."""
+    return _json(content).encode()
 
 
 def remove_if_empty(path: Path, until: Path) -> None:

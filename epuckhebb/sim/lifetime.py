@@ -25,6 +25,7 @@ from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.world import Handles, World, is_lost, move, pose
 
 CONTACT = 0.8  # a proximity reading above this counts as contact, as in the published code
+_HEBBIAN_SIGNS = np.ones(GENES)
 _LIVES_PER_BLOCK = 50  # lifetimes that share a World, one after the other
 
 
@@ -83,6 +84,7 @@ def live(
     goal_y: float,
     genes: NDArray[np.float64],
     plasticity: Rule,
+    signs: NDArray[np.float64],
     signal: int,
     gain: float,
     noise_level: float,
@@ -93,8 +95,8 @@ def live(
 ) -> Outcome:
     """One lifetime of the robot that stands in `world`.
 
-    genes: (234,) weights at birth, not written. gain: wheel speed [rad/s] of an output of 1.
-    record_every: steps between two samples, 0 for none.
+    genes: (234,) weights at birth, not written. signs: (234,) of the plastic updates. gain: wheel speed
+    [rad/s] of an output of 1. record_every: steps between two samples, 0 for none.
     """
     weights = genes.copy()
     trace = np.zeros(GENES)
@@ -138,7 +140,7 @@ def live(
         )
         rate = effective_rate(plasticity.rate, live_fitness, plasticity.floor)
         if plasticity.rate > 0.0:
-            weight_change = learn(weights, trace, genes, activation, rate, plasticity, correlation, change)
+            weight_change = learn(weights, trace, genes, activation, rate, plasticity, signs, correlation, change)
             weight_change_sum += weight_change
 
         if record_every > 0 and step % record_every == 0:
@@ -221,6 +223,7 @@ class Life:
     hebbian: Hebbian
     key: np.uint64
     start: Pose = START
+    signs: NDArray[np.float64] | None = None
     record: bool = False
 
 
@@ -263,6 +266,7 @@ def _live_one(life: Life, world: World, scenario: Scenario, lifetime: Lifetime) 
         *GOALS[life.side],
         weights_at_birth(life.genome),
         rule(life.hebbian),
+        _HEBBIAN_SIGNS if life.signs is None else life.signs,
         int(life.hebbian.signal),
         float(lifetime.gain_rad_s),
         float(lifetime.noise),

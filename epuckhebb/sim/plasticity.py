@@ -3,7 +3,7 @@
     N_e   = N max(0.2, F)              effective rate from the base rate N and the live fitness F
     C     = pre x post                 correlation of the two neurons that a connection joins
     T'    = 0.95 T + 0.05 C            trace: what has fired together lately
-    W'    = clip(W + N_e T', -2, 2)    weight
+    W'    = clip(W + N_e S T', -2, 2)  weight; the sign S is 1, or of a control (see `Sign`)
 
 Weights change after every control step, in all layers, and act from the next step on. They are a copy made at birth:
 the genome is never written, so a robot forgets by being born again.
@@ -11,6 +11,7 @@ the genome is never written, so a robot forgets by being born again.
 
 import math
 from dataclasses import dataclass
+from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
@@ -23,13 +24,21 @@ from epuckhebb.sim.fitness import Signal
 CHANGE_ROOM = 240  # numbers in the workspace of `learn`, a little more than there are genes
 
 
+class Sign(Enum):
+    """The sign S of the updates: Hebb's, and two controls that change the weights as much but not as Hebb said."""
+
+    hebbian = "hebbian"
+    anti = "anti"  # what fires together parts
+    shuffled = "shuffled"  # a fixed random sign for each synapse
+
+
 @dataclass(kw_only=True)
 class Hebbian:
     """How plastic a robot is.
 
     name: what to call it. N: base rate, 0 for a robot that does not learn. trace_decay, trace_update: how long the
     trace lasts and how fast it takes up new correlations. w_max: bound of the weights. floor: the least factor on N,
-    when fitness is low. signal: the live fitness that scales the rate.
+    when fitness is low. signal: the live fitness that scales the rate. sign: `hebbian`, or a control.
     """
 
     name: str = "none"
@@ -39,6 +48,7 @@ class Hebbian:
     w_max: float = 2.0
     floor: float = 0.2
     signal: Signal = Signal.behaviour
+    sign: Sign = Sign.hebbian
 
     def __post_init__(self) -> None:
         """Refuse rates and bounds that cannot be.
@@ -79,6 +89,13 @@ def rule(hebbian: Hebbian) -> Rule:
     )
 
 
+def signs(sign: Sign, rng: np.random.Generator) -> NDArray[np.float64]:
+    """S for each synapse, (234,) of 1 and -1; `rng` is used for shuffled signs only."""
+    if sign is Sign.shuffled:
+        return rng.choice([-1.0, 1.0], GENES)
+    return np.full(GENES, -1.0 if sign is Sign.anti else 1.0)
+
+
 @compiled
 def effective_rate(rate: float, fitness: float, floor: float) -> float:
     """N_e = N max(0.2, F): a robot that does well learns fast, one that does badly still explores a little."""
@@ -93,7 +110,7 @@ def next_trace(trace: float, correlation: float, decay: float, update: float) ->
 
 @compiled
 def next_weight(weight: float, rate: float, trace: float, w_max: float) -> float:
-    """W' = clip(W + N_e T', -W_max, W_max)."""
+    """W' = clip(W + N_e T', -W_max, W_max), with N_e or -N_e as the rate."""
     return min(w_max, max(-w_max, weight + rate * trace))
 
 
@@ -117,18 +134,19 @@ def learn(
     activation: NDArray[np.float64],
     rate: float,
     by: Rule,
+    signs: NDArray[np.float64],
     correlation: NDArray[np.float64],
     change: NDArray[np.float64],
 ) -> float:
     """One plastic update of all weights, in place; returns the weight change, the sum of |W - W_gene|.
 
-    weights, trace: (234,), updated. genes: (234,) weights at birth. activation: (43,). rate: N_e. correlation (234,)
-    and change (240,) are workspace.
+    weights, trace: (234,), updated. genes: (234,) weights at birth. activation: (43,). rate: N_e. signs: (234,)
+    1 or -1. correlation (234,) and change (240,) are workspace.
     """
     correlate(activation, correlation)
     for k in range(GENES):
         trace[k] = next_trace(trace[k], correlation[k], by.trace_decay, by.trace_update)
-        weights[k] = next_weight(weights[k], rate, trace[k], by.w_max)
+        weights[k] = next_weight(weights[k], rate * signs[k], trace[k], by.w_max)
         change[k] = abs(weights[k] - genes[k])
     return _sum_by_halves(change)
 

@@ -15,6 +15,8 @@ class Stream(IntEnum):
     training_noise = 1
     training_start = 2
     evaluation_noise = 3
+    shuffled_signs = 4
+    bootstrap = 5
 
 
 def rng(seed: int, stream: Stream, *place: int) -> np.random.Generator:

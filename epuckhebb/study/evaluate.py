@@ -4,6 +4,7 @@ Every lifetime with plasticity has a twin without it (GA, the control) that hear
 comparisons are paired.
 """
 
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,11 +15,12 @@ from numpy.typing import NDArray
 from epuckhebb.sim import streams
 from epuckhebb.sim.lifetime import Life, Lifetime, Outcome, Samples, live_block
 from epuckhebb.sim.maze import SIDES, Side
-from epuckhebb.sim.plasticity import Hebbian
+from epuckhebb.sim.plasticity import Hebbian, Sign, signs
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.streams import Stream
 
 GA_ALONE, HEBBIAN = "GA", "Hebbian"  # the values of the column `controller`, in the paper's words
+CONTROLLER = {Sign.hebbian: HEBBIAN, Sign.anti: "anti-Hebbian", Sign.shuffled: "shuffled signs"}
 COLUMNS = (
     "genome",
     "experiment",
@@ -78,7 +80,7 @@ def evaluate(
     """
     wanted: list[tuple[str, Hebbian, Side, int]] = [
         (controller, hebbian, side, repeat)
-        for controller, hebbian in [(GA_ALONE, _NOT_PLASTIC), *((HEBBIAN, h) for h in plasticities)]
+        for controller, hebbian in [(GA_ALONE, _NOT_PLASTIC), *((CONTROLLER[h.sign], h) for h in plasticities)]
         for side in SIDES
         for repeat in range(repeats)
     ]
@@ -88,6 +90,7 @@ def evaluate(
             side=side,
             hebbian=hebbian,
             key=streams.key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)),
+            signs=signs(hebbian.sign, streams.rng(seed, Stream.shuffled_signs, zlib.crc32(genome.tobytes()))),
             record=repeat == 0,
         )
         for _, hebbian, side, repeat in wanted
@@ -102,7 +105,7 @@ def evaluate(
             "obstacles": scenario.obstacles,
             "controller": controller,
             "N": hebbian.N,
-            "signal": hebbian.signal.name if controller == HEBBIAN else "",
+            "signal": hebbian.signal.name if controller != GA_ALONE else "",
             "side": side,
             "repeat": repeat,
             "seed": seed,

@@ -33,6 +33,18 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> bytes:
     return to_png(figure)
 
 
+def maze(scenario: Scenario) -> bytes:
+    """A PNG of the maze with the robot at its start."""
+    figure = Figure(figsize=(5.4, 4.8), layout="constrained")
+    axes = figure.subplots()
+    draw_maze(axes, scenario)
+    axes.add_patch(Circle((START.x, START.y), RADIUS, facecolor="#009E73", edgecolor="black", zorder=3))
+    axes.plot([START.x, START.x], [START.y, START.y + RADIUS], color="black", zorder=4)
+    for side in SIDES:
+        axes.annotate(f"goal, {side}", GOALS[side], (0, -2), textcoords="offset points", ha="center", fontsize=8)
+    return to_png(figure)
+
+
 def draw_maze(axes: Axes, scenario: Scenario) -> None:
     """Walls, obstacles, lamp and goals, to scale [m]."""
     for box, (left, right, bottom, top) in enumerate(boxes(scenario.obstacles).tolist()):

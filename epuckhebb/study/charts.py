@@ -1,0 +1,184 @@
+"""Figures of results: dose-response, learning curves, weight change against what the robot felt, the changed network.
+
+Colours are Okabe and Ito's, apart for the colour-blind; every figure also differs by line style, marker or position.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullFormatter
+from numpy.typing import NDArray
+
+from epuckhebb.sim.controller import FIRST_GENE, LAYERS, POST, PRE
+from epuckhebb.sim.lifetime import Samples
+from epuckhebb.study.evaluate import CONTROLLER, GA_ALONE
+from epuckhebb.study.figures import SIDE_COLOUR, to_png
+
+_SCENARIO_STYLE = {
+    "base": ("#0072B2", "o", "-"),
+    "2obstacles": ("#E69F00", "s", "--"),
+    "4obstacles": ("#D55E00", "^", ":"),
+    "highlight": ("#0072B2", "o", "-"),
+    "lowlight": ("#D55E00", "^", "--"),
+}
+
+
+def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, champions: int) -> bytes:
+    """A PNG: success, time to goal, weight change, and rescue and harm with their controls, against N."""
+    figure = Figure(figsize=(11, 7.2), layout="constrained")
+    (top_left, top_right), (low_left, low_right) = figure.subplots(2, 2)
+    own = doses[(doses.experiment == experiment) & doses.controller.isin([GA_ALONE, "Hebbian"])]
+    rates = sorted(own.N.unique())
+    at = {rate: place for place, rate in enumerate(rates)}  # 0 has no place on a log axis: rates stand side by side
+    for axes, column, label in (
+        (top_left, "success", "success (mean of lifetimes)"),
+        (top_right, "time_to_goal_s", "time to goal (s), of those that arrive"),
+        (low_left, "weight_change_mean", "weight change, mean sum |W - W_gene|"),
+    ):
+        for number, (scenario, group) in enumerate(own.groupby("scenario", sort=False)):
+            colour, marker, line = _SCENARIO_STYLE[str(scenario)]
+            by_rate = group.sort_values("N")
+            x = np.array([at[rate] for rate in by_rate.N]) + 0.08 * (number - 1)
+            y, low, high = (by_rate[column + end].to_numpy(float) for end in ("", "_low", "_high"))
+            axes.errorbar(
+                x, y, [y - low, high - y], color=colour, marker=marker, linestyle=line, capsize=2, label=str(scenario)
+            )
+        axes.set(ylabel=label, xlabel="base Hebbian rate N (0: GA alone)")
+        axes.set_xticks(range(len(rates)), [f"{rate:g}" for rate in rates], fontsize=8)
+        axes.spines[["top", "right"]].set_visible(False)
+    top_left.legend(frameon=False, fontsize=9)
+    low_left.set_yscale("symlog", linthresh=0.1)
+    _rescue_and_harm(low_right, harm[harm.experiment == experiment], at)
+    figure.suptitle(
+        f"{experiment}: what each rate does, mean over {champions} champions with 95 % bootstrap intervals", fontsize=11
+    )
+    return to_png(figure)
+
+
+def _rescue_and_harm(axes, harm: pd.DataFrame, at: Mapping[float, int]) -> None:  # type: ignore[no-untyped-def]
+    styles = {"Hebbian": ("-", "o"), "anti-Hebbian": ("--", "s"), "shuffled signs": (":", "^")}
+    totals = harm.groupby(["controller", "N"], sort=False)[["broken", "rescued", "sound", "harmed"]].sum().reset_index()
+    for kind in CONTROLLER.values():
+        own = totals[totals.controller == kind].sort_values("N")
+        if not len(own):
+            continue
+        line, marker = styles[kind]
+        x = [at[rate] for rate in own.N]
+        axes.plot(x, own.rescued / own.broken, color="#009E73", linestyle=line, marker=marker, label=f"rescued, {kind}")
+        axes.plot(x, own.harmed / own.sound, color="#CC79A7", linestyle=line, marker=marker, label=f"harmed, {kind}")
+    broken, sound = int(totals.broken.max()), int(totals.sound.max())
+    axes.set(
+        ylabel=f"share of trials (broken {broken}, sound {sound})", xlabel="base Hebbian rate N", ylim=(-0.04, 1.04)
+    )
+    axes.set_xticks(list(at.values()), [f"{rate:g}" for rate in at], fontsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, fontsize=8)
+
+
+def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> bytes:
+    """A PNG: best and mean fitness over the generations, median and quartiles over the champions of each experiment."""
+    figure = Figure(figsize=(5 * len(histories), 3.6), layout="constrained")
+    for axes, (experiment, runs) in zip(
+        figure.subplots(1, len(histories), squeeze=False)[0], histories.items(), strict=True
+    ):
+        for column, colour, line in (("best_fitness", "#0072B2", "-"), ("mean_fitness", "#E69F00", "--")):
+            values = np.array([run[column] for run in runs])
+            low, middle, high = np.percentile(values, [25, 50, 75], axis=0)
+            generation = np.arange(1, len(middle) + 1)
+            axes.plot(generation, middle, color=colour, linestyle=line, label=column.replace("_", " "))
+            axes.fill_between(generation, low, high, color=colour, alpha=0.2, linewidth=0)
+        axes.set(title=f"{experiment}, {len(runs)} evolutions", xlabel="generation", ylabel="fitness", ylim=(0, 1))
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.legend(frameon=False, fontsize=9, loc="lower right")
+    figure.suptitle("Median over evolutions, with quartiles", fontsize=10)
+    return to_png(figure)
+
+
+def weight_change(conditions: Mapping[str, Mapping[str, Samples]], against: str, title: str) -> bytes:
+    """A PNG, a panel for each condition: change of the weights between samples against what was felt.
+
+    conditions: name -> side -> samples of one lifetime. against: `fitness`, `light` or `proximity` (mean readings).
+    """
+    figure = Figure(figsize=(4.4 * len(conditions), 3.8), layout="constrained")
+    panels = figure.subplots(1, len(conditions), squeeze=False, sharey=True)[0]
+    for axes, (name, sides) in zip(panels, conditions.items(), strict=True):
+        for (side, samples), marker in zip(sides.items(), ("o", "^"), strict=True):
+            axes.scatter(
+                _felt(samples, against)[1:],
+                np.abs(np.diff(samples.weights, axis=0)).sum(axis=1),
+                s=9,
+                marker=marker,
+                color=SIDE_COLOUR["left" if side == "left" else "right"],
+                alpha=0.35,
+                linewidths=0,
+                label=side,
+            )
+        axes.set(title=f"{name} (n = {len(samples.time) - 1} samples a side)", xlabel=_FELT[against], yscale="log")
+        axes.title.set_fontsize(10)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    panels[0].set_ylabel("weight change between samples, sum |ΔW|")
+    panels[0].legend(frameon=False, fontsize=9, markerscale=2)
+    figure.suptitle(title, fontsize=10)
+    return to_png(figure)
+
+
+_FELT = {
+    "fitness": "live fitness F",
+    "light": "mean light reading (1 = dark)",
+    "proximity": "largest proximity reading (1 = touching)",
+}
+
+
+def _felt(samples: Samples, against: str) -> NDArray[np.float64]:
+    if against == "fitness":
+        return samples.fitness
+    felt: NDArray[np.float64] = (
+        samples.sensors[:, :8].mean(axis=1) if against == "light" else samples.sensors[:, 8:].max(axis=1)
+    )
+    return felt
+
+
+def network(genome: NDArray[np.float64], samples: Mapping[str, Samples], title: str) -> bytes:
+    """A PNG: the network at the end of each lifetime, its connections coloured by how much plasticity changed them."""
+    changes = {side: own.weights[-1].astype(float) - np.clip(genome, -2, 2) for side, own in samples.items()}
+    scale = max(float(np.abs(change).max()) for change in changes.values()) or 1.0
+    figure = Figure(figsize=(6.2 * len(samples), 4.8), layout="constrained")
+    for axes, (side, change) in zip(figure.subplots(1, len(samples), squeeze=False)[0], changes.items(), strict=True):
+        order = np.argsort(np.abs(change))  # the strongest on top
+        place = _gene_ends()
+        for gene in order:
+            (x0, y0), (x1, y1) = place[gene]
+            strength = abs(change[gene]) / scale
+            colour = "#D55E00" if change[gene] > 0 else "#0072B2"
+            axes.plot([x0, x1], [y0, y1], color=colour, alpha=0.08 + 0.85 * strength, linewidth=0.4 + 2.6 * strength)
+        for layer, count in enumerate((PRE[0], *POST)):
+            axes.scatter([layer] * count, _heights(count), s=52, color="white", edgecolor="black", zorder=3)
+        axes.set_xticks(
+            range(len(LAYERS)), ["sensors\nand bias", *(f"{n} neurons" for n in POST[:-1]), "wheels"], fontsize=8
+        )
+        axes.yaxis.set_major_locator(FixedLocator([]))
+        axes.spines[:].set_visible(False)
+        axes.set_title(f"{side}: stronger (red) or weaker (blue) by up to {scale:.2g}", fontsize=10)
+        for name, height in zip(
+            [f"ls{i}" for i in range(8)] + [f"ps{i}" for i in range(8)] + ["bias"], _heights(17), strict=True
+        ):
+            axes.annotate(name, (0, height), (-10, 0), textcoords="offset points", ha="right", va="center", fontsize=7)
+    figure.suptitle(title, fontsize=10)
+    return to_png(figure)
+
+
+def _heights(count: int) -> NDArray[np.float64]:
+    heights: NDArray[np.float64] = -(np.arange(count) - (count - 1) / 2) * (16 / max(count, 9))
+    return heights
+
+
+def _gene_ends() -> list[tuple[tuple[float, float], tuple[float, float]]]:
+    """Where each of the 234 connections begins and ends in the drawing."""
+    ends: list[tuple[tuple[float, float], tuple[float, float]]] = []
+    for layer in range(len(FIRST_GENE)):
+        pre, post = _heights(PRE[layer]), _heights(POST[layer])
+        ends += [((float(layer), y0), (layer + 1.0, y1)) for y0 in pre for y1 in post]
+    return ends

@@ -1,0 +1,273 @@
+"""What many champions tell: success, rescue and harm, dose-response, and the paper's claims with a verdict.
+
+`metrics` is the table of all lifetimes (columns of `epuckhebb.study.evaluate`, `genome` being the champion). Everything
+here is computed from it and returned as tables whose rows can be traced back to it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from epuckhebb.study.evaluate import CONTROLLER, GA_ALONE, HEBBIAN
+from epuckhebb.study.statistics import bootstrap_mean, mcnemar, wilson
+
+TRAINED = {"light": "highlight", "obstacles": "base"}
+CHANGED = {"light": ("lowlight",), "obstacles": ("2obstacles", "4obstacles")}
+PAPER_N = {"light": 0.002, "obstacles": 0.000015}
+TRIAL = ["genome", "side"]
+_CELL = ["experiment", "scenario", "controller", "N"]
+
+
+def trials(metrics: pd.DataFrame) -> pd.DataFrame:
+    """One row a trial (champion, side) and condition: `succeeds` if most of its repeats do; means of the rest."""
+    grouped = metrics.groupby([*_CELL, *TRIAL], sort=False)
+    means = grouped[
+        ["success", "time_to_goal_s", "path_length_m", "final_position_error_m", "weight_change_mean"]
+    ].mean()
+    means["succeeds"] = means.success > 0.5
+    return means.reset_index()
+
+
+def success(each: pd.DataFrame) -> pd.DataFrame:
+    """Success of every condition and side over the champions, with Wilson intervals."""
+    rows = []
+    for cell, group in each.groupby([*_CELL, "side"], sort=False):
+        k, n = int(group.succeeds.sum()), len(group)
+        low, high = wilson(k, n)
+        rows.append(dict(zip([*_CELL, "side"], cell, strict=True)) | _share(k, n) | {"low": low, "high": high})
+    return pd.DataFrame(rows)
+
+
+def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
+    """For each kind and rate of plasticity: what becomes of the trials that the GA masters in its training world.
+
+    broken: fail in the changed world without plasticity. rescued: of these, succeed with it. harmed: of the others,
+    fail with it. In the training world nothing is broken, and harm is all there is. McNemar's p compares GA and
+    plasticity over all trials of the scenario, mastered or not, and `difference` is of their success, with a bootstrap
+    interval over champions.
+    """
+    rows = []
+    for experiment, kind, rate in _plasticities(each):
+        mastered = _succeeding(each, experiment, TRAINED[experiment])
+        for scenario in (TRAINED[experiment], *CHANGED[experiment]):
+            without = _outcomes(each, experiment, scenario, GA_ALONE, 0.0)
+            plastic = _outcomes(each, experiment, scenario, kind, rate)
+            fit = without.index.isin(mastered)
+            broken, sound = fit & ~without, fit & without
+            difference = plastic.astype(float) - without.astype(float)
+            by_champion = difference.groupby("genome", sort=False).mean().to_numpy()
+            low, high = bootstrap_mean(by_champion, seed=0)
+            rows.append(
+                {
+                    "experiment": experiment,
+                    "scenario": scenario,
+                    "controller": kind,
+                    "N": rate,
+                    "mastered": int(fit.sum()),
+                    "broken": int(broken.sum()),
+                    "rescued": int((broken & plastic).sum()),
+                    "sound": int(sound.sum()),
+                    "harmed": int((sound & ~plastic).sum()),
+                    "rescued_share": _ratio(int((broken & plastic).sum()), int(broken.sum())),
+                    "harmed_share": _ratio(int((sound & ~plastic).sum()), int(sound.sum())),
+                    "difference": float(by_champion.mean()),
+                    "difference_low": low,
+                    "difference_high": high,
+                    "mcnemar_p": mcnemar(int((plastic & ~without).sum()), int((without & ~plastic).sum())),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def dose_response(each: pd.DataFrame) -> pd.DataFrame:
+    """Success, time to goal and weight change against N: means over champions, bootstrap intervals; N = 0: the GA."""
+    rows = []
+    shown = each[each.controller.isin([GA_ALONE, *CONTROLLER.values()])]
+    for cell, group in shown.groupby(_CELL, sort=False):
+        row = dict(zip(_CELL, cell, strict=True))
+        for column in ("success", "time_to_goal_s", "weight_change_mean"):
+            values = group.groupby("genome", sort=False)[column].mean().to_numpy(float)
+            low, high = bootstrap_mean(values, seed=0)
+            mean = float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
+            row |= {column: mean, f"{column}_low": low, f"{column}_high": high}
+        rows.append(row)
+    return pd.DataFrame(rows).sort_values([*_CELL[:3], "N"], kind="stable", ignore_index=True)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A claim of the paper as a question to every trial: in how many that could show it does it come true?"""
+
+    experiment: str
+    text: str
+    counted: str
+    true: int
+    n: int
+    always: bool = False
+
+    @property
+    def verdict(self) -> str:
+        """Holds, or does not, where Wilson's interval lies above, or below, one half; else mixed.
+
+        A claim about every case (`always`) holds if it is true of all of them.
+        """
+        if self.always:
+            return "holds" if self.true == self.n else "does not hold"
+        low, high = wilson(self.true, self.n)
+        return (
+            "no trial to judge by"
+            if self.n == 0
+            else "holds"
+            if low > 0.5
+            else "does not hold"
+            if high < 0.5
+            else "mixed"
+        )
+
+
+def claims(each: pd.DataFrame, genomes_unchanged: dict[str, int]) -> pd.DataFrame:
+    """The paper's claims, one row each, with the figures they are judged by.
+
+    genomes_unchanged: for each experiment, the champions whose genome had the same bytes after all its lifetimes.
+    """
+    present = set(each.experiment)
+    found = [
+        claim
+        for experiment, ask in (("light", _light_claims), ("obstacles", _obstacle_claims))
+        if experiment in present
+        for claim in (*ask(each), _forgetting(each, experiment, genomes_unchanged[experiment]))
+    ]
+    rows = []
+    for claim in found:
+        low, high = wilson(claim.true, claim.n)
+        rows.append(
+            {"experiment": claim.experiment, "claim": claim.text, "counted": claim.counted}
+            | {"true": claim.true, "n": claim.n, "share": _ratio(claim.true, claim.n), "low": low, "high": high}
+            | {"verdict": claim.verdict}
+        )
+    return pd.DataFrame(rows)
+
+
+def _light_claims(each: pd.DataFrame) -> Iterator[Claim]:
+    bright, dim = (_outcomes(each, "light", scenario, GA_ALONE, 0.0) for scenario in ("highlight", "lowlight"))
+    rate = PAPER_N["light"]
+    bright_plastic, dim_plastic = (
+        _outcomes(each, "light", scenario, HEBBIAN, rate) for scenario in ("highlight", "lowlight")
+    )
+    broken = bright & ~dim
+    yield _count("light", "The GA fails in low light", "trials mastered in high light: fail in low light", ~dim, bright)
+    yield _count("light", f"N = {rate:g} rescues it", "trials broken by low light: succeed", dim_plastic, broken)
+    yield _count(
+        "light", "The same N harms in high light", "trials mastered in high light: fail", ~bright_plastic, bright
+    )
+    small = _outcomes(each, "light", "lowlight", HEBBIAN, PAPER_N["obstacles"])
+    yield _either("light", "A large change needs a large rate", broken, dim_plastic, small)
+
+
+def _obstacle_claims(each: pd.DataFrame) -> Iterator[Claim]:
+    rate = PAPER_N["obstacles"]
+    base = _outcomes(each, "obstacles", "base", GA_ALONE, 0.0)
+    any_broken, any_small, any_large = [], [], []
+    for scenario, count in (("2obstacles", 2), ("4obstacles", 4)):
+        alone = _outcomes(each, "obstacles", scenario, GA_ALONE, 0.0)
+        plastic = _outcomes(each, "obstacles", scenario, HEBBIAN, rate)
+        broken = base & ~alone
+        yield _count("obstacles", f"{count} obstacles defeat the GA", "trials mastered in base: fail", ~alone, base)
+        yield _count(
+            "obstacles", f"N = {rate:g} rescues it at {count}", "trials broken by them: succeed", plastic, broken
+        )
+        any_broken.append(broken)
+        any_small.append(plastic)
+        any_large.append(_outcomes(each, "obstacles", scenario, HEBBIAN, PAPER_N["light"]))
+    yield _either("obstacles", "A small change needs a small rate", *map(pd.concat, (any_broken, any_small, any_large)))
+    change = {
+        scenario: _values(each, "obstacles", scenario, HEBBIAN, rate, "weight_change_mean")
+        for scenario in ("base", "2obstacles", "4obstacles")
+    }
+    grows = (change["base"] < change["2obstacles"]) & (change["2obstacles"] < change["4obstacles"])
+    yield _count("obstacles", "Weight change grows with obstacles", "all trials: base < 2 < 4", grows, grows | ~grows)
+    time = [_values(each, "obstacles", "base", *how, "time_to_goal_s") for how in ((GA_ALONE, 0.0), (HEBBIAN, rate))]
+    both = time[0].notna() & time[1].notna()
+    yield _count(
+        "obstacles",
+        "Plasticity reaches the goal sooner",
+        "trials of base in which both arrive",
+        time[1] < time[0],
+        both,
+    )
+
+
+def _forgetting(each: pd.DataFrame, experiment: str, unchanged: int) -> Claim:
+    n = each[each.experiment == experiment].genome.nunique()
+    return Claim(
+        experiment,
+        "The genome is unchanged after a lifetime",
+        "champions: same bytes after all lifetimes",
+        unchanged,
+        n,
+        always=True,
+    )
+
+
+def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tuple[str, int]:
+    """The champion whose pattern of successes is most like the paper's, and in how many cells it agrees.
+
+    Only champions that succeed on both sides in their training world without plasticity are considered (all, if none
+    does); of equals the first is taken. Chosen *for* its likeness, it says that the pattern exists, not how often.
+    """
+    ours = each[(each.experiment == experiment) & each.N.isin([0.0, PAPER_N[experiment]])]
+    ours = ours[ours.controller.isin([GA_ALONE, HEBBIAN])]
+    paper = published[published.experiment == experiment].set_index(["scenario", "controller", "side"]).success
+    mastered = _succeeding(each, experiment, TRAINED[experiment])
+    names = list(dict.fromkeys(ours.genome))
+    masters = [name for name in names if all((name, side) in mastered for side in ("left", "right"))]
+    agreement = {}
+    for name in masters or names:
+        own = ours[ours.genome == name].set_index(["scenario", "controller", "side"]).succeeds
+        shared = [cell for cell in paper.index if cell in own.index and not np.isnan(paper[cell])]
+        agreement[name] = sum(bool(own[cell]) == bool(paper[cell]) for cell in shared)
+    best = max(agreement, key=lambda name: agreement[name])
+    return best, agreement[best]
+
+
+def _plasticities(each: pd.DataFrame) -> Iterator[tuple[str, str, float]]:
+    plastic = each[each.controller != GA_ALONE]
+    for key, _ in plastic.groupby(["experiment", "controller", "N"], sort=False):
+        yield key
+
+
+def _values(each: pd.DataFrame, experiment: str, scenario: str, controller: str, rate: float, column: str) -> pd.Series:
+    """A column of one condition, indexed by trial."""
+    here = (each.experiment == experiment) & (each.scenario == scenario)
+    return each[here & (each.controller == controller) & (rate == each.N)].set_index(TRIAL)[column]
+
+
+def _outcomes(each: pd.DataFrame, experiment: str, scenario: str, controller: str, rate: float) -> pd.Series:
+    return _values(each, experiment, scenario, controller, rate, "succeeds")
+
+
+def _succeeding(each: pd.DataFrame, experiment: str, scenario: str) -> pd.Index:
+    alone = _outcomes(each, experiment, scenario, GA_ALONE, 0.0)
+    return alone[alone].index
+
+
+def _count(experiment: str, text: str, counted: str, true: pd.Series, among: pd.Series) -> Claim:
+    return Claim(experiment, text, counted, int((true & among).sum()), int(among.sum()))
+
+
+def _either(experiment: str, text: str, broken: pd.Series, own: pd.Series, other: pd.Series) -> Claim:
+    """Whether the experiment's own rate rescues rather than the other's, where just one of the two does."""
+    if not len(other):
+        return Claim(experiment, text, "not run", 0, 0)
+    counted = "broken trials that one of N = 0.000015 and 0.002 rescues and the other does not"
+    return _count(experiment, text, counted, own & ~other, broken & (own ^ other))
+
+
+def _share(k: int, n: int) -> dict[str, float]:
+    return {"successes": k, "n": n, "share": _ratio(k, n)}
+
+
+def _ratio(k: int, n: int) -> float:
+    return k / n if n else float("nan")

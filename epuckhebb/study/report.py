@@ -1,0 +1,172 @@
+"""One page to read: claims, tables, how often, dose-response, figures, method; as Markdown and as self-contained HTML.
+
+Every number comes from a table that is also written as CSV; nothing is computed here.
+"""
+
+import base64
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from markdown_it import MarkdownIt
+
+from epuckhebb.study import published
+from epuckhebb.study.findings import PAPER_N
+
+_STYLE = """
+:root { color-scheme: light dark; }
+body { font: 16px/1.55 system-ui, sans-serif; max-width: 64rem; margin: 2rem auto; padding: 0 1rem; }
+h1, h2, h3 { line-height: 1.2; } h2 { margin-top: 2.5rem; border-bottom: 1px solid #8886; padding-bottom: .3rem; }
+div.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-size: .85rem; font-variant-numeric: tabular-nums; }
+th, td { padding: .3rem .6rem; border-bottom: 1px solid #8884; text-align: left; vertical-align: top; }
+img { max-width: 100%; height: auto; background: #fff; border-radius: 4px; } code { font-size: .9em; }
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Findings:
+    """All tables of a reproduction; each is also a CSV file of that name. See `epuckhebb.study.findings`.
+
+    showcase: for each experiment the champion shown, and in how many of the paper's cells its success agrees.
+    champions: how many there are of each experiment. provenance: a line on who made this and how.
+    """
+
+    claims: pd.DataFrame
+    success: pd.DataFrame
+    rescue_and_harm: pd.DataFrame
+    dose_response: pd.DataFrame
+    comparison: pd.DataFrame
+    showcase: Mapping[str, tuple[str, int]]
+    champions: int
+    repeats: int
+    rule: str
+    provenance: str
+
+
+def markdown(found: Findings, figures: Mapping[str, str]) -> str:
+    """The report as Markdown. figures: file name -> caption, in order; the files lie in `figures/` beside it."""
+    single = found.champions == 1
+    parts = [
+        "# The paper's experiment, reproduced\n",
+        f"{found.provenance}\n",
+        "A *trial* is one champion on one side. It succeeds if the robot ends within 5 cm of its goal in more than "
+        f"half of its {found.repeats} noise repeats. Intervals are 95 %.\n",
+    ]
+    if not single:
+        parts += ["## The paper's claims\n", _claims(found.claims)]
+    parts += ["## Tables 1 to 3, ours and (the paper's)\n", _tables(found)]
+    if not single:
+        parts += [
+            "## How often\n",
+            "### Success\n",
+            success_table(found.success),
+            "### Rescue and harm\n",
+            "Of the trials that the GA masters in its training world, *broken* ones fail in the changed world without "
+            "plasticity; plasticity *rescues* some of them. Of the *sound* ones it *harms* some. Difference: success "
+            "with plasticity minus without, over all trials; p: exact McNemar test. The controls change the weights "
+            "as much, but not as Hebb said.\n",
+            rescue_table(found.rescue_and_harm),
+        ]
+    parts += ["## Figures\n"]
+    parts += [f"![{caption}](figures/{name})\n\n*{caption}*\n" for name, caption in figures.items()]
+    return "\n".join(parts)
+
+
+def html(text: str, picture: Callable[[str], bytes]) -> str:
+    """The report as one HTML page without links to anything; `picture` gives a figure's PNG by its file name."""
+    body = MarkdownIt("commonmark", {"html": True}).enable("table").render(text)
+    body = body.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>")
+    for name in dict.fromkeys(part.split('"')[0] for part in body.split('src="figures/')[1:]):
+        data = base64.b64encode(picture(name)).decode()
+        body = body.replace(f'src="figures/{name}"', f'src="data:image/png;base64,{data}"')
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>epuckhebb: the paper's experiment, reproduced</title>\n<style>{_STYLE}</style>\n</head>\n"
+        f"<body>\n{body}</body>\n</html>\n"
+    )
+
+
+def _claims(claims: pd.DataFrame) -> str:
+    rows = [
+        [row.experiment, row.claim, f"**{row.verdict}**", f"{row.true} of {row.n}", _interval(row), row.counted]
+        for row in claims.itertuples()
+    ]
+    rule = (
+        "A claim is put to every trial that could show it. It *holds* where the interval of the share of trials in "
+        "which it comes true lies above one half, *does not hold* where it lies below, and is *mixed* otherwise.\n\n"
+    )
+    return rule + _table(["experiment", "claim", "verdict", "true in", "share", "of what"], rows)
+
+
+def _tables(found: Findings) -> str:
+    parts = []
+    for _, group in found.comparison.groupby("table", sort=False):
+        experiment = group.experiment.iloc[0]
+        name, agreeing = found.showcase[experiment]
+        cells = 2 * len(group[["scenario", "controller"]].drop_duplicates())
+        parts.append(f"### {group.title.iloc[0]}\n")
+        if found.champions == 1:
+            parts += [f"Genome `{name}`.\n", published.to_markdown(group, of_all=False)]
+            parts += ["\nRelative deviation from the published value:\n", _deviations(group)]
+            continue
+        parts += [
+            f"Showcase: `{name}`, mean of its repeats. {found.rule} It agrees in {agreeing} of the paper's "
+            f"success cells of this experiment; {found.champions} champions were searched.\n"
+            if cells
+            else "",
+            published.to_markdown(group, of_all=False),
+            f"\nAll {found.champions} champions, median [quartiles]:\n",
+            published.to_markdown(group, of_all=True),
+        ]
+    return "\n".join(parts)
+
+
+def _deviations(group: pd.DataFrame) -> str:
+    known = group[group.published.notna()]
+    rows = [
+        [row.scenario, f"{row.controller} {row.side}", row.metric, f"{row.published:g}", f"{row.ours:.4f}"]
+        + ["–" if np.isnan(row.relative_deviation) else f"{100 * row.relative_deviation:+.1f} %"]
+        for row in known.itertuples()
+    ]
+    return _table(["scenario", "controller", "metric", "paper", "ours", "deviation"], rows)
+
+
+def success_table(success: pd.DataFrame) -> str:
+    """Success at the paper's rates, a row for each scenario and controller."""
+    own = success[[row.N in (0.0, PAPER_N[row.experiment]) for row in success.itertuples()]]
+    rows = []
+    for (experiment, scenario, controller), group in own.groupby(["experiment", "scenario", "controller"], sort=False):
+        sides = group.set_index("side")
+        cells = [
+            f"{sides.successes[side]} of {sides.n[side]}: {_interval(sides.loc[side])}" for side in ("left", "right")
+        ]
+        rows.append([experiment, scenario, f"{controller}{_rate(group.N.iloc[0])}", *cells])
+    return _table(["experiment", "scenario", "controller", "left", "right"], rows)
+
+
+def rescue_table(harm: pd.DataFrame) -> str:
+    """Rescue and harm at the paper's rates, controls included."""
+    own = harm[[PAPER_N[row.experiment] == row.N for row in harm.itertuples()]]
+    rows = [
+        [row.scenario, f"{row.controller}{_rate(row.N)}", f"{row.rescued} of {row.broken}"]
+        + [f"{row.harmed} of {row.sound}"]
+        + [f"{row.difference:+.2f} [{row.difference_low:+.2f}, {row.difference_high:+.2f}]", f"{row.mcnemar_p:.2g}"]
+        for row in own.itertuples()
+    ]
+    return _table(["scenario", "plasticity", "rescued of broken", "harmed of sound", "difference", "p"], rows)
+
+
+def _rate(rate: float) -> str:
+    return f", N = {rate:g}" if rate else ""
+
+
+def _interval(row) -> str:  # type: ignore[no-untyped-def]
+    return "–" if np.isnan(row.share) else f"{row.share:.2f} [{row.low:.2f}, {row.high:.2f}]"
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
