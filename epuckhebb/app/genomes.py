@@ -4,6 +4,7 @@ import hashlib
 import io
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +77,7 @@ def _read(path: Path) -> NDArray[np.float64]:
         with path.open("rb") as file:
             loaded = np.load(file, allow_pickle=False)
             arrays = dict(loaded) if isinstance(loaded, np.lib.npyio.NpzFile) else {"genome": loaded}
-    except (OSError, ValueError, EOFError) as error:
+    except (OSError, ValueError, EOFError, BadZipFile) as error:
         raise ConfigError(f"genome={path} cannot be read as .npz or .npy: {error}") from error
     if "layers" in arrays and tuple(arrays["layers"].ravel().tolist()) != LAYERS:
         raise ConfigError(f"genome={path} is of layers {arrays['layers'].tolist()}, this network has {list(LAYERS)}")

@@ -29,10 +29,9 @@ EXPERIMENTS = {"light": ("light",), "obstacles": ("obstacles",), "all": ("light"
 QUICK = ("champions=3", "repeats=3")
 RULE = (
     "It is the champion whose successes and failures agree with the paper's in most cells, among those that reach both "
-    "goals in their training world; of equals the one with the lowest seed. Chosen for its likeness, it shows that the "
-    "pattern exists, not how often."
+    "goals in their training world (of all, if none does); of equals the one with the lowest seed. Chosen for its "
+    "likeness, it shows that the pattern exists, not how often."
 )
-_NUMBERS = {"float_precision": "round_trip", "keep_default_na": False, "na_values": [""]}
 Step = Callable[[str], None]
 
 
@@ -173,7 +172,7 @@ def _lifetimes(work: _Work, experiment: str, name: str, genome: genomes.Genome) 
         ]
         runs.write_whole(path, pd.concat(rows).to_csv(index=False).encode())
     try:
-        return pd.read_csv(path, **_NUMBERS)
+        return pd.read_csv(path, keep_default_na=False, na_values=[""])
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path} of an earlier run cannot be read ({error}); remove it and start again") from error
 

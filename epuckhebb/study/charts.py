@@ -26,7 +26,10 @@ _SCENARIO_STYLE = {
 
 
 def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, champions: int) -> bytes:
-    """A PNG: success, time to goal, weight change, and rescue and harm with their controls, against N."""
+    """A PNG: success, time to goal, weight change, and rescue and harm with their controls, against N.
+
+    doses, harm: tables of `epuckhebb.study.findings`.
+    """
     figure = Figure(figsize=(11, 7.2), layout="constrained")
     (top_left, top_right), (low_left, low_right) = figure.subplots(2, 2)
     own = doses[(doses.experiment == experiment) & doses.controller.isin([GA_ALONE, "Hebbian"])]
@@ -37,19 +40,22 @@ def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, cham
         (top_right, "time_to_goal_s", "time to goal (s), of those that arrive"),
         (low_left, "weight_change_mean", "weight change, mean sum |W - W_gene|"),
     ):
-        for number, (scenario, group) in enumerate(own.groupby("scenario", sort=False)):
-            colour, marker, line = _SCENARIO_STYLE[str(scenario)]
-            by_rate = group.sort_values("N")
+        present = [name for name in _SCENARIO_STYLE if name in set(own.scenario)]
+        for number, scenario in enumerate(present):
+            colour, marker, line = _SCENARIO_STYLE[scenario]
+            by_rate = own[own.scenario == scenario].sort_values("N")
             x = np.array([at[rate] for rate in by_rate.N]) + 0.08 * (number - 1)
             y, low, high = (by_rate[column + end].to_numpy(float) for end in ("", "_low", "_high"))
             axes.errorbar(
-                x, y, [y - low, high - y], color=colour, marker=marker, linestyle=line, capsize=2, label=str(scenario)
+                x, y, [y - low, high - y], color=colour, marker=marker, linestyle=line, capsize=2, label=scenario
             )
         axes.set(ylabel=label, xlabel="base Hebbian rate N (0: GA alone)")
         axes.set_xticks(range(len(rates)), [f"{rate:g}" for rate in rates], fontsize=8)
         axes.spines[["top", "right"]].set_visible(False)
     top_left.legend(frameon=False, fontsize=9)
+    top_left.set_ylim(-0.04, 1.04)
     low_left.set_yscale("symlog", linthresh=0.1)
+    low_left.set_ylim(bottom=-0.02)
     _rescue_and_harm(low_right, harm[harm.experiment == experiment], at)
     figure.suptitle(
         f"{experiment}: what each rate does, mean over {champions} champions with 95 % bootstrap intervals", fontsize=11
@@ -171,7 +177,7 @@ def network(genome: NDArray[np.float64], samples: Mapping[str, Samples], title: 
 
 
 def _heights(count: int) -> NDArray[np.float64]:
-    heights: NDArray[np.float64] = -(np.arange(count) - (count - 1) / 2) * (16 / max(count, 9))
+    heights: NDArray[np.float64] = -(np.arange(count, dtype=np.float64) - (count - 1) / 2) * (16 / max(count, 9))
     return heights
 
 

@@ -41,7 +41,7 @@ def maze(scenario: Scenario) -> bytes:
     axes.add_patch(Circle((START.x, START.y), RADIUS, facecolor="#009E73", edgecolor="black", zorder=3))
     axes.plot([START.x, START.x], [START.y, START.y + RADIUS], color="black", zorder=4)
     for side in SIDES:
-        axes.annotate(f"goal, {side}", GOALS[side], (0, -2), textcoords="offset points", ha="center", fontsize=8)
+        axes.annotate(f"goal\n({side})", GOALS[side], ha="center", va="center", fontsize=8)
     return to_png(figure)
 
 

@@ -1,0 +1,162 @@
+"""`epuckhebb reproduce`, small: whole, resumable, repeatable, and every number of its report in a CSV."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from epuckhebb.app.cli import app
+
+SMALL = [
+    "champions=2",
+    "repeats=1",
+    "rates=[0.001]",
+    "ga.population=4",
+    "ga.generations=2",
+    "ga.elites=1",
+    "ga.loops=1",
+]
+
+
+def call(*words):
+    return CliRunner().invoke(app, ["reproduce", *words])
+
+
+def contents(folder):
+    return {file.name: file.read_bytes() for file in folder.rglob("*.csv")}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("reproduce"))
+        result = call("all", *SMALL)
+        assert result.exit_code == 0, result.output
+        (folder,) = (tmp_path_factory.getbasetemp() / "reproduce0" / "runs" / "reproduce").iterdir()
+        yield folder, result
+
+
+def test_it_leaves_report_tables_and_figures(made):
+    folder, result = made
+    assert "The paper's claims" in result.stdout
+    assert {"report.md", "report.html", "provenance.json", "status.json"} <= {file.name for file in folder.iterdir()}
+    tables = {"metrics", "trials", "claims", "success", "rescue_and_harm", "dose_response", "comparison"}
+    assert tables <= {file.stem for file in folder.glob("*.csv")}
+    named = set(re.findall(r"\(figures/([\w.]+)\)", (folder / "report.md").read_text()))
+    assert named == {file.name for file in (folder / "figures").iterdir()}
+    assert len(named) == 15
+
+
+def test_the_page_needs_nothing_else(made):
+    page = (made[0] / "report.html").read_text()
+    assert "http" not in re.sub(r'src="data:[^"]+"', "", page)
+    assert page.count('src="data:image/png;base64,') == 15
+
+
+def test_an_interrupted_run_does_only_what_is_missing_and_ends_with_the_same_bytes(made):
+    folder, _ = made
+    before = contents(folder)
+    kept = folder / "champions" / "light_seed001.npz"
+    stamp = kept.stat().st_mtime_ns
+    (folder / "champions" / "obstacles_seed002.npz").unlink()
+    (folder / "lifetimes" / "light_seed002.csv").unlink()
+    (folder / "claims.csv").unlink()
+    assert call("all", *SMALL, "threads=1").exit_code == 0
+    assert contents(folder) == before
+    assert kept.stat().st_mtime_ns == stamp
+
+
+def rows_of(report, heading):
+    """The cells of the Markdown table with this first header cell."""
+    lines = report[report.index(f"| {heading} |") :].split("\n\n")[0].splitlines()[2:]
+    return [[cell.strip(" *") for cell in line.strip("|").split(" | ")] for line in lines]
+
+
+def test_every_number_of_the_report_is_in_a_csv(made):
+    folder, _ = made
+    report = (folder / "report.md").read_text()
+    claims = pd.read_csv(folder / "claims.csv")
+    for cells, row in zip(rows_of(report, "experiment | claim"), claims.itertuples(), strict=True):
+        assert cells[:4] == [row.experiment, row.claim, row.verdict, f"{row.true} of {row.n}"]
+    harm = pd.read_csv(folder / "rescue_and_harm.csv")
+    harm["rate"] = [f"{row.controller}, N = {row.N:g}" for row in harm.itertuples()]
+    for scenario, plasticity, rescued, harmed, difference, p in rows_of(report, "scenario | plasticity"):
+        row = harm[(harm.scenario == scenario) & (harm.rate == plasticity)].iloc[0]
+        assert rescued == f"{row.rescued} of {row.broken}"
+        assert harmed == f"{row.harmed} of {row.sound}"
+        assert difference.startswith(f"{row.difference:+.2f} [")
+        assert p == f"{row.mcnemar_p:.2g}"
+    success = pd.read_csv(folder / "success.csv")
+    for _, scenario, controller, left, right in rows_of(report, "experiment | scenario"):
+        name, rate = controller.split(", N = ") if "," in controller else (controller, "0")
+        own = success[(success.scenario == scenario) & (success.controller == name) & (float(rate) == success.N)]
+        for side, cell in (("left", left), ("right", right)):
+            row = own[own.side == side].iloc[0]
+            assert cell == f"{row.successes} of {row.n}: {row.share:.2f} [{row.low:.2f}, {row.high:.2f}]"
+    comparison = pd.read_csv(folder / "comparison.csv")
+    known = {f"{value:.4f}" for value in comparison.ours.dropna()} | {
+        f"{value:.2f}" for value in comparison.ours.dropna()
+    }
+    for block in report.split("### Table ")[1:]:
+        shown = block.split("All 2 champions")[0]
+        for value in re.findall(r"(\d+\.\d{2,4}) \(\d", shown):
+            assert value in known, value
+
+
+def test_csvs_trace_back_to_lifetimes(made):
+    folder, _ = made
+    metrics, trials = (pd.read_csv(folder / f"{name}.csv") for name in ("metrics", "trials"))
+    row = trials.iloc[-1]
+    own = metrics
+    for column in ("experiment", "scenario", "controller", "N", "genome", "side"):
+        own = own[own[column] == row[column]]
+    assert own.path_length_m.mean() == row.path_length_m
+    assert (own.success.mean() > 0.5) == row.succeeds
+
+
+def test_one_given_genome_stands_beside_the_paper(tmp_path, monkeypatch, genomes):
+    monkeypatch.chdir(tmp_path)
+    np.save("mine.npy", genomes[0])
+    result = call("obstacles", "genome=mine.npy", "rates=[]", "repeats=1", "signal=as_coded")
+    assert result.exit_code == 0, result.output
+    (folder,) = (tmp_path / "runs" / "reproduce").iterdir()
+    comparison = pd.read_csv(folder / "comparison.csv")
+    assert comparison.relative_deviation.notna().sum() > 30
+    assert "Relative deviation" in (folder / "report.md").read_text()
+
+
+BAD = {
+    "no champions": (["champions=0"], ["champions must be 1 or more", "0"]),
+    "no such experiment": (["sound"], ["sound", "light, obstacles, all"]),
+    "other layers": (["genome=layers.npz"], ["layers", "16, 7, 5, 8, 4, 2"]),
+    "negative rate": (["rates=[-1]"], ["rates", "-1"]),
+    "unknown key": (["champoins=3"], ["champoins"]),
+}
+
+
+@pytest.mark.parametrize("mistake", BAD)
+def test_a_mistake_gets_one_message_and_leaves_nothing(mistake, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.savez("layers.npz", genome=np.zeros(234), layers=[16, 8, 2])
+    words, expected = BAD[mistake]
+    result = call(*words)
+    assert result.exit_code == 2, result.output
+    for text in expected:
+        assert text in result.stderr
+    assert [file.name for file in tmp_path.iterdir()] == ["layers.npz"]
+
+
+def test_a_champion_of_an_earlier_run_that_cannot_be_read_is_named(made):
+    folder, _ = made
+    champion = folder / "champions" / "light_seed001.npz"
+    whole = champion.read_bytes()
+    try:
+        champion.write_bytes(whole[:100])
+        result = call("all", *SMALL)
+        assert result.exit_code == 2
+        assert "light_seed001.npz" in result.stderr
+        assert champion.read_bytes() == whole[:100]
+    finally:
+        champion.write_bytes(whole)
