@@ -36,6 +36,6 @@ def tests(session: nox.Session) -> None:
 
 @nox.session
 def bench(session: nox.Session) -> None:
-    """Time a control step against the plain loop."""
+    """Measure a step, its parts, scale and whole commands; writes benchmarks/results.md."""
     session.install(".")
-    session.run("python", "benchmarks/step.py")
+    session.run("python", "benchmarks/run.py")

@@ -86,7 +86,7 @@ def reproduce(experiment: str, overrides: list[str], *, quick: bool, step: Calla
     tell("tables")
     found = _findings(work, pd.concat(parts, ignore_index=True), paper, unchanged)
     tell("figures and report")
-    pictures = _figures(work, found, loaded)
+    pictures = {name: (told, figures.small(png)) for name, (told, png) in _figures(work, found, loaded).items()}
     text = report.markdown(found, {name: caption for name, (caption, _) in pictures.items()})
     for name, (_, png) in pictures.items():
         runs.write_whole(folder / "figures" / name, png)

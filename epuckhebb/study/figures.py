@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
+from PIL import Image
 
 from epuckhebb.sim.epuck import RADIUS
 from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, SIDES, START, WALLS, Side, boxes
@@ -79,7 +80,14 @@ def _draw_path(axes: Axes, pose: NDArray[np.float64], side: Side) -> None:
 
 
 def to_png(figure: Figure) -> bytes:
-    """The figure as PNG, without the date, so that the same figure gives the same bytes."""
+    """The figure as PNG, without the program's name, so that the same figure gives the same bytes."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def small(png: bytes) -> bytes:
+    """The same picture in 256 colours, a third of the size: for a report that holds many."""
+    buffer = io.BytesIO()
+    Image.open(io.BytesIO(png)).convert("RGB").quantize(256).save(buffer, format="png", optimize=True)
     return buffer.getvalue()

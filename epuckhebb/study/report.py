@@ -74,6 +74,21 @@ def markdown(found: Findings, figures: Mapping[str, str]) -> str:
     return "\n".join(parts)
 
 
+def summary(claims: pd.DataFrame, success: pd.DataFrame, harm: pd.DataFrame, provenance: str) -> str:
+    """The results section of the README: claims, success, rescue and harm."""
+    return "\n".join(
+        [
+            f"{provenance} A *trial* is one champion on one side; it succeeds if most of its noise repeats do.\n",
+            _claims(claims, of_what=False),
+            "Success, with 95 % intervals:\n",
+            success_table(success),
+            "Of the trials mastered in the training world, what the change breaks and plasticity rescues, and what it "
+            "harms of the rest; the controls make changes of equal size that are not Hebb's:\n",
+            rescue_table(harm),
+        ]
+    )
+
+
 def html(text: str, picture: Callable[[str], bytes]) -> str:
     """The report as one HTML page without links to anything; `picture` gives a figure's PNG by its file name."""
     body = MarkdownIt("commonmark", {"html": True}).enable("table").render(text)
@@ -89,16 +104,18 @@ def html(text: str, picture: Callable[[str], bytes]) -> str:
     )
 
 
-def _claims(claims: pd.DataFrame) -> str:
+def _claims(claims: pd.DataFrame, *, of_what: bool = True) -> str:
     rows = [
-        [row.experiment, row.claim, f"**{row.verdict}**", f"{row.true} of {row.n}", _interval(row), row.counted]
+        [row.experiment, row.claim, f"**{row.verdict}**", f"{row.true} of {row.n}", _interval(row)]
+        + ([row.counted] if of_what else [])
         for row in claims.itertuples()
     ]
     rule = (
         "A claim is put to every trial that could show it. It *holds* where the interval of the share of trials in "
         "which it comes true lies above one half, *does not hold* where it lies below, and is *mixed* otherwise.\n\n"
     )
-    return rule + _table(["experiment", "claim", "verdict", "true in", "share", "of what"], rows)
+    head = ["experiment", "claim", "verdict", "true in", "share", *(["of what"] if of_what else [])]
+    return rule + _table(head, rows)
 
 
 def _tables(found: Findings) -> str:

@@ -1,0 +1,46 @@
+"""What whole commands cost: wall time and peak memory of each, cold (nothing compiled yet) and warm."""
+
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from statistics import median
+
+REPEATS = 5
+EPUCKHEBB = shutil.which("epuckhebb", path=str(Path(sys.executable).parent)) or "epuckhebb"
+
+
+def measure() -> list[tuple[str, str]]:
+    """Seconds and megabytes of `--help`, `evaluate` and `evolve`, and bytes written with and without recording."""
+    with tempfile.TemporaryDirectory() as folder:
+        here = Path(folder)
+        cold = _seconds(here, "evaluate", "scenario=4obstacles")
+        rows = [("evaluate, first start (compiles)", f"{cold:.1f} s")]
+        for name, words in (("--help", ["--help"]), ("evaluate, warm", ["evaluate", "scenario=4obstacles"])):
+            rows.append((name, f"{median(_seconds(here, *words) for _ in range(REPEATS)):.2f} s"))
+        rows.append(("evolve, the paper's size", f"{median(_seconds(here, 'evolve') for _ in range(3)):.1f} s"))
+        peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+        rows.append(("peak memory of any of them", f"{peak:.0f} MB"))
+        for seconds in (60, 250):
+            for every in (0, 8, 1):
+                words = [
+                    f"lifetime.duration_s={seconds}",
+                    f"lifetime.record_every={every}",
+                    f"hydra.run.dir=r{seconds}_{every}",
+                ]
+                _seconds(here, "evaluate", *words)
+                written = sum(f.stat().st_size for f in (here / f"r{seconds}_{every}").rglob("*") if f.is_file())
+                rows.append((f"written: {seconds} s, a sample every {every} steps", f"{written / 1e6:.2f} MB"))
+    return rows
+
+
+def _seconds(here: Path, *words: str) -> float:
+    environment = {**os.environ, "XDG_CACHE_HOME": str(here / "cache")}
+    quiet = [] if words[0] == "--help" else ["--quiet"]
+    began = time.perf_counter()
+    subprocess.run([EPUCKHEBB, *words, *quiet], cwd=here, env=environment, check=True, capture_output=True)
+    return time.perf_counter() - began
