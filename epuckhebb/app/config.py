@@ -90,7 +90,7 @@ class ReproduceConfig:
     champions: int = 20
     first_seed: int = 1
     seed: int = 1
-    repeats: int = 5
+    repeats: int = 10
     rates: list[float] = field(default_factory=list)
     signal: LiveFitness = LiveFitness.paper
     genome: str | None = None
