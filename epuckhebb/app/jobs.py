@@ -59,10 +59,7 @@ def evaluate_job(cfg: DictConfig) -> None:
         run.write_text("table.md", tables.to_markdown(table))
         if config.lifetime.record_every:
             run.write("traces.npz", _traces_file(traces, genome.genes))
-            title = (
-                f"{config.scenario.name} · genome {genome.name} · N = {config.hebbian.N:g} · "
-                f"first of {config.repeats} noise repeats, seed {config.seed}"
-            )
+            title = caption(config, genome.name)
             run.write("figures/trajectories.png", figures.trajectories(traces, config.scenario, title))
     finished.append(path)
 
@@ -99,6 +96,14 @@ def evolve_job(cfg: DictConfig) -> None:
             )
             progress.show(generation)
     finished.append(path)
+
+
+def caption(config: EvaluateConfig, genome_name: str) -> str:
+    """Which lifetimes the traces of a run show, in one line."""
+    return (
+        f"{config.scenario.name} · genome {genome_name} · N = {config.hebbian.N:g} · "
+        f"first of {config.repeats} noise repeats, seed {config.seed}"
+    )
 
 
 def _folder() -> Path:

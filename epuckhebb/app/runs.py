@@ -54,12 +54,7 @@ class RunFolder:
         """Write a file in the folder: whole, or not at all."""
         target = self.path / name
         target.parent.mkdir(parents=True, exist_ok=True)
-        beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-        with beside.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(target)
+        write_whole(target, content)
 
     def write_text(self, name: str, content: str) -> None:
         """Write a text file in the folder: whole, or not at all."""
@@ -78,6 +73,16 @@ class RunFolder:
 
     def _status(self, state: str, **more: str) -> dict[str, Any]:
         return {"schema": SCHEMA, "state": state, "started": self._started, **more}
+
+
+def write_whole(target: Path, content: bytes) -> None:
+    """Write a file beside its place and rename it: whole, or not at all."""
+    beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    with beside.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    beside.replace(target)
 
 
 def read(path: Path) -> dict[str, Any]:

@@ -63,21 +63,23 @@ def page(traces: Traces, genome: NDArray[np.float64], scenario: Scenario, title:
         "policy": f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
         "base-uri 'none'; form-action 'none'",
         "title": html.escape(title),
-        "data": json.dumps(_content(traces, genome, scenario, gain_rad_s), separators=(",", ":")).replace("<", "\\u003c"),
+        "data": json.dumps(_content(traces, genome, scenario, gain_rad_s), separators=(",", ":")).replace(
+            "<", "\\u003c"
+        ),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda place: filling[place[1]], template)
 
 
-def arrival(samples_time: NDArray[np.float64], pose: NDArray[np.float64], side: Side) -> Arrival:
-    """When and whether a robot arrived. samples_time: (samples,) [s]. pose: (samples, 3) x, y [m], heading [rad]."""
+def arrival(time: NDArray[np.float64], pose: NDArray[np.float64], side: Side) -> Arrival:
+    """When and whether a robot arrived. time: (samples,) [s]. pose: (samples, 3) x, y [m], heading [rad]."""
     distance = np.hypot(*(pose[:, :2] - GOALS[side]).T)
     inside = np.flatnonzero(distance < GOAL_RADIUS)
     if not len(inside):
         return Arrival(None, float(distance[-1]))
     k = max(1, int(inside[0]))
-    # Between two samples the robot drives straight on, near enough to tell the moment better than the samples do.
-    time = np.interp(-GOAL_RADIUS, -distance[k - 1 : k + 1], samples_time[k - 1 : k + 1])
-    return Arrival(float(time), float(distance[-1]))
+    # Between two samples the robot drives straight on, near enough to find the step; metrics count its end.
+    crossed = np.interp(-GOAL_RADIUS, -distance[k - 1 : k + 1], time[k - 1 : k + 1])
+    return Arrival(math.ceil(crossed / STEP_S) * STEP_S, float(distance[-1]))
 
 
 def outcome(side: Side, controllers: Sequence[str], arrivals: Sequence[Arrival]) -> str:
