@@ -22,7 +22,7 @@ from epuckhebb.study.figures import SIDE_COLOUR, controller_title, draw_maze
 
 _SPEED = 8  # s of a lifetime in a second of film
 _REST_S = 10.0  # s of lifetime shown after the last robot came to rest
-_HEIGHT, _PANEL_WIDTH, _DPI = 464, 480, 100  # pixels; multiples of 16, as video codecs want
+_HEIGHT, _PANEL_WIDTH, _LEAST_WIDTH, _DPI = 448, 480, 640, 100  # pixels; multiples of 16, as video codecs want
 
 Track = Callable[[Sequence[float]], Iterable[float]]
 
@@ -31,9 +31,7 @@ def gif(traces: Traces, scenario: Scenario, title: str, track: Track = iter) -> 
     """An animated GIF that repeats. track: wraps the moments to be drawn, to show progress."""
     frames_per_second = 12.5  # GIF counts in hundredths of a second
     frames = (Image.fromarray(frame) for frame in _frames(traces, scenario, title, track, frames_per_second))
-    # One palette for all frames, from the last, which has every colour; so what stands still stays the same.
-    last = Image.fromarray(next(_frames(traces, scenario, title, lambda moments: moments[-1:], 1.0)))
-    palette = last.quantize(128)
+    palette = _palette(next(_frames(traces, scenario, title, lambda moments: moments[-1:], 1.0)))
     first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
     buffer = io.BytesIO()
     first.save(
@@ -48,6 +46,21 @@ def gif(traces: Traces, scenario: Scenario, title: str, track: Track = iter) -> 
     return buffer.getvalue()
 
 
+def _palette(frame: NDArray[np.uint8]) -> Image.Image:
+    """One palette for all frames: the commonest colours of the last one, which has them all.
+
+    They keep a distance of 8 levels, because Pillow looks colours up no finer than that; so white stays white.
+    """
+    colours, counts = np.unique(frame.reshape(-1, 3).astype(int), axis=0, return_counts=True)
+    kept = np.empty((0, 3), int)
+    for colour in colours[np.argsort(-counts)]:
+        if len(kept) < 256 and (np.abs(kept - colour).max(axis=1) >= 8).all():
+            kept = np.vstack([kept, colour])
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(kept.ravel().tolist())
+    return palette
+
+
 def can_make_mp4() -> bool:
     """Whether imageio-ffmpeg is installed."""
     return importlib.util.find_spec("imageio_ffmpeg") is not None
@@ -60,7 +73,7 @@ def mp4(traces: Traces, scenario: Scenario, title: str, track: Track = iter) -> 
     frames_per_second = 25
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
-        size = (_PANEL_WIDTH * len(set(traces.controller)), _HEIGHT)
+        size = (_width(traces), _HEIGHT)
         writer = imageio_ffmpeg.write_frames(str(path), size, fps=frames_per_second, ffmpeg_log_level="error")
         writer.send(None)
         for frame in _frames(traces, scenario, title, track, frames_per_second):
@@ -74,13 +87,13 @@ def _frames(
 ) -> Iterator[NDArray[np.uint8]]:
     """The pictures, (height, width, 3), one after the other."""
     controllers = list(dict.fromkeys(traces.controller))
-    figure = Figure(figsize=(_PANEL_WIDTH * len(controllers) / _DPI, _HEIGHT / _DPI), dpi=_DPI, layout="constrained")
+    figure = Figure(figsize=(_width(traces) / _DPI, _HEIGHT / _DPI), dpi=_DPI, layout="constrained")
     canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
     panels = dict(zip(controllers, figure.subplots(1, len(controllers), squeeze=False)[0], strict=True))
     for controller, axes in panels.items():
         draw_maze(axes, scenario)
         axes.set_title(controller_title(controller), fontsize=11)
-    heading = figure.suptitle(f"{title} · 000 s", fontsize=9)
+    heading = figure.suptitle(f"{title}\n0 s", fontsize=9)
     moving: list[tuple[Any, Any, Any]] = []
     for controller, name in zip(traces.controller, traces.side, strict=True):
         side: Side = "left" if name == "left" else "right"
@@ -96,7 +109,7 @@ def _frames(
     time, pose = traces.samples.time[0], traces.samples.pose
     for now in track(np.arange(0.0, _end(time, pose), _SPEED / frames_per_second).tolist()):
         canvas.restore_region(still)
-        heading.set_text(f"{title} · {now:.0f} s")
+        heading.set_text(f"{title}\n{now:.0f} s")
         heading.draw(canvas.get_renderer())
         for (trail, body, nose), path in zip(moving, pose, strict=True):
             x, y, heading_now = (np.interp(now, time, column) for column in path.T)
@@ -108,6 +121,10 @@ def _frames(
             for artist in (trail, body, nose):
                 artist.axes.draw_artist(artist)
         yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
+
+
+def _width(traces: Traces) -> int:
+    return max(_LEAST_WIDTH, _PANEL_WIDTH * len(set(traces.controller)))
 
 
 def _end(time: NDArray[np.float64], pose: NDArray[np.float64]) -> float:

@@ -89,8 +89,10 @@ def outcome(side: Side, controllers: Sequence[str], arrivals: Sequence[Arrival])
     stayed = [one for one in lived if one[1].stayed]
     others = [one for one in lived if not one[1].stayed]
     alone, both = len(lived) == 1, len(lived) == 2
+    if alone and stayed:
+        return f"The robot reached {goal} after {arrivals[0].time:.1f} s."
     if not others:
-        told = f"{'The robot' if alone else 'Both robots' if both else 'All robots'} reached {goal}: "
+        told = f"{'Both' if both else 'All'} robots reached {goal}: "
     elif stayed:
         whom = " and the one ".join(_who(controller) for controller, _ in stayed)
         times = " and ".join(f"{arrived.time:.1f} s" for _, arrived in stayed)
@@ -99,20 +101,21 @@ def outcome(side: Side, controllers: Sequence[str], arrivals: Sequence[Arrival])
         passed = any(arrived.time is not None for arrived in arrivals)
         robots = "The robot never" if alone else "Neither robot" if both else "No robot"
         told = f"{robots} {'stayed at' if passed else 'reached'} {goal}: "
-    return f"{told}{', '.join(_told(*one) for one in others or stayed)}."
+    who = [""] if alone else [f"{_who(controller)} " for controller, _ in others or stayed]
+    return f"{told}{', '.join(map(_told, who, [arrived for _, arrived in others or stayed]))}."
 
 
 def _who(controller: str) -> str:
     return _WHO.get(controller, f"“{controller}”")
 
 
-def _told(controller: str, arrived: Arrival) -> str:
+def _told(who: str, arrived: Arrival) -> str:
     away = f"ended {100 * arrived.final_distance:.0f} cm away"
     if arrived.time is None:
-        return f"{_who(controller)} it {away}"
+        return f"{who}it {away}"
     if arrived.stayed:
-        return f"{_who(controller)} after {arrived.time:.1f} s"
-    return f"{_who(controller)} it was there after {arrived.time:.1f} s but drove on and {away}"
+        return f"{who}after {arrived.time:.1f} s"
+    return f"{who}it was there after {arrived.time:.1f} s but drove on and {away}"
 
 
 def _content(traces: Traces, genome: NDArray[np.float64], scenario: Scenario, gain_rad_s: float) -> dict[str, Any]:
