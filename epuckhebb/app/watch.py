@@ -58,8 +58,8 @@ def recording(run: Path) -> Recording:
             f"recording on: {' '.join(['epuckhebb evaluate', *kept, 'lifetime.record_every=8'])}"
         )
     try:
-        with np.load(run / "traces.npz", allow_pickle=False) as file:
-            arrays = dict(file)
+        with (run / "traces.npz").open("rb") as file:
+            arrays = dict(np.load(file, allow_pickle=False))
         traces = Traces(
             controller=arrays["controller"].tolist(),
             side=arrays["side"].tolist(),
