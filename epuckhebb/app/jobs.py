@@ -102,7 +102,7 @@ def caption(config: EvaluateConfig, genome_name: str) -> str:
     """Which lifetimes the traces of a run show, in one line."""
     return (
         f"{config.scenario.name} · genome {genome_name} · N = {config.hebbian.N:g} · "
-        f"first of {config.repeats} noise repeats, seed {config.seed}"
+        f"noise repeat 1 of {config.repeats}, seed {config.seed}"
     )
 
 
