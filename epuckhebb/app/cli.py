@@ -60,6 +60,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but er
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output, all else on standard error.")
 ]
+Open = Annotated[bool, typer.Option("--open", help="Write the page that replays the run, and open it in a browser.")]
 
 
 @app.command(cls=ConfiguredCommand)
@@ -86,12 +87,59 @@ def evaluate(
     config_dir: ConfigDir = None,
     quiet: Quiet = False,
     as_json: Json = False,
+    open_page: Open = False,
 ) -> None:
     """A genome's lifetimes in a scenario, GA alone and with plasticity."""
     with _told():
-        from epuckhebb.app.jobs import evaluate_job
+        from epuckhebb.app import jobs
 
-        _run("evaluate", evaluate_job, overrides or [], multirun, cfg, config_dir, quiet, as_json)
+        if open_page and (multirun or cfg):
+            raise ConfigError(
+                "--open shows the page of one run, so it does not go with --multirun or --cfg; "
+                "run `epuckhebb replay RUN --open` for one of the runs of a multirun"
+            )
+        _run("evaluate", jobs.evaluate_job, overrides or [], multirun, cfg, config_dir, quiet, as_json)
+        if open_page:
+            from epuckhebb.app import watch
+
+            page = jobs.finished[0] / "replay.html"
+            watch.write_page(watch.recording(jobs.finished[0]), page)
+            _open(page)
+
+
+@app.command()
+def replay(
+    run: Annotated[Path, typer.Argument(help="A run folder of `epuckhebb evaluate`.", metavar="RUN")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Where to write the page.  [RUN/replay.html]")
+    ] = None,
+    gif: Annotated[Path | None, typer.Option("--gif", metavar="FILE", help="Write a GIF, for slides.")] = None,
+    mp4: Annotated[
+        Path | None, typer.Option("--mp4", metavar="FILE", help='Write a film; needs "epuckhebb[video]".')
+    ] = None,
+    open_page: Open = False,
+) -> None:
+    """A page to watch a run's lifetimes, or a film of them."""
+    with _told():
+        from epuckhebb.app import watch
+        from epuckhebb.study import movie
+
+        if mp4:
+            watch.require_video()
+        recorded = watch.recording(run)
+        written = []
+        if output or open_page or not (gif or mp4):
+            page = output or run / "replay.html"
+            watch.write_page(recorded, page)
+            written.append(page)
+        for target, make in ((gif, movie.gif), (mp4, movie.mp4)):
+            if target:
+                watch.write_movie(recorded, target, make)
+                written.append(target)
+        for path in written:
+            typer.echo(path)
+        if open_page:
+            _open(page)
 
 
 @app.command(cls=ConfiguredCommand)
@@ -194,6 +242,14 @@ def _told() -> Iterator[None]:
     except JobFailedError as error:
         _say_error(f"a job failed: {error}")
         raise typer.Exit(JOB_FAILED) from None
+
+
+def _open(page: Path) -> None:
+    import webbrowser
+
+    if not webbrowser.open(page.resolve().as_uri()):
+        _say_error(f"no browser could be started; open {page} yourself")
+        raise typer.Exit(JOB_FAILED)
 
 
 def _say_error(message: str) -> None:
