@@ -124,7 +124,7 @@ def paper():
 
 
 def test_showcase_is_the_likest_of_the_masters(paper):
-    assert findings.showcase(EACH, published.published_success(paper), "obstacles") == ("a", 8)
+    assert findings.showcase(EACH, published.published_success(paper), "obstacles") == ("a", 8, 12)
 
 
 def test_published_values_are_the_papers(paper):

@@ -29,8 +29,8 @@ img { max-width: 100%; height: auto; background: #fff; border-radius: 4px; } cod
 class Findings:
     """All tables of a reproduction; each is also a CSV file of that name. See `epuckhebb.study.findings`.
 
-    showcase: for each experiment the champion shown, and in how many of the paper's cells its success agrees.
-    champions: how many there are of each experiment. provenance: a line on who made this and how.
+    showcase: for each experiment the champion shown, and in how many of the paper's cells, of how many, its success agrees.
+    champions: how many there are of each experiment. given: one given genome takes their place. provenance: a line on who made this and how.
     """
 
     claims: pd.DataFrame
@@ -38,8 +38,9 @@ class Findings:
     rescue_and_harm: pd.DataFrame
     dose_response: pd.DataFrame
     comparison: pd.DataFrame
-    showcase: Mapping[str, tuple[str, int]]
+    showcase: Mapping[str, tuple[str, int, int]]
     champions: int
+    given: bool
     repeats: int
     rule: str
     provenance: str
@@ -47,17 +48,16 @@ class Findings:
 
 def markdown(found: Findings, figures: Mapping[str, str]) -> str:
     """The report as Markdown. figures: file name -> caption, in order; the files lie in `figures/` beside it."""
-    single = found.champions == 1
     parts = [
         "# The paper's experiment, reproduced\n",
         f"{found.provenance}\n",
         "A *trial* is one champion on one side. It succeeds if the robot ends within 5 cm of its goal in more than "
         f"half of its {found.repeats} noise repeats. Intervals are 95 %.\n",
     ]
-    if not single:
+    if not found.given:
         parts += ["## The paper's claims\n", _claims(found.claims)]
     parts += ["## Tables 1 to 3, ours and (the paper's)\n", _tables(found)]
-    if not single:
+    if not found.given:
         parts += [
             "## How often\n",
             "### Success\n",
@@ -122,18 +122,15 @@ def _tables(found: Findings) -> str:
     parts = []
     for _, group in found.comparison.groupby("table", sort=False):
         experiment = group.experiment.iloc[0]
-        name, agreeing = found.showcase[experiment]
-        cells = 2 * len(group[["scenario", "controller"]].drop_duplicates())
+        name, agreeing, cells = found.showcase[experiment]
         parts.append(f"### {group.title.iloc[0]}\n")
-        if found.champions == 1:
+        if found.given:
             parts += [f"Genome `{name}`.\n", published.to_markdown(group, of_all=False)]
             parts += ["\nRelative deviation from the published value:\n", _deviations(group)]
             continue
         parts += [
-            f"Showcase: `{name}`, mean of its repeats. {found.rule} It agrees in {agreeing} of the paper's "
-            f"success cells of this experiment; {found.champions} champions were searched.\n"
-            if cells
-            else "",
+            f"Showcase: `{name}`, mean of its repeats. {found.rule} It agrees in {agreeing} of the {cells} "
+            f"cells of this experiment's tables; {found.champions} champions were searched.\n",
             published.to_markdown(group, of_all=False),
             f"\nAll {found.champions} champions, median [quartiles]:\n",
             published.to_markdown(group, of_all=True),
