@@ -101,6 +101,7 @@ def test_success_counts_champions():
     found = findings.success(EACH).set_index(["scenario", "controller", "side"])
     assert tuple(found.loc[("base", GA_ALONE, "right"), ["successes", "n"]]) == (1, 2)
     assert tuple(found.loc[("base", GA_ALONE, "right"), ["low", "high"]]) == wilson(1, 2)
+    assert tuple(found.loc[("base", GA_ALONE, "both"), ["successes", "n"]]) == (1, 2)
 
 
 def test_claims_by_hand():

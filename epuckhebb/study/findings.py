@@ -31,9 +31,10 @@ def trials(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def success(each: pd.DataFrame) -> pd.DataFrame:
-    """Success of every condition and side over the champions, with Wilson intervals."""
+    """Success of every condition over the champions, left, right and on both sides, with Wilson intervals."""
+    both = each.groupby([*_CELL, "genome"], sort=False, as_index=False).succeeds.all().assign(side="both")
     rows = []
-    for cell, group in each.groupby([*_CELL, "side"], sort=False):
+    for cell, group in pd.concat([each, both]).groupby([*_CELL, "side"], sort=False):
         k, n = int(group.succeeds.sum()), len(group)
         low, high = wilson(k, n)
         rows.append(dict(zip([*_CELL, "side"], cell, strict=True)) | _share(k, n) | {"low": low, "high": high})

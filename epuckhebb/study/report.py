@@ -4,7 +4,7 @@ Every number comes from a table that is also written as CSV; nothing is computed
 """
 
 import base64
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ import pandas as pd
 from markdown_it import MarkdownIt
 
 from epuckhebb.study import published
+from epuckhebb.study.evaluate import CONTROLLER, GA_ALONE, HEBBIAN
 from epuckhebb.study.findings import PAPER_N
 
 _STYLE = """
@@ -29,8 +30,9 @@ img { max-width: 100%; height: auto; background: #fff; border-radius: 4px; } cod
 class Findings:
     """All tables of a reproduction; each is also a CSV file of that name. See `epuckhebb.study.findings`.
 
-    showcase: for each experiment the champion shown, and in how many of the paper's cells, of how many, its success agrees.
-    champions: how many there are of each experiment. given: one given genome takes their place. provenance: a line on who made this and how.
+    showcase: for each experiment the champion shown, in how many cells it agrees with the paper, of how many.
+    champions: how many there are of each experiment. given: one given genome takes their
+    place. provenance: a line on who made this and how.
     """
 
     claims: pd.DataFrame
@@ -81,7 +83,7 @@ def summary(claims: pd.DataFrame, success: pd.DataFrame, harm: pd.DataFrame, pro
             f"{provenance} A *trial* is one champion on one side; it succeeds if most of its noise repeats do.\n",
             _claims(claims, of_what=False),
             "Success, with 95 % intervals:\n",
-            success_table(success),
+            success_table(success, (GA_ALONE, HEBBIAN)),
             "Of the trials mastered in the training world, what the change breaks and plasticity rescues, and what it "
             "harms of the rest; the controls make changes of equal size that are not Hebb's:\n",
             rescue_table(harm),
@@ -148,17 +150,19 @@ def _deviations(group: pd.DataFrame) -> str:
     return _table(["scenario", "controller", "metric", "paper", "ours", "deviation"], rows)
 
 
-def success_table(success: pd.DataFrame) -> str:
+def success_table(success: pd.DataFrame, controllers: Collection[str] = (GA_ALONE, *CONTROLLER.values())) -> str:
     """Success at the paper's rates, a row for each scenario and controller."""
-    own = success[[row.N in (0.0, PAPER_N[row.experiment]) for row in success.itertuples()]]
+    own = success[success.controller.isin(controllers)]
+    own = own[[row.N in (0.0, PAPER_N[row.experiment]) for row in own.itertuples()]]
     rows = []
     for (experiment, scenario, controller), group in own.groupby(["experiment", "scenario", "controller"], sort=False):
         sides = group.set_index("side")
         cells = [
-            f"{sides.successes[side]} of {sides.n[side]}: {_interval(sides.loc[side])}" for side in ("left", "right")
+            f"{sides.successes[side]} of {sides.n[side]}: {_interval(sides.loc[side])}"
+            for side in ("left", "right", "both")
         ]
         rows.append([experiment, scenario, f"{controller}{_rate(group.N.iloc[0])}", *cells])
-    return _table(["experiment", "scenario", "controller", "left", "right"], rows)
+    return _table(["experiment", "scenario", "controller", "left", "right", "both sides"], rows)
 
 
 def rescue_table(harm: pd.DataFrame) -> str:
