@@ -1,5 +1,7 @@
 """The command line: Typer verbs. Everything heavy is imported inside a verb, so that help comes at once."""
 
+import atexit
+import gc
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -157,6 +159,7 @@ def reproduce(
         from epuckhebb.app import progress, report
         from epuckhebb.app.reproduce import reproduce as run
 
+        _all_is_loaded()
         experiment, overrides = "all", list(words or [])
         if overrides and "=" not in overrides[0]:
             experiment = overrides.pop(0)
@@ -214,6 +217,7 @@ def _run(
     flags = ["--multirun"] if multirun else []
     flags += ["--cfg", cfg] if cfg else []
     flags += ["--config-dir", config_dir] if config_dir else []
+    _all_is_loaded()
     jobs.begin(quiet=quiet)
     if multirun:
         compose.check_sweep(verb, arguments)
@@ -259,5 +263,16 @@ def _say_error(message: str) -> None:
 
 
 def main() -> None:
-    """The entry point of `epuckhebb`."""
+    """The entry point of `epuckhebb`.
+
+    What the program loads at its start never becomes garbage, so it is not searched for any: not while it loads (see
+    `_all_is_loaded`), and not at the end. That is half a second of the three that an evaluation would take.
+    """
+    gc.disable()
+    atexit.register(gc.freeze)
     app()
+
+
+def _all_is_loaded() -> None:
+    gc.freeze()
+    gc.enable()

@@ -21,7 +21,8 @@ _WALL, _OBSTACLE, _LAMP = "#4d4d4d", "#b07d62", "#E69F00"
 def trajectories(traces: Traces, scenario: Scenario, title: str) -> bytes:
     """A PNG with one maze for each controller: both trials' paths, where they began, and how they ended."""
     controllers = list(dict.fromkeys(traces.controller))
-    figure = Figure(figsize=(4.8 * len(controllers), 4.6), layout="constrained")
+    figure = Figure(figsize=(4.8 * len(controllers), 4.6))
+    figure.subplots_adjust(left=0.135 / len(controllers), right=0.985, bottom=0.17, top=0.87, wspace=0.16)
     panels = figure.subplots(1, len(controllers), squeeze=False)[0]
     for axes, controller in zip(panels, controllers, strict=True):
         draw_maze(axes, scenario)
@@ -30,7 +31,7 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> bytes:
                 _draw_path(axes, traces.samples.pose[lifetime], "left" if side == "left" else "right")
         axes.set_title(controller_title(controller), fontsize=11)
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, fontsize=9, frameon=False)
-    figure.suptitle(title, fontsize=11)
+    figure.suptitle(title, fontsize=11 if len(controllers) > 1 else 8)
     return to_png(figure)
 
 
