@@ -133,6 +133,7 @@ BAD = {
     "bad choice in a sweep": (["-m", "scenario=base,nope"], ["nope", "4obstacles"]),
     "missing launcher": (["-m", "hydra/launcher=submitit_slurm", "seed=1,2"], ["epuckhebb[slurm]"]),
     "unknown option": (["--bogus"], ["--bogus"]),
+    "unknown part of the configuration": (["--cfg", "everything"], ["everything", "job"]),
 }
 
 

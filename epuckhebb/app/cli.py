@@ -5,6 +5,7 @@ import gc
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -54,8 +55,18 @@ _EXAMPLES = {
 
 Overrides = Annotated[list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Settings to change.")]
 Multirun = Annotated[bool, typer.Option("--multirun", "-m", help="Run every combination of comma-separated values.")]
+
+
+class Shown(StrEnum):
+    """The part of a configuration that `--cfg` shows."""
+
+    job = "job"
+    hydra = "hydra"
+    all = "all"
+
+
 Cfg = Annotated[
-    str | None, typer.Option("--cfg", "-c", metavar="job|hydra|all", help="Show the configuration, run nothing.")
+    Shown | None, typer.Option("--cfg", "-c", metavar="job|hydra|all", help="Show the configuration, run nothing.")
 ]
 ConfigDir = Annotated[str | None, typer.Option("--config-dir", help="A folder with more configuration files.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
@@ -206,7 +217,7 @@ def _run(
     job: Callable[..., None],
     arguments: list[str],
     multirun: bool,
-    cfg: str | None,
+    cfg: Shown | None,
     config_dir: str | None,
     quiet: bool,
     as_json: bool,

@@ -6,6 +6,7 @@ Every number comes from a table that is also written as CSV; nothing is computed
 import base64
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -181,7 +182,7 @@ def _rate(rate: float) -> str:
     return f", N = {rate:g}" if rate else ""
 
 
-def _interval(row) -> str:  # type: ignore[no-untyped-def]
+def _interval(row: Any) -> str:
     return "–" if np.isnan(row.share) else f"{row.share:.2f} [{row.low:.2f}, {row.high:.2f}]"
 
 
