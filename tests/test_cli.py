@@ -131,7 +131,7 @@ BAD = {
     "grammar": (["hebbian.N"], ["hebbian.N", "KEY=VALUE"]),
     "bad value in a sweep": (["-m", "hebbian.N=0,-1"], ["hebbian.N must be 0 or more", "-1"]),
     "bad choice in a sweep": (["-m", "scenario=base,nope"], ["nope", "4obstacles"]),
-    "missing launcher": (["-m", "hydra/launcher=submitit_slurm", "seed=1,2"], ["epuckhebb[slurm]"]),
+    "missing launcher": (["-m", "hydra/launcher=ray", "seed=1,2"], ["epuckhebb[ray]"]),
     "unknown option": (["--bogus"], ["--bogus"]),
     "unknown part of the configuration": (["--cfg", "everything"], ["everything", "job"]),
 }

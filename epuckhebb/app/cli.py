@@ -16,7 +16,7 @@ from typer.core import TyperCommand
 from epuckhebb import __version__
 from epuckhebb.app.errors import ConfigError, JobFailedError
 
-JOB_FAILED, USAGE, INTERRUPTED = 1, 2, 130
+JOB_FAILED, USAGE = 1, 2
 
 app = typer.Typer(
     name="epuckhebb",
@@ -50,7 +50,12 @@ _EXAMPLES = {
         "genome=runs/evolve/RUN scenario=2obstacles",
         "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles hydra/launcher=joblib",
     ],
-    "evolve": ["seed=7", "scenario=highlight ga=as_coded", "-m seed='range(1,21)' hydra/launcher=joblib"],
+    "evolve": [
+        "seed=7",
+        "resume=runs/evolve/RUN ga.generations=60",
+        "scenario=highlight ga=as_coded",
+        "-m seed='range(1,21)' hydra/launcher=joblib",
+    ],
 }
 
 Overrides = Annotated[list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Settings to change.")]
@@ -89,6 +94,11 @@ def evolve(
     with _told():
         from epuckhebb.app.jobs import evolve_job
 
+        if any(word.startswith("resume=") for word in overrides or []):
+            if multirun or cfg or config_dir:
+                raise ConfigError("resume=RUN goes on with the settings of RUN: no -m, --cfg or --config-dir with it")
+            _resume(overrides or [], quiet, as_json)
+            return
         _run("evolve", evolve_job, overrides or [], multirun, cfg, config_dir, quiet, as_json)
 
 
@@ -240,17 +250,33 @@ def _run(
         report.tell(runs, Console())
 
 
+def _resume(arguments: list[str], quiet: bool, as_json: bool) -> None:
+    """Go on with an evolution, then say what came out."""
+    from epuckhebb.app import jobs, report
+    from epuckhebb.app.resume import resume
+
+    jobs.begin(quiet=quiet)
+    path = resume(arguments, lambda note: None if quiet else _say(note))
+    if as_json:
+        typer.echo(json.dumps({"verb": "evolve", "runs": [report.as_json(path)]}))
+    elif not quiet:
+        report.tell([path], Console())
+
+
 @contextmanager
 def _told() -> Iterator[None]:
     """Turn errors into one message and an exit code."""
+    from epuckhebb.app import interrupt
+
     try:
-        yield
+        with interrupt.soon():
+            yield
     except ConfigError as error:
         _say_error(str(error))
         raise typer.Exit(USAGE) from None
     except KeyboardInterrupt as interruption:
         _say_error(f"interrupted{f': {interruption}' if str(interruption) else ''}")
-        raise typer.Exit(INTERRUPTED) from None
+        raise typer.Exit(interrupt.EXIT_CODE) from None
     except OSError as error:
         _say_error(f"{error.filename or ''}: {error.strerror or error}")
         raise typer.Exit(USAGE) from None
@@ -265,6 +291,10 @@ def _open(page: Path) -> None:
     if not webbrowser.open(page.resolve().as_uri()):
         _say_error(f"no browser could be started; open {page} yourself")
         raise typer.Exit(JOB_FAILED)
+
+
+def _say(note: str) -> None:
+    Console(stderr=True, highlight=False, soft_wrap=True).print(note, markup=False)
 
 
 def _say_error(message: str) -> None:

@@ -24,9 +24,10 @@ from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.app.data import data_folder
-from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.errors import ConfigError, JobFailedError
 
 STAMP = "EPUCKHEBB_STAMP"  # environment variable, so that the workers of a launcher see the same
+IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}
 
 
@@ -37,21 +38,34 @@ def run(verb: str, job: Callable[[DictConfig], Any], arguments: list[str]) -> st
 
     Raises:
         ConfigError: the arguments do not make a configuration; or the job said so.
-        Exception: whatever else the job raised.
+        JobFailedError: a job failed, or the launcher of several.
     """
-    if int(version("hydra-core").split(".")[1]) >= 4:
-        options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)}
-    else:
-        options = {"version_base": "1.3"}
+    options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)} if IS_HYDRA_1_4 else version_base()
     entry = hydra.main(config_path=str(data_folder("conf")), config_name=verb, **options)(job)
-    stamp = f"{datetime.now():%Y%m%d-%H%M%S}-{token_hex(3)}"
+    stamp = new_stamp()
     with _as_command_line(verb, arguments, stamp):
         GlobalHydra.instance().clear()
         try:
             entry()
         except (HydraException, OmegaConfBaseException) as error:
             raise ConfigError(explain(error)) from error
+        except (ConfigError, JobFailedError):
+            raise
+        except Exception as error:
+            if "--multirun" in arguments:  # jobs wrap what goes wrong in them, so this is the launcher's
+                raise JobFailedError(f"the launcher stopped: {type(error).__name__}: {error}") from error
+            raise
     return stamp
+
+
+def version_base() -> dict[str, Any]:
+    """The argument `version_base` where Hydra wants it; from 1.4 on it is warned about."""
+    return {} if IS_HYDRA_1_4 else {"version_base": "1.3"}
+
+
+def new_stamp() -> str:
+    """When, and a random part that keeps apart what begins in the same second."""
+    return f"{datetime.now():%Y%m%d-%H%M%S}-{token_hex(4)}"
 
 
 @contextmanager

@@ -1,7 +1,6 @@
 """What a verb does with one configuration: claim a run folder, do the science, write the results."""
 
 import io
-import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,18 +8,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from numpy.typing import NDArray
 from omegaconf import DictConfig
 
-from epuckhebb.app import genomes
+from epuckhebb.app import checkpoint, genomes
+from epuckhebb.app.checkpoint import Checkpoint
 from epuckhebb.app.config import EvaluateConfig, EvolveConfig, thread_count, typed
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.progress import EvolutionProgress
 from epuckhebb.app.runs import RunFolder, remove_if_empty
-from epuckhebb.evolution.evolve import Generation, evolve, history_row
+from epuckhebb.evolution.evolve import evolve
 from epuckhebb.study import figures, tables
 from epuckhebb.study.evaluate import Traces, evaluate
 
@@ -38,13 +37,26 @@ def evaluate_job(cfg: DictConfig) -> None:
     """One `epuckhebb evaluate`: see `epuckhebb.study.evaluate`."""
     path = _folder()
     try:
-        config = typed(cfg, EvaluateConfig)
-        genome = genomes.load(config.genome, config.scenario.experiment)
-        run = RunFolder(path, "evaluate", cfg, _overrides(), {"genome": genome.name, "genome_sha256": genome.sha256})
+        evaluate_into(path, cfg, _overrides(), {}, threads=_threads(cfg.threads))
     except ConfigError:
         remove_if_empty(path, Path.cwd())
         raise
-    with run:
+    finished.append(path)
+
+
+def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict[str, Any], *, threads: int) -> None:
+    """Claim a folder and evaluate into it.
+
+    facts: what else belongs into its `provenance.json`.
+
+    Raises:
+        ConfigError: the configuration, the genome or the folder cannot be used.
+        JobFailedError: it began and could not be finished.
+    """
+    config = typed(cfg, EvaluateConfig)
+    genome = genomes.load(config.genome, config.scenario.experiment)
+    facts = {"genome": genome.name, "genome_sha256": genome.sha256, **facts}
+    with RunFolder(path, "evaluate", cfg, overrides, facts) as run:
         metrics, traces = evaluate(
             genome.genes,
             config.scenario,
@@ -52,7 +64,7 @@ def evaluate_job(cfg: DictConfig) -> None:
             config.lifetime,
             repeats=config.repeats,
             seed=config.seed,
-            threads=_threads(config.threads),
+            threads=threads,
             name=genome.name,
         )
         table = tables.paper_table(metrics)
@@ -63,37 +75,57 @@ def evaluate_job(cfg: DictConfig) -> None:
             run.write("traces.npz", _traces_file(traces, genome.genes))
             title = caption(config, genome.name)
             run.write("figures/trajectories.png", figures.trajectories(traces, config.scenario, title))
-    finished.append(path)
 
 
 def evolve_job(cfg: DictConfig) -> None:
     """One `epuckhebb evolve`: see `epuckhebb.evolution.evolve`."""
     path = _folder()
     try:
-        config = typed(cfg, EvolveConfig)
-        run = RunFolder(path, "evolve", cfg, _overrides(), {})
+        run = evolve_folder(path, cfg, _overrides(), {})
     except ConfigError:
         remove_if_empty(path, Path.cwd())
         raise
-    history: list[dict[str, Any]] = []
-    quiet = _in_multirun() or bool(os.environ.get(_QUIET))
-    with run, _saying_what_is_safe(run), EvolutionProgress(config.ga.generations, quiet=quiet) as progress:
-        for generation in evolve(config.ga, config.scenario, config.lifetime, config.seed, _threads(config.threads)):
-            history.append(history_row(generation))
-            run.write("checkpoint.npz", _checkpoint_file(generation, history))
-            run.write_text("history.csv", pd.DataFrame(history).to_csv(index=False))
-            run.write(
-                "champion.npz",
-                genomes.champion_file(
-                    float(generation.fitness.max()),
-                    generation.champion,
-                    config.scenario.experiment,
-                    config.seed,
-                    generation.number,
-                ),
-            )
-            progress.show(generation)
+    evolve_into(run, typed(cfg, EvolveConfig), None, threads=_threads(cfg.threads), quiet=_in_multirun() or is_quiet())
     finished.append(path)
+
+
+def evolve_folder(path: Path, cfg: DictConfig, overrides: list[str], facts: dict[str, Any]) -> RunFolder:
+    """Claim a folder for an evolution.
+
+    Raises:
+        ConfigError: the configuration or the folder cannot be used.
+    """
+    typed(cfg, EvolveConfig)
+    return RunFolder(path, "evolve", cfg, overrides, facts)
+
+
+def evolve_into(run: RunFolder, config: EvolveConfig, after: Checkpoint | None, *, threads: int, quiet: bool) -> None:
+    """Evolve, from the beginning or from a checkpoint on, and close the run.
+
+    Raises:
+        JobFailedError: it could not be finished.
+    """
+    with run, _saying_what_is_safe(run), EvolutionProgress(config.ga.generations, quiet=quiet) as progress:
+        if after is not None:
+            _write_generation(run, after, config)
+        last = after.generation if after else None
+        for generation in evolve(config.ga, config.scenario, config.lifetime, config.seed, threads, after=last):
+            after = checkpoint.following(after, generation)
+            run.write(checkpoint.NAME, after.as_bytes())
+            _write_generation(run, after, config)
+            progress.show(generation)
+
+
+def _write_generation(run: RunFolder, state: Checkpoint, config: EvolveConfig) -> None:
+    """Bring the other files of an evolution to the state of its checkpoint."""
+    last = state.generation
+    run.write_text("history.csv", state.history)
+    run.write(
+        "champion.npz",
+        genomes.champion_file(
+            float(last.fitness.max()), last.champion, config.scenario.experiment, config.seed, last.number
+        ),
+    )
 
 
 @contextmanager
@@ -102,10 +134,12 @@ def _saying_what_is_safe(run: RunFolder) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        checkpoint = run.path / "checkpoint.npz"
-        safe = (
-            f"the last whole generation is in {checkpoint}" if checkpoint.is_file() else "before the first generation"
-        )
+        safe = "before the first generation"
+        if (run.path / checkpoint.NAME).is_file():
+            safe = (
+                f"the last whole generation is in {run.path / checkpoint.NAME}; "
+                f"go on with: epuckhebb evolve resume={run.path}"
+            )
         raise KeyboardInterrupt(safe) from None
 
 
@@ -115,6 +149,11 @@ def caption(config: EvaluateConfig, genome_name: str) -> str:
         f"{config.scenario.name} · genome {genome_name} · N = {config.hebbian.N:g} · "
         f"noise repeat 1 of {config.repeats}, seed {config.seed}"
     )
+
+
+def is_quiet() -> bool:
+    """Whether this call was asked to print nothing."""
+    return bool(os.environ.get(_QUIET))
 
 
 def _folder() -> Path:
@@ -130,9 +169,15 @@ def _in_multirun() -> bool:
 
 
 def _threads(asked: int) -> int:
-    """Threads of this job; jobs of a parallel launcher get one each, unless told otherwise."""
-    parallel = _in_multirun() and not HydraConfig.get().launcher._target_.endswith("BasicLauncher")
-    return 1 if parallel and asked == 0 else thread_count(asked)
+    """Threads of this job; jobs of a parallel launcher get one each unless told otherwise, and never more than fit."""
+    launcher = HydraConfig.get().launcher
+    if not _in_multirun() or launcher._target_.endswith("BasicLauncher"):
+        return thread_count(asked)
+    if launcher._target_.endswith("JoblibLauncher"):
+        cores = thread_count(0)
+        width = launcher.n_jobs if launcher.n_jobs > 0 else max(1, cores + 1 + launcher.n_jobs)
+        return int(max(1, min(asked, cores // width)))
+    return max(1, asked)
 
 
 def _traces_file(traces: Traces, genome: NDArray[np.float64]) -> bytes:
@@ -143,20 +188,5 @@ def _traces_file(traces: Traces, genome: NDArray[np.float64]) -> bytes:
         side=np.array(traces.side),
         genome=genome,
         **traces.samples._asdict(),
-    )
-    return buffer.getvalue()
-
-
-def _checkpoint_file(generation: Generation, history: list[dict[str, Any]]) -> bytes:
-    buffer = io.BytesIO()
-    np.savez(
-        buffer,
-        generation=np.int64(generation.number),
-        population=generation.population,
-        fitness=generation.fitness,
-        success=generation.success,
-        champion=generation.champion,
-        rng_state=np.str_(json.dumps(generation.rng_state)),
-        history=np.str_(pd.DataFrame(history).to_csv(index=False)),
     )
     return buffer.getvalue()

@@ -17,7 +17,7 @@ class EvolutionProgress:
         console = Console(stderr=True, highlight=False)
         self._plain = None if console.is_terminal or quiet else console
         self._generations = generations
-        self._steps, self._seconds = 0, 0.0
+        self._steps, self._seconds, self._shown = 0, 0.0, 0
         self._bar = Progress(
             TextColumn("generation"),
             MofNCompleteColumn(),
@@ -38,13 +38,14 @@ class EvolutionProgress:
         """Show a generation that has just ended."""
         self._steps += generation.robot_steps
         self._seconds += generation.seconds
+        self._shown += 1
         told = (
             f"best {generation.fitness.max():.3f}  mean {generation.fitness.mean():.3f}  "
             f"{self._steps / self._seconds / 1e6:.2f} M robot-steps/s"
         )
         self._bar.update(self._task, completed=generation.number + 1, told=told)
         if self._plain is not None:
-            left = self._seconds / (generation.number + 1) * (self._generations - generation.number - 1)
+            left = self._seconds / self._shown * (self._generations - generation.number - 1)
             self._plain.print(f"generation {generation.number + 1}/{self._generations}  {told}  {left:.0f} s left")
 
     def __exit__(

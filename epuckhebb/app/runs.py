@@ -10,6 +10,7 @@ import os
 import platform
 import subprocess
 import traceback
+from contextlib import suppress
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -19,6 +20,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 import epuckhebb
+from epuckhebb.app import locks
 from epuckhebb.app.errors import ConfigError, JobFailedError
 
 SCHEMA = 1  # of provenance.json and status.json
@@ -29,11 +31,15 @@ def write_whole(target: Path, content: bytes) -> None:
     """Write a file and its folder: whole, or not at all."""
     target.parent.mkdir(parents=True, exist_ok=True)
     beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    with beside.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    beside.replace(target)
+    try:
+        with beside.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(target)
+    except OSError:  # a full disk, for example
+        beside.unlink(missing_ok=True)
+        raise
 
 
 class RunFolder:
@@ -49,19 +55,56 @@ class RunFolder:
         """
         self.path = path
         self._started = _now()
+        self._held: int | None = None
         try:
             path.mkdir(parents=True, exist_ok=True)
-            with (path / "status.json").open("x") as file:
-                json.dump(self._status("running"), file)
+            with (path / "status.json").open("x"):
+                pass
         except FileExistsError:
             raise ConfigError(
                 f"{path} holds a run already; runs are never overwritten, choose another folder"
             ) from None
         except OSError as error:
             raise ConfigError(f"cannot write a run to {path}: {error.strerror}") from error
-        self.write_text(".hydra/config.yaml", OmegaConf.to_yaml(cfg))
-        self.write_text(".hydra/overrides.yaml", OmegaConf.to_yaml(OmegaConf.create(overrides)))
-        self.write_text("provenance.json", _json(provenance(verb, cfg, overrides) | facts))
+        with suppress(BlockingIOError):  # someone is just looking whether we hold it; the claim is what counts
+            self._held = locks.hold(path)
+        try:
+            self.write_text("status.json", _json(self._status("running")))
+            self.write_text(".hydra/overrides.yaml", OmegaConf.to_yaml(OmegaConf.create(overrides)))
+            self.write_text(".hydra/config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
+            self.write_text("provenance.json", _json(provenance(verb, cfg, overrides) | facts))
+        except OSError as error:
+            self._give_back()
+            raise ConfigError(f"cannot write a run to {path}: {error.strerror}") from error
+
+    @classmethod
+    def reopened(cls, path: Path, cfg: DictConfig, resumed: dict[str, Any]) -> "RunFolder":
+        """Go on in the folder of an unfinished run; the one case in which an existing run is written into.
+
+        resumed: what `provenance.json` shall say of this continuation.
+
+        Raises:
+            ConfigError: it is not a run folder, another process is at work in it, or it cannot be written to.
+        """
+        told = read(path)
+        run = cls.__new__(cls)
+        run.path, run._started = path, told["status"].get("started", _now())
+        try:
+            run._held = locks.hold(path)
+        except BlockingIOError:
+            raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
+        del told["status"]
+        told["resumed"] = [*told.get("resumed", []), {"started": _now(), **resumed, "code": code_version()}]
+        try:
+            for left_over in path.rglob(".*.tmp"):
+                left_over.unlink()
+            run.write_text(".hydra/config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
+            run.write_text("provenance.json", _json(told))
+            run.write_text("status.json", _json(run._status("running")))
+        except OSError as error:
+            locks.release(run._held)
+            raise ConfigError(f"cannot go on in {path}: {error.strerror}") from error
+        return run
 
     def write(self, name: str, content: bytes) -> None:
         """Write a file in the folder: whole, or not at all."""
@@ -73,6 +116,7 @@ class RunFolder:
 
     def __enter__(self) -> "RunFolder":
         """The folder itself; leaving the block says in `status.json` how the run ended."""
+        open_runs.append(self)
         return self
 
     def __exit__(
@@ -83,19 +127,40 @@ class RunFolder:
         Raises:
             JobFailedError: it failed; `status.json` has the whole traceback.
         """
-        if error is None:
-            self._close("finished")
-        elif isinstance(error, KeyboardInterrupt):
-            self._close("interrupted", error=str(error))
-        else:
-            self._close("failed", error=str(error), traceback="".join(traceback.format_exception(error)))
-            raise JobFailedError(f"{self.path}: {type(error).__name__}: {error}") from error
+        open_runs.remove(self)
+        try:
+            if error is None:
+                self._close("finished")
+            elif isinstance(error, KeyboardInterrupt):
+                self.close_interrupted(str(error))
+            elif isinstance(error, Exception):
+                with suppress(OSError):  # on a full disk the error itself is what there is to tell
+                    self._close("failed", error=str(error), traceback="".join(traceback.format_exception(error)))
+                raise JobFailedError(f"{self.path}: {type(error).__name__}: {error}") from error
+        finally:
+            locks.release(self._held)
+
+    def close_interrupted(self, message: str) -> None:
+        """Say in `status.json` that the run was interrupted, if that can be written."""
+        with suppress(OSError):
+            self._close("interrupted", error=message)
 
     def _close(self, state: str, **more: str) -> None:
         self.write_text("status.json", _json(self._status(state, finished=_now(), **more)))
 
+    def _give_back(self) -> None:
+        """Leave nothing in a folder that was claimed and could not be used."""
+        for name in ("status.json", ".hydra/overrides.yaml", ".hydra/config.yaml", "provenance.json"):
+            (self.path / name).unlink(missing_ok=True)
+        with suppress(OSError):
+            (self.path / ".hydra").rmdir()
+        locks.release(self._held)
+
     def _status(self, state: str, **more: str) -> dict[str, Any]:
         return {"schema": SCHEMA, "state": state, "started": self._started, **more}
+
+
+open_runs: list[RunFolder] = []  # those that this process is working on
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -133,7 +198,7 @@ def provenance(verb: str, cfg: DictConfig, overrides: list[str]) -> dict[str, An
 
 
 def code_version() -> dict[str, Any]:
-    """The version of this program, and its git commit where it runs from a checkout."""
+    """The version of this program and of its science, and its git commit where it runs from a checkout."""
     here = Path(epuckhebb.__file__).resolve().parent
 
     def git(*words: str) -> str | None:
@@ -145,7 +210,12 @@ def code_version() -> dict[str, Any]:
             return None
         return done.stdout.strip()
 
-    known: dict[str, Any] = {"version": epuckhebb.__version__, "commit": None, "dirty": None}
+    known: dict[str, Any] = {
+        "version": epuckhebb.__version__,
+        "science": science_version(),
+        "commit": None,
+        "dirty": None,
+    }
     if git("ls-files", "--error-unmatch", "__init__.py") is not None:
         known["commit"] = git("rev-parse", "HEAD")
         known["dirty"] = bool(git("status", "--porcelain", "--", str(here)))

@@ -1,0 +1,179 @@
+"""An evolution that was stopped, in whatever way, ends as one that never was."""
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from epuckhebb.app import locks
+from epuckhebb.app.cli import app
+
+TINY = ["ga.population=6", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3", "threads=1", "-q"]
+RESULTS = ("history.csv", "champion.npz", "checkpoint.npz")
+HERE = Path(__file__).parent
+CLAIM = 4  # writes before the first generation; each generation has three
+
+
+def call(*words):
+    return CliRunner().invoke(app, list(words))
+
+
+@pytest.fixture(scope="module")
+def six(tmp_path_factory):
+    """Six generations in one go: the folder of the run, not to be written to."""
+    folder = tmp_path_factory.mktemp("whole") / "six"
+    assert call("evolve", *TINY, "ga.generations=6", f"hydra.run.dir={folder}").exit_code == 0
+    return folder
+
+
+@pytest.fixture
+def three(tmp_path, monkeypatch):
+    """Three generations of the same evolution, and the folder in which a copy of it may be spoilt."""
+    monkeypatch.chdir(tmp_path)
+    assert call("evolve", *TINY, "ga.generations=3", "hydra.run.dir=run").exit_code == 0
+    return tmp_path / "run"
+
+
+def same(one, other):
+    return all((one / name).read_bytes() == (other / name).read_bytes() for name in RESULTS)
+
+
+def test_three_generations_and_three_more_are_six(six, three):
+    assert not same(six, three)
+    result = call("evolve", f"resume={three}", "ga.generations=6", "--json")
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.stdout)["runs"][0]
+    assert len(told["history"]) == 6
+    assert told["status"]["state"] == "finished"
+    assert told["resumed"][0]["generations"] == 3
+    assert same(six, three)
+    assert "generations: 6" in (three / ".hydra" / "config.yaml").read_text()
+
+
+@pytest.mark.parametrize("points", ["5 before 5 beside 5 after 6 before 6 after 7 beside 7 after 13 before 22 after"])
+def test_killed_between_any_two_writes(six, tmp_path, points):
+    words = ["evolve", *TINY, "ga.generations=6", "--", *points.split()]
+    done = subprocess.run(
+        [sys.executable, HERE / "killed.py", *words], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    runs = list(tmp_path.iterdir())
+    assert len(runs) == len(points.split()) / 2
+    for run in runs:
+        assert same(six, run), run
+        assert list(run.rglob("*.tmp")) == []
+
+
+@pytest.mark.slow
+def test_killed_at_every_write(six, tmp_path):
+    every = [f"{write} {where}" for write in range(CLAIM + 1, CLAIM + 19) for where in ("before", "beside", "after")]
+    test_killed_between_any_two_writes(six, tmp_path, " ".join(every))
+
+
+def test_killed_before_there_were_settings(three):
+    (three / "provenance.json").unlink()
+    result = call("evolve", f"resume={three}")
+    assert result.exit_code == 2
+    assert "provenance.json" in result.stderr
+
+
+def test_a_finished_evolution_has_nothing_to_go_on_with(three):
+    before = {file: file.read_bytes() for file in three.rglob("*") if file.is_file()}
+    result = call("evolve", f"resume={three}")
+    assert result.exit_code == 0
+    assert "all of its 3 generations" in result.stderr
+    assert {file: file.read_bytes() for file in three.rglob("*") if file.is_file()} == before
+
+
+def test_what_cannot_be_resumed(three):
+    evaluation = ["evaluate", "lifetime.duration_s=3", "repeats=1", "hydra.run.dir=evaluation", "-q"]
+    assert call(*evaluation).exit_code == 0
+    spoilt = {"text": b"not a checkpoint", "cut": (three / "checkpoint.npz").read_bytes()[:2000]}
+    for name, content in spoilt.items():
+        shutil.copytree(three, name)
+        Path(name, "checkpoint.npz").write_bytes(content)
+    for words, expected in [
+        ([f"resume={three}", "seed=3"], ["seed=3", "only ga.generations and threads"]),
+        ([f"resume={three}", "scenario=highlight", "ga.generations=4"], ["scenario=highlight"]),
+        ([f"resume={three}", "ga.generations=2"], ["ga.generations must be 3 or more", "2"]),
+        ([f"resume={three}", "ga.generations=many"], ["ga.generations", "many"]),
+        ([f"resume={three}", f"resume={three}"], ["one run folder"]),
+        ([f"resume={three}", "-m"], ["-m"]),
+        (["resume="], ["one run folder"]),
+        (["resume=nowhere"], ["nowhere"]),
+        (["resume=evaluation"], ["evaluate", "only evolutions"]),
+        (["resume=text", "ga.generations=4"], ["text/checkpoint.npz"]),
+        (["resume=cut", "ga.generations=4"], ["cut/checkpoint.npz"]),
+    ]:
+        result = call("evolve", *words)
+        assert result.exit_code == 2, (words, result.output)
+        for text in expected:
+            assert text in result.stderr, words
+    assert json.loads((three / "status.json").read_text())["state"] == "finished"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such locks")
+def test_a_run_at_work_is_left_alone(three):
+    held = locks.hold(three)
+    result = call("evolve", f"resume={three}", "ga.generations=4")
+    locks.release(held)
+    assert result.exit_code == 2
+    assert "another process is working on" in result.stderr
+    assert len(pd.read_csv(three / "history.csv")) == 3
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_ctrl_c_ends_within_two_seconds_and_the_run_goes_on(tmp_path, threads):
+    words = ["evolve", "ga.generations=100000", "lifetime.duration_s=600", f"threads={threads}", "hydra.run.dir=run"]
+    started = subprocess.Popen(
+        [sys.executable, "-c", "from epuckhebb.app.cli import main; main()", *words],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    with started:
+        while not (tmp_path / "run" / "provenance.json").is_file():
+            time.sleep(0.05)
+        time.sleep(1)  # inside a generation of 300 lifetimes of 600 s
+        started.send_signal(signal.SIGINT)
+        began = time.monotonic()
+        told = started.communicate(timeout=20)[1]
+    assert time.monotonic() - began < 2
+    assert started.returncode == 130, told
+    assert "interrupted" in told
+    assert json.loads((tmp_path / "run" / "status.json").read_text())["state"] == "interrupted"
+
+
+def test_a_full_disk_keeps_the_generations_before(three):
+    """A limit on the size of files stands for the disk: the last file that fits is the checkpoint."""
+    limit = (three / "checkpoint.npz").stat().st_size - 1
+    code = (
+        "import resource, sys\n"
+        "from epuckhebb.app.cli import main\n"
+        "import epuckhebb.app.resume, epuckhebb.app.report\n"
+        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))\n"
+        "main()\n"
+    )
+    before = {name: (three / name).read_bytes() for name in RESULTS}
+    done = subprocess.run(
+        [sys.executable, "-c", code, "evolve", f"resume={three}", "ga.generations=6", "-q"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1, done.stderr
+    assert "File too large" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert {name: (three / name).read_bytes() for name in RESULTS} == before
+    assert list(three.rglob("*.tmp")) == []
+    assert call("evolve", f"resume={three}", "-q").exit_code == 0
+    with np.load(three / "checkpoint.npz") as checkpoint:
+        assert checkpoint["generation"] == 5
