@@ -171,7 +171,9 @@ def reproduce(
         list[str] | None,
         typer.Argument(metavar="[light|obstacles|all] [KEY=VALUE]...", help="The experiment, and settings to change."),
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="3 champions and 3 repeats: a look in two minutes.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="3 champions, 3 repeats, 2 rates: a look in two minutes.")
+    ] = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:

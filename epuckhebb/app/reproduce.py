@@ -26,7 +26,7 @@ from epuckhebb.study import charts, figures, findings, published, report
 from epuckhebb.study.evaluate import HEBBIAN, evaluate
 
 EXPERIMENTS = {"light": ("light",), "obstacles": ("obstacles",), "all": ("light", "obstacles")}
-QUICK = ("champions=3", "repeats=3")
+QUICK = ("champions=3", "repeats=3", "rates=[0.000015,0.002]")
 RULE = (
     "It is the champion whose successes and failures agree with the paper's in most cells, among those that reach both "
     "goals in their training world (of all, if none does); of equals the one with the lowest seed. Chosen for its "
