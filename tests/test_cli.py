@@ -132,6 +132,7 @@ BAD = {
     "bad value in a sweep": (["-m", "hebbian.N=0,-1"], ["hebbian.N must be 0 or more", "-1"]),
     "bad choice in a sweep": (["-m", "scenario=base,nope"], ["nope", "4obstacles"]),
     "missing launcher": (["-m", "hydra/launcher=ray", "seed=1,2"], ["epuckhebb[ray]"]),
+    "a sweep as one job": (["experiment=n_sweep"], ["epuckhebb sweep n_sweep", "--multirun"]),
     "unknown option": (["--bogus"], ["--bogus"]),
     "unknown part of the configuration": (["--cfg", "everything"], ["everything", "job"]),
 }

@@ -50,6 +50,7 @@ _EXAMPLES = {
         "genome=runs/evolve/RUN scenario=2obstacles",
         "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles hydra/launcher=joblib",
     ],
+    "sweep": ["light", "n_sweep seed='range(1,6)' genome=runs/evolve/RUN --dry-run", "obstacles hydra/launcher=slurm"],
     "evolve": [
         "seed=7",
         "resume=runs/evolve/RUN ga.generations=60",
@@ -194,6 +195,43 @@ def reproduce(
             report.tell_reproduction(folder, Console())
 
 
+@app.command(cls=ConfiguredCommand)
+def sweep(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A file of conf/experiment/, see below.")],
+    overrides: Overrides = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="List the jobs, run nothing.")] = False,
+    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Start no job after one has failed.")] = False,
+    config_dir: ConfigDir = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """A named sweep on all cores; the same command again does only what is not done."""
+    with _told():
+        from epuckhebb.app import jobs, report, sweep_launch
+        from epuckhebb.app.sweep import plan
+
+        jobs.begin(quiet=quiet)
+        planned = plan(name, overrides or [], config_dir)
+        todo = {job.run for job in planned.todo()}
+        if dry_run:
+            listed = [{"run": job.run, "done": job.run not in todo, "overrides": job.overrides} for job in planned.jobs]
+            if as_json:
+                typer.echo(json.dumps({"verb": "sweep", "folder": str(planned.folder), "jobs": listed}))
+            elif not quiet:
+                report.tell_jobs(planned.folder, listed, Console())
+            return
+        if not quiet:
+            done = len(planned.jobs) - len(todo)
+            _say(f"{len(planned.jobs)} jobs in {planned.folder}/: {done} done before, {len(todo)} to do.")
+        outcome = sweep_launch.launch(planned, fail_fast=fail_fast, quiet=quiet)
+        if as_json:
+            typer.echo(json.dumps({"verb": "sweep", "folder": str(planned.folder), **outcome.as_json()}))
+        elif not quiet:
+            report.tell_sweep(planned.folder, Console())
+        if outcome.failures:
+            raise JobFailedError(outcome.told(planned.folder))
+
+
 @app.command()
 def show(
     run: Annotated[Path, typer.Argument(help="A run folder.", metavar="RUN")],
@@ -243,7 +281,9 @@ def _run(
     _all_is_loaded()
     jobs.begin(quiet=quiet)
     if multirun:
-        compose.check_sweep(verb, arguments)
+        compose.check_sweep(verb, arguments, config_dir)
+    elif not cfg:
+        compose.check_single(verb, arguments, config_dir)
     stamp = hydra_bridge.run(verb, job, [*arguments, *flags])
     runs = hydra_bridge.runs_of(verb, stamp, arguments) if multirun else jobs.finished
     if as_json and not cfg:

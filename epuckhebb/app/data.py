@@ -14,7 +14,7 @@ def data_folder(name: str) -> Path:
 def groups(verb: str) -> dict[str, list[str]]:
     """The configuration groups of a verb and their choices, as the names of the files say."""
     conf = data_folder("conf")
-    defaults = (conf / f"{verb}.yaml").read_text()
+    defaults = (conf / f"{'evaluate' if verb == 'sweep' else verb}.yaml").read_text()  # a sweep is of evaluations
     return {
         folder.name: sorted(file.stem for file in folder.glob("*.yaml"))
         for folder in sorted(path for path in conf.iterdir() if path.is_dir())

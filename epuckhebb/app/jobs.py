@@ -37,7 +37,7 @@ def evaluate_job(cfg: DictConfig) -> None:
     """One `epuckhebb evaluate`: see `epuckhebb.study.evaluate`."""
     path = _folder()
     try:
-        evaluate_into(path, cfg, _overrides(), {}, threads=_threads(cfg.threads))
+        evaluate_into(path, cfg, _overrides(), {}, threads=threads_of_job(cfg.threads))
     except ConfigError:
         remove_if_empty(path, Path.cwd())
         raise
@@ -85,7 +85,9 @@ def evolve_job(cfg: DictConfig) -> None:
     except ConfigError:
         remove_if_empty(path, Path.cwd())
         raise
-    evolve_into(run, typed(cfg, EvolveConfig), None, threads=_threads(cfg.threads), quiet=_in_multirun() or is_quiet())
+    evolve_into(
+        run, typed(cfg, EvolveConfig), None, threads=threads_of_job(cfg.threads), quiet=_in_multirun() or is_quiet()
+    )
     finished.append(path)
 
 
@@ -168,7 +170,7 @@ def _in_multirun() -> bool:
     return HydraConfig.get().mode == RunMode.MULTIRUN
 
 
-def _threads(asked: int) -> int:
+def threads_of_job(asked: int) -> int:
     """Threads of this job; jobs of a parallel launcher get one each unless told otherwise, and never more than fit."""
     launcher = HydraConfig.get().launcher
     if not _in_multirun() or launcher._target_.endswith("BasicLauncher"):

@@ -33,6 +33,33 @@ def tell_reproduction(path: Path, console: Console) -> None:
     console.print(f"Report: {path}/report.html", markup=False, highlight=False, soft_wrap=True)
 
 
+def tell_jobs(folder: Path, listed: list[dict[str, Any]], console: Console) -> None:
+    """List the jobs of a sweep that is not run."""
+    shown = Table(title=f"{len(listed)} jobs in {folder}/", title_justify="left", title_style="bold")
+    for heading in ("job", "", "overrides"):
+        shown.add_column(heading, overflow="fold")
+    for number, job in enumerate(listed):
+        shown.add_row(str(number), "done" if job["done"] else "to do", " ".join(job["overrides"]))
+    console.print(shown)
+
+
+def tell_sweep(folder: Path, console: Console) -> None:
+    """Say what a sweep came to: the success of each condition, and where its tables are."""
+    summary = pd.read_csv(folder / "summary.csv", keep_default_na=False)
+    conditions = list(summary.columns[: summary.columns.get_loc("n")])
+    told = [name for name in conditions if name in ("controller", "side") or summary[name].nunique() > 1]
+    shown = Table(title="Success (95 % interval)", title_justify="left", title_style="bold")
+    for heading in (*told, "success", "n"):
+        shown.add_column(heading, overflow="fold")
+    for row in summary.to_dict("records"):
+        interval = f"{row['success']:.2f} ({row['success_low']:.2f}–{row['success_high']:.2f})"
+        shown.add_row(*(str(row[name]) for name in told), interval, str(row["n"]))
+    if len(summary):
+        console.print(shown)
+    tables = "sweep.csv (every lifetime), summary.csv, failed.csv"
+    console.print(f"Tables: {folder}/: {tables}", markup=False, highlight=False, soft_wrap=True)
+
+
 def show(path: Path, console: Console) -> None:
     """Tell all of a run: what was asked, by which program, how it ended, and its results.
 

@@ -1,0 +1,353 @@
+"""A named sweep: what it runs, what it does not run again, and its tables, killed or not."""
+
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from epuckhebb.app import compose, jobs, locks, sweep
+from epuckhebb.app.cli import app
+from epuckhebb.app.data import groups
+
+FAST = ["lifetime.duration_s=3", "repeats=2"]
+TWO = ["scenario=base,4obstacles", *FAST]
+TABLES = ("sweep.csv", "summary.csv", "failed.csv")
+
+
+def call(*words):
+    return CliRunner().invoke(app, list(words))
+
+
+def command(*words):
+    return [sys.executable, "-c", "from epuckhebb.app.cli import main; main()", *words]
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def only_sweep(folder):
+    (found,) = (folder / "runs" / "sweep").iterdir()
+    return found
+
+
+def read_tables(folder):
+    return {name: (folder / name).read_bytes() for name in TABLES}
+
+
+@pytest.fixture
+def failing(monkeypatch):
+    """Make the evaluations of the scenario base fail, in this process."""
+    evaluate = jobs.evaluate
+
+    def fail(genes, scenario, *others, **more):
+        if scenario.name == "base":
+            raise ArithmeticError("the robot is lost")
+        return evaluate(genes, scenario, *others, **more)
+
+    monkeypatch.setattr(jobs, "evaluate", fail)
+
+
+@pytest.mark.parametrize("name", groups("sweep")["experiment"])
+def test_a_dry_run_lists_the_jobs_and_writes_nothing(here, name):
+    result = call("sweep", name, "seed=1,2", "--dry-run", "--json")
+    assert result.exit_code == 0, result.output
+    listed = json.loads(result.stdout)["jobs"]
+    assert len({job["run"] for job in listed}) == len(listed) >= 6
+    assert not any(job["done"] for job in listed)
+    assert list(here.iterdir()) == []
+    assert "to do" in call("sweep", name, "--dry-run").stdout
+
+
+def test_what_is_listed_is_what_hydra_would_compose():
+    for job in sweep.plan(
+        "n_sweep", ["hebbian.N=0,1e-5", "scenario=base,lowlight", "lifetime.noise=${scenario.light}"]
+    ).jobs:
+        assert sweep.identity(compose.composed("evaluate", job.overrides)) == job.run
+
+
+def test_jobs_that_would_do_the_same_are_one():
+    assert len(sweep.plan("obstacles", ["scenario=base", "seed=1,1", "threads=1,2"]).jobs) == 1
+
+
+def test_a_sweep_leaves_tables_and_is_not_done_twice(here):
+    first = call("sweep", "obstacles", *TWO, "seed=1,2")
+    assert first.exit_code == 0, first.output
+    assert "4 jobs" in first.stderr
+    assert "0 done before, 4 to do" in first.stderr
+    folder = only_sweep(here)
+    rows = pd.read_csv(folder / "sweep.csv")
+    assert list(rows.columns[:4]) == ["job", "run", "lifetime.duration_s", "repeats"]
+    assert list(rows.groupby(["scenario", "seed"], sort=False).size()) == [8] * 4
+    assert list(rows.job.unique()) == [0, 1, 2, 3]
+    summary = pd.read_csv(folder / "summary.csv")
+    assert list(summary.n) == [4] * 8  # 2 repeats by 2 seeds for each scenario, controller and side
+    assert (summary.success_low <= summary.success).all()
+    assert (summary.success <= summary.success_high).all()
+    assert (folder / "failed.csv").read_text() == "job,run,error\n"
+    assert not (folder / "unfinished").exists()
+    before = {file: file.stat().st_mtime_ns for file in folder.glob("job_*/*")}
+    tables = read_tables(folder)
+    again = call("sweep", "obstacles", *TWO, "seed=1,2", "threads=1")
+    assert "4 done before, 0 to do" in again.stderr
+    assert {file: file.stat().st_mtime_ns for file in folder.glob("job_*/*")} == before
+    assert read_tables(folder) == tables
+    told = json.loads((folder / rows.run[0] / "provenance.json").read_text())
+    assert told["command"][:3] == ["epuckhebb", "sweep", "obstacles"]
+    assert "seed=1" in told["overrides"]
+
+
+def test_only_what_is_whole_is_kept(here):
+    words = ["sweep", "obstacles", "scenario=base,2obstacles,4obstacles", *FAST, "hydra/launcher=basic", "-q"]
+    assert call(*words).exit_code == 0
+    folder = only_sweep(here)
+    tables = read_tables(folder)
+    missing, running, cut = sorted(folder.glob("job_*"))
+    shutil.rmtree(missing)
+    (running / "status.json").write_text('{"schema": 1, "state": "running"}')
+    (running / "metrics.csv").write_text("wrong")
+    (cut / "status.json").write_text('{"sch')
+    (folder / "unfinished" / "old_0").mkdir(parents=True)
+    (folder / "unfinished" / "old_0" / "metrics.csv").write_text("half a f")
+    (folder / "unfinished" / "stop").touch()
+    result = call(*words[:-1])
+    assert "0 done before, 3 to do" in result.stderr
+    assert read_tables(folder) == tables
+    assert not (folder / "unfinished").exists()
+
+
+def test_another_genome_or_another_science_is_done_anew(here, monkeypatch):
+    np.save("mine.npy", np.zeros(234))
+    words = ["sweep", "obstacles", *TWO, "genome=mine.npy", "hydra/launcher=basic"]
+    assert "2 to do" in call(*words).stderr
+    assert "0 to do" in call(*words).stderr
+    np.save("mine.npy", np.ones(234))
+    assert "0 done before, 2 to do" in call(*words).stderr
+    monkeypatch.setattr(sweep, "_science", lambda: "another")
+    assert "0 done before, 2 to do" in call(*words).stderr
+    assert list(pd.read_csv(only_sweep(here) / "sweep.csv")["override.genome"].unique()) == ["mine.npy"]
+
+
+@pytest.mark.usefixtures("failing")
+def test_a_failed_job_is_told_of_and_the_others_are_kept(here, monkeypatch):
+    words = ["sweep", "obstacles", *TWO, "hydra/launcher=basic"]
+    result = call(*words)
+    assert result.exit_code == 1
+    assert "the robot is lost" in result.stderr
+    folder = only_sweep(here)
+    failed = pd.read_csv(folder / "failed.csv")
+    assert list(failed.job) == [0]
+    assert "the robot is lost" in failed.error[0]
+    assert set(pd.read_csv(folder / "sweep.csv").scenario) == {"4obstacles"}
+    monkeypatch.undo()
+    os.chdir(here)
+    again = call(*words)
+    assert again.exit_code == 0, again.output
+    assert "1 done before, 1 to do" in again.stderr
+    assert set(pd.read_csv(folder / "sweep.csv").scenario) == {"base", "4obstacles"}
+    assert len(pd.read_csv(folder / "failed.csv")) == 0
+
+
+@pytest.mark.usefixtures("failing")
+def test_fail_fast_starts_no_further_job(here):
+    result = call("sweep", "obstacles", *TWO, "seed=1,2", "hydra/launcher=basic", "--fail-fast", "--json")
+    assert result.exit_code == 1
+    told = json.loads(result.stdout)
+    assert (len(told["failed"]), told["left_out"], told["done_now"]) == (1, 3, 0)
+    assert len(pd.read_csv(only_sweep(here) / "failed.csv")) == 1
+
+
+def test_what_cannot_be_swept(here):
+    Path("alone.yaml").write_text("# @package _global_\nseed: 3\n")
+    Path("more", "experiment").mkdir(parents=True)
+    Path("alone.yaml").rename("more/experiment/alone.yaml")
+    before = sorted(here.rglob("*"))
+    for words, expected in [
+        (["nope"], ["nope", "n_sweep"]),
+        (["alone", "--config-dir", "more"], ["alone", "evaluate"]),
+        (["light", "scenario.light=1,-1"], ["scenario.light must", "-1"]),
+        (["light", "scenario=nope"], ["nope", "highlight"]),
+        (["light", "scenrio.light=1"], ["Did you mean: scenario"]),
+        (["light", "hydra/sweeper=basic"], ["hydra/sweeper=basic"]),
+        (["light", "hydra/launcher=nope"], ["nope", "joblib"]),
+        (["light", "genome=nowhere.npz"], ["nowhere.npz"]),
+    ]:
+        result = call("sweep", *words)
+        assert result.exit_code == 2, (words, result.output)
+        for text in expected:
+            assert text in result.stderr, words
+        assert sorted(here.rglob("*")) == before
+
+
+@pytest.mark.usefixtures("here")
+def test_a_sweep_of_ones_own(here):
+    Path("more", "experiment").mkdir(parents=True)
+    text = "# @package _global_\nhydra: {sweeper: {params: {lifetime.noise: '0,1'}}}\n"
+    Path("more", "experiment", "mine.yaml").write_text(text)
+    words = ["sweep", "mine", "--config-dir", "more", *FAST, "hydra/launcher=basic", "hydra.sweep.dir=out"]
+    result = call(*words)
+    assert result.exit_code == 0, result.output
+    assert list(pd.read_csv(here / "out" / "sweep.csv")["lifetime.noise"].unique()) == [0, 1]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such locks")
+def test_two_calls_do_not_work_on_one_sweep(here):
+    words = ["sweep", "obstacles", *TWO, "hydra.sweep.dir=out"]
+    Path("out").mkdir()
+    held = locks.hold(Path("out"))
+    result = call(*words)
+    locks.release(held)
+    assert result.exit_code == 2
+    assert "another process is working on out" in result.stderr
+    assert list((here / "out").iterdir()) == []
+
+
+def test_a_file_where_the_folder_should_be(here):
+    (here / "runs").write_text("in the way")
+    result = call("sweep", "obstacles", *TWO)
+    assert result.exit_code == 2
+    assert "cannot write a sweep to runs/sweep" in result.stderr
+
+
+def test_a_full_disk_spoils_no_earlier_result(here):
+    """A limit on the size of files stands for the disk: metrics.csv of the second seed does not fit."""
+    words = ["sweep", "obstacles", "scenario=base", *FAST, "hydra/launcher=basic", "hydra.sweep.dir=out", "-q"]
+    assert call(*words, "seed=1").exit_code == 0
+    before = {file: file.read_bytes() for file in (here / "out").glob("job_*/*") if file.is_file()}
+    limited = (
+        "import resource\n"
+        "from epuckhebb.app import sweep_launch, runs\n"
+        "job = sweep_launch.sweep_job.__globals__['jobs']\n"
+        "evaluate = job.evaluate\n"
+        "def full(*words, **more):\n"
+        "    resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
+        "    return evaluate(*words, **more)\n"
+        "job.evaluate = full\n"
+        "from epuckhebb.app.cli import main\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", limited, *words, "seed=1,2"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode in (1, 2), done.stderr
+    assert "File too large" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert {file: file.read_bytes() for file in before} == before
+    assert list((here / "out").rglob(".*.tmp")) == []
+    result = call(*words[:-1], "seed=1,2")
+    assert result.exit_code == 0
+    assert "1 done before, 1 to do" in result.stderr
+
+
+def killed_and_resumed(words, moments, cwd):
+    """Start a sweep so often, kill it and its workers after so many seconds, then let it end; its tables."""
+    for moment in moments:
+        started = subprocess.Popen(
+            command(*words), cwd=cwd, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        time.sleep(moment)
+        if started.poll() is None:
+            os.killpg(started.pid, signal.SIGKILL)
+        started.wait()
+    done = subprocess.run(command(*words), cwd=cwd, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return read_tables(only_sweep(cwd)), done.stderr
+
+
+def whole_and_killed(tmp_path, words, moments):
+    tables = {}
+    for name, when in (("whole", []), ("killed", moments)):
+        (tmp_path / name).mkdir()
+        tables[name], told = killed_and_resumed(words, when, tmp_path / name)
+    assert tables["whole"] == tables["killed"]
+    folder = only_sweep(tmp_path / "killed")
+    assert len(list(folder.glob("job_*"))) == len(pd.read_csv(folder / "sweep.csv").job.unique())
+    assert list(folder.rglob("*.tmp")) == []
+    return told
+
+
+def test_killed_with_its_workers_it_resumes_to_the_same_tables(tmp_path):
+    words = ["sweep", "obstacles", *FAST, "seed=1,2", "hydra.launcher.n_jobs=2"]
+    whole_and_killed(tmp_path, words, [4.5])
+
+
+@pytest.mark.slow
+def test_sixty_jobs_killed_twice(tmp_path):
+    words = ["sweep", "obstacles", "lifetime.duration_s=20", "repeats=2", "seed=range(1,21)"]
+    told = whole_and_killed(tmp_path, words, [12, 12])
+    assert "60 jobs" in told
+    assert " 0 done before" not in told
+
+
+@pytest.mark.slow
+def test_killed_at_twenty_random_moments(tmp_path):
+    chance = random.Random(5)
+    words = ["sweep", "obstacles", "lifetime.duration_s=20", "repeats=2", "seed=range(1,5)"]
+    whole_and_killed(tmp_path, words, [chance.uniform(0.5, 9) for _ in range(20)])
+
+
+@pytest.mark.parametrize("launcher", ["joblib", pytest.param("submitit_local", marks=pytest.mark.slow)])
+def test_ctrl_c_ends_a_sweep_within_two_seconds(here, launcher):
+    if launcher == "submitit_local":
+        pytest.importorskip("submitit")
+    words = ["sweep", "obstacles", "repeats=200", f"hydra/launcher={launcher}", "hydra.sweep.dir=out"]
+    started = subprocess.Popen(command(*words), start_new_session=True, stderr=subprocess.PIPE, text=True)
+    with started:
+        while not list((here / "out").glob("unfinished/*/provenance.json")):
+            assert started.poll() is None
+            time.sleep(0.05)
+        os.killpg(started.pid, signal.SIGINT)
+        began = time.monotonic()
+        told = started.communicate(timeout=30)[1]
+    assert time.monotonic() - began < 3  # two, and some for a busy machine
+    assert started.returncode == 130, told
+    assert "interrupted" in told
+
+
+def test_a_sweep_on_submitits_local_executor(here):
+    pytest.importorskip("submitit")
+    result = call("sweep", "obstacles", *TWO, "hydra/launcher=submitit_local")
+    assert result.exit_code == 0, result.output
+    assert set(pd.read_csv(only_sweep(here) / "sweep.csv").scenario) == {"base", "4obstacles"}
+
+
+def test_threads_do_not_multiply_with_the_width(monkeypatch):
+    from hydra.core.hydra_config import HydraConfig
+    from omegaconf import OmegaConf
+
+    def threads(asked, mode, target, **launcher):
+        cfg = OmegaConf.create({"mode": mode, "launcher": {"_target_": target, **launcher}})
+        monkeypatch.setattr(HydraConfig, "get", lambda: cfg)
+        return jobs.threads_of_job(asked)
+
+    monkeypatch.setattr(jobs, "thread_count", lambda asked: asked or 8)
+    from hydra.types import RunMode
+
+    assert threads(0, RunMode.RUN, "x.BasicLauncher") == 8
+    assert threads(0, RunMode.MULTIRUN, "x.BasicLauncher") == 8
+    for asked, n_jobs, given in [(0, -1, 1), (0, 2, 1), (4, -1, 1), (4, 2, 4), (8, 2, 4), (4, 16, 1), (2, -2, 1)]:
+        assert threads(asked, RunMode.MULTIRUN, "x.JoblibLauncher", n_jobs=n_jobs) == given
+    assert threads(0, RunMode.MULTIRUN, "x.SlurmLauncher") == 1
+
+
+def test_one_bar_counts_the_runs_and_the_failures(here):
+    from epuckhebb.app.sweep_progress import JobsProgress
+
+    for name, state in (("job_a", "finished"), ("unfinished/s_1", "failed"), ("unfinished/s_2", "running")):
+        (here / name).mkdir(parents=True)
+        (here / name / "status.json").write_text(json.dumps({"state": state}))
+    watched = JobsProgress(here, {"job_a", "job_b", "job_c"}, "unfinished/s_*", quiet=True)
+    with watched:
+        assert watched.count() == (1, 1)
