@@ -103,8 +103,8 @@ def explain(error: BaseException) -> str:
         lines.insert(0, f"{full_key[1]}:")
     lines = [line for line in lines if not line.startswith("Config search path") and "provider=" not in line]
     text = re.sub(r"Did you mean: '(.+?)'\?", r"Did you mean: \1?", "\n".join(lines))
-    missing = re.search(r"Could not find 'hydra/launcher/(?:\w+/)?(\w+?)(?:_\w+)?'", text)
-    if missing and missing[1] in _EXTRAS:
+    missing = re.search(r"Could not (?:find|load) 'hydra/launcher/(submitit|ray)(?:_\w+)?'", text)
+    if missing:
         text += f'\nThis launcher is a plug-in: pip install "epuckhebb[{_EXTRAS[missing[1]]}]"'
     if "LexerNoViableAlt" in type(error).__name__ or "mismatched input" in text or "missing EQUAL" in text:
         text += "\nSettings are written KEY=VALUE, for example scenario=4obstacles or hebbian.N=0.002"
