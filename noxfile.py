@@ -1,9 +1,13 @@
-"""All commands of the project: `nox` runs lint, types and tests; `nox -s bench` measures."""
+"""All commands of the project: `nox` runs lint, types, tests and web; `nox -s bench` measures."""
+
+import os
+import shutil
 
 import nox
 
-nox.options.sessions = ["lint", "types", "tests"]
+nox.options.sessions = ["lint", "types", "tests", "web"]
 nox.options.default_venv_backend = "venv"
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 PROJECT = nox.project.load_toml("pyproject.toml")
 
 
@@ -32,6 +36,15 @@ def tests(session: nox.Session) -> None:
     """Run the test suite against the installed package."""
     session.install(".", *group("tests"))
     session.run("pytest", *session.posargs)
+
+
+@nox.session
+def web(session: nox.Session) -> None:
+    """Drive the replay page in a real, headless Chromium."""
+    if not (os.environ.get("EPUCKHEBB_CHROMIUM") or any(map(shutil.which, CHROMIUM))):
+        session.skip("no Chromium: `apt-get install chromium`, or set EPUCKHEBB_CHROMIUM to where it is")
+    session.install(".", *group("web"))
+    session.run("pytest", "tests/web", *session.posargs)
 
 
 @nox.session

@@ -134,6 +134,7 @@ BAD = {
     "missing launcher": (["-m", "hydra/launcher=ray", "seed=1,2"], ["epuckhebb[ray]"]),
     "a sweep as one job": (["experiment=n_sweep"], ["epuckhebb sweep n_sweep", "--multirun"]),
     "unknown option": (["--bogus"], ["--bogus"]),
+    "unknown part of the configuration": (["--cfg", "everything"], ["everything", "job"]),
 }
 
 

@@ -101,6 +101,7 @@ def test_success_counts_champions():
     found = findings.success(EACH).set_index(["scenario", "controller", "side"])
     assert tuple(found.loc[("base", GA_ALONE, "right"), ["successes", "n"]]) == (1, 2)
     assert tuple(found.loc[("base", GA_ALONE, "right"), ["low", "high"]]) == wilson(1, 2)
+    assert tuple(found.loc[("base", GA_ALONE, "both"), ["successes", "n"]]) == (1, 2)
 
 
 def test_claims_by_hand():
@@ -124,7 +125,7 @@ def paper():
 
 
 def test_showcase_is_the_likest_of_the_masters(paper):
-    assert findings.showcase(EACH, published.published_success(paper), "obstacles") == ("a", 8)
+    assert findings.showcase(EACH, published.published_success(paper), "obstacles") == ("a", 8, 12)
 
 
 def test_published_values_are_the_papers(paper):

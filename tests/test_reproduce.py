@@ -89,10 +89,10 @@ def test_every_number_of_the_report_is_in_a_csv(made):
         assert difference.startswith(f"{row.difference:+.2f} [")
         assert p == f"{row.mcnemar_p:.2g}"
     success = pd.read_csv(folder / "success.csv")
-    for _, scenario, controller, left, right in rows_of(report, "experiment | scenario"):
+    for _, scenario, controller, left, right, both in rows_of(report, "experiment | scenario"):
         name, rate = controller.split(", N = ") if "," in controller else (controller, "0")
         own = success[(success.scenario == scenario) & (success.controller == name) & (float(rate) == success.N)]
-        for side, cell in (("left", left), ("right", right)):
+        for side, cell in (("left", left), ("right", right), ("both", both)):
             row = own[own.side == side].iloc[0]
             assert cell == f"{row.successes} of {row.n}: {row.share:.2f} [{row.low:.2f}, {row.high:.2f}]"
     comparison = pd.read_csv(folder / "comparison.csv")

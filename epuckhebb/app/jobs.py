@@ -73,10 +73,7 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
         run.write_text("table.md", tables.to_markdown(table))
         if config.lifetime.record_every:
             run.write("traces.npz", _traces_file(traces, genome.genes))
-            title = (
-                f"{config.scenario.name} · genome {genome.name} · N = {config.hebbian.N:g} · "
-                f"first of {config.repeats} noise repeats, seed {config.seed}"
-            )
+            title = caption(config, genome.name)
             run.write("figures/trajectories.png", figures.trajectories(traces, config.scenario, title))
 
 
@@ -146,6 +143,14 @@ def _saying_what_is_safe(run: RunFolder) -> Iterator[None]:
                 f"go on with: epuckhebb evolve resume={run.path}"
             )
         raise KeyboardInterrupt(safe) from None
+
+
+def caption(config: EvaluateConfig, genome_name: str) -> str:
+    """Which lifetimes the traces of a run show, in one line."""
+    return (
+        f"{config.scenario.name} · genome {genome_name} · N = {config.hebbian.N:g} · "
+        f"noise repeat 1 of {config.repeats}, seed {config.seed}"
+    )
 
 
 def is_quiet() -> bool:

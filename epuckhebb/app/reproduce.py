@@ -26,7 +26,7 @@ from epuckhebb.study import charts, figures, findings, published, report
 from epuckhebb.study.evaluate import HEBBIAN, evaluate
 
 EXPERIMENTS = {"light": ("light",), "obstacles": ("obstacles",), "all": ("light", "obstacles")}
-QUICK = ("champions=3", "repeats=3")
+QUICK = ("champions=3", "repeats=3", "rates=[0.000015,0.002]")
 RULE = (
     "It is the champion whose successes and failures agree with the paper's in most cells, among those that reach both "
     "goals in their training world (of all, if none does); of equals the one with the lowest seed. Chosen for its "
@@ -195,7 +195,7 @@ def _findings(
     success = published.published_success(paper)
     showcase = {one: findings.showcase(each, success, one) for one in work.experiments}
     values = published.published_values(paper)
-    comparison = published.compare(values, each, {one: name for one, (name, _) in showcase.items()})
+    comparison = published.compare(values, each, {one: name for one, (name, *_) in showcase.items()})
     comparison["title"] = [paper[table]["title"] for table in comparison.table]
     found = report.Findings(
         claims=findings.claims(each, unchanged),
@@ -205,6 +205,7 @@ def _findings(
         comparison=comparison,
         showcase=showcase,
         champions=1 if work.given else work.config.champions,
+        given=work.given is not None,
         repeats=work.config.repeats,
         rule=RULE,
         provenance=_provenance(work),

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter
 from numpy.typing import NDArray
@@ -63,7 +64,7 @@ def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, cham
     return to_png(figure)
 
 
-def _rescue_and_harm(axes, harm: pd.DataFrame, at: Mapping[float, int]) -> None:  # type: ignore[no-untyped-def]
+def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) -> None:
     styles = {"Hebbian": ("-", "o"), "anti-Hebbian": ("--", "s"), "shuffled signs": (":", "^")}
     totals = harm.groupby(["controller", "N"], sort=False)[["broken", "rescued", "sound", "harmed"]].sum().reset_index()
     for kind in CONTROLLER.values():

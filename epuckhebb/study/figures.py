@@ -12,7 +12,7 @@ from PIL import Image
 from epuckhebb.sim.epuck import RADIUS
 from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, SIDES, START, WALLS, Side, boxes
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.study.evaluate import GA_ALONE, Traces
+from epuckhebb.study.evaluate import GA_ALONE, HEBBIAN, Traces
 
 SIDE_COLOUR = {"left": "#0072B2", "right": "#D55E00"}  # blue and red as in the paper, apart for the colour-blind too
 _WALL, _OBSTACLE, _LAMP = "#4d4d4d", "#b07d62", "#E69F00"
@@ -21,16 +21,17 @@ _WALL, _OBSTACLE, _LAMP = "#4d4d4d", "#b07d62", "#E69F00"
 def trajectories(traces: Traces, scenario: Scenario, title: str) -> bytes:
     """A PNG with one maze for each controller: both trials' paths, where they began, and how they ended."""
     controllers = list(dict.fromkeys(traces.controller))
-    figure = Figure(figsize=(4.8 * len(controllers), 4.6), layout="constrained")
+    figure = Figure(figsize=(4.8 * len(controllers), 4.6))
+    figure.subplots_adjust(left=0.135 / len(controllers), right=0.985, bottom=0.17, top=0.87, wspace=0.16)
     panels = figure.subplots(1, len(controllers), squeeze=False)[0]
     for axes, controller in zip(panels, controllers, strict=True):
         draw_maze(axes, scenario)
         for lifetime, side in enumerate(traces.side):
             if traces.controller[lifetime] == controller:
                 _draw_path(axes, traces.samples.pose[lifetime], "left" if side == "left" else "right")
-        axes.set_title("GA alone" if controller == GA_ALONE else "GA with Hebbian plasticity", fontsize=11)
+        axes.set_title(controller_title(controller), fontsize=11)
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, fontsize=9, frameon=False)
-    figure.suptitle(title, fontsize=11)
+    figure.suptitle(title, fontsize=11 if len(controllers) > 1 else 8)
     return to_png(figure)
 
 
@@ -44,6 +45,11 @@ def maze(scenario: Scenario) -> bytes:
     for side in SIDES:
         axes.annotate(f"goal\n({side})", GOALS[side], ha="center", va="center", fontsize=8)
     return to_png(figure)
+
+
+def controller_title(controller: str) -> str:
+    """What stands above a controller's panel."""
+    return {GA_ALONE: "GA alone", HEBBIAN: "GA with Hebbian plasticity"}.get(controller, controller)
 
 
 def draw_maze(axes: Axes, scenario: Scenario) -> None:

@@ -31,9 +31,10 @@ def trials(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def success(each: pd.DataFrame) -> pd.DataFrame:
-    """Success of every condition and side over the champions, with Wilson intervals."""
+    """Success of every condition over the champions, left, right and on both sides, with Wilson intervals."""
+    both = each.groupby([*_CELL, "genome"], sort=False, as_index=False).succeeds.all().assign(side="both")
     rows = []
-    for cell, group in each.groupby([*_CELL, "side"], sort=False):
+    for cell, group in pd.concat([each, both]).groupby([*_CELL, "side"], sort=False):
         k, n = int(group.succeeds.sum()), len(group)
         low, high = wilson(k, n)
         rows.append(dict(zip([*_CELL, "side"], cell, strict=True)) | _share(k, n) | {"low": low, "high": high})
@@ -211,8 +212,8 @@ def _forgetting(each: pd.DataFrame, experiment: str, unchanged: int) -> Claim:
     )
 
 
-def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tuple[str, int]:
-    """The champion whose pattern of successes is most like the paper's, and in how many cells it agrees.
+def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tuple[str, int, int]:
+    """The champion whose pattern of successes is most like the paper's, and in how many cells of how many.
 
     Only champions that succeed on both sides in their training world without plasticity are considered (all, if none
     does); of equals the first is taken. Chosen *for* its likeness, it says that the pattern exists, not how often.
@@ -229,7 +230,7 @@ def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tu
         shared = [cell for cell in paper.index if cell in own.index and not np.isnan(paper[cell])]
         agreement[name] = sum(bool(own[cell]) == bool(paper[cell]) for cell in shared)
     best = max(agreement, key=lambda name: agreement[name])
-    return best, agreement[best]
+    return best, agreement[best], int(paper.notna().sum())
 
 
 def _plasticities(each: pd.DataFrame) -> Iterator[tuple[str, str, float]]:

@@ -4,14 +4,16 @@ Every number comes from a table that is also written as CSV; nothing is computed
 """
 
 import base64
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from markdown_it import MarkdownIt
 
 from epuckhebb.study import published
+from epuckhebb.study.evaluate import CONTROLLER, GA_ALONE, HEBBIAN
 from epuckhebb.study.findings import PAPER_N
 
 _STYLE = """
@@ -29,8 +31,9 @@ img { max-width: 100%; height: auto; background: #fff; border-radius: 4px; } cod
 class Findings:
     """All tables of a reproduction; each is also a CSV file of that name. See `epuckhebb.study.findings`.
 
-    showcase: for each experiment the champion shown, and in how many of the paper's cells its success agrees.
-    champions: how many there are of each experiment. provenance: a line on who made this and how.
+    showcase: for each experiment the champion shown, in how many cells it agrees with the paper, of how many.
+    champions: how many there are of each experiment. given: one given genome takes their
+    place. provenance: a line on who made this and how.
     """
 
     claims: pd.DataFrame
@@ -38,8 +41,9 @@ class Findings:
     rescue_and_harm: pd.DataFrame
     dose_response: pd.DataFrame
     comparison: pd.DataFrame
-    showcase: Mapping[str, tuple[str, int]]
+    showcase: Mapping[str, tuple[str, int, int]]
     champions: int
+    given: bool
     repeats: int
     rule: str
     provenance: str
@@ -47,17 +51,16 @@ class Findings:
 
 def markdown(found: Findings, figures: Mapping[str, str]) -> str:
     """The report as Markdown. figures: file name -> caption, in order; the files lie in `figures/` beside it."""
-    single = found.champions == 1
     parts = [
         "# The paper's experiment, reproduced\n",
         f"{found.provenance}\n",
         "A *trial* is one champion on one side. It succeeds if the robot ends within 5 cm of its goal in more than "
         f"half of its {found.repeats} noise repeats. Intervals are 95 %.\n",
     ]
-    if not single:
+    if not found.given:
         parts += ["## The paper's claims\n", _claims(found.claims)]
     parts += ["## Tables 1 to 3, ours and (the paper's)\n", _tables(found)]
-    if not single:
+    if not found.given:
         parts += [
             "## How often\n",
             "### Success\n",
@@ -81,7 +84,7 @@ def summary(claims: pd.DataFrame, success: pd.DataFrame, harm: pd.DataFrame, pro
             f"{provenance} A *trial* is one champion on one side; it succeeds if most of its noise repeats do.\n",
             _claims(claims, of_what=False),
             "Success, with 95 % intervals:\n",
-            success_table(success),
+            success_table(success, (GA_ALONE, HEBBIAN)),
             "Of the trials mastered in the training world, what the change breaks and plasticity rescues, and what it "
             "harms of the rest; the controls make changes of equal size that are not Hebb's:\n",
             rescue_table(harm),
@@ -122,18 +125,15 @@ def _tables(found: Findings) -> str:
     parts = []
     for _, group in found.comparison.groupby("table", sort=False):
         experiment = group.experiment.iloc[0]
-        name, agreeing = found.showcase[experiment]
-        cells = 2 * len(group[["scenario", "controller"]].drop_duplicates())
+        name, agreeing, cells = found.showcase[experiment]
         parts.append(f"### {group.title.iloc[0]}\n")
-        if found.champions == 1:
+        if found.given:
             parts += [f"Genome `{name}`.\n", published.to_markdown(group, of_all=False)]
             parts += ["\nRelative deviation from the published value:\n", _deviations(group)]
             continue
         parts += [
-            f"Showcase: `{name}`, mean of its repeats. {found.rule} It agrees in {agreeing} of the paper's "
-            f"success cells of this experiment; {found.champions} champions were searched.\n"
-            if cells
-            else "",
+            f"Showcase: `{name}`, mean of its repeats. {found.rule} It agrees in {agreeing} of the {cells} "
+            f"cells of this experiment's tables; {found.champions} champions were searched.\n",
             published.to_markdown(group, of_all=False),
             f"\nAll {found.champions} champions, median [quartiles]:\n",
             published.to_markdown(group, of_all=True),
@@ -151,17 +151,19 @@ def _deviations(group: pd.DataFrame) -> str:
     return _table(["scenario", "controller", "metric", "paper", "ours", "deviation"], rows)
 
 
-def success_table(success: pd.DataFrame) -> str:
+def success_table(success: pd.DataFrame, controllers: Collection[str] = (GA_ALONE, *CONTROLLER.values())) -> str:
     """Success at the paper's rates, a row for each scenario and controller."""
-    own = success[[row.N in (0.0, PAPER_N[row.experiment]) for row in success.itertuples()]]
+    own = success[success.controller.isin(controllers)]
+    own = own[[row.N in (0.0, PAPER_N[row.experiment]) for row in own.itertuples()]]
     rows = []
     for (experiment, scenario, controller), group in own.groupby(["experiment", "scenario", "controller"], sort=False):
         sides = group.set_index("side")
         cells = [
-            f"{sides.successes[side]} of {sides.n[side]}: {_interval(sides.loc[side])}" for side in ("left", "right")
+            f"{sides.successes[side]} of {sides.n[side]}: {_interval(sides.loc[side])}"
+            for side in ("left", "right", "both")
         ]
         rows.append([experiment, scenario, f"{controller}{_rate(group.N.iloc[0])}", *cells])
-    return _table(["experiment", "scenario", "controller", "left", "right"], rows)
+    return _table(["experiment", "scenario", "controller", "left", "right", "both sides"], rows)
 
 
 def rescue_table(harm: pd.DataFrame) -> str:
@@ -180,7 +182,7 @@ def _rate(rate: float) -> str:
     return f", N = {rate:g}" if rate else ""
 
 
-def _interval(row) -> str:  # type: ignore[no-untyped-def]
+def _interval(row: Any) -> str:
     return "–" if np.isnan(row.share) else f"{row.share:.2f} [{row.low:.2f}, {row.high:.2f}]"
 
 

@@ -1,0 +1,51 @@
+"""The README's results are those of runs/reference/, and its commands exist."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from epuckhebb.app.data import groups
+from epuckhebb.study import report
+
+ROOT = Path(__file__).parents[1]
+REFERENCE = ROOT / "runs" / "reference"
+README = ROOT / "README.md"
+BEGIN, END = re.compile(r"<!-- results: .* -->\n"), "<!-- end of results -->"
+
+
+def test_results_are_those_of_the_reference_run(request):
+    claims, success, harm = (
+        pd.read_csv(REFERENCE / f"{name}.csv") for name in ("claims", "success", "rescue_and_harm")
+    )
+    provenance = (REFERENCE / "report.md").read_text().splitlines()[2]
+    expected = report.summary(claims, success, harm, provenance)
+    text = README.read_text()
+    start, end = BEGIN.search(text).end(), text.index(END)
+    if request.config.getoption("--regenerate"):
+        text = text[:start] + expected + text[end:]
+        README.write_text(text)
+        end = text.index(END)
+    assert text[start:end] == expected, "run pytest tests/test_readme.py --regenerate"
+
+
+@pytest.mark.parametrize("experiment", ["light", "obstacles"])
+def test_the_bundled_champion_is_the_showcase_of_the_reference_run(experiment):
+    report_text = (REFERENCE / "report.md").read_text()
+    name = re.search(rf"Showcase: `({experiment}_seed\d+)`", report_text)[1]
+    with (
+        np.load(REFERENCE / f"champion_{experiment}.npz") as bundled,
+        np.load(REFERENCE / "champions" / f"{name}.npz") as own,
+    ):
+        assert (bundled["genome"] == own["genome"]).all()
+
+
+def test_every_scenario_and_group_named_exists():
+    text = README.read_text()
+    for choice in re.findall(r"scenario=(\w+)", text):
+        assert choice in groups("evaluate")["scenario"] or choice == "base"
+    for verb, group in (("evaluate", "hebbian"), ("evolve", "ga"), ("evaluate", "scenario")):
+        for choice in groups(verb)[group]:
+            assert f"`{choice}`" in text

@@ -1,0 +1,303 @@
+"""The page as a reader meets it: in a real browser, from a file, without any network.
+
+Needs Chromium, which Playwright drives but does not bring along. All of the browser runs on one core, so that what is
+said of its speed is said of one.
+"""
+
+import contextlib
+import json
+import os
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import expect, sync_playwright
+from typer.testing import CliRunner
+
+from epuckhebb.app.cli import app
+
+CHROMIUM = os.environ.get("EPUCKHEBB_CHROMIUM") or next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+FLAGS = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+SCREENSHOTS = os.environ.get("EPUCKHEBB_SCREENSHOTS")  # a folder to look at them in
+
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="no Chromium: `apt-get install chromium`, or set EPUCKHEBB_CHROMIUM to where it is"
+)
+
+
+ARRIVES = Path(__file__).parents[2] / "runs/reference/champions/obstacles_seed001.npz"  # at both goals, always
+
+
+def replayed(folder, *overrides):
+    """The folder of a fresh run, with its page."""
+    with contextlib.chdir(folder):
+        told = CliRunner().invoke(app, ["evaluate", "--json", "repeats=1", *overrides])
+        assert told.exit_code == 0, told.output
+        run = folder / json.loads(told.stdout)["runs"][0]["run"]
+    assert CliRunner().invoke(app, ["replay", str(run)]).exit_code == 0
+    return run
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return replayed(tmp_path_factory.mktemp("run"), "scenario=4obstacles", f"genome={ARRIVES}")
+
+
+@pytest.fixture(scope="module")
+def traces(run):
+    with np.load(run / "traces.npz") as file:
+        return dict(file)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(cores)})
+    with sync_playwright() as playwright:
+        launched = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        os.sched_setaffinity(0, cores)
+        yield launched
+        launched.close()
+
+
+@pytest.fixture
+def visit(browser):
+    """Opens a run's page; afterwards, nothing may have been complained of and nothing asked of anyone."""
+    contexts, complaints, requests = [], [], []
+
+    def opened(run, moment="#t=0", **options):
+        context = browser.new_context(**{"viewport": {"width": 1280, "height": 900}, **options})
+        context.set_offline(True)
+        contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("request", lambda request: requests.append(request.url))
+        page.goto(f"{(run / 'replay.html').as_uri()}{moment}")
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+    assert complaints == []
+    assert [url for url in requests if not re.fullmatch(r"file://.*/replay\.html.*", url)] == []
+
+
+def state(page):
+    return page.evaluate("replay.state()")
+
+
+def wait_until(page, true):
+    """Wait until something is true of the page's state; from here, since the page lets no text be run in it."""
+    for _ in range(300):
+        if true(state(page)):
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(f"it never came about; the page is at {state(page)}")
+
+
+def lifetime(traces, controller, side):
+    return next(
+        k for k in range(len(traces["side"])) if (traces["controller"][k], traces["side"][k]) == (controller, side)
+    )
+
+
+def compare_poses(page, traces):
+    now = state(page)
+    assert [robot["controller"] for robot in now["robots"]] == ["GA alone", "GA with Hebbian plasticity"]
+    for controller, robot in zip(("GA", "Hebbian"), now["robots"], strict=True):
+        k = lifetime(traces, controller, now["side"])
+        for column, name in enumerate(("x", "y", "heading")):
+            expected = np.interp(now["t"], traces["time"][k], traces["pose"][k, :, column])
+            assert robot[name] == pytest.approx(expected, abs=2e-4)
+    return now
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("t", [0, 12.345, 61.44, 249.0])
+def test_robots_stand_where_they_stood(visit, run, traces, side, t):
+    page = visit(run)
+    page.evaluate("([side, t]) => { replay.show(side); replay.seek(t); }", [side, t])
+    now = compare_poses(page, traces)
+    assert (now["side"], now["t"]) == (side, t)
+
+
+def test_plays_at_the_chosen_speed_and_pauses(visit, run, traces):
+    page = visit(run)
+    page.get_by_label("Speed").select_option("16")
+    page.get_by_role("button", name="Play", exact=True).click()
+    wait_until(page, lambda now: now["t"] > 8)
+    page.get_by_role("button", name="Pause").click()
+    paused = compare_poses(page, traces)["t"]
+    page.wait_for_timeout(100)
+    assert state(page)["t"] == paused
+    assert page.url.endswith(f"#t={round(paused, 3):g}&side=left")
+    expect(page.locator("#clock")).to_have_text(f"{paused:.1f} of 249.9 s")
+
+
+def test_starts_by_itself_unless_motion_is_unwelcome(visit, run):
+    wait_until(visit(run, moment=""), lambda now: now["t"] > 0.5)
+    calm = visit(run, moment="", reduced_motion="reduce")
+    calm.wait_for_timeout(200)
+    assert state(calm)["t"] == 0
+
+
+def test_stops_at_the_end_and_starts_over(visit, run):
+    page = visit(run, moment="#t=249")
+    page.keyboard.press("Space")
+    wait_until(page, lambda now: not now["playing"])
+    assert state(page)["t"] == pytest.approx(976 * 0.256)
+    page.keyboard.press("Space")
+    assert state(page)["t"] < 100
+    assert state(page)["playing"]
+
+
+def test_a_link_leads_to_its_moment(visit, run, traces):
+    page = visit(run, moment="#t=40.5&side=right")
+    now = compare_poses(page, traces)
+    assert (now["t"], now["side"], now["playing"]) == (40.5, "right", False)
+    page.evaluate("location.hash = '#t=7&side=left'")
+    wait_until(page, lambda now: (now["side"], now["t"]) == ("left", 7))
+    page.evaluate("location.hash = '#t=never&side=up'")
+    page.wait_for_timeout(50)
+    assert (state(page)["t"], state(page)["side"]) == (7, "left")
+
+
+def test_trials_are_switched_with_their_sentence(visit, run):
+    page = visit(run)
+    expect(page.get_by_role("heading", level=1)).to_have_text(re.compile("reached the goal on the left: without"))
+    page.get_by_label("lamp on, goal right").check()
+    expect(page.get_by_role("heading", level=1)).to_have_text(re.compile("reached the goal on the right: without"))
+    assert state(page)["side"] == "right"
+
+
+def test_keyboard(visit, run):
+    page = visit(run)
+    for key, t in {
+        "ArrowRight": 0.256,
+        "Shift+ArrowRight": 40 * 0.256,
+        "ArrowLeft": 39 * 0.256,
+        "End": 976 * 0.256,
+        "Home": 0.0,
+    }.items():
+        page.keyboard.press(key)
+        assert state(page)["t"] == pytest.approx(t), key
+    page.keyboard.press("+")
+    assert state(page)["speed"] == 16
+    page.keyboard.press("-")
+    page.keyboard.press("-")
+    assert state(page)["speed"] == 4
+    page.keyboard.press("s")
+    assert state(page)["side"] == "right"
+
+
+def test_slider_and_charts_seek(visit, run):
+    page = visit(run)
+    page.get_by_role("slider", name="Time in the lifetime").fill("100")
+    assert state(page)["t"] == 100
+    chart = page.get_by_label("Weight change over time")
+    chart.scroll_into_view_if_needed()
+    box = chart.bounding_box()
+    page.mouse.click(box["x"] + 64 + 0.5 * (box["width"] - 64), box["y"] + 40)
+    assert state(page)["t"] == pytest.approx(488 * 0.256, abs=0.5)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("c", [0, 1])
+def test_network_of_the_page_computes_the_recorded_wheels(visit, run, traces, side, c):
+    page = visit(run, moment=f"#t=0&side={side}")
+    k = lifetime(traces, ("GA", "Hebbian")[c], side)
+    for sample in (0, 1, 100, 500, 976):
+        wheels = page.evaluate("([c, k]) => replay.activations(c, k)", [c, sample])[-2:]
+        np.testing.assert_allclose(wheels, traces["motors"][k, sample], atol=1e-3)
+
+
+def test_a_connection_tells_its_gene_weight_and_change(visit, run, traces):
+    page = visit(run, moment="#t=128&side=left")
+    network = page.get_by_label("GA with Hebbian plasticity: its network")
+    network.focus()
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("ArrowDown")
+    k, sample = lifetime(traces, "Hebbian", "left"), 500
+    weight = traces["weights"][k, sample, 1]
+    change = weight - np.float32(traces["genome"][1])
+
+    def signed(value):
+        return f"{value:+.4f}".replace("-", "−")
+
+    told = f"Gene 1: from light, front right to hidden 1.2. Weight {signed(weight)}, changed by {signed(change)} since"
+    expect(page.locator(".network").nth(1)).to_contain_text(told)
+    expect(page.locator("#said")).to_contain_text("Gene 1:")
+    network.scroll_into_view_if_needed()
+    box = network.bounding_box()
+    page.mouse.move(box["x"] + box["width"] - 80, box["y"] + box["height"] / 2)
+    expect(page.locator(".network").nth(1)).to_contain_text(re.compile(r"Gene 2\d\d: from hidden 4\.\d to \w+ wheel"))
+
+
+def test_everything_to_press_or_look_at_has_a_name(visit, run):
+    page = visit(run)
+    for role, count in {"button": 4, "radio": 2, "slider": 1, "combobox": 1, "img": 9}.items():
+        named = page.get_by_role(role, name=re.compile(r"\w"))
+        expect(named).to_have_count(count)
+        expect(page.get_by_role(role)).to_have_count(count)
+    page.keyboard.press("ArrowRight")
+    expect(page.get_by_role("status")).to_contain_text("0.3 seconds. GA alone: ")
+
+
+def test_a_run_without_plasticity_has_one_panel(visit, tmp_path):
+    page = visit(replayed(tmp_path, "hebbian=none", "lifetime.duration_s=20"), moment="#t=10")
+    expect(page.locator("figure")).to_have_count(2)
+    expect(page.get_by_label("Live fitness")).to_have_count(1)
+    expect(page.get_by_label("Weight change")).to_have_count(0)
+    expect(page.get_by_text("where the other robot is now")).to_be_hidden()
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_both_schemes_on_desk_and_phone(visit, run, tmp_path, scheme, width):
+    page = visit(run, moment="#t=40&side=right", viewport={"width": width, "height": 844}, color_scheme=scheme)
+    height = page.evaluate("document.documentElement.scrollHeight")
+    page.set_viewport_size({"width": width, "height": height})
+    page.wait_for_timeout(300)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    folder = Path(SCREENSHOTS) if SCREENSHOTS else tmp_path
+    folder.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=folder / f"replay_{scheme}_{width}.png")
+    assert brightness(page) == pytest.approx(245 if scheme == "light" else 23, abs=5)
+    page.get_by_role("button", name="Switch between light and dark").click()
+    assert brightness(page) == pytest.approx(23 if scheme == "light" else 245, abs=5)
+
+
+def brightness(page):
+    colour = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    return np.mean([int(level) for level in re.findall(r"\d+", colour)])
+
+
+def test_draws_60_pictures_a_second_at_16_times_the_speed(visit, run):
+    page = visit(run)
+    gaps = page.evaluate(
+        """async () => {
+            replay.setSpeed(16);
+            replay.play();
+            const times = [];
+            await new Promise((done) => {
+                const next = (t) => { times.push(t); t - times[0] < 4000 ? requestAnimationFrame(next) : done(); };
+                requestAnimationFrame(next);
+            });
+            return times.slice(1).map((t, i) => t - times[i]);
+        }"""
+    )
+    print(f"{1000 * len(gaps) / sum(gaps):.1f} pictures a second, longest gap {max(gaps):.0f} ms")
+    assert np.median(gaps) < 17.5  # the median, since other work may take the core now and then
