@@ -279,8 +279,7 @@ def whole_and_killed(tmp_path, words, moments):
 
 
 def test_killed_with_its_workers_it_resumes_to_the_same_tables(tmp_path):
-    words = ["sweep", "obstacles", *FAST, "seed=1,2", "hydra.launcher.n_jobs=2"]
-    whole_and_killed(tmp_path, words, [4.5])
+    whole_and_killed(tmp_path, ["sweep", "obstacles", *TWO, "hydra.launcher.n_jobs=2"], [4.5])
 
 
 @pytest.mark.slow

@@ -247,6 +247,28 @@ def show(
             report.show(run, Console())
 
 
+@app.command()
+def rerun(
+    run: Annotated[Path, typer.Argument(help="A run folder.", metavar="RUN")],
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Repeat a run, and say whether its CSV files are the same bytes."""
+    with _told():
+        from epuckhebb.app import jobs
+        from epuckhebb.app.rerun import rerun as repeat
+
+        jobs.begin(quiet=quiet)
+        new, difference = repeat(run, lambda note: None if quiet else _say(note))
+        if as_json:
+            typer.echo(json.dumps({"verb": "rerun", "run": str(run), "new": str(new), "difference": difference}))
+        elif not quiet and not difference:
+            typer.echo(f"same bytes: {new}")
+        if difference:
+            _say_error(f"{new}: {difference}")
+            raise typer.Exit(JOB_FAILED)
+
+
 def _version(wanted: bool) -> None:
     if wanted:
         typer.echo(__version__)

@@ -26,7 +26,7 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError, JobFailedError
 
-STAMP = "EPUCKHEBB_STAMP"  # environment variable, so that the workers of a launcher see the same
+STAMP = "EPUCKHEBB_STAMP"  # environment variable that conf/ names run folders with
 IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}
 
@@ -43,6 +43,9 @@ def run(verb: str, job: Callable[[DictConfig], Any], arguments: list[str]) -> st
     options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)} if IS_HYDRA_1_4 else version_base()
     entry = hydra.main(config_path=str(data_folder("conf")), config_name=verb, **options)(job)
     stamp = new_stamp()
+    if "--multirun" in arguments and not any(argument.startswith("hydra.sweep.dir=") for argument in arguments):
+        # In words, not as an environment variable: workers that a launcher keeps from an earlier call have the old one.
+        arguments = [f"hydra.sweep.dir={_multirun_folder(verb, stamp)}", *arguments]
     with _as_command_line(verb, arguments, stamp):
         GlobalHydra.instance().clear()
         try:
@@ -99,9 +102,9 @@ def explain(error: BaseException) -> str:
     if full_key and not any(full_key[1] in line for line in lines):
         lines.insert(0, f"{full_key[1]}:")
     lines = [line for line in lines if not line.startswith("Config search path") and "provider=" not in line]
-    text = "\n".join(lines)
-    missing = re.search(r"Could not find 'hydra/launcher/(?:\w+/)?(\w+?)(?:_\w+)?'", text)
-    if missing and missing[1] in _EXTRAS:
+    text = re.sub(r"Did you mean: '(.+?)'\?", r"Did you mean: \1?", "\n".join(lines))
+    missing = re.search(r"Could not (?:find|load) 'hydra/launcher/(submitit|ray)(?:_\w+)?'", text)
+    if missing:
         text += f'\nThis launcher is a plug-in: pip install "epuckhebb[{_EXTRAS[missing[1]]}]"'
     if "LexerNoViableAlt" in type(error).__name__ or "mismatched input" in text or "missing EQUAL" in text:
         text += "\nSettings are written KEY=VALUE, for example scenario=4obstacles or hebbian.N=0.002"
@@ -131,9 +134,13 @@ def known_keys() -> list[str]:
     return sorted(found)
 
 
+def _multirun_folder(verb: str, stamp: str) -> Path:
+    return Path("runs") / verb / f"{stamp}_multirun"
+
+
 def runs_of(verb: str, stamp: str, arguments: list[str]) -> list[Path]:
     """The run folders of a multirun, in the order of its jobs."""
-    folder = Path("runs") / verb / f"{stamp}_multirun"
+    folder = _multirun_folder(verb, stamp)
     for argument in arguments:
         if argument.startswith("hydra.sweep.dir="):
             folder = Path(argument.split("=", 1)[1])

@@ -1,10 +1,13 @@
 """What the terminal says of runs: the paper's table, how an evolution went, where the files are."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import yaml
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from epuckhebb.app import runs
@@ -69,24 +72,42 @@ def show(path: Path, console: Console) -> None:
     told = runs.read(path)
     status, code = told["status"], told["code"]
     commit = f", commit {code['commit'][:10]}{' with changes' if code['dirty'] else ''}" if code["commit"] else ""
+    science = f", science {code['science']}" if "science" in code else ""
     facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     facts.add_column(style="bold")
     facts.add_column(overflow="fold")
     for name, value in {
         "Command": " ".join(told["command"]),
+        "Overrides": " ".join(told["overrides"]),
         "State": status["state"] + (f": {status['error']}" if status.get("error") else ""),
         "Time": f"{status['started']} – {status.get('finished', '')}",
-        "Seed": str(told["seed"]),
-        "Program": f"epuckhebb {code['version']}{commit}, Python {told['python']}",
+        "Resumed": ", ".join(f"{again['started']} after {again['generations']}" for again in told.get("resumed", [])),
+        "Settings": " ".join(_settings(path)),
+        "Program": f"epuckhebb {code['version']}{commit}{science}, Python {told['python']}",
         "Packages": ", ".join(f"{name} {number}" for name, number in told["packages"].items() if name != "epuckhebb"),
         "Machine": f"{told['platform']}, {told['cores']} cores",
-        "Genome": f"{told['genome']} (SHA-256 {told['genome_sha256'][:16]}…)" if "genome" in told else "",
+        "Genome": f"{told['genome']} (SHA-256 {told['genome_sha256']})" if "genome" in told else "",
         "Files": ", ".join(sorted(str(file.relative_to(path)) for file in path.rglob("*") if file.is_file())),
     }.items():
         if value:
-            facts.add_row(name, value)
+            facts.add_row(name, escape(value))
     console.print(facts)
     _results(path, console)
+
+
+def _settings(path: Path) -> Iterator[str]:
+    """The resolved configuration of a run, as it could be typed."""
+
+    def below(node: dict[str, Any], prefix: str) -> Iterator[str]:
+        for key, value in node.items():
+            if isinstance(value, dict):
+                yield from below(value, f"{prefix}{key}.")
+            else:
+                yield f"{prefix}{key}={value}"
+
+    file = path / ".hydra" / "config.yaml"
+    if file.is_file():
+        yield from below(yaml.safe_load(file.read_text()), "")
 
 
 def as_json(path: Path) -> dict[str, Any]:

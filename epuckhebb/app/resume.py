@@ -9,12 +9,12 @@ from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
 
 from epuckhebb.app import checkpoint, jobs, runs
 from epuckhebb.app.config import EvolveConfig, thread_count, typed
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.hydra_bridge import explain
+from epuckhebb.app.rerun import settings
 
 KEY = "resume="
 _CHANGEABLE = ("ga.generations", "threads")  # the others would make it another evolution
@@ -37,7 +37,7 @@ def resume(arguments: list[str], say: Callable[[str], None]) -> Path:
     told = runs.read(path)
     if told["verb"] != "evolve":
         raise ConfigError(f"resume={path} is a run of `epuckhebb {told['verb']}`; only evolutions can be resumed")
-    cfg = _settings(path, changes)
+    cfg = _changed(path, changes)
     config = typed(cfg, EvolveConfig)
     after = checkpoint.read(path, config.ga.population)
     done = after.generation.number + 1 if after else 0
@@ -57,13 +57,9 @@ def resume(arguments: list[str], say: Callable[[str], None]) -> Path:
     return path
 
 
-def _settings(path: Path, changes: list[str]) -> DictConfig:
+def _changed(path: Path, changes: list[str]) -> DictConfig:
     """The configuration of the run, with what may be changed changed."""
-    try:
-        cfg = OmegaConf.merge(OmegaConf.structured(EvolveConfig), OmegaConf.load(path / ".hydra" / "config.yaml"))
-    except (OSError, YAMLError, OmegaConfBaseException) as error:
-        raise ConfigError(f"{path}/.hydra/config.yaml cannot be used: {error}") from error
-    assert isinstance(cfg, DictConfig)
+    cfg = settings(path, "evolve")
     for change in changes:
         key, _, value = change.partition("=")
         if key not in _CHANGEABLE:

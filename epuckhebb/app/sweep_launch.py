@@ -5,7 +5,6 @@ left in `unfinished/` is thrown away by the next call.
 """
 
 import json
-import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -21,7 +20,6 @@ from epuckhebb.app.errors import ConfigError, JobFailedError
 from epuckhebb.app.sweep import Job, Sweep, identity
 from epuckhebb.app.sweep_progress import JobsProgress
 
-_FAIL_FAST = "EPUCKHEBB_FAIL_FAST"  # environment variable, so that the workers of a launcher see it too
 _LIST, _CONFIGS, _UNFINISHED, _STOP = "sweep.json", "jobs", "unfinished", "stop"
 
 
@@ -58,8 +56,7 @@ def launch(sweep: Sweep, *, fail_fast: bool, quiet: bool) -> Outcome:
             shutil.rmtree(sweep.folder / job.run, ignore_errors=True)
         stamp, trouble = hydra_bridge.new_stamp(), ""
         if todo:
-            _write_configs(sweep)
-            os.environ[_FAIL_FAST] = "1" if fail_fast else ""
+            _write_configs(sweep, fail_fast)
             watched = JobsProgress(sweep.folder, {job.run for job in todo}, f"{_UNFINISHED}/{stamp}_*", quiet=quiet)
             try:
                 with watched:
@@ -101,7 +98,7 @@ def sweep_job(cfg: DictConfig) -> None:
             attempt, cfg, told["jobs"][run]["overrides"], facts, threads=jobs.threads_of_job(cfg.threads)
         )
     except Exception:
-        if os.environ.get(_FAIL_FAST):
+        if told["fail_fast"]:
             stop.touch()
         raise
     try:
@@ -144,13 +141,13 @@ def _throw_away(unfinished: Path) -> None:
             shutil.rmtree(attempt)
 
 
-def _write_configs(sweep: Sweep) -> None:
+def _write_configs(sweep: Sweep, fail_fast: bool) -> None:
     """What the jobs read: one configuration each, which Hydra composes by its name, and the list of them all."""
     for job in sweep.jobs:
         text = f"# @package _global_\n{OmegaConf.to_yaml(job.cfg, resolve=True)}"
         runs.write_whole(sweep.folder / _CONFIGS / "job" / f"{job.run}.yaml", text.encode())
     listed = {job.run: {"number": job.number, "overrides": job.overrides} for job in sweep.jobs}
-    told = {"schema": runs.SCHEMA, "name": sweep.name, "command": sweep.command, "jobs": listed}
+    told = {"schema": runs.SCHEMA, "name": sweep.name, "command": sweep.command, "fail_fast": fail_fast, "jobs": listed}
     runs.write_whole(sweep.folder / _LIST, runs.as_json(told))
 
 
