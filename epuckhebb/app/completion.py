@@ -1,4 +1,4 @@
-"""What the Tab key offers after a verb: `group=choice`, `key=value`, sweeps, runs. Reads `conf/`, imports nothing heavy."""
+"""What the Tab key offers after a verb: `group=choice`, `key=value`, sweeps, runs. It imports nothing heavy."""
 
 import os
 import shlex

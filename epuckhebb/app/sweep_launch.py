@@ -155,7 +155,7 @@ def _arguments(sweep: Sweep, todo: list[Job], stamp: str) -> list[str]:
     return [
         f"+job={','.join(job.run for job in todo)}",
         *sweep.launching,
-        f'hydra.sweep.dir="{sweep.folder}"',
+        f'hydra.sweep.dir="{sweep.folder.absolute()}"',  # a worker may have been started elsewhere
         f'hydra.sweep.subdir="{_UNFINISHED}/{stamp}_${{hydra.job.num}}"',
         "--config-dir",
         str((sweep.folder / _CONFIGS).absolute()),
