@@ -59,7 +59,30 @@ _EXAMPLES = {
     ],
 }
 
-Overrides = Annotated[list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Settings to change.")]
+
+def _complete_override(ctx: typer.Context, incomplete: str) -> list[str]:
+    from epuckhebb.app import completion
+
+    return completion.overrides(str(ctx.info_name), incomplete)
+
+
+def _complete_sweep(incomplete: str) -> list[str]:
+    from epuckhebb.app import completion
+
+    return completion.sweeps(incomplete)
+
+
+def _complete_run(incomplete: str) -> list[str]:
+    from epuckhebb.app import completion
+
+    return completion.runs(incomplete)
+
+
+Overrides = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[KEY=VALUE]...", help="Settings to change.", autocompletion=_complete_override),
+]
+Run = Annotated[Path, typer.Argument(help="A run folder.", metavar="RUN", autocompletion=_complete_run)]
 Multirun = Annotated[bool, typer.Option("--multirun", "-m", help="Run every combination of comma-separated values.")]
 
 
@@ -133,7 +156,9 @@ def evaluate(
 
 @app.command()
 def replay(
-    run: Annotated[Path, typer.Argument(help="A run folder of `epuckhebb evaluate`.", metavar="RUN")],
+    run: Annotated[
+        Path, typer.Argument(help="A run folder of `epuckhebb evaluate`.", metavar="RUN", autocompletion=_complete_run)
+    ],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="Where to write the page.  [RUN/replay.html]")
     ] = None,
@@ -197,7 +222,10 @@ def reproduce(
 
 @app.command(cls=ConfiguredCommand)
 def sweep(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="A file of conf/experiment/, see below.")],
+    name: Annotated[
+        str,
+        typer.Argument(metavar="NAME", help="A file of conf/experiment/, see below.", autocompletion=_complete_sweep),
+    ],
     overrides: Overrides = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="List the jobs, run nothing.")] = False,
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Start no job after one has failed.")] = False,
@@ -234,7 +262,7 @@ def sweep(
 
 @app.command()
 def show(
-    run: Annotated[Path, typer.Argument(help="A run folder.", metavar="RUN")],
+    run: Run,
     as_json: Json = False,
 ) -> None:
     """Tell what a run holds."""
@@ -249,7 +277,7 @@ def show(
 
 @app.command()
 def rerun(
-    run: Annotated[Path, typer.Argument(help="A run folder.", metavar="RUN")],
+    run: Run,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:

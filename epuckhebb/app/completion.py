@@ -1,4 +1,4 @@
-"""What the Tab key offers after a verb: `group=choice`, `key=value`, sweeps, runs. It imports nothing heavy."""
+"""What the Tab key offers: `group=choice`, `key=value`, sweeps and runs. Reads `conf/` and imports nothing heavy."""
 
 import os
 import shlex
@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from epuckhebb.app.data import data_folder, groups
-
-_KEYS_IN = {"hebbian": "paper"}  # the file of a group that holds all of its keys, where the default one does not
 
 
 def overrides(verb: str, incomplete: str) -> list[str]:
@@ -75,7 +73,7 @@ def _keys(verb: str) -> Iterator[tuple[str, Any]]:
 
     yield from below({key: value for key, value in primary.items() if key != "hydra"}, "")
     for group in groups(verb):
-        file = conf / group / f"{_KEYS_IN.get(group, chosen.get(group))}.yaml"
+        file = conf / group / f"{chosen.get(group)}.yaml"
         if group != "experiment" and file.is_file():
             yield from below(yaml.safe_load(file.read_text()), f"{group}.")
 

@@ -1,0 +1,99 @@
+"""The Tab key, in a real bash, and as zsh asks."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from omegaconf import OmegaConf
+
+from epuckhebb.app import completion
+from epuckhebb.app.compose import composed
+
+PROGRAM = str(Path(sys.executable).parent / "epuckhebb")
+
+
+def bash(*words):
+    """What bash would offer for the last of the words of a line; bash itself takes `=` for a word."""
+    script = (
+        f"source <(_EPUCKHEBB_COMPLETE=source_bash {PROGRAM})\n"
+        f'COMP_WORDS=(epuckhebb "$@"); COMP_CWORD={len(words)}\n'
+        f"_epuckhebb_completion {PROGRAM}\n"
+        'printf "%s\\n" "${COMPREPLY[@]}"\n'
+    )
+    done = subprocess.run(["bash", "-c", script, "bash", *words], capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    return done.stdout.split()
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def a_run(folder):
+    folder.mkdir(parents=True)
+    (folder / "status.json").write_text("{}")
+
+
+@pytest.mark.skipif(not shutil.which("bash") or not Path(PROGRAM).is_file(), reason="no bash, or not installed")
+def test_bash(here):
+    a_run(here / "runs" / "evolve" / "one")
+    assert bash("swe") == ["sweep"]
+    assert bash("evaluate", "scenario", "=", "b") == ["base"]
+    assert set(bash("evaluate", "-m", "hebbian", "=")) == {"none", "paper"}
+    assert set(bash("evaluate", "scen")) >= {"scenario=base", "scenario.light="}
+    assert bash("show", "runs/") == ["runs/evolve/one"]
+
+
+@pytest.mark.skipif(not Path(PROGRAM).is_file(), reason="not installed")
+def test_zsh():
+    environment = {**os.environ, "_EPUCKHEBB_COMPLETE": "complete_zsh"}
+    environment["_TYPER_COMPLETE_ARGS"] = "epuckhebb evaluate scenario=4"
+    done = subprocess.run([PROGRAM], env=environment, capture_output=True, text=True, check=True)
+    assert '"scenario=4obstacles"' in done.stdout
+    if shutil.which("zsh"):
+        subprocess.run(["zsh", "-nc", done.stdout], check=True)
+
+
+@pytest.fixture
+def _no_bash(monkeypatch):
+    monkeypatch.delenv("COMP_WORDS", raising=False)
+    monkeypatch.delenv("COMP_CWORD", raising=False)
+
+
+@pytest.mark.usefixtures("_no_bash")
+def test_keys_and_values(here):
+    a_run(here / "runs" / "evolve" / "one")
+    assert completion.overrides("evaluate", "repe") == ["repeats=", "repeats=10"]
+    assert completion.overrides("evaluate", "hebbian.tr") == [
+        *("hebbian.trace_decay=", "hebbian.trace_decay=0.95"),
+        *("hebbian.trace_update=", "hebbian.trace_update=0.05"),
+    ]
+    assert completion.overrides("evaluate", "genome=r") == ["genome=reference", "genome=runs/evolve/one"]
+    assert completion.overrides("evolve", "ga=") == ["ga=as_coded", "ga=textbook"]
+    assert completion.overrides("evolve", "resume=") == ["resume=runs/evolve/one"]
+    assert completion.overrides("sweep", "lifetime.dur")[0] == "lifetime.duration_s="
+    assert completion.overrides("evaluate", "nothing=") == []
+    assert completion.sweeps("n") == ["n_sweep"]
+    assert completion.runs("") == ["runs/evolve/one"]
+
+
+@pytest.mark.parametrize("verb", ["evaluate", "evolve", "sweep"])
+@pytest.mark.usefixtures("_no_bash")
+def test_every_key_is_offered(verb):
+
+    def below(node, prefix=""):
+        for key, value in node.items():
+            if isinstance(value, dict):
+                yield from below(value, f"{prefix}{key}.")
+            else:
+                yield prefix + key
+
+    composed_verb = "evaluate" if verb == "sweep" else verb
+    keys = set(below(OmegaConf.to_container(composed(composed_verb, []))))
+    offered = {offer.partition("=")[0] for offer in completion.overrides(verb, "")}
+    assert keys <= offered
