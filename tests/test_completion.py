@@ -85,7 +85,6 @@ def test_keys_and_values(here):
 @pytest.mark.parametrize("verb", ["evaluate", "evolve", "sweep"])
 @pytest.mark.usefixtures("_no_bash")
 def test_every_key_is_offered(verb):
-    from epuckhebb.app.compose import composed
 
     def below(node, prefix=""):
         for key, value in node.items():
