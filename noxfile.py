@@ -1,4 +1,4 @@
-"""All commands of the project: `nox` runs lint, types, tests and web; `nox -s bench` measures."""
+"""All commands of the project: `nox` runs lint, types, tests and web; `nox --list` has the others."""
 
 import os
 import shutil
@@ -8,6 +8,8 @@ import nox
 nox.options.sessions = ["lint", "types", "tests", "web"]
 nox.options.default_venv_backend = "venv"
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+STABLE = "hydra-core==1.3.*"  # some plug-ins ask for a Hydra in a way that lets pip take a pre-release
+PRE_RELEASE = ["hydra-core>=1.4.0rc3", "hydra-joblib-launcher>=1.4.0rc3", "hydra-submitit-launcher>=1.4.0rc3"]
 PROJECT = nox.project.load_toml("pyproject.toml")
 
 
@@ -34,8 +36,39 @@ def types(session: nox.Session) -> None:
 @nox.session
 def tests(session: nox.Session) -> None:
     """Run the test suite against the installed package."""
-    session.install(".", *group("tests"))
+    session.install(".", *group("tests"), STABLE)
     session.run("pytest", *session.posargs)
+
+
+@nox.session
+def hydra14(session: nox.Session) -> None:
+    """Run the test suite with the pre-release of Hydra 1.4."""
+    session.install(".", *group("tests"), *PRE_RELEASE)
+    session.run("pytest", *session.posargs)
+
+
+@nox.session
+def slow(session: nox.Session) -> None:
+    """Run the tests that take minutes: kills at random moments, 64 processes at once, the wheel and the sdist."""
+    session.install(".", *group("tests"), *group("package"), STABLE)
+    session.run("pytest", "-m", "slow", *session.posargs)
+
+
+@nox.session
+def slurm(session: nox.Session) -> None:
+    """Run a sweep on a SLURM cluster of one node, which is installed (Debian, as root) if it is not there."""
+    if not shutil.which("slurmctld"):
+        session.run("apt-get", "update", "--quiet=2", external=True)
+        session.run("apt-get", "install", "--quiet=2", "--yes", "slurm-wlm", external=True)
+    session.install(".[slurm]", *group("tests"), STABLE)
+    session.run("python", "tests/slurm_cluster.py", "pytest", "-m", "slurm", "tests/test_launchers.py")
+
+
+@nox.session
+def ray(session: nox.Session) -> None:
+    """Run a sweep on Ray, started on this machine."""
+    session.install(".[ray]", *group("tests"), STABLE)
+    session.run("pytest", "-m", "ray", "tests/test_launchers.py")
 
 
 @nox.session

@@ -1,6 +1,7 @@
 """An evolution that was stopped, in whatever way, ends as one that never was."""
 
 import json
+import random
 import shutil
 import signal
 import subprocess
@@ -76,6 +77,31 @@ def test_killed_between_any_two_writes(six, tmp_path, points):
 def test_killed_at_every_write(six, tmp_path):
     every = [f"{write} {where}" for write in range(CLAIM + 1, CLAIM + 19) for where in ("before", "beside", "after")]
     test_killed_between_any_two_writes(six, tmp_path, " ".join(every))
+
+
+@pytest.mark.slow
+def test_killed_at_twenty_random_moments(six, tmp_path):
+    chance = random.Random(5)
+    program = [sys.executable, "-c", "from epuckhebb.app.cli import main; main()", "evolve"]
+    whole = tmp_path / "whole"
+    words = [*TINY, "lifetime.duration_s=60", "ga.loops=3", "ga.generations=40"]
+    subprocess.run([*program, *words, f"hydra.run.dir={whole}"], check=True)
+    killed, begin = 0, [*words, f"hydra.run.dir={tmp_path / 'run'}"]
+    while killed < 20:
+        resumable = (tmp_path / "run" / "provenance.json").is_file()
+        if not resumable:  # killed so early that there is nothing to go on from: begin again
+            shutil.rmtree(tmp_path / "run", ignore_errors=True)
+        started = subprocess.Popen([*program, *([f"resume={tmp_path / 'run'}", "-q"] if resumable else begin)])
+        try:
+            assert started.wait(chance.uniform(1, 4)) == 0
+            break
+        except subprocess.TimeoutExpired:
+            started.kill()
+            started.wait()
+            killed += 1
+    assert killed > 3
+    subprocess.run([*program, f"resume={tmp_path / 'run'}", "-q"], check=True)
+    assert same(whole, tmp_path / "run")
 
 
 def test_killed_before_there_were_settings(three):

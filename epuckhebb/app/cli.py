@@ -195,7 +195,11 @@ def replay(
 def reproduce(
     words: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[light|obstacles|all] [KEY=VALUE]...", help="The experiment, and settings to change."),
+        typer.Argument(
+            metavar="[light|obstacles|all] [KEY=VALUE]...",
+            help="The experiment, and settings to change.",
+            autocompletion=_complete_override,
+        ),
     ] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="3 champions, 3 repeats, 2 rates: a look in two minutes.")
