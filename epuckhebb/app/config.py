@@ -38,6 +38,7 @@ class EvaluateConfig:
     threads: int = 0
     scenario: Scenario = field(default_factory=Scenario)
     hebbian: Hebbian = field(default_factory=Hebbian)
+    compare: dict[str, Hebbian] = field(default_factory=dict)
     lifetime: Lifetime = field(default_factory=Lifetime)
 
     def __post_init__(self) -> None:
@@ -49,6 +50,15 @@ class EvaluateConfig:
         _check_common(self.seed, self.threads)
         if self.repeats < 1:
             raise ValueError(f"repeats must be 1 or more, got {self.repeats}")
+        for name, hebbian in self.compare.items():
+            if name == GA_ALONE:
+                raise ValueError(f"compare.{name}: {GA_ALONE} is the controller without plasticity, which always runs")
+            hebbian.name = name
+
+    @property
+    def plasticities(self) -> list[Hebbian]:
+        """All plasticities to be lived with: `hebbian`, unless it is none, and those to compare."""
+        return [hebbian for hebbian in (self.hebbian, *self.compare.values()) if hebbian.name != "none"]
 
 
 @dataclass(kw_only=True)

@@ -54,7 +54,7 @@ def controller_title(controller: str) -> str:
 
 def draw_maze(axes: Axes, scenario: Scenario) -> None:
     """Walls, obstacles, lamp and goals, to scale [m]."""
-    for box, (left, right, bottom, top) in enumerate(boxes(scenario.obstacles).tolist()):
+    for box, (left, right, bottom, top) in enumerate(boxes(scenario.obstacles, scenario.layout).tolist()):
         is_wall = box < len(WALLS)
         axes.add_patch(
             Rectangle(

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.study.evaluate import CONTROLLER, GA_ALONE, HEBBIAN
 from epuckhebb.study.statistics import bootstrap_mean, mcnemar, wilson
 
-TRAINED = {"light": "highlight", "obstacles": "base"}
 CHANGED = {"light": ("lowlight",), "obstacles": ("2obstacles", "4obstacles")}
 PAPER_N = {"light": 0.002, "obstacles": 0.000015}
 TRIAL = ["genome", "side"]

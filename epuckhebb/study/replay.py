@@ -135,7 +135,7 @@ def _content(traces: Traces, genome: NDArray[np.float64], scenario: Scenario, ga
             {"arrival": arrived.time, "stayed": arrived.stayed, **_embedded(samples, birth, every)}
             for samples, arrived in zip(of_side, arrivals, strict=True)
         ]
-    walls, obstacles = np.split(boxes(scenario.obstacles), [len(WALLS)])
+    walls, obstacles = np.split(boxes(scenario.obstacles, scenario.layout), [len(WALLS)])
     return {
         "sides": sides,
         "controllers": [{"title": controller_title(name), "note": _NOTE.get(name, "")} for name in controllers],
