@@ -51,8 +51,8 @@ class EvaluateConfig:
         if self.repeats < 1:
             raise ValueError(f"repeats must be 1 or more, got {self.repeats}")
         for name, hebbian in self.compare.items():
-            if name == GA_ALONE:
-                raise ValueError(f"compare.{name}: {GA_ALONE} is the controller without plasticity, which always runs")
+            if name in ("GA", "none", "paper"):
+                raise ValueError(f"compare.{name}: this name is taken, GA by the control that always runs; give another")
             hebbian.name = name
 
     @property

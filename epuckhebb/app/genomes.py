@@ -120,7 +120,7 @@ def _memory(arrays: dict[str, NDArray[np.generic]], path: Path) -> Memory | None
     told = {key.removeprefix(_MEMORY): value for key, value in arrays.items() if key.startswith(_MEMORY)}
     if not told:
         return None
-    shapes = {"time_to_goal_s": (2,), "reading_mean": (2, INPUTS), "reading_spread": (2, INPUTS)}
+    shapes = {"time_to_goal_s": (2,), "away_s": (2,), "reading_mean": (2, INPUTS), "reading_spread": (2, INPUTS)}
     whole = told.keys() == {field.name for field in fields(Memory)} and told["fitness"].ndim == 2
     if not (whole and all(told[key].shape == shape for key, shape in shapes.items())):
         raise ConfigError(f"genome={path} holds a memory of the training world that this program cannot read")

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from epuckhebb.app import runs
-from epuckhebb.study import tables
+from epuckhebb.study import rescue, tables
 
 
 def tell(finished: list[Path], console: Console) -> None:
@@ -48,6 +48,9 @@ def tell_jobs(folder: Path, listed: list[dict[str, Any]], console: Console) -> N
 
 def tell_sweep(folder: Path, console: Console) -> None:
     """Say what a sweep came to: the success of each condition, and where its tables are."""
+    if (folder / "rescue_over_all.csv").is_file():
+        _tell_rescue(folder, console)
+        return
     summary = pd.read_csv(folder / "summary.csv", keep_default_na=False)
     conditions = list(summary.columns[: summary.columns.get_loc("n")])
     told = [name for name in conditions if name in ("controller", "side") or summary[name].nunique() > 1]
@@ -61,6 +64,20 @@ def tell_sweep(folder: Path, console: Console) -> None:
         console.print(shown)
     tables = "sweep.csv (every lifetime), summary.csv, failed.csv"
     console.print(f"Tables: {folder}/: {tables}", markup=False, highlight=False, soft_wrap=True)
+
+
+def _tell_rescue(folder: Path, console: Console) -> None:
+    """What a sweep over champions and worlds came to: rescue and harm of each plasticity."""
+    table = Table(title="Rescue and harm (95 % interval)", title_justify="left", title_style="bold")
+    for heading in ("experiment", "plasticity", "rescued of broken", "harmed of sound", "at home"):
+        table.add_column(heading, overflow="fold")
+    for row in pd.read_csv(folder / "rescue_over_all.csv", keep_default_na=False, na_values=[""]).itertuples():
+        cells = [rescue.count(row, "rescued", "broken"), rescue.count(row, "harmed", "sound")]
+        home = f"{row.home_harmed} of {row.home_mastered}"
+        table.add_row(str(row.experiment), rescue.label(str(row.controller), float(row.N)), *cells, home)
+    console.print(table)
+    told = "report.md, rescue_over_all.csv, rescue_and_harm.csv, sweep.csv (every lifetime), summary.csv, failed.csv"
+    console.print(f"Tables: {folder}/: {told}", markup=False, highlight=False, soft_wrap=True)
 
 
 def show(path: Path, console: Console) -> None:

@@ -121,7 +121,8 @@ def live(
     activation[BIAS] = 1.0
     rays, distances, noise = np.empty((4, SENSORS)), np.empty(SENSORS), np.zeros(INPUTS)
     drive, correlation, change = np.empty(max(POST)), np.empty(GENES), np.empty(CHANGE_ROOM)
-    recent, surprise, surprised_s, arrived, plastic, need = np.zeros(RECENT_ROOM), math.nan, 0.0, False, True, 1.0
+    recent, surprise, need, plastic = np.zeros(RECENT_ROOM), math.nan, 1.0, True
+    away_s, surprised_s, arrived = 0.0, 0.0, False
     shake_left, shake_right = 0.0, 0.0
 
     junction, undirected_sum, behaviour_sum = 0.0, 0.0, 0.0
@@ -161,11 +162,10 @@ def live(
         )
         if plasticity.surprise != _ALWAYS:
             signals.keep_recent(recent, activation, live_fitness, step)
-            surprise = signals.surprise(plasticity.surprise, step * STEP_S, recent, remembered)
-            arrived = arrived or goal_distance < GOAL_RADIUS
-            need = signals.need(surprise, plasticity.tolerance, plasticity.ramp)
-            if arrived and plasticity.until_goal:
-                need = 0.0
+            at_goal = goal_distance < GOAL_RADIUS
+            arrived, away_s = arrived or at_goal, 0.0 if at_goal else away_s + STEP_S
+            surprise = signals.surprise(plasticity.surprise, step * STEP_S, away_s, arrived, recent, remembered)
+            need = 0.0 if at_goal else signals.need(surprise, plasticity.tolerance, plasticity.ramp)
             surprised_s = surprised_s + STEP_S if need > 0.0 else 0.0
             if signals.resting(surprised_s, plasticity.spell_s, plasticity.rest_s):
                 need = 0.0

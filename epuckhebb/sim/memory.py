@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from epuckhebb.sim import streams
 from epuckhebb.sim.epuck import STEP_S
 from epuckhebb.sim.lifetime import Life, Lifetime, Samples, live_block
-from epuckhebb.sim.maze import SIDES, Side
+from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, SIDES, Side
 from epuckhebb.sim.plasticity import Hebbian
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.streams import Stream
@@ -29,7 +29,7 @@ class Memory:
     """What a champion remembers; axes of length 2: left (without the lamp), right (with it).
 
     experiment, scenario: where. gain_rad_s: at which pace. success: (2,) share of its lifetimes. time_to_goal_s: (2,)
-    slowest arrival, nan if it never arrived. fitness: (2, seconds) least recent live fitness. reading_mean,
+    slowest arrival, nan if it never arrived. away_s: (2,) longest excursion from the goal afterwards. fitness: (2, seconds) least recent live fitness. reading_mean,
     reading_spread: (2, 16).
     """
 
@@ -38,6 +38,7 @@ class Memory:
     gain_rad_s: float
     success: NDArray[np.float64]
     time_to_goal_s: NDArray[np.float64]
+    away_s: NDArray[np.float64]
     fitness: NDArray[np.float64]
     reading_mean: NDArray[np.float64]
     reading_spread: NDArray[np.float64]
@@ -45,7 +46,13 @@ class Memory:
     def of(self, side: Side) -> Remembered:
         """What is compared with on this side."""
         k = SIDES.index(side)
-        return Remembered(float(self.time_to_goal_s[k]), self.fitness[k], self.reading_mean, self.reading_spread)
+        return Remembered(
+            float(self.time_to_goal_s[k]),
+            float(self.away_s[k]),
+            self.fitness[k],
+            self.reading_mean,
+            self.reading_spread,
+        )
 
 
 def remember(genome: NDArray[np.float64], scenario: Scenario, gain_rad_s: float = 1.0, threads: int = 1) -> Memory:
@@ -81,10 +88,20 @@ def remember(genome: NDArray[np.float64], scenario: Scenario, gain_rad_s: float 
         gain_rad_s=gain_rad_s,
         success=np.array([[outcome.success for outcome, _ in side] for side in sides]).mean(axis=1),
         time_to_goal_s=np.fmax.reduce(arrivals, axis=1),
+        away_s=np.array(
+            [max(_longest_away(samples, GOALS[name]) for _, samples in side) for name, side in zip(SIDES, sides, strict=True)]
+        ),
         fitness=np.array([np.min([_recent_fitness(samples) for _, samples in side], axis=0) for side in sides]),
         reading_mean=np.array([side.mean(axis=0) for side in readings]),
         reading_spread=np.array([side.std(axis=0) for side in readings]),
     )
+
+
+def _longest_away(samples: Samples, goal: tuple[float, float]) -> float:
+    """The longest time [s] away from the goal after the first arrival; 0 if it never arrived, or stayed."""
+    at_goal = np.hypot(samples.pose[:, 0] - goal[0], samples.pose[:, 1] - goal[1]) < GOAL_RADIUS
+    visits = np.append(np.flatnonzero(at_goal), len(at_goal))
+    return float((np.diff(visits) - 1).max(initial=0)) * _RECORD_EVERY * STEP_S
 
 
 def _recent_fitness(samples: Samples) -> NDArray[np.float64]:

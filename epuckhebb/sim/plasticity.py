@@ -43,9 +43,8 @@ class Hebbian:
     when fitness is low. signal: the live fitness that scales the rate. sign: `hebbian`, or a control.
 
     surprise: the signal of change that switches plasticity on; with `none` it is always on, and the rest is not used.
-    tolerance, ramp: the signal up to which plasticity is off, and how far beyond it is fully on. until_goal: no more
-    once the goal was reached. spell_s, rest_s: plastic for so long, then living by the genes for so long, and again;
-    0: no rests. motor_noise: standard deviation of noise on both wheels' outputs while plastic, a control.
+    tolerance, ramp: the signal up to which plasticity is off, and how far beyond it is fully on. spell_s, rest_s:
+    plastic for so long, then living by the genes for so long, and again; 0: no rests. motor_noise: standard deviation of noise on both wheels' outputs while plastic, a control.
     """
 
     name: str = "none"
@@ -59,7 +58,6 @@ class Hebbian:
     surprise: Surprise = Surprise.none
     tolerance: float = 0.0
     ramp: float = 0.0
-    until_goal: bool = True
     spell_s: float = 0.0
     rest_s: float = 0.0
     motor_noise: float = 0.0
@@ -99,7 +97,6 @@ class Rule(NamedTuple):
     surprise: int
     tolerance: float
     ramp: float
-    until_goal: bool
     spell_s: float
     rest_s: float
     motor_noise: float
@@ -116,7 +113,6 @@ def rule(hebbian: Hebbian) -> Rule:
         int(hebbian.surprise),
         float(hebbian.tolerance),
         float(hebbian.ramp),
-        bool(hebbian.until_goal),
         float(hebbian.spell_s),
         float(hebbian.rest_s),
         float(hebbian.motor_noise),

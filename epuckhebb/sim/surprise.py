@@ -1,15 +1,16 @@
 """Surprise: how a robot notices that its world is no longer the one in which it was evolved, and what follows.
 
-    lateness  = t / T                                  time lived over the remembered time to the goal
+    lateness  = away / longest away                    time since birth or since it left the goal, over the remembered
     shortfall = M(t) - F'                              remembered live fitness at this time, less the recent one
     novelty   = min over lamps of mean |s' - m| / (d + 0.01)    recent readings against the remembered, in spreads
 
-    g   = clip((surprise - tolerance) / ramp, 0, 1)    need for plasticity
+    g   = clip((surprise - tolerance) / ramp, 0, 1)    need for plasticity; 0 at the goal
     N_e = N g max(0.2, F)                              the paper's rule is the case g = 1
 
-F' and s' are recent means (5 s); T, M, m and d are remembered of the training world (`epuckhebb.sim.memory`). Novelty
-knows only what the robot senses. Lateness needs a clock that knows when a trial began, the live fitness of `shortfall`
-needs to know when the robot is in the correct arm, and only a supervisor can tell that the goal is reached.
+F' and s' are recent means (5 s); M, m, d and the longest times away are remembered of the training world
+(`epuckhebb.sim.memory`). Novelty knows only what the robot senses. The live fitness of `shortfall` knows when the robot
+is in the correct arm; `lateness` has a clock and knows when the robot is at the goal: these need a supervisor, and so
+does switching off there.
 
 To add a signal: a function here, its name in `Surprise` and `surprise`, and a file in `conf/hebbian/`.
 """
@@ -37,18 +38,20 @@ class Surprise(IntEnum):
 class Remembered(NamedTuple):
     """The training world as a robot on one side remembers it.
 
-    time_to_goal: s, the slowest arrival; nan if it never arrived. fitness: (seconds,) the least recent live fitness
-    in each second. reading_mean, reading_spread: (2, 16) of the network's inputs, without and with the lamp.
+    time_to_goal: s, the slowest arrival; nan if it never arrived. away: s, the longest excursion from the goal
+    afterwards. fitness: (seconds,) the least recent live fitness in each second. reading_mean, reading_spread: (2, 16) of the network's inputs, without and with the lamp.
     """
 
     time_to_goal: float
+    away: float
     fitness: NDArray[np.float64]
     reading_mean: NDArray[np.float64]
     reading_spread: NDArray[np.float64]
 
 
-NOTHING = Remembered(np.nan, np.zeros(1), np.zeros((2, INPUTS)), np.ones((2, INPUTS)))
+NOTHING = Remembered(np.nan, 0.0, np.zeros(1), np.zeros((2, INPUTS)), np.ones((2, INPUTS)))
 RECENT_S = 5.0  # time constant of recent means
+LEAST_AWAY_S = 5.0  # an excursion from the goal that is not worth noticing
 LEAST_SPREAD = 0.01  # of a reading: the noise of a light sensor
 RECENT_ROOM = INPUTS + 1  # recent readings, then recent fitness
 
@@ -65,9 +68,12 @@ def keep_recent(recent: NDArray[np.float64], activation: NDArray[np.float64], li
 
 
 @compiled
-def lateness(time: float, time_to_goal: float) -> float:
-    """t / T: above 1 the robot is later than it ever was; nan, which is no surprise, if it never arrived."""
-    return time / time_to_goal
+def lateness(away: float, arrived: bool, time_to_goal: float, longest_away: float) -> float:
+    """Time away over the longest remembered: of the way to the goal until it arrives, of excursions afterwards.
+
+    Above 1 the robot is later than it ever was; nan, which is no surprise, if it remembers no arrival.
+    """
+    return away / (max(longest_away, LEAST_AWAY_S) if arrived else time_to_goal)
 
 
 @compiled
@@ -89,10 +95,12 @@ def novelty(recent: NDArray[np.float64], mean: NDArray[np.float64], spread: NDAr
 
 
 @compiled
-def surprise(kind: int, time: float, recent: NDArray[np.float64], remembered: Remembered) -> float:
-    """The signal of this kind at this time [s] of life."""
+def surprise(
+    kind: int, time: float, away: float, arrived: bool, recent: NDArray[np.float64], remembered: Remembered
+) -> float:
+    """The signal of this kind at this time [s] of life, after so long [s] away from the goal, once reached or not."""
     if kind == _LATENESS:
-        return lateness(time, remembered.time_to_goal)
+        return lateness(away, arrived, remembered.time_to_goal, remembered.away)
     if kind == _SHORTFALL:
         return shortfall(time, recent[INPUTS], remembered.fitness)
     return novelty(recent, remembered.reading_mean, remembered.reading_spread)
