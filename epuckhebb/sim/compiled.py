@@ -19,7 +19,7 @@ _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 
 def compiled(function: Function) -> Function:
     """Compile a building block; it is inlined into the kernel that calls it and needs no cache of its own."""
-    return cast(Function, numba.njit(**_OPTIONS)(function))
+    return cast(Function, numba.njit(inline="always", **_OPTIONS)(function))
 
 
 def compiled_and_cached(function: Function) -> Function:

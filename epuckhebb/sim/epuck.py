@@ -90,9 +90,9 @@ def echo(distance: float) -> tuple[float, float]:
     last = INFRARED.shape[0] - 1
     if not (distance <= REACH and apparent < INFRARED[last, 0]):
         return INFRARED[last, 1], INFRARED[last, 2]
-    k = last - 1
-    while INFRARED[k, 0] > apparent:
-        k -= 1
+    k = 0
+    for row in range(1, last):
+        k += apparent >= INFRARED[row, 0]
     part = (apparent - INFRARED[k, 0]) / (INFRARED[k + 1, 0] - INFRARED[k, 0])
     value = INFRARED[k, 1] + part * (INFRARED[k + 1, 1] - INFRARED[k, 1])
     noise = INFRARED[k, 2] + part * (INFRARED[k + 1, 2] - INFRARED[k, 2])

@@ -164,7 +164,8 @@ def move(world: Handles, cos: float, sin: float, left: float, right: float) -> N
         return
     if state[_CLEAR_FOR] >= _CLEAR_STEPS:
         world.place_count[0] = 0
-        world.place[:6] = state[:6]
+        for k in range(6):
+            world.place[k] = state[k]
         _for_each_body(world.space, world.put, world.place_data)
     world.push_count[0] = 0
     world.push[0], world.push[1], world.push[2] = force * cos, force * sin, torque
@@ -172,7 +173,8 @@ def move(world: Handles, cos: float, sin: float, left: float, right: float) -> N
     _space_step(world.space, STEP_S)
     world.read_count[0] = 0
     _for_each_body(world.space, world.get, world.read_data)
-    state[:6] = world.read[:6]
+    for k in range(6):
+        state[k] = world.read[k]
     state[_CLEAR_FOR] = state[_CLEAR_FOR] + 1.0 if clear and state[_CLEAR_FOR] < _CLEAR_STEPS else 0.0
 
 
