@@ -16,7 +16,7 @@ WALLS = boxes(4)
 
 
 def sensors(x, y, heading):
-    rays = np.empty((4, 8))
+    rays = np.empty((6, 8))
     epuck.sensor_rays(x, y, math.cos(heading), math.sin(heading), rays)
     return rays
 

@@ -102,7 +102,7 @@ def live(
     trace = np.zeros(GENES)
     activation = np.zeros(NEURONS)
     activation[BIAS] = 1.0
-    rays, distances, noise = np.empty((4, SENSORS)), np.empty(SENSORS), np.zeros(INPUTS)
+    rays, distances, noise = np.empty((6, SENSORS)), np.empty(SENSORS), np.zeros(INPUTS)
     drive, correlation, change = np.empty(max(POST)), np.empty(GENES), np.empty(CHANGE_ROOM)
 
     junction, undirected_sum, behaviour_sum = 0.0, 0.0, 0.0
