@@ -23,6 +23,7 @@ def measure() -> list[tuple[str, str]]:
         for name, words in (("--help", ["--help"]), ("evaluate, warm", ["evaluate", "scenario=4obstacles"])):
             rows.append((name, f"{median(_seconds(here, *words) for _ in range(REPEATS)):.2f} s"))
         rows.append(("evolve, the paper's size", f"{median(_seconds(here, 'evolve') for _ in range(3)):.1f} s"))
+        rows += [(f"evolve, inside steps (CPU): {what}", share) for what, share in _inside(here)]
         peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
         rows.append(("peak memory of any of them", f"{peak:.0f} MB"))
         for seconds in (60, 250):
@@ -38,9 +39,27 @@ def measure() -> list[tuple[str, str]]:
     return rows
 
 
+def _inside(here: Path) -> list[tuple[str, str]]:
+    script = Path(__file__).with_name("inside.py")
+    told = subprocess.run(
+        [sys.executable, script, "hydra.run.dir=inside"],
+        cwd=here,
+        env=_environment(here),
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+    return list(
+        zip(("of the whole process", "of the generations"), (f"{share} %" for share in told.split()), strict=True)
+    )
+
+
+def _environment(here: Path) -> dict[str, str]:
+    return {**os.environ, "XDG_CACHE_HOME": str(here / "cache")}
+
+
 def _seconds(here: Path, *words: str) -> float:
-    environment = {**os.environ, "XDG_CACHE_HOME": str(here / "cache")}
     quiet = [] if words[0] == "--help" else ["--quiet"]
     began = time.perf_counter()
-    subprocess.run([EPUCKHEBB, *words, *quiet], cwd=here, env=environment, check=True, capture_output=True)
+    subprocess.run([EPUCKHEBB, *words, *quiet], cwd=here, env=_environment(here), check=True, capture_output=True)
     return time.perf_counter() - began

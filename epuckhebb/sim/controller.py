@@ -66,7 +66,9 @@ def forward(weights: NDArray[np.float64], activation: NDArray[np.float64], drive
 
 
 @compiled
-def _fire(layer: int, weights: NDArray[np.float64], activation: NDArray[np.float64], drive: NDArray[np.float64]) -> None:
+def _fire(
+    layer: int, weights: NDArray[np.float64], activation: NDArray[np.float64], drive: NDArray[np.float64]
+) -> None:
     """Pass activations through one layer of connections."""
     pre, post, gene = FIRST_NEURON[layer], FIRST_NEURON[layer + 1], FIRST_GENE[layer]
     for j in range(POST[layer]):
