@@ -78,7 +78,9 @@ def test_rays_agree_with_pymunk(space, x, y, heading):
         start = rays[:2, i]
         gap = space.point_query_nearest(tuple(start), 1.0, pymunk.ShapeFilter())
         assume(gap is not None and gap.distance > 1e-9)  # pymunk says nothing useful of a ray that starts in a wall
-        hit = space.segment_query_first(tuple(start), tuple(start + epuck.REACH * rays[2:4, i]), 0, pymunk.ShapeFilter())
+        hit = space.segment_query_first(
+            tuple(start), tuple(start + epuck.REACH * rays[2:4, i]), 0, pymunk.ShapeFilter()
+        )
         if hit is None:
             assert distance[i] > epuck.REACH - 1e-9
         else:
