@@ -23,7 +23,7 @@ _OF_SEED = re.compile(rf"{REFERENCE}_\d+")
 
 @dataclass(frozen=True, kw_only=True)
 class Genome:
-    """Genes (234,), a name for tables, the SHA-256 of their bytes, and what the file says that the champion remembers."""
+    """Genes (234,), a name for tables, the SHA-256 of their bytes, and what the champion remembers, if the file says."""
 
     genes: NDArray[np.float64]
     name: str
@@ -45,16 +45,17 @@ def champion_file(
 ) -> bytes:
     """A `champion.npz`: the genome, where it comes from, and what it remembers, once evolution has ended."""
     buffer = io.BytesIO()
-    np.savez(
-        buffer,
-        genome=genes,
-        layers=np.array(LAYERS),
-        fitness=np.float64(fitness),
-        experiment=np.str_(experiment),
-        seed=np.int64(seed),
-        generation=np.int64(generation),
-        **({} if memory is None else {_MEMORY + key: np.asarray(value) for key, value in asdict(memory).items()}),
-    )
+    arrays: dict[str, Any] = {
+        "genome": genes,
+        "layers": np.array(LAYERS),
+        "fitness": np.float64(fitness),
+        "experiment": np.str_(experiment),
+        "seed": np.int64(seed),
+        "generation": np.int64(generation),
+    }
+    if memory is not None:
+        arrays |= {_MEMORY + key: np.asarray(value) for key, value in asdict(memory).items()}
+    np.savez_compressed(buffer, **arrays)
     return buffer.getvalue()
 
 
@@ -95,7 +96,9 @@ def _champion_of_seed(where: str, experiment: str) -> Path:
         first = [seed for seed in seeds if seed - 1 not in seeds]
         last = [seed for seed in seeds if seed + 1 not in seeds]
         there = ", ".join(f"{a} to {b}" for a, b in zip(first, last, strict=True))
-        raise ConfigError(f"genome={where} is not among the reference champions of the {experiment} experiment: {there}")
+        raise ConfigError(
+            f"genome={where} is not among the reference champions of the {experiment} experiment, seeds {there}"
+        )
     return path
 
 

@@ -35,9 +35,9 @@ def memory_for(
     memory = genome.memory
     if memory is not None and memory.experiment != experiment:
         raise ConfigError(
-            f"genome={genome.name} remembers {memory.scenario}, a world of the {memory.experiment} experiment; it cannot "
-            f"tell what is new in a scenario of the {experiment} experiment. Give a champion of that experiment, or a "
-            "plasticity without surprise, such as hebbian=paper"
+            f"genome={genome.name} remembers {memory.scenario}, a world of the {memory.experiment} experiment; it "
+            f"cannot tell what is new in a scenario of the {experiment} experiment. Give a champion of that "
+            "experiment, or a plasticity without surprise, such as hebbian=paper"
         )
     if memory is None or memory.gain_rad_s != gain_rad_s:
         why = "has no memory" if memory is None else f"remembers a pace of {memory.gain_rad_s:g} rad/s"

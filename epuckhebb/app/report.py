@@ -4,13 +4,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import yaml
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from epuckhebb.app import runs
+from epuckhebb.app import genomes, runs
+from epuckhebb.sim.epuck import SENSORS
+from epuckhebb.sim.memory import Memory
 from epuckhebb.study import rescue, tables
 
 
@@ -144,6 +148,8 @@ def as_json(path: Path) -> dict[str, Any]:
 def _results(path: Path, console: Console) -> None:
     if (path / "metrics.csv").is_file():
         console.print(_paper_table(pd.read_csv(path / "metrics.csv", keep_default_na=False, na_values=[""])))
+    if (path / "champion.npz").is_file():
+        _tell_memory(genomes.load(str(path), "").memory, console)
     if (path / "history.csv").is_file():
         history = pd.read_csv(path / "history.csv")
         last = history.iloc[-1]
@@ -153,6 +159,35 @@ def _results(path: Path, console: Console) -> None:
             f"{100 * last.best_success:.0f} % of its training lifetimes.",
             highlight=False,
         )
+
+
+def _tell_memory(memory: Memory | None, console: Console) -> None:
+    """What a champion remembers of its training world."""
+    if memory is None:
+        return
+    title = f"Memory of {memory.scenario} at {memory.gain_rad_s:g} rad/s"
+    shown = Table(title=title, title_justify="left", title_style="bold")
+    for heading in ("", "left (lamp off)", "right (lamp on)"):
+        shown.add_column(heading)
+    for name, numbers in {
+        "At the goal in the end": memory.success,
+        "Slowest arrival (s)": memory.time_to_goal_s,
+        "Longest away afterwards (s)": memory.away_s,
+    }.items():
+        shown.add_row(name, *("never" if np.isnan(number) else f"{number:g}" for number in numbers.round(2)))
+    shown.add_row(f"Least live fitness, over {memory.fitness.shape[1]} s", *map(_course, memory.fitness))
+    for kind, first in (("Light", 0), ("Proximity", SENSORS)):
+        for place in range(SENSORS):
+            means, spreads = memory.reading_mean[:, first + place], memory.reading_spread[:, first + place]
+            told = (f"{mean:.2f} ± {spread:.2f}" for mean, spread in zip(means, spreads, strict=True))
+            shown.add_row(f"{kind} reading {place}", *told)
+    console.print(shown)
+
+
+def _course(fitness: NDArray[np.float64]) -> str:
+    """The course of fitness as twelve bars from 0 to 1, and the means of its first and last twelfth."""
+    parts = [part.mean() for part in np.array_split(fitness, 12)]
+    return "".join("▁▂▃▄▅▆▇█"[min(7, int(8 * max(0.0, part)))] for part in parts) + f" {parts[0]:.2f} → {parts[-1]:.2f}"
 
 
 def _paper_table(metrics: pd.DataFrame) -> Table:

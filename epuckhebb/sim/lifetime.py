@@ -112,8 +112,8 @@ def live(
 ) -> Outcome:
     """One lifetime of the robot that stands in `world`.
 
-    genes: (234,) weights at birth, not written. signs: (234,) of the plastic updates. remembered: what surprise compares
-    with. gain: wheel speed [rad/s] of an output of 1. record_every: steps between two samples, 0 for none.
+    genes: (234,) weights at birth, not written. signs: (234,) of the plastic updates. remembered: what surprise is
+    measured by. gain: wheel speed [rad/s] of an output of 1. record_every: steps between two samples, 0 for none.
     """
     weights = genes.copy()
     trace = np.zeros(GENES)
@@ -174,10 +174,9 @@ def live(
                 trace[:] = 0.0
                 weight_change = 0.0
             plastic = need > 0.0
-            if plasticity.motor_noise > 0.0:
-                if step % _HELD == 0:
-                    normal_numbers(key, _FAR + step, noise)
-                    shake_left, shake_right = plasticity.motor_noise * noise[0], plasticity.motor_noise * noise[1]
+            if plasticity.motor_noise > 0.0 and step % _HELD == 0:
+                normal_numbers(key, _FAR + step, noise)
+                shake_left, shake_right = plasticity.motor_noise * noise[0], plasticity.motor_noise * noise[1]
         rate = effective_rate(plasticity.rate, need, live_fitness, plasticity.floor)
         if plasticity.rate > 0.0 and plastic:
             weight_change = learn(weights, trace, genes, activation, rate, plasticity, signs, correlation, change)

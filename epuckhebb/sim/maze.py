@@ -59,7 +59,8 @@ OBSTACLES = (
 )
 _STEM = (-0.045, 0.062)  # m: x of the stem's walls
 _CROSSBAR = (0.107401, 0.212401)  # m: y of the crossbar's walls
-_JUTTING = 0.025  # m: from a wall of the crossbar, 27 mm from both of the stem's together: 80 mm stay free, as in the paper
+_JUTTING = 0.025  # m: of an obstacle into the crossbar; 80 mm stay free, as in the paper
+_JUTTING_BOTH = 0.027  # m: of the stem's two together, for the same reason
 
 
 def moved_obstacles(layout: int) -> tuple[Box, ...]:
@@ -71,7 +72,7 @@ def moved_obstacles(layout: int) -> tuple[Box, ...]:
         y = _CROSSBAR[0] + depth / 2 if rng.random() < 0.5 else _CROSSBAR[1] - depth / 2
         placed.append(Box(arm * rng.uniform(0.15, 0.27), y, width, depth))
     left = rng.uniform(0.005, 0.022)
-    for wall, depth, inwards in zip(_STEM, (left, 0.027 - left), (1, -1), strict=True):
+    for wall, depth, inwards in zip(_STEM, (left, _JUTTING_BOTH - left), (1, -1), strict=True):
         placed.append(Box(wall + inwards * depth / 2, rng.uniform(-0.22, 0.05), depth, rng.uniform(0.03, 0.10)))
     return tuple(placed)
 

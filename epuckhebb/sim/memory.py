@@ -29,8 +29,8 @@ class Memory:
     """What a champion remembers; axes of length 2: left (without the lamp), right (with it).
 
     experiment, scenario: where. gain_rad_s: at which pace. success: (2,) share of its lifetimes. time_to_goal_s: (2,)
-    slowest arrival, nan if it never arrived. away_s: (2,) longest excursion from the goal afterwards. fitness: (2, seconds) least recent live fitness. reading_mean,
-    reading_spread: (2, 16).
+    slowest arrival, nan if it never arrived. away_s: (2,) longest excursion from the goal afterwards. fitness:
+    (2, seconds) least recent live fitness. reading_mean, reading_spread: (2, 16).
     """
 
     experiment: str
@@ -89,7 +89,10 @@ def remember(genome: NDArray[np.float64], scenario: Scenario, gain_rad_s: float 
         success=np.array([[outcome.success for outcome, _ in side] for side in sides]).mean(axis=1),
         time_to_goal_s=np.fmax.reduce(arrivals, axis=1),
         away_s=np.array(
-            [max(_longest_away(samples, GOALS[name]) for _, samples in side) for name, side in zip(SIDES, sides, strict=True)]
+            [
+                max(_longest_away(samples, GOALS[name]) for _, samples in side)
+                for name, side in zip(SIDES, sides, strict=True)
+            ]
         ),
         fitness=np.array([np.min([_recent_fitness(samples) for _, samples in side], axis=0) for side in sides]),
         reading_mean=np.array([side.mean(axis=0) for side in readings]),

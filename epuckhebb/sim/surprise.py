@@ -39,7 +39,8 @@ class Remembered(NamedTuple):
     """The training world as a robot on one side remembers it.
 
     time_to_goal: s, the slowest arrival; nan if it never arrived. away: s, the longest excursion from the goal
-    afterwards. fitness: (seconds,) the least recent live fitness in each second. reading_mean, reading_spread: (2, 16) of the network's inputs, without and with the lamp.
+    afterwards. fitness: (seconds,) the least recent live fitness in each second. reading_mean, reading_spread: (2, 16)
+    of the network's inputs, without and with the lamp.
     """
 
     time_to_goal: float
@@ -84,7 +85,7 @@ def shortfall(time: float, recent_fitness: float, remembered: NDArray[np.float64
 
 @compiled
 def novelty(recent: NDArray[np.float64], mean: NDArray[np.float64], spread: NDArray[np.float64]) -> float:
-    """Mean over the inputs of |s' - m| / (d + 0.01), against the memory, without or with the lamp, that it fits best."""
+    """Mean over the inputs of |s' - m| / (d + 0.01), against the memory that fits best: without or with the lamp."""
     least = np.inf
     for lamp in range(2):
         total = 0.0
@@ -108,7 +109,7 @@ def surprise(
 
 @compiled
 def need(signal: float, tolerance: float, ramp: float) -> float:
-    """g = clip((surprise - tolerance) / ramp, 0, 1): 0 within what is tolerated, 1 from a ramp beyond it on."""
+    """The need g = clip((surprise - tolerance) / ramp, 0, 1): 0 within what is tolerated, 1 a ramp beyond it."""
     if not signal > tolerance:
         return 0.0
     return min(1.0, (signal - tolerance) / ramp) if ramp > 0.0 else 1.0

@@ -196,7 +196,14 @@ def rescue_over_all(over_all: pd.DataFrame) -> bytes:
             share = own[f"{what}_share"].to_numpy()
             away = np.abs(own[[f"{what}_low", f"{what}_high"]].to_numpy().T - share)
             axes.errorbar(
-                share, places + shift, xerr=away, fmt=marker, color=colour, markersize=5, elinewidth=1.2, label=f"{what} of {of}"
+                share,
+                places + shift,
+                xerr=away,
+                fmt=marker,
+                color=colour,
+                markersize=5,
+                elinewidth=1.2,
+                label=f"{what} of {of}",
             )
         axes.axvline(0.05, color=_HARMED, linewidth=0.8, linestyle=":")
         names = [rescue.label(row.controller, row.N) for row in own.itertuples()]

@@ -100,8 +100,10 @@ def rescue_over_all(each: pd.DataFrame) -> pd.DataFrame:
         pooled = []
         for scenario in changed(each, experiment):
             without = _outcomes(each, experiment, scenario, GA_ALONE, 0.0)
-            pooled.append(pd.DataFrame({"without": without, "plastic": _outcomes(each, experiment, scenario, kind, rate)}))
-        trial = pd.concat(pooled).loc[lambda all_trials: all_trials.index.isin(mastered)]
+            plastic = _outcomes(each, experiment, scenario, kind, rate)
+            pooled.append(pd.DataFrame({"without": without, "plastic": plastic}))
+        trial = pd.concat(pooled)
+        trial = trial[trial.index.isin(mastered)]
         counts = pd.DataFrame(
             {
                 "broken": ~trial.without,

@@ -186,6 +186,7 @@ def _embedded(samples: Samples, birth: NDArray[np.float32], every: int) -> dict[
         "left": samples.motors[:, 0],
         "right": samples.motors[:, 1],
         "fitness": samples.fitness,
+        "surprise": np.nan_to_num(samples.surprise),
         "rate": samples.rate,
         "weightChange": samples.weight_change,
         "change": samples.weights - birth,

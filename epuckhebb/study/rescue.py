@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from epuckhebb.sim.scenario import TRAINED
+from epuckhebb.study.report import table
 
 FIGURE = "rescue_and_harm.png"
 
@@ -15,34 +16,36 @@ def label(controller: str, rate: float) -> str:
     return f"{controller}, N = {rate:g}" if rate else controller
 
 
-def markdown(over_all: pd.DataFrame, by_scenario: pd.DataFrame, champions: int, repeats: int, seeds: str) -> str:
-    """The page. over_all, by_scenario: of `findings.rescue_over_all` and `rescue_and_harm`."""
+def markdown(over_all: pd.DataFrame, by_scenario: pd.DataFrame, champions: int, repeats: int, names: str) -> str:
+    """The page. over_all, by_scenario: of `findings.rescue_over_all` and `rescue_and_harm`; names: of the champions."""
     parts = [
-        "# Rescue and harm\n\n"
-        f"{champions} champions of each experiment, {seeds}. A *trial* is one champion on one side; it succeeds if more "
+        "# Rescue and harm\n",
+        f"{champions} champions of each experiment, {names}. A *trial* is one champion on one side; it succeeds if more "
         f"than half of its {repeats} noise repeats do. Counted are trials mastered in the training world without "
         "plasticity: of those that a changed world *breaks*, how many a plasticity *rescues*; of those it leaves "
-        "*sound*, how many it *harms*. Intervals are 95 %, from a bootstrap over champions.\n"
+        "*sound*, how many it *harms*. Intervals are 95 %, from a bootstrap over champions.\n",
     ]
     for experiment, own in over_all.groupby("experiment", sort=False):
-        scenarios = [name for name in by_scenario[by_scenario.experiment == experiment].scenario.unique()]
-        changes = ", ".join(name for name in scenarios if name != TRAINED[str(experiment)])
-        parts.append(f"## The {experiment} experiment\n\nTraining world: {TRAINED[str(experiment)]}; changed: {changes}.\n")
-        parts.append(_over_all(own))
-        parts.append(f"### Rescued of broken, and harmed of sound, in each world\n\n{_by_scenario(by_scenario, experiment)}")
+        own_scenarios = by_scenario[by_scenario.experiment == experiment]
+        changes = ", ".join(name for name in own_scenarios.scenario.unique() if name != TRAINED[str(experiment)])
+        parts += [
+            f"## The {experiment} experiment\n",
+            f"Training world: {TRAINED[str(experiment)]}; changed: {changes}.\n",
+            _over_all(own),
+            "### Rescued of broken, and harmed of sound, in each world\n",
+            _by_scenario(own_scenarios),
+        ]
     parts.append(f'<img src="figures/{FIGURE}" alt="Rescue and harm of each plasticity, with intervals">\n')
     return "\n".join(parts)
 
 
 def _over_all(own: pd.DataFrame) -> str:
-    lines = ["| plasticity | rescued of broken | harmed of sound | harmed in the training world |", "| --- | --- | --- | --- |"]
-    lines += [
-        f"| {label(row.controller, row.N)} "
-        f"| {count(row, 'rescued', 'broken')} | {count(row, 'harmed', 'sound')} "
-        f"| {row.home_harmed} of {row.home_mastered} |"
+    rows = [
+        [label(row.controller, row.N), count(row, "rescued", "broken"), count(row, "harmed", "sound")]
+        + [f"{row.home_harmed} of {row.home_mastered}"]
         for row in own.itertuples()
     ]
-    return "\n".join(lines) + "\n"
+    return table(["plasticity", "rescued of broken", "harmed of sound", "harmed in the training world"], rows)
 
 
 def count(row: Any, part: str, whole: str) -> str:
@@ -52,12 +55,11 @@ def count(row: Any, part: str, whole: str) -> str:
     return told if np.isnan(share) else f"{told}: {share:.2f} [{low:.2f}, {high:.2f}]"
 
 
-def _by_scenario(table: pd.DataFrame, experiment: object) -> str:
-    own = table[table.experiment == experiment]
+def _by_scenario(own: pd.DataFrame) -> str:
     scenarios = list(own.scenario.unique())
-    lines = [f"| plasticity | {' | '.join(scenarios)} |", f"| --- |{' --- |' * len(scenarios)}"]
+    rows = []
     for (controller, rate), group in own.groupby(["controller", "N"], sort=False):
-        cells = group.set_index("scenario").loc[scenarios]
-        told = [f"{row.rescued}/{row.broken}, {row.harmed}/{row.sound}" for row in cells.itertuples()]
-        lines.append(f"| {label(controller, rate)} | {' | '.join(told)} |")
-    return "\n".join(lines) + "\n"
+        cells = group.set_index("scenario").loc[scenarios].itertuples()
+        told = [f"{row.rescued}/{row.broken}, {row.harmed}/{row.sound}" for row in cells]
+        rows.append([label(controller, rate), *told])
+    return table(["plasticity", *scenarios], rows)
