@@ -59,7 +59,7 @@ def test_three_generations_and_three_more_are_six(six, three):
     assert "generations: 6" in (three / ".hydra" / "config.yaml").read_text()
 
 
-@pytest.mark.parametrize("points", ["5 before 5 beside 5 after 6 before 6 after 7 beside 7 after 13 before 22 after"])
+@pytest.mark.parametrize("points", ["5 beside 6 before 7 beside 22 after"])
 def test_killed_between_any_two_writes(six, tmp_path, points):
     words = ["evolve", *TINY, "ga.generations=6", "--", *points.split()]
     done = subprocess.run(
@@ -178,26 +178,15 @@ def test_ctrl_c_ends_within_two_seconds_and_the_run_goes_on(tmp_path, threads):
     assert json.loads((tmp_path / "run" / "status.json").read_text())["state"] == "interrupted"
 
 
-def test_a_full_disk_keeps_the_generations_before(three):
+def test_a_full_disk_keeps_the_generations_before(three, small_files):
     """A limit on the size of files stands for the disk: the last file that fits is the checkpoint."""
-    limit = (three / "checkpoint.npz").stat().st_size - 1
-    code = (
-        "import resource, sys\n"
-        "from epuckhebb.app.cli import main\n"
-        "import epuckhebb.app.resume, epuckhebb.app.report\n"
-        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))\n"
-        "main()\n"
-    )
     before = {name: (three / name).read_bytes() for name in RESULTS}
-    done = subprocess.run(
-        [sys.executable, "-c", code, "evolve", f"resume={three}", "ga.generations=6", "-q"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 1, done.stderr
-    assert "File too large" in done.stderr
-    assert "Traceback" not in done.stderr
+    with small_files() as limit:
+        limit((three / "checkpoint.npz").stat().st_size - 1)
+        result = call("evolve", f"resume={three}", "ga.generations=6", "-q")
+    assert result.exit_code == 1, result.output
+    assert "File too large" in result.stderr
+    assert "Traceback" not in result.output
     assert {name: (three / name).read_bytes() for name in RESULTS} == before
     assert list(three.rglob("*.tmp")) == []
     assert call("evolve", f"resume={three}", "-q").exit_code == 0
