@@ -126,7 +126,7 @@ def evaluations_at_once(count, cwd):
 
 
 def test_evaluations_started_at_once_do_not_meet(tmp_path):
-    evaluations_at_once(4, tmp_path)
+    evaluations_at_once(3, tmp_path)
 
 
 @pytest.mark.slow

@@ -131,13 +131,13 @@ def test_only_what_is_whole_is_kept(here):
 
 def test_another_genome_or_another_science_is_done_anew(here, monkeypatch):
     np.save("mine.npy", np.zeros(234))
-    words = ["sweep", "obstacles", *TWO, "genome=mine.npy", "hydra/launcher=basic"]
-    assert "2 to do" in call(*words).stderr
+    words = ["sweep", "obstacles", "scenario=base", *FAST, "genome=mine.npy", "hydra/launcher=basic"]
+    assert "1 to do" in call(*words).stderr
     assert "0 to do" in call(*words).stderr
     np.save("mine.npy", np.ones(234))
-    assert "0 done before, 2 to do" in call(*words).stderr
+    assert "0 done before, 1 to do" in call(*words).stderr
     monkeypatch.setattr(sweep, "_science", lambda: "another")
-    assert "0 done before, 2 to do" in call(*words).stderr
+    assert "0 done before, 1 to do" in call(*words).stderr
     assert list(pd.read_csv(only_sweep(here) / "sweep.csv")["override.genome"].unique()) == ["mine.npy"]
 
 
