@@ -277,7 +277,7 @@ def test_killed_with_its_workers_it_resumes_to_the_same_tables(here):
     check_whole(only_sweep(here), tables)
 
 
-SIXTY = ["sweep", "obstacles", "seed=range(1,21)"]
+SIXTY = ["sweep", "obstacles", "seed=range(1,21)", "hydra.launcher.n_jobs=2"]
 
 
 @pytest.fixture(scope="module")
@@ -301,9 +301,11 @@ def test_sixty_jobs_killed_twice(sixty, tmp_path):
 @pytest.mark.slow
 def test_killed_at_twenty_random_moments(sixty, tmp_path):
     chance = random.Random(5)
-    for _ in range(20):
+    for _ in range(10):
         moment = chance.uniform(0.5, 6)
         killed(SIXTY, tmp_path, lambda seconds, _, moment=moment: seconds > moment)
+        before = len(list(tmp_path.glob("runs/sweep/*/job_*")))
+        killed(SIXTY, tmp_path, lambda _, done, before=before: done > before)
     subprocess.run(command(*SIXTY), cwd=tmp_path, check=True)
     check_whole(only_sweep(tmp_path), sixty)
 
