@@ -123,10 +123,11 @@ def test_only_what_is_whole_is_kept(here):
     (folder / "unfinished" / "old_0").mkdir(parents=True)
     (folder / "unfinished" / "old_0" / "metrics.csv").write_text("half a f")
     (folder / "unfinished" / "stop").touch()
+    for half in (folder / ".sweep.csv.1.tmp", folder / "jobs" / "job" / ".job_1.yaml.1.tmp"):
+        half.write_text("half a f")
     result = call(*words[:-1])
     assert "0 done before, 3 to do" in result.stderr
-    assert read_tables(folder) == tables
-    assert not (folder / "unfinished").exists()
+    check_whole(folder, tables)
 
 
 def test_another_genome_or_another_science_is_done_anew(here, monkeypatch):
