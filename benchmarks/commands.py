@@ -19,10 +19,11 @@ def measure() -> list[tuple[str, str]]:
     with tempfile.TemporaryDirectory() as folder:
         here = Path(folder)
         cold = _seconds(here, "evaluate", "scenario=4obstacles")
-        rows = [("evaluate, first start (compiles)", f"{cold:.1f} s")]
+        rows = [("evaluate, first start (compiles)", _told(cold))]
         for name, words in (("--help", ["--help"]), ("evaluate, warm", ["evaluate", "scenario=4obstacles"])):
-            rows.append((name, f"{median(_seconds(here, *words) for _ in range(REPEATS)):.2f} s"))
-        rows.append(("evolve, the paper's size", f"{median(_seconds(here, 'evolve') for _ in range(3)):.1f} s"))
+            rows.append((name, _told(*(_seconds(here, *words) for _ in range(REPEATS)))))
+        rows.append(("evolve, the paper's size", _told(*(_seconds(here, "evolve") for _ in range(3)))))
+        rows += [(f"evolve, inside steps (CPU): {what}", share) for what, share in _inside(here)]
         peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
         rows.append(("peak memory of any of them", f"{peak:.0f} MB"))
         for seconds in (60, 250):
@@ -38,9 +39,37 @@ def measure() -> list[tuple[str, str]]:
     return rows
 
 
-def _seconds(here: Path, *words: str) -> float:
-    environment = {**os.environ, "XDG_CACHE_HOME": str(here / "cache")}
+def _inside(here: Path) -> list[tuple[str, str]]:
+    script = Path(__file__).with_name("inside.py")
+    told = subprocess.run(
+        [sys.executable, script, "hydra.run.dir=inside"],
+        cwd=here,
+        env=_environment(here),
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+    return list(
+        zip(("of the whole process", "of the generations"), (f"{share} %" for share in told.split()), strict=True)
+    )
+
+
+def _environment(here: Path) -> dict[str, str]:
+    return {**os.environ, "XDG_CACHE_HOME": str(here / "cache")}
+
+
+def _told(*spent: tuple[float, float]) -> str:
+    wall, cpu = (median(column) for column in zip(*spent, strict=True))
+    return f"{wall:.2f} s (CPU {cpu:.2f} s)"
+
+
+def _seconds(here: Path, *words: str) -> tuple[float, float]:
     quiet = [] if words[0] == "--help" else ["--quiet"]
-    began = time.perf_counter()
-    subprocess.run([EPUCKHEBB, *words, *quiet], cwd=here, env=environment, check=True, capture_output=True)
-    return time.perf_counter() - began
+    began, cpu_before = time.perf_counter(), _cpu_of_children()
+    subprocess.run([EPUCKHEBB, *words, *quiet], cwd=here, env=_environment(here), check=True, capture_output=True)
+    return time.perf_counter() - began, _cpu_of_children() - cpu_before
+
+
+def _cpu_of_children() -> float:
+    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return spent.ru_utime + spent.ru_stime

@@ -16,7 +16,7 @@ WALLS = boxes(4)
 
 
 def sensors(x, y, heading):
-    rays = np.empty((4, 8))
+    rays = np.empty((6, 8))
     epuck.sensor_rays(x, y, math.cos(heading), math.sin(heading), rays)
     return rays
 
@@ -33,7 +33,7 @@ def sensors(x, y, heading):
 )
 def test_light_readings_at_the_start(level, lamp, on, expected):
     lit, rays = lights(level, lamp, on), sensors(*START)
-    seen = [reading(irradiance(*rays[:, i], lit)) for i in range(8)]
+    seen = [reading(irradiance(*rays[:4, i], lit)) for i in range(8)]
     assert seen == pytest.approx(expected, abs=0.006)
 
 
@@ -78,7 +78,9 @@ def test_rays_agree_with_pymunk(space, x, y, heading):
         start = rays[:2, i]
         gap = space.point_query_nearest(tuple(start), 1.0, pymunk.ShapeFilter())
         assume(gap is not None and gap.distance > 1e-9)  # pymunk says nothing useful of a ray that starts in a wall
-        hit = space.segment_query_first(tuple(start), tuple(start + epuck.REACH * rays[2:, i]), 0, pymunk.ShapeFilter())
+        hit = space.segment_query_first(
+            tuple(start), tuple(start + epuck.REACH * rays[2:4, i]), 0, pymunk.ShapeFilter()
+        )
         if hit is None:
             assert distance[i] > epuck.REACH - 1e-9
         else:

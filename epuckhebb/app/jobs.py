@@ -1,8 +1,10 @@
 """What a verb does with one configuration: claim a run folder, do the science, write the results."""
 
+import importlib
 import io
 import os
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,7 +22,8 @@ from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.progress import EvolutionProgress
 from epuckhebb.app.runs import RunFolder, remove_if_empty
 from epuckhebb.evolution.evolve import evolve
-from epuckhebb.study import figures, tables
+from epuckhebb.sim.lifetime import load_kernel
+from epuckhebb.study import tables
 from epuckhebb.study.evaluate import Traces, evaluate
 
 finished: list[Path] = []  # run folders completed by this process, for the command line to report
@@ -56,7 +59,10 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
     config = typed(cfg, EvaluateConfig)
     genome = genomes.load(config.genome, config.scenario.experiment)
     facts = {"genome": genome.name, "genome_sha256": genome.sha256, **facts}
-    with RunFolder(path, "evaluate", cfg, overrides, facts) as run:
+    with RunFolder(path, "evaluate", cfg, overrides, facts) as run, ThreadPoolExecutor(1) as aside:
+        if config.lifetime.record_every:
+            load_kernel()
+            aside.submit(importlib.import_module, "epuckhebb.study.figures")  # takes as long as the lifetimes
         metrics, traces = evaluate(
             genome.genes,
             config.scenario,
@@ -72,9 +78,12 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
         run.write_text("table.csv", tables.to_csv(table))
         run.write_text("table.md", tables.to_markdown(table))
         if config.lifetime.record_every:
-            run.write("traces.npz", _traces_file(traces, genome.genes))
+            from epuckhebb.study import figures
+
+            written = aside.submit(lambda: run.write("traces.npz", _traces_file(traces, genome.genes)))
             title = caption(config, genome.name)
             run.write("figures/trajectories.png", figures.trajectories(traces, config.scenario, title))
+            written.result()
 
 
 def evolve_job(cfg: DictConfig) -> None:

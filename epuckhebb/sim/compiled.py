@@ -18,8 +18,11 @@ _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 
 
 def compiled(function: Function) -> Function:
-    """Compile a building block; it is inlined into the kernel that calls it and needs no cache of its own."""
-    return cast(Function, numba.njit(**_OPTIONS)(function))
+    """Compile a building block; it becomes part of the kernel that calls it and needs no cache of its own.
+
+    `inline` spares a call with dozens of arguments (an array is seven) and lets constants reach the loops.
+    """
+    return cast(Function, numba.njit(inline="always", **_OPTIONS)(function))
 
 
 def compiled_and_cached(function: Function) -> Function:

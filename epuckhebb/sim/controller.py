@@ -44,11 +44,11 @@ def tanh(x: float) -> float:
     tanh d, |d| <= 1/64. Only + - * / and a look-up, hence the same bits on every processor.
     """
     size = min(_TANH_IS_1, abs(x))
-    k = int(size * _STEPS_PER_UNIT + 0.5)
+    k = np.floor(size * _STEPS_PER_UNIT + 0.5)
     d = size - k / _STEPS_PER_UNIT
     square = d * d
     tanh_d = d * (1.0 + square * (-1.0 / 3.0 + square * (2.0 / 15.0 + square * (-17.0 / 315.0))))
-    tanh_a = _TANH[k]
+    tanh_a = _TANH[np.uint32(np.int32(k))]  # 32 bits convert fast; an index without a sign needs no test for < 0
     return math.copysign((tanh_a + tanh_d) / (1.0 + tanh_a * tanh_d), x)
 
 
@@ -58,12 +58,23 @@ def forward(weights: NDArray[np.float64], activation: NDArray[np.float64], drive
 
     weights: (234,). activation: (43,), sensors and bias given, the rest filled. drive: (8,) workspace, a layer's x W.
     """
-    for layer in range(len(POST)):
-        pre, post, gene = FIRST_NEURON[layer], FIRST_NEURON[layer + 1], FIRST_GENE[layer]
-        for j in range(POST[layer]):
-            summed = 0.0
-            for i in range(PRE[layer]):
-                summed += activation[pre + i] * weights[gene + i * POST[layer] + j]
-            drive[j] = summed
-        for j in range(POST[layer]):
-            activation[post + j] = tanh(drive[j])
+    _fire(0, weights, activation, drive)
+    _fire(1, weights, activation, drive)
+    _fire(2, weights, activation, drive)
+    _fire(3, weights, activation, drive)
+    _fire(4, weights, activation, drive)
+
+
+@compiled
+def _fire(
+    layer: int, weights: NDArray[np.float64], activation: NDArray[np.float64], drive: NDArray[np.float64]
+) -> None:
+    """Pass activations through one layer of connections."""
+    pre, post, gene = FIRST_NEURON[layer], FIRST_NEURON[layer + 1], FIRST_GENE[layer]
+    for j in range(POST[layer]):
+        summed = 0.0
+        for i in range(PRE[layer]):
+            summed += activation[pre + i] * weights[gene + i * POST[layer] + j]
+        drive[j] = summed
+    for j in range(POST[layer]):
+        activation[post + j] = tanh(drive[j])

@@ -49,12 +49,16 @@ REACH = 0.07 / 1.25  # m: real distance to a wall beyond which a beam feels noth
 
 @compiled
 def sensor_rays(x: float, y: float, cos: float, sin: float, rays: NDArray[np.float64]) -> None:
-    """Place the eight sensors in the maze: `rays` (4, 8) becomes x, y [m] and the unit vector each looks along."""
+    """Place the eight sensors in the maze.
+
+    Fills `rays` (6, 8): x, y [m], the unit vector each looks along, and 1 / its x and 1 / its y.
+    """
     for i in range(SENSORS):
         rays[0, i] = x + (cos * PLACE_X[i] - sin * PLACE_Y[i])
         rays[1, i] = y + (sin * PLACE_X[i] + cos * PLACE_Y[i])
         rays[2, i] = cos * _LOOK_X[i] - sin * _LOOK_Y[i]
         rays[3, i] = sin * _LOOK_X[i] + cos * _LOOK_Y[i]
+        rays[4, i], rays[5, i] = 1.0 / rays[2, i], 1.0 / rays[3, i]
 
 
 @compiled
@@ -74,7 +78,7 @@ def cast(
             continue
         for i in range(SENSORS):
             # The ray is between left and right for one span of its length, between bottom and top for another.
-            per_x, per_y = 1.0 / rays[2, i], 1.0 / rays[3, i]
+            per_x, per_y = rays[4, i], rays[5, i]
             to_left, to_right = (left - rays[0, i]) * per_x, (right - rays[0, i]) * per_x
             to_bottom, to_top = (bottom - rays[1, i]) * per_y, (top - rays[1, i]) * per_y
             enter = max(min(to_left, to_right), min(to_bottom, to_top))
@@ -90,9 +94,9 @@ def echo(distance: float) -> tuple[float, float]:
     last = INFRARED.shape[0] - 1
     if not (distance <= REACH and apparent < INFRARED[last, 0]):
         return INFRARED[last, 1], INFRARED[last, 2]
-    k = last - 1
-    while INFRARED[k, 0] > apparent:
-        k -= 1
+    k = 0
+    for row in range(1, last):
+        k += apparent >= INFRARED[row, 0]
     part = (apparent - INFRARED[k, 0]) / (INFRARED[k + 1, 0] - INFRARED[k, 0])
     value = INFRARED[k, 1] + part * (INFRARED[k + 1, 1] - INFRARED[k, 1])
     noise = INFRARED[k, 2] + part * (INFRARED[k + 1, 2] - INFRARED[k, 2])

@@ -102,7 +102,7 @@ def live(
     trace = np.zeros(GENES)
     activation = np.zeros(NEURONS)
     activation[BIAS] = 1.0
-    rays, distances, noise = np.empty((4, SENSORS)), np.empty(SENSORS), np.zeros(INPUTS)
+    rays, distances, noise = np.empty((6, SENSORS)), np.empty(SENSORS), np.zeros(INPUTS)
     drive, correlation, change = np.empty(max(POST)), np.empty(GENES), np.empty(CHANGE_ROOM)
 
     junction, undirected_sum, behaviour_sum = 0.0, 0.0, 0.0
@@ -258,7 +258,7 @@ def _live_in_one_world(lives: Sequence[Life], scenario: Scenario, lifetime: Life
 def _live_one(life: Life, world: World, scenario: Scenario, lifetime: Lifetime) -> tuple[Outcome, Samples]:
     world.place_robot(life.start)
     record_every = lifetime.record_every if life.record else 0
-    samples = _empty_samples(-(-lifetime.steps // record_every) if record_every else 0)
+    samples = _empty_samples(-(-lifetime.steps // record_every)) if record_every else _NO_SAMPLES
     outcome = live(
         world.handles,
         lights(scenario.light, scenario.lamp, lamp_on=life.side == "right"),
@@ -296,3 +296,12 @@ def _empty_samples(count: int) -> Samples:
         weight_change=numbers(),
         weights=np.zeros((count, GENES), np.float32),
     )
+
+
+_NO_SAMPLES = _empty_samples(0)
+
+
+def load_kernel() -> None:
+    """Load `live` from the cache, or compile it, as the first lifetime would."""
+    unborn = Life(genome=np.zeros(GENES), side="left", hebbian=Hebbian(), key=np.uint64(0))
+    live_block([unborn], Scenario(), Lifetime(duration_s=STEP_S))

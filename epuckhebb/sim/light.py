@@ -59,13 +59,15 @@ def lights(light: float, lamp: Lamp, lamp_on: bool) -> Lights:
 @compiled
 def irradiance(x: float, y: float, look_x: float, look_y: float, lit: Lights) -> float:
     """Irradiance E on a sensor at (x, y) that looks along the unit vector (look_x, look_y)."""
-    sun = lit.sun * max(0.0, look_x * SUN_X + look_y * SUN_Y)
+    bright = 1.0 + lit.sun * max(0.0, look_x * SUN_X + look_y * SUN_Y)
+    if lit.lamp_intensity == 0.0:
+        return bright
     to_x, to_y = lit.lamp_x - x, lit.lamp_y - y
     distance = math.sqrt(to_x * to_x + to_y * to_y)
-    in_beam = to_x >= lit.cos_beam * distance  # the beam points along -X, so this is cos(angle) >= cos(beam)
+    if to_x < lit.cos_beam * distance:  # the beam points along -X, so this is cos(angle) < cos(beam)
+        return bright
     facing = max(0.0, look_x * to_x + look_y * to_y)
-    lamp = lit.lamp_intensity * facing / (distance * distance * distance) if in_beam else 0.0
-    return 1.0 + sun + lamp
+    return bright + lit.lamp_intensity * facing / (distance * distance * distance)
 
 
 @compiled

@@ -33,7 +33,8 @@ ITERATIONS = 10  # of the contact solver, pymunk's default
 _ROOM = 16  # numbers in an exchange buffer; a body takes six at most, and the space has two
 _CLEAR_GAP = 1e-3  # m between robot and walls that counts as free of contact
 _CLEAR_STEPS = 4.0  # steps without contact after which pymunk has forgotten the last one (it remembers 3)
-_X, _Y, _HEADING, _V_X, _V_Y, _TURN, _CLEAR_FOR = range(7)  # places in Handles.state
+_X, _Y, _HEADING, _V_X, _V_Y, _TURN = range(6)  # places in Handles.state: the robot's motion, as pymunk.batch has it,
+_CLEAR_FOR = 12  # and, behind the row of the body that holds the walls, for how many steps nothing was touched
 
 
 def _address(pointer: object) -> int:
@@ -49,7 +50,7 @@ _for_each_body: Any = types.ExternalFunction("cpSpaceEachBody", types.void(types
 class Handles(NamedTuple):
     """What compiled code needs to reach a space: addresses, and the buffers through which it reads and writes.
 
-    state: (7,) x, y [m], heading [rad], velocity x, y [m/s], turn [rad/s], and for how many steps nothing was touched.
+    state: x, y [m], heading [rad], velocity x, y [m/s], turn [rad/s]; then see `_CLEAR_FOR`.
     """
 
     state: NDArray[np.float64]
@@ -57,15 +58,11 @@ class Handles(NamedTuple):
     space: int
     get: int
     put: int
-    read_data: int
-    read_count: NDArray[np.int32]
-    read: NDArray[np.float64]
+    state_data: int
+    state_count: NDArray[np.int32]
     push_data: int
     push_count: NDArray[np.int32]
     push: NDArray[np.float64]
-    place_data: int
-    place_count: NDArray[np.int32]
-    place: NDArray[np.float64]
 
 
 class _Exchange:
@@ -99,26 +96,18 @@ class World:
             self._space.add(wall)
         self._robot: tuple[pymunk.Body, pymunk.Circle] | None = None
         motion = BodyFields.POSITION | BodyFields.ANGLE | BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY
-        self._exchanges = read, push, place = (
-            _Exchange(motion),
-            _Exchange(BodyFields.FORCE | BodyFields.TORQUE),
-            _Exchange(motion),
-        )
+        self._exchanges = state, push = _Exchange(motion), _Exchange(BodyFields.FORCE | BodyFields.TORQUE)
         self.handles = Handles(
-            state=np.zeros(7),
+            state=state.values,
             walls=boxes,
             space=_address(self._space._space),
             get=_address(ffi.addressof(lib, "pmSpaceBodyGetIteratorFuncBatched")),
             put=_address(ffi.addressof(lib, "pmSpaceBodySetIteratorFuncBatched")),
-            read_data=read.address,
-            read_count=read.count,
-            read=read.values,
+            state_data=state.address,
+            state_count=state.count,
             push_data=push.address,
             push_count=push.count,
             push=push.values,
-            place_data=place.address,
-            place_count=place.count,
-            place=place.values,
         )
 
     def place_robot(self, pose: Pose) -> None:
@@ -132,7 +121,8 @@ class World:
         disc.friction = 0
         self._space.add(body, disc)
         self._robot = (body, disc)
-        self.handles.state[:] = (*pose, 0.0, 0.0, 0.0, 0.0)
+        self.handles.state[:] = 0.0
+        self.handles.state[:3] = pose
 
 
 @compiled
@@ -163,16 +153,14 @@ def move(world: Handles, cos: float, sin: float, left: float, right: float) -> N
         state[_TURN] = torque * (1.0 / INERTIA) * STEP_S
         return
     if state[_CLEAR_FOR] >= _CLEAR_STEPS:
-        world.place_count[0] = 0
-        world.place[:6] = state[:6]
-        _for_each_body(world.space, world.put, world.place_data)
+        world.state_count[0] = 0
+        _for_each_body(world.space, world.put, world.state_data)
     world.push_count[0] = 0
     world.push[0], world.push[1], world.push[2] = force * cos, force * sin, torque
     _for_each_body(world.space, world.put, world.push_data)
     _space_step(world.space, STEP_S)
-    world.read_count[0] = 0
-    _for_each_body(world.space, world.get, world.read_data)
-    state[:6] = world.read[:6]
+    world.state_count[0] = 0
+    _for_each_body(world.space, world.get, world.state_data)
     state[_CLEAR_FOR] = state[_CLEAR_FOR] + 1.0 if clear and state[_CLEAR_FOR] < _CLEAR_STEPS else 0.0
 
 

@@ -1,0 +1,32 @@
+"""How much of `epuckhebb evolve` is spent inside steps, in per cent of the process and of its generations; CPU time."""
+
+import sys
+import time
+
+from epuckhebb.app import cli, jobs
+from epuckhebb.evolution.evolve import evolve
+from epuckhebb.sim import lifetime
+
+inside, generations = [], []
+
+
+def timed_live(*arguments):
+    began = time.thread_time()
+    try:
+        return live(*arguments)
+    finally:
+        inside.append(time.thread_time() - began)
+
+
+def timed_evolve(*arguments, **named):
+    began = time.process_time()
+    for generation in evolve(*arguments, **named):
+        generations.append(time.process_time() - began)
+        yield generation
+        began = time.process_time()
+
+
+lifetime.load_kernel()
+live, lifetime.live, jobs.evolve = lifetime.live, timed_live, timed_evolve
+cli.app(["evolve", "--quiet", *sys.argv[1:]], standalone_mode=False)
+print(*(f"{100 * sum(inside) / whole:.0f}" for whole in (time.process_time(), sum(generations))))
