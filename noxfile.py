@@ -59,7 +59,8 @@ def slurm(session: nox.Session) -> None:
     """Run a sweep on a SLURM cluster of one node, which is installed (Debian, as root) if it is not there."""
     if not shutil.which("slurmctld"):
         session.run("apt-get", "update", "--quiet=2", external=True)
-        session.run("apt-get", "install", "--quiet=2", "--yes", "slurm-wlm", external=True)
+        quietly = {"DEBIAN_FRONTEND": "noninteractive"}
+        session.run("apt-get", "install", "--quiet=2", "--yes", "slurm-wlm", external=True, env=quietly)
     session.install(".[slurm]", *group("tests"), STABLE)
     session.run("python", "tests/slurm_cluster.py", "pytest", "-m", "slurm", "tests/test_launchers.py")
 

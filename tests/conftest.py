@@ -1,5 +1,6 @@
-"""What the tests share: the checked genomes, small lifetimes, and golden files."""
+"""What the tests share: the checked genomes, small lifetimes, golden files, and a limit on the size of files."""
 
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -46,3 +47,19 @@ def lived():
         return live_block([life], scenario or Scenario(), lifetime)[0]
 
     return live
+
+
+@pytest.fixture
+def small_files():
+    """A context that gives a function to limit the size [bytes] of the files that this process can write in it."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    @contextmanager
+    def limited():
+        try:
+            yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    return limited

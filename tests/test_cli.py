@@ -133,6 +133,8 @@ BAD = {
     "bad choice in a sweep": (["-m", "scenario=base,nope"], ["nope", "4obstacles"]),
     "missing launcher": (["-m", "hydra/launcher=ray", "seed=1,2"], ["epuckhebb[ray]"]),
     "a sweep as one job": (["experiment=n_sweep"], ["epuckhebb sweep n_sweep", "--multirun"]),
+    "many jobs to show": (["-m", "--cfg", "job", "seed=1,2"], ["--cfg", "--multirun"]),
+    "missing plug-in of ours": (["-m", "hydra/launcher=ray_local", "seed=1,2"], ["epuckhebb[ray]"]),
     "unknown option": (["--bogus"], ["--bogus"]),
     "unknown part of the configuration": (["--cfg", "everything"], ["everything", "job"]),
 }

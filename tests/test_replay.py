@@ -6,6 +6,7 @@ import hashlib
 import io
 import json
 import re
+import shutil
 import webbrowser
 from pathlib import Path
 
@@ -271,8 +272,8 @@ def test_a_run_of_evolve_points_to_evaluate(tmp_path):
 
 
 @pytest.mark.parametrize("harm", ["missing", "not an archive", "incomplete"])
-def test_traces_that_cannot_be_read(tmp_path, harm):
-    run = evaluated(tmp_path, "lifetime.duration_s=1")
+def test_traces_that_cannot_be_read(short_run, tmp_path, harm):
+    run = shutil.copytree(short_run, tmp_path / "run")
     traces = run / "traces.npz"
     if harm == "missing":
         traces.unlink()

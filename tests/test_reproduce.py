@@ -1,12 +1,14 @@
 """`epuckhebb reproduce`, small: whole, resumable, repeatable, and every number of its report in a CSV."""
 
 import re
+import shutil
 
 import numpy as np
 import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from epuckhebb.app import reproduce
 from epuckhebb.app.cli import app
 
 SMALL = [
@@ -22,6 +24,12 @@ SMALL = [
 
 def call(*words):
     return CliRunner().invoke(app, ["reproduce", *words])
+
+
+@pytest.fixture
+def _no_figures(monkeypatch):
+    """Leave out what takes longest, where only the numbers matter."""
+    monkeypatch.setattr(reproduce, "_figures", lambda *_: {})
 
 
 def contents(folder):
@@ -55,8 +63,11 @@ def test_the_page_needs_nothing_else(made):
     assert page.count('src="data:image/png;base64,') == 15
 
 
-def test_an_interrupted_run_does_only_what_is_missing_and_ends_with_the_same_bytes(made):
-    folder, _ = made
+@pytest.mark.usefixtures("_no_figures")
+def test_an_interrupted_run_does_only_what_is_missing_and_ends_with_the_same_bytes(made, tmp_path, monkeypatch):
+    shutil.copytree(made[0], tmp_path / "runs" / "reproduce" / made[0].name)
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "runs" / "reproduce" / made[0].name
     before = contents(folder)
     kept = folder / "champions" / "light_seed001.npz"
     stamp = kept.stat().st_mtime_ns
@@ -116,6 +127,7 @@ def test_csvs_trace_back_to_lifetimes(made):
     assert (own.success.mean() > 0.5) == row.succeeds
 
 
+@pytest.mark.usefixtures("_no_figures")
 def test_one_given_genome_stands_beside_the_paper(tmp_path, monkeypatch, genomes):
     monkeypatch.chdir(tmp_path)
     np.save("mine.npy", genomes[0])

@@ -59,7 +59,7 @@ def test_three_generations_and_three_more_are_six(six, three):
     assert "generations: 6" in (three / ".hydra" / "config.yaml").read_text()
 
 
-@pytest.mark.parametrize("points", ["5 before 5 beside 5 after 6 before 6 after 7 beside 7 after 13 before 22 after"])
+@pytest.mark.parametrize("points", ["5 beside 6 before 7 beside 22 after"])
 def test_killed_between_any_two_writes(six, tmp_path, points):
     words = ["evolve", *TINY, "ga.generations=6", "--", *points.split()]
     done = subprocess.run(
@@ -80,28 +80,26 @@ def test_killed_at_every_write(six, tmp_path):
 
 
 @pytest.mark.slow
-def test_killed_at_twenty_random_moments(six, tmp_path):
+def test_killed_at_twenty_random_moments(tmp_path):
     chance = random.Random(5)
     program = [sys.executable, "-c", "from epuckhebb.app.cli import main; main()", "evolve"]
-    whole = tmp_path / "whole"
-    words = [*TINY, "lifetime.duration_s=60", "ga.loops=3", "ga.generations=40"]
+    words = [*TINY, "lifetime.duration_s=60", "ga.loops=3", "ga.generations=200"]
+    whole, run = tmp_path / "whole", tmp_path / "run"
     subprocess.run([*program, *words, f"hydra.run.dir={whole}"], check=True)
-    killed, begin = 0, [*words, f"hydra.run.dir={tmp_path / 'run'}"]
-    while killed < 20:
-        resumable = (tmp_path / "run" / "provenance.json").is_file()
-        if not resumable:  # killed so early that there is nothing to go on from: begin again
-            shutil.rmtree(tmp_path / "run", ignore_errors=True)
-        started = subprocess.Popen([*program, *([f"resume={tmp_path / 'run'}", "-q"] if resumable else begin)])
-        try:
-            assert started.wait(chance.uniform(1, 4)) == 0
-            break
-        except subprocess.TimeoutExpired:
-            started.kill()
-            started.wait()
-            killed += 1
-    assert killed > 3
-    subprocess.run([*program, f"resume={tmp_path / 'run'}", "-q"], check=True)
-    assert same(whole, tmp_path / "run")
+    for _ in range(20):
+        told = run / "provenance.json"  # written first of all by who goes on
+        before = told.stat().st_mtime_ns if told.is_file() else None
+        begin = [f"resume={run}", "-q"] if before else [*words, f"hydra.run.dir={run}"]
+        started = subprocess.Popen([*program, *begin])
+        while not told.is_file() or told.stat().st_mtime_ns == before:
+            assert started.poll() is None
+            time.sleep(0.002)
+        time.sleep(chance.uniform(0, 0.8))
+        assert started.poll() is None, "it ended before it could be killed"
+        started.kill()
+        started.wait()
+    subprocess.run([*program, f"resume={run}", "-q"], check=True)
+    assert same(whole, run)
 
 
 def test_killed_before_there_were_settings(three):
@@ -178,26 +176,15 @@ def test_ctrl_c_ends_within_two_seconds_and_the_run_goes_on(tmp_path, threads):
     assert json.loads((tmp_path / "run" / "status.json").read_text())["state"] == "interrupted"
 
 
-def test_a_full_disk_keeps_the_generations_before(three):
+def test_a_full_disk_keeps_the_generations_before(three, small_files):
     """A limit on the size of files stands for the disk: the last file that fits is the checkpoint."""
-    limit = (three / "checkpoint.npz").stat().st_size - 1
-    code = (
-        "import resource, sys\n"
-        "from epuckhebb.app.cli import main\n"
-        "import epuckhebb.app.resume, epuckhebb.app.report\n"
-        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))\n"
-        "main()\n"
-    )
     before = {name: (three / name).read_bytes() for name in RESULTS}
-    done = subprocess.run(
-        [sys.executable, "-c", code, "evolve", f"resume={three}", "ga.generations=6", "-q"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 1, done.stderr
-    assert "File too large" in done.stderr
-    assert "Traceback" not in done.stderr
+    with small_files() as limit:
+        limit((three / "checkpoint.npz").stat().st_size - 1)
+        result = call("evolve", f"resume={three}", "ga.generations=6", "-q")
+    assert result.exit_code == 1, result.output
+    assert "File too large" in result.stderr
+    assert "Traceback" not in result.output
     assert {name: (three / name).read_bytes() for name in RESULTS} == before
     assert list(three.rglob("*.tmp")) == []
     assert call("evolve", f"resume={three}", "-q").exit_code == 0

@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -122,21 +123,22 @@ def test_only_what_is_whole_is_kept(here):
     (folder / "unfinished" / "old_0").mkdir(parents=True)
     (folder / "unfinished" / "old_0" / "metrics.csv").write_text("half a f")
     (folder / "unfinished" / "stop").touch()
+    for half in (folder / ".sweep.csv.1.tmp", folder / "jobs" / "job" / ".job_1.yaml.1.tmp"):
+        half.write_text("half a f")
     result = call(*words[:-1])
     assert "0 done before, 3 to do" in result.stderr
-    assert read_tables(folder) == tables
-    assert not (folder / "unfinished").exists()
+    check_whole(folder, tables)
 
 
 def test_another_genome_or_another_science_is_done_anew(here, monkeypatch):
     np.save("mine.npy", np.zeros(234))
-    words = ["sweep", "obstacles", *TWO, "genome=mine.npy", "hydra/launcher=basic"]
-    assert "2 to do" in call(*words).stderr
+    words = ["sweep", "obstacles", "scenario=base", *FAST, "genome=mine.npy", "hydra/launcher=basic"]
+    assert "1 to do" in call(*words).stderr
     assert "0 to do" in call(*words).stderr
     np.save("mine.npy", np.ones(234))
-    assert "0 done before, 2 to do" in call(*words).stderr
+    assert "0 done before, 1 to do" in call(*words).stderr
     monkeypatch.setattr(sweep, "_science", lambda: "another")
-    assert "0 done before, 2 to do" in call(*words).stderr
+    assert "0 done before, 1 to do" in call(*words).stderr
     assert list(pd.read_csv(only_sweep(here) / "sweep.csv")["override.genome"].unique()) == ["mine.npy"]
 
 
@@ -221,80 +223,92 @@ def test_a_file_where_the_folder_should_be(here):
     assert "cannot write a sweep to runs/sweep" in result.stderr
 
 
-def test_a_full_disk_spoils_no_earlier_result(here):
+def test_a_full_disk_spoils_no_earlier_result(here, small_files, monkeypatch):
     """A limit on the size of files stands for the disk: metrics.csv of the second seed does not fit."""
-    words = ["sweep", "obstacles", "scenario=base", *FAST, "hydra/launcher=basic", "hydra.sweep.dir=out", "-q"]
+    words = ["sweep", "obstacles", "scenario=base", *FAST, "hydra/launcher=basic", "hydra.sweep.dir=out"]
     assert call(*words, "seed=1").exit_code == 0
     before = {file: file.read_bytes() for file in (here / "out").glob("job_*/*") if file.is_file()}
-    limited = (
-        "import resource\n"
-        "from epuckhebb.app import sweep_launch, runs\n"
-        "job = sweep_launch.sweep_job.__globals__['jobs']\n"
-        "evaluate = job.evaluate\n"
-        "def full(*words, **more):\n"
-        "    resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
-        "    return evaluate(*words, **more)\n"
-        "job.evaluate = full\n"
-        "from epuckhebb.app.cli import main\n"
-        "main()\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", limited, *words, "seed=1,2"], capture_output=True, text=True, check=False
-    )
-    assert done.returncode in (1, 2), done.stderr
-    assert "File too large" in done.stderr
-    assert "Traceback" not in done.stderr
+    evaluate = jobs.evaluate
+    with small_files() as limit:
+        monkeypatch.setattr(jobs, "evaluate", lambda *words, **more: limit(100) or evaluate(*words, **more))
+        result = call(*words, "seed=1,2")
+    assert result.exit_code in (1, 2), result.output
+    assert "File too large" in result.stderr
+    assert "Traceback" not in result.output
     assert {file: file.read_bytes() for file in before} == before
     assert list((here / "out").rglob(".*.tmp")) == []
-    result = call(*words[:-1], "seed=1,2")
+    monkeypatch.setattr(jobs, "evaluate", evaluate)
+    result = call(*words, "seed=1,2")
     assert result.exit_code == 0
     assert "1 done before, 1 to do" in result.stderr
 
 
-def killed_and_resumed(words, moments, cwd):
-    """Start a sweep so often, kill it and its workers after so many seconds, then let it end; its tables."""
-    for moment in moments:
-        started = subprocess.Popen(
-            command(*words), cwd=cwd, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        time.sleep(moment)
-        if started.poll() is None:
-            os.killpg(started.pid, signal.SIGKILL)
-        started.wait()
-    done = subprocess.run(command(*words), cwd=cwd, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return read_tables(only_sweep(cwd)), done.stderr
+def killed(words, cwd, until):
+    """Start a sweep and kill it and its workers when `until(seconds, jobs done)` says so."""
+    started = subprocess.Popen(
+        command(*words), cwd=cwd, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    began = time.monotonic()
+    while not until(time.monotonic() - began, len(list(cwd.glob("runs/sweep/*/job_*")))):
+        assert started.poll() is None, "it ended before it could be killed"
+        time.sleep(0.02)
+    os.killpg(started.pid, signal.SIGKILL)
+    started.wait()
 
 
-def whole_and_killed(tmp_path, words, moments):
-    tables = {}
-    for name, when in (("whole", []), ("killed", moments)):
-        (tmp_path / name).mkdir()
-        tables[name], told = killed_and_resumed(words, when, tmp_path / name)
-    assert tables["whole"] == tables["killed"]
-    folder = only_sweep(tmp_path / "killed")
+def check_whole(folder, tables):
+    assert read_tables(folder) == tables
     assert len(list(folder.glob("job_*"))) == len(pd.read_csv(folder / "sweep.csv").job.unique())
     assert list(folder.rglob("*.tmp")) == []
-    return told
+    assert not (folder / "unfinished").exists()
 
 
-def test_killed_with_its_workers_it_resumes_to_the_same_tables(tmp_path):
-    whole_and_killed(tmp_path, ["sweep", "obstacles", *TWO, "hydra.launcher.n_jobs=2"], [4.5])
+def test_killed_with_its_workers_it_resumes_to_the_same_tables(here):
+    words = ["sweep", "obstacles", *FAST, "seed=1,2"]
+    (here / "whole").mkdir()
+    os.chdir("whole")
+    assert call(*words, "hydra/launcher=basic").exit_code == 0
+    tables = read_tables(only_sweep(here / "whole"))
+    os.chdir("..")
+    killed([*words, "hydra.launcher.n_jobs=2"], here, lambda _, done: done)
+    result = call(*words, "hydra/launcher=basic")
+    assert "6 jobs" in result.stderr
+    assert "0 done before" not in result.stderr
+    assert "0 to do" not in result.stderr
+    check_whole(only_sweep(here), tables)
+
+
+SIXTY = ["sweep", "obstacles", "seed=range(1,21)", "hydra.launcher.n_jobs=2"]
+
+
+@pytest.fixture(scope="module")
+def sixty(tmp_path_factory):
+    """The tables of sixty jobs that nobody killed."""
+    folder = tmp_path_factory.mktemp("sixty")
+    subprocess.run(command(*SIXTY), cwd=folder, check=True)
+    return read_tables(only_sweep(folder))
 
 
 @pytest.mark.slow
-def test_sixty_jobs_killed_twice(tmp_path):
-    words = ["sweep", "obstacles", "lifetime.duration_s=20", "repeats=2", "seed=range(1,21)"]
-    told = whole_and_killed(tmp_path, words, [12, 12])
+def test_sixty_jobs_killed_twice(sixty, tmp_path):
+    for enough in (15, 40):
+        killed(SIXTY, tmp_path, lambda _, done, enough=enough: done >= enough)
+    told = subprocess.run(command(*SIXTY), cwd=tmp_path, capture_output=True, text=True, check=True).stderr
     assert "60 jobs" in told
-    assert " 0 done before" not in told
+    assert re.search(r"4\d done before", told), told
+    check_whole(only_sweep(tmp_path), sixty)
 
 
 @pytest.mark.slow
-def test_killed_at_twenty_random_moments(tmp_path):
+def test_killed_at_twenty_random_moments(sixty, tmp_path):
     chance = random.Random(5)
-    words = ["sweep", "obstacles", "lifetime.duration_s=20", "repeats=2", "seed=range(1,5)"]
-    whole_and_killed(tmp_path, words, [chance.uniform(0.5, 9) for _ in range(20)])
+    for _ in range(10):
+        moment = chance.uniform(0.5, 6)
+        killed(SIXTY, tmp_path, lambda seconds, _, moment=moment: seconds > moment)
+        before = len(list(tmp_path.glob("runs/sweep/*/job_*")))
+        killed(SIXTY, tmp_path, lambda _, done, before=before: done > before)
+    subprocess.run(command(*SIXTY), cwd=tmp_path, check=True)
+    check_whole(only_sweep(tmp_path), sixty)
 
 
 @pytest.mark.parametrize("launcher", ["joblib", pytest.param("submitit_local", marks=pytest.mark.slow)])

@@ -329,6 +329,8 @@ def _run(
     """Hand a verb over to Hydra, then say what came out."""
     from epuckhebb.app import compose, hydra_bridge, jobs, report
 
+    if multirun and cfg:
+        raise ConfigError("--cfg shows the configuration of one job: leave out --multirun, and give each key one value")
     flags = ["--multirun"] if multirun else []
     flags += ["--cfg", cfg] if cfg else []
     flags += ["--config-dir", config_dir] if config_dir else []

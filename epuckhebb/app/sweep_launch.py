@@ -50,7 +50,7 @@ def launch(sweep: Sweep, *, fail_fast: bool, quiet: bool) -> Outcome:
         ConfigError: another process works on this sweep, or its folder cannot be written to.
     """
     with _owned(sweep.folder):
-        _throw_away(sweep.folder / _UNFINISHED)
+        _throw_away(sweep.folder)
         todo = sweep.todo()
         for job in todo:  # a job's place with anything but a whole run in it: someone has been at it
             shutil.rmtree(sweep.folder / job.run, ignore_errors=True)
@@ -132,9 +132,11 @@ def _owned(folder: Path) -> Iterator[None]:
         locks.release(held)
 
 
-def _throw_away(unfinished: Path) -> None:
-    """Remove what jobs left that did not end well, but for those that are still at work."""
-    for attempt in unfinished.glob("*"):
+def _throw_away(folder: Path) -> None:
+    """Remove what a call left that was killed, and its jobs, but for those that are still at work."""
+    for half in [*folder.glob(".*.tmp"), *(folder / _CONFIGS).rglob(".*.tmp")]:
+        half.unlink()
+    for attempt in (folder / _UNFINISHED).glob("*"):
         if not attempt.is_dir():
             attempt.unlink()
         elif not locks.is_held(attempt):
