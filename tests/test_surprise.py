@@ -166,7 +166,7 @@ def test_memory_is_of_the_lives_it_was_made_of(master):
     assert REPEATS == 10
 
 
-def test_a_champion_that_never_arrives_is_never_late(genomes):
+def test_a_champion_that_never_arrives_is_never_late():
     memory = remember(np.zeros(234), Scenario(), 4.0)
     assert np.isnan(memory.time_to_goal_s).all()
     assert (memory.away_s == 0).all()

@@ -23,7 +23,7 @@ _OF_SEED = re.compile(rf"{REFERENCE}_\d+")
 
 @dataclass(frozen=True, kw_only=True)
 class Genome:
-    """Genes (234,), a name for tables, the SHA-256 of their bytes, and what the champion remembers, if the file says."""
+    """Genes (234,), a name for tables, the SHA-256 of their bytes, and what the champion remembers, if it does."""
 
     genes: NDArray[np.float64]
     name: str

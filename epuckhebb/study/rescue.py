@@ -20,8 +20,8 @@ def markdown(over_all: pd.DataFrame, by_scenario: pd.DataFrame, champions: int, 
     """The page. over_all, by_scenario: of `findings.rescue_over_all` and `rescue_and_harm`; names: of the champions."""
     parts = [
         "# Rescue and harm\n",
-        f"{champions} champions of each experiment, {names}. A *trial* is one champion on one side; it succeeds if more "
-        f"than half of its {repeats} noise repeats do. Counted are trials mastered in the training world without "
+        f"{champions} champions of each experiment, {names}. A *trial* is one champion on one side; it succeeds if "
+        f"more than half of its {repeats} noise repeats do. Counted are trials mastered in the training world without "
         "plasticity: of those that a changed world *breaks*, how many a plasticity *rescues*; of those it leaves "
         "*sound*, how many it *harms*. Intervals are 95 %, from a bootstrap over champions.\n",
     ]
