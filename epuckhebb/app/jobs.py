@@ -123,7 +123,7 @@ def evolve_into(run: RunFolder, config: EvolveConfig, after: Checkpoint | None, 
         JobFailedError: it could not be finished.
     """
     with run, _saying_what_is_safe(run), EvolutionProgress(config.ga.generations, quiet=quiet) as progress:
-        if after is not None:
+        if after is not None and not _is_written(run, after):
             _write_generation(run, after, config)
         last = after.generation if after else None
         for generation in evolve(config.ga, config.scenario, config.lifetime, config.seed, threads, after=last):
@@ -140,6 +140,16 @@ def _write_generation(run: RunFolder, state: Checkpoint, config: EvolveConfig) -
     """Bring the other files of an evolution to the state of its checkpoint."""
     run.write_text("history.csv", state.history)
     _write_champion(run, state, config, None)
+
+
+def _is_written(run: RunFolder, state: Checkpoint) -> bool:
+    """Whether the other files are at the state of the checkpoint; a champion that remembers is kept as it is."""
+    try:
+        history = (run.path / "history.csv").read_text()
+        champion = genomes.load(str(run.path), "")
+    except (OSError, ConfigError):
+        return False
+    return history == state.history and np.array_equal(champion.genes, state.generation.champion)
 
 
 def _write_champion(run: RunFolder, state: Checkpoint, config: EvolveConfig, memory: Memory | None) -> None:
