@@ -51,7 +51,8 @@ def test_the_bundled_champions_remember():
                 np.testing.assert_array_equal(value, getattr(again, name), err_msg=f"{where} {name}")
 
 
-def test_a_champion_keeps_what_it_remembers_and_show_tells(here):
+@pytest.mark.usefixtures("here")
+def test_a_champion_keeps_what_it_remembers_and_show_tells():
     assert call("evolve", *TINY, "hydra.run.dir=run").exit_code == 0
     memory = genomes.load("run", "obstacles").memory
     assert (memory.experiment, memory.scenario, memory.gain_rad_s) == ("obstacles", "base", 1.0)
@@ -60,7 +61,8 @@ def test_a_champion_keeps_what_it_remembers_and_show_tells(here):
     assert f"{memory.reading_mean[1, 3]:.2f} ± {memory.reading_spread[1, 3]:.2f}" in shown
 
 
-def test_older_champions_live_again_and_say_so(here):
+@pytest.mark.usefixtures("here")
+def test_older_champions_live_again_and_say_so():
     np.save("old.npy", genomes.load("reference_20", "obstacles").genes)
     result = call("evaluate", "hebbian=adaptive", "genome=old.npy", *BRIEF)
     assert result.exit_code == 0, result.output
@@ -71,7 +73,8 @@ def test_older_champions_live_again_and_say_so(here):
     assert "memory" not in paper.output  # the paper's rule asks for none
 
 
-def test_compared_plasticities_share_the_lifetimes(here):
+@pytest.mark.usefixtures("here")
+def test_compared_plasticities_share_the_lifetimes():
     result = call("evaluate", "+compare={fast: {N: 0.01}, wrong: {N: 0.01, sign: shuffled}}", *BRIEF, "--json")
     metrics = pd.DataFrame(json.loads(result.stdout)["runs"][0]["metrics"])
     assert list(metrics.controller.unique()) == [GA_ALONE, "Hebbian", "fast", "wrong"]

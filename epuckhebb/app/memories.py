@@ -24,10 +24,10 @@ def memory_for(
 ) -> Memory | None:
     """What this genome remembers of its training world at this pace; nothing if no plasticity asks.
 
-    say: is told if the champion had to live there again.
+    A champion that remembers never to have arrived is never late. say: is told if it had to live there again.
 
     Raises:
-        ConfigError: the memory is of another experiment, or there is nothing to be late against.
+        ConfigError: the memory is of another experiment, or living there again gave nothing to be late against.
     """
     asking = {hebbian.surprise for hebbian in plasticities} - {Surprise.none}
     if not asking:
@@ -46,11 +46,11 @@ def memory_for(
             f"at {gain_rad_s:g} rad/s."
         )
         memory = remember(genome.genes, training_world(experiment), gain_rad_s, threads)
-    if Surprise.lateness in asking and np.isnan(memory.time_to_goal_s).all():
-        raise ConfigError(
-            f"hebbian.surprise=lateness needs a time to the goal to remember, and genome={genome.name} reached neither "
-            f"goal in {memory.scenario}; give a champion that does, or surprise=novelty or shortfall"
-        )
+        if Surprise.lateness in asking and np.isnan(memory.time_to_goal_s).all():
+            raise ConfigError(
+                f"hebbian.surprise=lateness needs a time to the goal to remember, and genome={genome.name} reached "
+                f"neither goal in {memory.scenario}; give a champion that does, or surprise=novelty or shortfall"
+            )
     return memory
 
 

@@ -124,7 +124,7 @@ def _settings(path: Path) -> Iterator[str]:
             if isinstance(value, dict):
                 yield from below(value, f"{prefix}{key}.")
             else:
-                yield f"{prefix}{key}={value}"
+                yield f"{prefix}{key}={'null' if value is None else value}"
 
     file = path / ".hydra" / "config.yaml"
     if file.is_file():

@@ -49,7 +49,9 @@ def maze(scenario: Scenario) -> bytes:
 
 def controller_title(controller: str) -> str:
     """What stands above a controller's panel."""
-    return {GA_ALONE: "GA alone", HEBBIAN: "GA with Hebbian plasticity"}.get(controller, controller)
+    return {GA_ALONE: "GA alone", HEBBIAN: "GA with Hebbian plasticity"}.get(
+        controller, f"GA with plasticity “{controller}”"
+    )
 
 
 def draw_maze(axes: Axes, scenario: Scenario) -> None:

@@ -106,7 +106,7 @@ def outcome(side: Side, controllers: Sequence[str], arrivals: Sequence[Arrival])
 
 
 def _who(controller: str) -> str:
-    return _WHO.get(controller, f"“{controller}”")
+    return _WHO.get(controller, f"with “{controller}”")
 
 
 def _told(who: str, arrived: Arrival) -> str:
@@ -138,7 +138,9 @@ def _content(traces: Traces, genome: NDArray[np.float64], scenario: Scenario, ga
     walls, obstacles = np.split(boxes(scenario.obstacles, scenario.layout), [len(WALLS)])
     return {
         "sides": sides,
-        "controllers": [{"title": controller_title(name), "note": _NOTE.get(name, "")} for name in controllers],
+        "controllers": [
+            {"title": controller_title(name), "note": _NOTE.get(name, _NOTE[HEBBIAN])} for name in controllers
+        ],
         "outcomes": outcomes,
         "samples": len(time[::every]),
         "interval": interval,  # s between samples
