@@ -195,7 +195,9 @@ def live(
 
         # Move.
         if plasticity.motor_noise > 0.0 and plastic:
-            left, right = left + shake_left, right + shake_right
+            fastest = MOTOR_LIMIT / gain
+            left = min(fastest, max(-fastest, left + shake_left))
+            right = min(fastest, max(-fastest, right + shake_right))
         move(world, cos, sin, gain * body.left_wheel * left, gain * body.right_wheel * right)
         new_x, new_y, heading = pose(world)
         if is_lost(new_x, new_y, heading):

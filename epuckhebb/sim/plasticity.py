@@ -45,7 +45,7 @@ class Hebbian:
     surprise: the signal of change that switches plasticity on; with `none` it is always on, and the rest is not used.
     tolerance, ramp: the signal up to which plasticity is off, and how far beyond it is fully on. spell_s, rest_s:
     plastic for so long, then living by the genes for so long, and again; 0: no rests. motor_noise: standard deviation
-    of noise on both wheels' outputs while plastic, a control.
+    of noise on both wheels' outputs while plastic, as far as the motors go.
     """
 
     name: str = "none"

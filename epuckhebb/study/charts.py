@@ -206,6 +206,7 @@ def rescue_over_all(over_all: pd.DataFrame) -> bytes:
                 label=f"{what} of {of}",
             )
         axes.axvline(0.05, color=_HARMED, linewidth=0.8, linestyle=":")
+        axes.annotate("5 %", (0.05, 0.6), (2, -8), textcoords="offset points", fontsize=7, color=_HARMED)
         names = [rescue.label(row.controller, row.N) for row in own.itertuples()]
         axes.set_yticks(places, names, fontsize=8)
         axes.set(xlim=(-0.02, 1.02), ylim=(0.5 - len(own), 0.6), xlabel="share of trials")

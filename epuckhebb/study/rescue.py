@@ -39,6 +39,15 @@ def markdown(over_all: pd.DataFrame, by_scenario: pd.DataFrame, champions: int, 
     return "\n".join(parts)
 
 
+def summary(over_all: pd.DataFrame) -> str:
+    """The tables of the README, one for each experiment."""
+    parts = [
+        f"The {experiment} experiment:\n\n{_over_all(own)}"
+        for experiment, own in over_all.groupby("experiment", sort=False)
+    ]
+    return "\n".join(parts)
+
+
 def _over_all(own: pd.DataFrame) -> str:
     rows = [
         [label(row.controller, row.N), count(row, "rescued", "broken"), count(row, "harmed", "sound")]
