@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuckhebb.sim import surprise as signals
+from epuckhebb.sim.epuck import MOTOR_LIMIT, STEP_S, WHEEL_RADIUS
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.lifetime import Life, Lifetime, live_block
 from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, SIDES
@@ -40,7 +41,8 @@ def test_lateness_compares_with_the_way_there_and_then_with_excursions():
     assert signals.lateness(60.0, False, 50.0, 20.0) == 1.2
     assert signals.lateness(30.0, True, 50.0, 20.0) == 1.5
     assert signals.lateness(4.0, True, 50.0, 0.0) == 0.8  # five seconds away are not worth noticing
-    assert math.isnan(signals.lateness(60.0, False, math.nan, 0.0))
+    for arrived in (False, True):
+        assert math.isnan(signals.lateness(60.0, arrived, math.nan, 0.0))
 
 
 def test_shortfall_is_what_is_missing_at_this_time_of_life():
@@ -149,6 +151,14 @@ def test_motor_noise_shakes_only_the_surprised(master):
     parts = np.flatnonzero((samples.pose != alone.pose).any(axis=1))[0]
     assert samples.surprise[parts - 3] <= 0.2 <= samples.surprise[parts]
     assert samples.weight_change.max() == 0
+
+
+def test_shaken_wheels_turn_no_faster_than_the_motors_can(master):
+    genome, memory = master
+    wild = Hebbian(surprise=Surprise.lateness, tolerance=0.0, motor_noise=1000.0)
+    _, samples = live(genome, wild, memory, seconds=10)
+    driven = np.hypot(*np.diff(samples.pose[:, :2], axis=0).T)
+    assert 0.9 < driven.max() / (MOTOR_LIMIT * WHEEL_RADIUS * STEP_S) < 1.001
 
 
 def test_memory_is_of_the_lives_it_was_made_of(master):

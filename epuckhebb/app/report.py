@@ -193,8 +193,8 @@ def _course(fitness: NDArray[np.float64]) -> str:
 def _paper_table(metrics: pd.DataFrame) -> Table:
     text = tables.formatted(tables.paper_table(metrics))
     first = metrics.iloc[0]
-    plastic = metrics[metrics.N > 0]
-    rate = f", N = {plastic.N.iloc[0]:g}" if len(plastic) else ""
+    rates = metrics.N[metrics.N > 0].unique()
+    rate = f", N = {', '.join(f'{N:g}' for N in rates)}" if len(rates) else ""
     repeats = metrics.repeat.nunique()
     shown = Table(
         title=f"{first.scenario}: genome {first.genome}{rate}, "

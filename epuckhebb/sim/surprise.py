@@ -15,6 +15,7 @@ does switching off there.
 To add a signal: a function here, its name in `Surprise` and `surprise`, and a file in `conf/hebbian/`.
 """
 
+import math
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -74,7 +75,9 @@ def lateness(away: float, arrived: bool, time_to_goal: float, longest_away: floa
 
     Above 1 the robot is later than it ever was; nan, which is no surprise, if it remembers no arrival.
     """
-    return away / (max(longest_away, LEAST_AWAY_S) if arrived else time_to_goal)
+    if arrived and not math.isnan(time_to_goal):
+        return away / max(longest_away, LEAST_AWAY_S)
+    return away / time_to_goal
 
 
 @compiled
