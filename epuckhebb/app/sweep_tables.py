@@ -14,6 +14,7 @@ from epuckhebb.study.evaluate import COLUMNS
 from epuckhebb.study.statistics import wilson
 
 _OUTCOMES = COLUMNS[COLUMNS.index("success") + 1 :]  # of which the summary has the mean
+_LIFETIME = ["experiment", "scenario", "controller", "N", "genome", "side", "seed", "repeat"]  # one of all
 _IN_METRICS = ("scenario", "seed")  # settings that every row of metrics.csv tells of anyway
 
 
@@ -37,7 +38,7 @@ def write(folder: Path, done: list[Job], failures: list[Failure]) -> None:
     whole = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*_columns([]), *COLUMNS])
     runs.write_whole(folder / "sweep.csv", _csv(whole))
     runs.write_whole(folder / "summary.csv", _csv(summary(whole, _columns(done)[2:])))
-    if whole.genome.nunique() > 1 and _lives_at_home(whole):
+    if whole.genome.nunique() > 1 and _lives_at_home(whole) and not whole.duplicated(_LIFETIME).any():
         _write_rescue(folder, whole)
 
 
