@@ -15,7 +15,7 @@ from epuckhebb.sim.memory import remember
 from epuckhebb.study.evaluate import GA_ALONE
 from epuckhebb.study.rescue import FIGURE
 
-BRIEF = ["lifetime.duration_s=3", "repeats=2"]
+BRIEF = ["lifetime.duration_s=3", "lifetime.record_every=0", "repeats=2"]
 TINY = ["ga.population=6", "ga.generations=2", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3"]
 
 
@@ -31,7 +31,9 @@ def call(*words):
 
 @pytest.mark.parametrize("scenario", ["4obstacles", "lowlight"])
 def test_needs_no_other_setting(here, scenario):
-    told = json.loads(call("evaluate", "hebbian=adaptive", f"scenario={scenario}", *BRIEF, "--json").stdout)
+    told = json.loads(
+        call("evaluate", "hebbian=adaptive", f"scenario={scenario}", *BRIEF, "lifetime.record_every=8", "--json").stdout
+    )
     metrics = pd.DataFrame(told["runs"][0]["metrics"])
     assert list(metrics.controller.unique()) == [GA_ALONE, "adaptive"]
     assert (metrics.weight_change_mean == 0).all()  # three seconds are not late
@@ -120,15 +122,27 @@ def test_mistakes_get_one_message_and_leave_nothing(here, mistake):
     assert not (here / "runs").exists()
 
 
+SMALL_STUDY = """
+# @package _global_
+defaults: [{override /hebbian: adaptive}]
+compare: {always: {N: 0.002}}
+hydra: {sweeper: {params: {scenario: "base,2obstacles", genome: "reference_1,reference_2"}}}
+"""
+
+
 def test_a_sweep_over_champions_and_worlds_tells_of_rescue_and_harm(here):
-    words = ["scenario=base,2obstacles", "genome=reference_1,reference_2", *BRIEF]
-    result = call("sweep", "adaptive", *words, "hydra/launcher=basic", "hydra.sweep.dir=out")
+    (here / "mine" / "experiment").mkdir(parents=True)
+    (here / "mine" / "experiment" / "small.yaml").write_text(SMALL_STUDY.lstrip())
+    words = ["sweep", "small", "--config-dir", "mine", *BRIEF, "hydra/launcher=basic", "hydra.sweep.dir=out"]
+    result = call(*words)
     assert result.exit_code == 0, result.output
     assert "Rescue and harm" in result.stdout
     each = pd.read_csv(here / "out" / "rescue_and_harm.csv")
-    assert each[each.controller == "adaptive"].scenario.tolist() == ["base", "2obstacles"]
+    assert each[["scenario", "controller"]].to_numpy().tolist() == [
+        [scenario, controller] for controller in ("adaptive", "always") for scenario in ("base", "2obstacles")
+    ]
     assert "reference_1" in (here / "out" / "report.md").read_text()
     assert (here / "out" / "figures" / FIGURE).read_bytes().startswith(b"\x89PNG")
     before = (here / "out" / "rescue_over_all.csv").read_bytes()
-    assert "4 done before, 0 to do" in call("sweep", "adaptive", *words, "hydra.sweep.dir=out").stderr
+    assert "4 done before, 0 to do" in call(*words).stderr
     assert (here / "out" / "rescue_over_all.csv").read_bytes() == before
