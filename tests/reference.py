@@ -20,10 +20,10 @@ SHAPES = ((17, 7), (7, 5), (5, 8), (8, 4), (4, 2))
 class Robot:
     """A robot in a pymunk space; `live` takes it through its control steps."""
 
-    def __init__(self, genome, scenario, side, hebbian, gain=1.0, noise_level=1.0, key=0, start=START):
+    def __init__(self, genome, scenario, side, hebbian, gain=1.0, noise_level=1.0, key=0, start=START, remembered=None):
         self.space = pymunk.Space()
         self.space.damping, self.space.collision_slop, self.space.iterations = 0, 1e-4, 10
-        for left, right, bottom, top in boxes(scenario.obstacles).tolist():
+        for left, right, bottom, top in boxes(scenario.obstacles, scenario.layout).tolist():
             corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
             wall = pymunk.Poly(self.space.static_body, corners)
             wall.friction, wall.filter = 0, pymunk.ShapeFilter(categories=1)
@@ -43,6 +43,7 @@ class Robot:
         self.scenario, self.lamp_on, self.goal = scenario, side == "right", GOALS[side]
         self.numbers = np.zeros(16)
         self.junction, self.undirected, self.step_number = 0.0, 0.0, 0
+        self.remembered, self.recent, self.arrived, self.away, self.surprised = remembered, None, False, 0.0, 0.0
 
     def step(self):
         """One control step: sense, act, score, learn, move. Returns what happened."""
@@ -60,8 +61,11 @@ class Robot:
         self.undirected += (forward + 2 * avoid + spin) / 5
         self.step_number += 1
         fitness = self.live_fitness(readings, left, right, combined, math.dist((x, y), self.goal))
-        rate = self.hebbian.N * max(self.hebbian.floor, fitness)
-        if self.hebbian.N > 0:
+        need = self.need(readings, fitness, (x, y)) if self.hebbian.surprise else 1.0
+        rate = self.hebbian.N * need * max(self.hebbian.floor, fitness)
+        if need == 0:
+            self.weights, self.traces = [g.copy() for g in self.genes], [0 * g for g in self.genes]
+        elif self.hebbian.N > 0:
             self.learn(activations, rate)
         change = sum(np.abs(w - g).sum() for w, g in zip(self.weights, self.genes, strict=True))
         self.move(left, right, heading)
@@ -97,7 +101,10 @@ class Robot:
         value = np.interp(apparent, epuck.INFRARED[:, 0], epuck.INFRARED[:, 1])
         fraction = np.interp(apparent, epuck.INFRARED[:, 0], epuck.INFRARED[:, 2])
         echo = value * (1 + self.noise_level * fraction * self.numbers[8:])
-        return np.clip(np.concatenate([dark, echo / 2000]), 0, 1)
+        readings = np.clip(np.concatenate([dark, echo / 2000]), 0, 1)
+        if self.scenario.dead_sensor is not None:
+            readings[[self.scenario.dead_sensor, 8 + self.scenario.dead_sensor]] = 1, 0
+        return readings
 
     def act(self, readings):
         activations = [np.append(readings, 1.0)]
@@ -119,6 +126,26 @@ class Robot:
         follow = 1 - abs(np.mean(readings[:4]) - np.mean(readings[4:8]))
         return (forward + 2 * (1 - max(readings[3:11]) ** 3) + spin + follow) / 6
 
+    def need(self, readings, fitness, place):
+        now, rule, memory = (self.step_number - 1) * STEP, self.hebbian, self.remembered
+        felt = np.append(readings, fitness)
+        self.recent = felt if self.recent is None else self.recent + STEP / (5 + STEP) * (felt - self.recent)
+        at_goal = math.dist(place, self.goal) < GOAL_RADIUS
+        self.arrived, self.away = self.arrived or at_goal, 0.0 if at_goal else self.away + STEP
+        if rule.surprise.name == "lateness":
+            surprise = self.away / (max(5.0, memory.away) if self.arrived else memory.time_to_goal)
+        elif rule.surprise.name == "shortfall":
+            surprise = memory.fitness[min(int(now), len(memory.fitness) - 1)] - self.recent[16]
+        else:
+            unlike = np.abs(self.recent[:16] - memory.reading_mean) / (memory.reading_spread + 0.01)
+            surprise = unlike.mean(axis=1).min()
+        self.surprise = surprise
+        over = surprise - rule.tolerance
+        need = 0.0 if at_goal or not over > 0 else min(1.0, over / rule.ramp) if rule.ramp else 1.0
+        self.surprised = self.surprised + STEP if need else 0.0
+        rests = rule.spell_s and self.surprised % (rule.spell_s + rule.rest_s) >= rule.spell_s
+        return 0.0 if rests else need
+
     def learn(self, activations, rate):
         rule = self.hebbian
         for layer, (pre, post) in enumerate(pairwise(activations)):
@@ -127,6 +154,7 @@ class Robot:
             self.weights[layer] = np.clip(self.weights[layer] + rate * self.traces[layer], -rule.w_max, rule.w_max)
 
     def move(self, left, right, heading):
+        left, right = left * self.scenario.left_wheel, right * self.scenario.right_wheel
         speed = self.gain * epuck.WHEEL_RADIUS * (left + right) / 2
         turn = self.gain * epuck.WHEEL_RADIUS * (right - left) / epuck.AXLE
         push = epuck.MASS * speed / STEP

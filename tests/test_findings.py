@@ -10,7 +10,7 @@ import yaml
 from epuckhebb.app.data import data_folder
 from epuckhebb.study import findings, published
 from epuckhebb.study.evaluate import GA_ALONE, HEBBIAN
-from epuckhebb.study.statistics import bootstrap_mean, mcnemar, wilson
+from epuckhebb.study.statistics import bootstrap_mean, bootstrap_ratio, mcnemar, wilson
 
 
 @pytest.mark.parametrize(
@@ -95,6 +95,22 @@ def test_rescue_and_harm_by_hand():
     assert math.isnan(found.rescued_share["base"])
     assert found.difference["4obstacles"] == pytest.approx((0 + 0.5) / 2)  # a: +1 -1, b: 0 +1
     assert found.mcnemar_p["4obstacles"] == 1.0
+
+
+def test_rescue_over_all_changed_worlds_by_hand():
+    (found,) = findings.rescue_over_all(EACH).to_dict("records")
+    assert (found["broken"], found["rescued"], found["sound"], found["harmed"]) == (2, 1, 4, 1)
+    assert (found["home_mastered"], found["home_harmed"]) == (3, 1)
+    assert (found["rescued_share"], found["harmed_share"]) == (0.5, 0.25)
+    assert (found["rescued_low"], found["rescued_high"]) == (0.0, 1.0)  # a: 1 of 1, b: 0 of 1
+    assert findings.changed(EACH, "obstacles") == ["2obstacles", "4obstacles"]
+
+
+def test_bootstrap_ratio_weighs_champions_by_their_trials():
+    part, whole = np.array([1, 0, 3]), np.array([2, 0, 3])
+    low, high = bootstrap_ratio(part, whole, seed=1)
+    assert 0.5 == low < 0.8 < high == 1.0
+    assert all(map(math.isnan, bootstrap_ratio(part, np.zeros(3, int), seed=1)))
 
 
 def test_success_counts_champions():

@@ -46,7 +46,8 @@ def built(tmp_path_factory):
 
 def data():
     conf = {f"conf/{file.relative_to(ROOT / 'conf')}" for file in (ROOT / "conf").rglob("*.yaml")}
-    return conf | {f"runs/reference/champion_{name}.npz" for name in ("light", "obstacles")}
+    champions = {f"runs/reference/champions/{file.name}" for file in (ROOT / "runs/reference/champions").glob("*.npz")}
+    return conf | champions | {f"runs/reference/champion_{name}.npz" for name in ("light", "obstacles")}
 
 
 def test_both_hold_the_configuration_and_the_champions(built):

@@ -20,7 +20,7 @@ from epuckhebb.sim.plasticity import (
 
 @pytest.mark.parametrize(("fitness", "expected"), [(0.1, 0.0004), (0.9, 0.0018), (0.2, 0.0004), (-1.0, 0.0004)])
 def test_effective_rate_as_in_the_papers_examples(fitness, expected):
-    assert effective_rate(0.002, fitness, 0.2) == pytest.approx(expected, rel=1e-15)
+    assert effective_rate(0.002, 1.0, fitness, 0.2) == pytest.approx(expected, rel=1e-15)
 
 
 def test_trace_keeps_95_percent_and_takes_up_5():

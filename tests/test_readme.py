@@ -8,12 +8,23 @@ import pandas as pd
 import pytest
 
 from epuckhebb.app.data import groups
-from epuckhebb.study import report
+from epuckhebb.study import report, rescue
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "runs" / "reference"
 README = ROOT / "README.md"
-BEGIN, END = re.compile(r"<!-- results: .* -->\n"), "<!-- end of results -->"
+
+
+def check_block(name, expected, regenerate):
+    """The generated part of the README of this name is what it should be, or becomes it."""
+    begin, end = re.compile(rf"<!-- {name}: .* -->\n"), f"<!-- end of {name} -->"
+    text = README.read_text()
+    start, stop = begin.search(text).end(), text.index(end)
+    if regenerate:
+        text = text[:start] + expected + text[stop:]
+        README.write_text(text)
+        stop = text.index(end)
+    assert text[start:stop] == expected, "run pytest tests/test_readme.py --regenerate"
 
 
 def test_results_are_those_of_the_reference_run(request):
@@ -22,13 +33,12 @@ def test_results_are_those_of_the_reference_run(request):
     )
     provenance = (REFERENCE / "report.md").read_text().splitlines()[2]
     expected = report.summary(claims, success, harm, provenance)
-    text = README.read_text()
-    start, end = BEGIN.search(text).end(), text.index(END)
-    if request.config.getoption("--regenerate"):
-        text = text[:start] + expected + text[end:]
-        README.write_text(text)
-        end = text.index(END)
-    assert text[start:end] == expected, "run pytest tests/test_readme.py --regenerate"
+    check_block("results", expected, request.config.getoption("--regenerate"))
+
+
+def test_the_account_of_adaptive_plasticity_is_that_of_its_study(request):
+    over_all = pd.read_csv(REFERENCE / "adaptive" / "rescue_over_all.csv")
+    check_block("adaptive", rescue.summary(over_all), request.config.getoption("--regenerate"))
 
 
 @pytest.mark.parametrize("experiment", ["light", "obstacles"])

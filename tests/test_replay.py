@@ -184,7 +184,7 @@ def test_outcome_names_controllers_it_does_not_know():
     sentence = replay.outcome("right", [GA_ALONE, HEBBIAN, "Shuffled"], [ARRIVED, LATE, AWAY])
     assert sentence == (
         "Only the robot without plasticity and the one with plasticity reached the goal on the right and stayed "
-        "there, after 50.2 s and 61.0 s; “Shuffled” it ended 26 cm away."
+        "there, after 50.2 s and 61.0 s; with “Shuffled” it ended 26 cm away."
     )
 
 

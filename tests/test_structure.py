@@ -14,9 +14,10 @@ INSIDE_SIM = {
     "controller": {"compiled"},
     "noise": {"compiled"},
     "streams": set(),
-    "maze": {"compiled"},
+    "maze": {"compiled", "streams"},
     "light": {"compiled"},
     "epuck": {"light", "compiled"},
+    "surprise": {"epuck", "controller", "compiled"},
 }
 
 

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.evolution.ga import GA
@@ -30,7 +31,10 @@ def _check_common(seed: int, threads: int) -> None:
 
 @dataclass(kw_only=True)
 class EvaluateConfig:
-    """All keys of `epuckhebb evaluate`."""
+    """All keys of `epuckhebb evaluate`.
+
+    plasticities: what comes of them, `hebbian` (unless it is none) and those of `compare`.
+    """
 
     seed: int = 1
     genome: str = "reference"
@@ -38,6 +42,7 @@ class EvaluateConfig:
     threads: int = 0
     scenario: Scenario = field(default_factory=Scenario)
     hebbian: Hebbian = field(default_factory=Hebbian)
+    compare: dict[str, Any] = field(default_factory=dict)  # name -> what differs from the paper's rule
     lifetime: Lifetime = field(default_factory=Lifetime)
 
     def __post_init__(self) -> None:
@@ -49,6 +54,19 @@ class EvaluateConfig:
         _check_common(self.seed, self.threads)
         if self.repeats < 1:
             raise ValueError(f"repeats must be 1 or more, got {self.repeats}")
+        self.plasticities = [] if self.hebbian.name == "none" else [self.hebbian]
+        self.plasticities += [_compared(name, settings) for name, settings in self.compare.items()]
+
+
+def _compared(name: str, settings: Any) -> Hebbian:
+    if name in ("GA", "none", "paper"):
+        raise ValueError(f"compare.{name}: the name is taken (GA is the control that always runs); give another")
+    try:
+        hebbian = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(Hebbian), settings or {}, {"name": name}))
+    except (OmegaConfBaseException, ValueError) as error:
+        raise ValueError(f"compare.{name}: {str(error).splitlines()[0].removeprefix('hebbian.')}") from error
+    assert isinstance(hebbian, Hebbian)
+    return hebbian
 
 
 @dataclass(kw_only=True)

@@ -2,8 +2,10 @@
 
 import hashlib
 import io
-from dataclasses import dataclass
+import re
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -11,17 +13,21 @@ from numpy.typing import NDArray
 
 from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError
-from epuckhebb.sim.controller import GENES, LAYERS
+from epuckhebb.sim.controller import GENES, INPUTS, LAYERS
+from epuckhebb.sim.memory import Memory
 
 REFERENCE = "reference"
+_MEMORY = "memory_"  # how the names of a memory's arrays begin
+_OF_SEED = re.compile(rf"{REFERENCE}_\d+")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Genome:
-    """Genes (234,), a name for tables, and the SHA-256 of their bytes."""
+    """Genes (234,), a name for tables, the SHA-256 of their bytes, and what the champion remembers, if it does."""
 
     genes: NDArray[np.float64]
     name: str
+    memory: Memory | None = None
 
     @property
     def sha256(self) -> str:
@@ -29,33 +35,43 @@ class Genome:
         return hashlib.sha256(self.genes.astype("<f8").tobytes()).hexdigest()
 
 
-def champion_file(fitness: float, genes: NDArray[np.float64], experiment: str, seed: int, generation: int) -> bytes:
-    """A `champion.npz`: the genome and where it comes from."""
+def champion_file(
+    fitness: float,
+    genes: NDArray[np.float64],
+    experiment: str,
+    seed: int,
+    generation: int,
+    memory: Memory | None = None,
+) -> bytes:
+    """A `champion.npz`: the genome, where it comes from, and what it remembers, once evolution has ended."""
     buffer = io.BytesIO()
-    np.savez(
-        buffer,
-        genome=genes,
-        layers=np.array(LAYERS),
-        fitness=np.float64(fitness),
-        experiment=np.str_(experiment),
-        seed=np.int64(seed),
-        generation=np.int64(generation),
-    )
+    arrays: dict[str, Any] = {
+        "genome": genes,
+        "layers": np.array(LAYERS),
+        "fitness": np.float64(fitness),
+        "experiment": np.str_(experiment),
+        "seed": np.int64(seed),
+        "generation": np.int64(generation),
+    }
+    if memory is not None:
+        arrays |= {_MEMORY + key: np.asarray(value) for key, value in asdict(memory).items()}
+    np.savez_compressed(buffer, **arrays)
     return buffer.getvalue()
 
 
 def load(where: str, experiment: str) -> Genome:
     """The genome that `genome=...` names.
 
-    where: `reference` (the bundled champion of this experiment), a run folder with a `champion.npz`, or a `.npz` or
-    `.npy` file with 234 numbers.
+    where: `reference` (the bundled champion of this experiment), `reference_7` (the champion of seed 7 in the reference
+    results), a run folder with a `champion.npz`, or a `.npz` or `.npy` file with 234 numbers.
 
     Raises:
         ConfigError: there is no such file, or what is in it is not a genome.
     """
     if where == REFERENCE:
-        path = data_folder("runs/reference") / f"champion_{experiment}.npz"
-        return Genome(genes=_read(path), name=REFERENCE)
+        return _read(data_folder("runs/reference") / f"champion_{experiment}.npz", REFERENCE)
+    if _OF_SEED.fullmatch(where):
+        return _read(_champion_of_seed(where, experiment), where)
     path = Path(where).expanduser()
     if path.is_dir():
         if not (path / "champion.npz").is_file():
@@ -63,16 +79,30 @@ def load(where: str, experiment: str) -> Genome:
                 f"genome={where} is a folder without a champion.npz; give a run folder of `epuckhebb evolve`, "
                 f"a .npz or .npy file, or `{REFERENCE}`"
             )
-        return Genome(genes=_read(path / "champion.npz"), name=path.resolve().name)
+        return _read(path / "champion.npz", path.resolve().name)
     if not path.is_file():
         raise ConfigError(
             f"genome={where} does not exist; give a run folder of `epuckhebb evolve`, a .npz or .npy file, "
             f"or `{REFERENCE}`"
         )
-    return Genome(genes=_read(path), name=path.stem)
+    return _read(path, path.stem)
 
 
-def _read(path: Path) -> NDArray[np.float64]:
+def _champion_of_seed(where: str, experiment: str) -> Path:
+    champions = data_folder("runs/reference") / "champions"
+    path = champions / f"{experiment}_seed{int(where.partition('_')[2]):03d}.npz"
+    if not path.is_file():
+        seeds = sorted(int(file.stem[-3:]) for file in champions.glob(f"{experiment}_seed*.npz"))
+        first = [seed for seed in seeds if seed - 1 not in seeds]
+        last = [seed for seed in seeds if seed + 1 not in seeds]
+        there = ", ".join(f"{a} to {b}" for a, b in zip(first, last, strict=True))
+        raise ConfigError(
+            f"genome={where} is not among the reference champions of the {experiment} experiment, seeds {there}"
+        )
+    return path
+
+
+def _read(path: Path, name: str) -> Genome:
     try:
         with path.open("rb") as file:
             loaded = np.load(file, allow_pickle=False)
@@ -85,7 +115,20 @@ def _read(path: Path) -> NDArray[np.float64]:
         arrays["genome"] = next(iter(arrays.values()))
     if "genome" not in arrays:
         raise ConfigError(f"genome={path} must hold one array or one named `genome`, it holds {sorted(arrays)}")
-    return checked(arrays["genome"], str(path))
+    return Genome(genes=checked(arrays["genome"], str(path)), name=name, memory=_memory(arrays, path))
+
+
+def _memory(arrays: dict[str, NDArray[np.generic]], path: Path) -> Memory | None:
+    """The memory in a champion's file, if there is one."""
+    told = {key.removeprefix(_MEMORY): value for key, value in arrays.items() if key.startswith(_MEMORY)}
+    if not told:
+        return None
+    shapes = {"time_to_goal_s": (2,), "away_s": (2,), "reading_mean": (2, INPUTS), "reading_spread": (2, INPUTS)}
+    whole = told.keys() == {field.name for field in fields(Memory)} and told["fitness"].ndim == 2
+    if not (whole and all(told[key].shape == shape for key, shape in shapes.items())):
+        raise ConfigError(f"genome={path} holds a memory of the training world that this program cannot read")
+    values: dict[str, Any] = {key: value.item() if value.ndim == 0 else value for key, value in told.items()}
+    return Memory(**values)
 
 
 def checked(genes: NDArray[np.generic], where: str) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 import importlib
 import io
 import os
+import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -19,10 +20,12 @@ from epuckhebb.app import checkpoint, genomes
 from epuckhebb.app.checkpoint import Checkpoint
 from epuckhebb.app.config import EvaluateConfig, EvolveConfig, thread_count, typed
 from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.memories import memory_for
 from epuckhebb.app.progress import EvolutionProgress
 from epuckhebb.app.runs import RunFolder, remove_if_empty
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.sim.lifetime import load_kernel
+from epuckhebb.sim.memory import Memory, remember
 from epuckhebb.study import tables
 from epuckhebb.study.evaluate import Traces, evaluate
 
@@ -59,6 +62,8 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
     config = typed(cfg, EvaluateConfig)
     genome = genomes.load(config.genome, config.scenario.experiment)
     facts = {"genome": genome.name, "genome_sha256": genome.sha256, **facts}
+    gain = config.lifetime.gain_rad_s
+    memory = memory_for(genome, config.plasticities, config.scenario.experiment, gain, threads, _say)
     with RunFolder(path, "evaluate", cfg, overrides, facts) as run, ThreadPoolExecutor(1) as aside:
         if config.lifetime.record_every:
             load_kernel()
@@ -66,8 +71,9 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
         metrics, traces = evaluate(
             genome.genes,
             config.scenario,
-            [] if config.hebbian.name == "none" else [config.hebbian],
+            config.plasticities,
             config.lifetime,
+            memory,
             repeats=config.repeats,
             seed=config.seed,
             threads=threads,
@@ -117,7 +123,7 @@ def evolve_into(run: RunFolder, config: EvolveConfig, after: Checkpoint | None, 
         JobFailedError: it could not be finished.
     """
     with run, _saying_what_is_safe(run), EvolutionProgress(config.ga.generations, quiet=quiet) as progress:
-        if after is not None:
+        if after is not None and not _is_written(run, after):
             _write_generation(run, after, config)
         last = after.generation if after else None
         for generation in evolve(config.ga, config.scenario, config.lifetime, config.seed, threads, after=last):
@@ -125,17 +131,32 @@ def evolve_into(run: RunFolder, config: EvolveConfig, after: Checkpoint | None, 
             run.write(checkpoint.NAME, after.as_bytes())
             _write_generation(run, after, config)
             progress.show(generation)
+        assert after is not None  # there is at least one generation
+        memory = remember(after.generation.champion, config.scenario, threads=threads)
+        _write_champion(run, after, config, memory)
 
 
 def _write_generation(run: RunFolder, state: Checkpoint, config: EvolveConfig) -> None:
     """Bring the other files of an evolution to the state of its checkpoint."""
-    last = state.generation
     run.write_text("history.csv", state.history)
+    _write_champion(run, state, config, None)
+
+
+def _is_written(run: RunFolder, state: Checkpoint) -> bool:
+    """Whether the other files are at the state of the checkpoint; a champion that remembers is kept as it is."""
+    try:
+        history = (run.path / "history.csv").read_text()
+        champion = genomes.load(str(run.path), "")
+    except (OSError, ConfigError):
+        return False
+    return history == state.history and np.array_equal(champion.genes, state.generation.champion)
+
+
+def _write_champion(run: RunFolder, state: Checkpoint, config: EvolveConfig, memory: Memory | None) -> None:
+    last, experiment = state.generation, config.scenario.experiment
     run.write(
         "champion.npz",
-        genomes.champion_file(
-            float(last.fitness.max()), last.champion, config.scenario.experiment, config.seed, last.number
-        ),
+        genomes.champion_file(float(last.fitness.max()), last.champion, experiment, config.seed, last.number, memory),
     )
 
 
@@ -165,6 +186,11 @@ def caption(config: EvaluateConfig, genome_name: str) -> str:
 def is_quiet() -> bool:
     """Whether this call was asked to print nothing."""
     return bool(os.environ.get(_QUIET))
+
+
+def _say(message: str) -> None:
+    if not is_quiet():
+        print(message, file=sys.stderr)
 
 
 def _folder() -> Path:

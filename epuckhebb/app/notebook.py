@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from epuckhebb.app import genomes
 from epuckhebb.app.compose import composed
 from epuckhebb.app.config import EvaluateConfig, EvolveConfig, thread_count, typed
+from epuckhebb.app.memories import memory_for
 from epuckhebb.evolution.evolve import evolve as generations
 from epuckhebb.evolution.evolve import history_row
 from epuckhebb.study.evaluate import evaluate as study
@@ -15,14 +16,19 @@ from epuckhebb.study.evaluate import evaluate as study
 def evaluate(genome: NDArray[np.float64], overrides: list[str]) -> pd.DataFrame:
     """See `epuckhebb.evaluate`."""
     config = typed(composed("evaluate", overrides), EvaluateConfig)
+    genes = genomes.checked(np.asarray(genome), "the given array")
+    given = genomes.Genome(genes=genes, name="genome")
+    threads, gain = thread_count(config.threads), config.lifetime.gain_rad_s
+    experiment = config.scenario.experiment
     rows, _ = study(
-        genomes.checked(np.asarray(genome), "the given array"),
+        genes,
         config.scenario,
-        [] if config.hebbian.name == "none" else [config.hebbian],
+        config.plasticities,
         config.lifetime,
+        memory_for(given, config.plasticities, experiment, gain, threads, lambda _: None),
         repeats=config.repeats,
         seed=config.seed,
-        threads=thread_count(config.threads),
+        threads=threads,
     )
     return rows
 

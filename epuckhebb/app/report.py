@@ -4,14 +4,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import yaml
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from epuckhebb.app import runs
-from epuckhebb.study import tables
+from epuckhebb.app import genomes, runs
+from epuckhebb.sim.epuck import SENSORS
+from epuckhebb.sim.memory import Memory
+from epuckhebb.study import rescue, tables
 
 
 def tell(finished: list[Path], console: Console) -> None:
@@ -48,6 +52,9 @@ def tell_jobs(folder: Path, listed: list[dict[str, Any]], console: Console) -> N
 
 def tell_sweep(folder: Path, console: Console) -> None:
     """Say what a sweep came to: the success of each condition, and where its tables are."""
+    if (folder / "rescue_over_all.csv").is_file():
+        _tell_rescue(folder, console)
+        return
     summary = pd.read_csv(folder / "summary.csv", keep_default_na=False)
     conditions = list(summary.columns[: summary.columns.get_loc("n")])
     told = [name for name in conditions if name in ("controller", "side") or summary[name].nunique() > 1]
@@ -61,6 +68,20 @@ def tell_sweep(folder: Path, console: Console) -> None:
         console.print(shown)
     tables = "sweep.csv (every lifetime), summary.csv, failed.csv"
     console.print(f"Tables: {folder}/: {tables}", markup=False, highlight=False, soft_wrap=True)
+
+
+def _tell_rescue(folder: Path, console: Console) -> None:
+    """What a sweep over champions and worlds came to: rescue and harm of each plasticity."""
+    table = Table(title="Rescue and harm (95 % interval)", title_justify="left", title_style="bold")
+    for heading in ("experiment", "plasticity", "rescued of broken", "harmed of sound", "at home"):
+        table.add_column(heading, overflow="fold")
+    for row in pd.read_csv(folder / "rescue_over_all.csv", keep_default_na=False, na_values=[""]).itertuples():
+        cells = [rescue.count(row, "rescued", "broken"), rescue.count(row, "harmed", "sound")]
+        home = f"{row.home_harmed} of {row.home_mastered}"
+        table.add_row(str(row.experiment), rescue.label(str(row.controller), float(row.N)), *cells, home)
+    console.print(table)
+    told = "report.md, rescue_over_all.csv, rescue_and_harm.csv, sweep.csv (every lifetime), summary.csv, failed.csv"
+    console.print(f"Tables: {folder}/: {told}", markup=False, highlight=False, soft_wrap=True)
 
 
 def show(path: Path, console: Console) -> None:
@@ -103,7 +124,7 @@ def _settings(path: Path) -> Iterator[str]:
             if isinstance(value, dict):
                 yield from below(value, f"{prefix}{key}.")
             else:
-                yield f"{prefix}{key}={value}"
+                yield f"{prefix}{key}={'null' if value is None else value}"
 
     file = path / ".hydra" / "config.yaml"
     if file.is_file():
@@ -127,6 +148,8 @@ def as_json(path: Path) -> dict[str, Any]:
 def _results(path: Path, console: Console) -> None:
     if (path / "metrics.csv").is_file():
         console.print(_paper_table(pd.read_csv(path / "metrics.csv", keep_default_na=False, na_values=[""])))
+    if (path / "champion.npz").is_file():
+        _tell_memory(genomes.load(str(path), "").memory, console)
     if (path / "history.csv").is_file():
         history = pd.read_csv(path / "history.csv")
         last = history.iloc[-1]
@@ -138,11 +161,40 @@ def _results(path: Path, console: Console) -> None:
         )
 
 
+def _tell_memory(memory: Memory | None, console: Console) -> None:
+    """What a champion remembers of its training world."""
+    if memory is None:
+        return
+    title = f"Memory of {memory.scenario} at {memory.gain_rad_s:g} rad/s"
+    shown = Table(title=title, title_justify="left", title_style="bold")
+    for heading in ("", "left (lamp off)", "right (lamp on)"):
+        shown.add_column(heading)
+    for name, numbers in {
+        "At the goal in the end": memory.success,
+        "Slowest arrival (s)": memory.time_to_goal_s,
+        "Longest away afterwards (s)": memory.away_s,
+    }.items():
+        shown.add_row(name, *("never" if np.isnan(number) else f"{number:g}" for number in numbers.round(2)))
+    shown.add_row(f"Least live fitness, over {memory.fitness.shape[1]} s", *map(_course, memory.fitness))
+    for kind, first in (("Light", 0), ("Proximity", SENSORS)):
+        for place in range(SENSORS):
+            means, spreads = memory.reading_mean[:, first + place], memory.reading_spread[:, first + place]
+            told = (f"{mean:.2f} ± {spread:.2f}" for mean, spread in zip(means, spreads, strict=True))
+            shown.add_row(f"{kind} reading {place}", *told)
+    console.print(shown)
+
+
+def _course(fitness: NDArray[np.float64]) -> str:
+    """The course of fitness as twelve bars from 0 to 1, and the means of its first and last twelfth."""
+    parts = [part.mean() for part in np.array_split(fitness, 12)]
+    return "".join("▁▂▃▄▅▆▇█"[min(7, int(8 * max(0.0, part)))] for part in parts) + f" {parts[0]:.2f} → {parts[-1]:.2f}"
+
+
 def _paper_table(metrics: pd.DataFrame) -> Table:
     text = tables.formatted(tables.paper_table(metrics))
     first = metrics.iloc[0]
-    plastic = metrics[metrics.N > 0]
-    rate = f", N = {plastic.N.iloc[0]:g}" if len(plastic) else ""
+    rates = metrics.N[metrics.N > 0].unique()
+    rate = f", N = {', '.join(f'{N:g}' for N in rates)}" if len(rates) else ""
     repeats = metrics.repeat.nunique()
     shown = Table(
         title=f"{first.scenario}: genome {first.genome}{rate}, "

@@ -21,7 +21,9 @@ from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.evolution.evolve import evolve, history_row
 from epuckhebb.sim.lifetime import Samples
+from epuckhebb.sim.memory import remember
 from epuckhebb.sim.plasticity import Hebbian, Sign
+from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.study import charts, figures, findings, published, report
 from epuckhebb.study.evaluate import HEBBIAN, evaluate
 
@@ -135,7 +137,7 @@ def _champion(work: _Work, experiment: str, name: str, seed: int) -> genomes.Gen
         return work.given
     path = work.folder / "champions" / f"{name}.npz"
     if not path.is_file():
-        trained = findings.TRAINED[experiment]
+        trained = TRAINED[experiment]
         world = typed(composed("evolve", [f"scenario={trained}"]), EvolveConfig)
         threads = thread_count(work.config.threads)
         generations = list(evolve(work.config.ga, world.scenario, world.lifetime, seed, threads))
@@ -144,7 +146,14 @@ def _champion(work: _Work, experiment: str, name: str, seed: int) -> genomes.Gen
         runs.write_whole(work.folder / "history" / f"{name}.csv", history.to_csv(index=False).encode())
         runs.write_whole(
             path,
-            genomes.champion_file(float(last.fitness.max()), last.champion, experiment, seed, last.number),
+            genomes.champion_file(
+                float(last.fitness.max()),
+                last.champion,
+                experiment,
+                seed,
+                last.number,
+                remember(last.champion, world.scenario, threads=threads),
+            ),
         )
     return genomes.Genome(genes=genomes.load(str(path), experiment).genes, name=name)
 
@@ -168,7 +177,7 @@ def _lifetimes(work: _Work, experiment: str, name: str, genome: genomes.Genome) 
                 threads=thread_count(work.config.threads),
                 name=name,
             )[0]
-            for world in map(_world, (findings.TRAINED[experiment], *findings.CHANGED[experiment]))
+            for world in map(_world, (TRAINED[experiment], *findings.CHANGED[experiment]))
         ]
         runs.write_whole(path, pd.concat(rows).to_csv(index=False).encode())
     try:
@@ -246,7 +255,7 @@ def _figures(work: _Work, found: report.Findings, loaded: Mapping[str, genomes.G
         genome, rate = loaded[f"{one}/{name}"], findings.PAPER_N[one]
         plastic = Hebbian(name="paper", N=rate, signal=work.config.signal.of(one))
         lived: dict[tuple[str, str], dict[str, Samples]] = {}
-        for scenario in (findings.TRAINED[one], *findings.CHANGED[one]):
+        for scenario in (TRAINED[one], *findings.CHANGED[one]):
             world = typed(composed("evaluate", [f"scenario={scenario}"]), EvaluateConfig)
             _, traces = evaluate(
                 genome.genes, world.scenario, [plastic], world.lifetime, repeats=1, seed=work.config.seed, name=name

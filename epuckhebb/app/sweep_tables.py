@@ -8,10 +8,13 @@ import pandas as pd
 
 from epuckhebb.app import runs
 from epuckhebb.app.sweep import Job
+from epuckhebb.sim.scenario import TRAINED
+from epuckhebb.study import charts, findings, rescue
 from epuckhebb.study.evaluate import COLUMNS
 from epuckhebb.study.statistics import wilson
 
 _OUTCOMES = COLUMNS[COLUMNS.index("success") + 1 :]  # of which the summary has the mean
+_LIFETIME = ["experiment", "scenario", "controller", "N", "genome", "side", "seed", "repeat"]  # one of all
 _IN_METRICS = ("scenario", "seed")  # settings that every row of metrics.csv tells of anyway
 
 
@@ -35,6 +38,37 @@ def write(folder: Path, done: list[Job], failures: list[Failure]) -> None:
     whole = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*_columns([]), *COLUMNS])
     runs.write_whole(folder / "sweep.csv", _csv(whole))
     runs.write_whole(folder / "summary.csv", _csv(summary(whole, _columns(done)[2:])))
+    if whole.genome.nunique() > 1 and _lives_at_home(whole) and not whole.duplicated(_LIFETIME).any():
+        _write_rescue(folder, whole)
+
+
+def _lives_at_home(rows: pd.DataFrame) -> bool:
+    """Whether every champion of the sweep has also lived in its training world, and in a changed one."""
+    told = rows.groupby(["experiment", "genome"]).scenario.agg(set)
+    home = {place: TRAINED[place[0]] for place in told.index}
+    return all(home[place] in scenarios and len(scenarios) > 1 for place, scenarios in told.items())
+
+
+def _write_rescue(folder: Path, rows: pd.DataFrame) -> None:
+    """Where several champions lived in their training world and in changed ones: what plasticity rescued and harmed."""
+    lifetimes = rows[list(COLUMNS)].apply(_numbers)
+    each = findings.trials(lifetimes)
+    over_all, by_scenario = findings.rescue_over_all(each), findings.rescue_and_harm(each)
+    runs.write_whole(folder / "rescue_over_all.csv", _csv(over_all))
+    runs.write_whole(folder / "rescue_and_harm.csv", _csv(by_scenario))
+    champions = int(each.groupby("experiment").genome.nunique().max())
+    seeds = f"`{each.genome.iloc[0]}` to `{each.genome.iloc[-1]}`"
+    page = rescue.markdown(over_all, by_scenario, champions, lifetimes.repeat.nunique(), seeds)
+    runs.write_whole(folder / "report.md", page.encode())
+    runs.write_whole(folder / "figures" / rescue.FIGURE, charts.rescue_over_all(over_all))
+
+
+def _numbers(column: pd.Series) -> pd.Series:
+    """The column as numbers, if that is what it holds."""
+    try:
+        return pd.to_numeric(column)
+    except ValueError:
+        return column
 
 
 def summary(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:

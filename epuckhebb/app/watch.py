@@ -60,6 +60,7 @@ def recording(run: Path) -> Recording:
     try:
         with (run / "traces.npz").open("rb") as file:
             arrays = dict(np.load(file, allow_pickle=False))
+        arrays.setdefault("surprise", np.full_like(arrays["rate"], np.nan))  # runs from before there was surprise
         traces = Traces(
             controller=arrays["controller"].tolist(),
             side=arrays["side"].tolist(),

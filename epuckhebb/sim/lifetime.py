@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim import fitness
+from epuckhebb.sim import surprise as signals
 from epuckhebb.sim.compiled import compiled_and_cached
 from epuckhebb.sim.controller import BIAS, GENES, INPUTS, NEURONS, OUTPUTS, POST, WHEELS, forward, weights_at_birth
 from epuckhebb.sim.epuck import MOTOR_LIMIT, SENSORS, STEP_S, cast, sense, sensor_rays
@@ -22,9 +23,13 @@ from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, START, Pose, Side, boxes, in_
 from epuckhebb.sim.noise import normal_numbers
 from epuckhebb.sim.plasticity import CHANGE_ROOM, Hebbian, Rule, effective_rate, learn, rule
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.surprise import NOTHING, RECENT_ROOM, Remembered, Surprise
 from epuckhebb.sim.world import Handles, World, is_lost, move, pose
 
 CONTACT = 0.8  # a proximity reading above this counts as contact, as in the published code
+_ALWAYS = int(Surprise.none)  # plasticity is not asked whether there is need of it
+_FAR = 2**40  # motor noise is heard where no step of the sensor noise ever comes
+_HELD = round(2.0 / STEP_S)  # steps for which motor noise stays the same
 _HEBBIAN_SIGNS = np.ones(GENES)
 _LIVES_PER_BLOCK = 50  # lifetimes that share a World, one after the other
 
@@ -33,7 +38,8 @@ class Samples(NamedTuple):
     """What is recorded of a lifetime, every so many steps; first axis: samples.
 
     time [s]; pose: x, y [m], heading [rad]; sensors: the 16 network inputs; motors: the 2 network outputs; fitness:
-    live F; rate: N_e; weight_change: sum of |W - W_gene|; weights: (samples, 234), after the step's update.
+    live F; surprise: the signal of change, nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|;
+    weights: (samples, 234), after the step's update.
     """
 
     time: NDArray[np.float64]
@@ -41,9 +47,18 @@ class Samples(NamedTuple):
     sensors: NDArray[np.float64]
     motors: NDArray[np.float64]
     fitness: NDArray[np.float64]
+    surprise: NDArray[np.float64]
     rate: NDArray[np.float64]
     weight_change: NDArray[np.float64]
     weights: NDArray[np.float32]
+
+
+class Body(NamedTuple):
+    """What is wrong with the robot: the place of its dead sensor, -1 for none, and how well each wheel turns."""
+
+    dead_sensor: int
+    left_wheel: float
+    right_wheel: float
 
 
 class Outcome(NamedTuple):
@@ -83,9 +98,11 @@ def live(
     goal_x: float,
     goal_y: float,
     genes: NDArray[np.float64],
+    body: Body,
     plasticity: Rule,
     signs: NDArray[np.float64],
     signal: int,
+    remembered: Remembered,
     gain: float,
     noise_level: float,
     key: np.uint64,
@@ -95,8 +112,8 @@ def live(
 ) -> Outcome:
     """One lifetime of the robot that stands in `world`.
 
-    genes: (234,) weights at birth, not written. signs: (234,) of the plastic updates. gain: wheel speed
-    [rad/s] of an output of 1. record_every: steps between two samples, 0 for none.
+    genes: (234,) weights at birth, not written. signs: (234,) of the plastic updates. remembered: what surprise is
+    measured by. gain: wheel speed [rad/s] of an output of 1. record_every: steps between two samples, 0 for none.
     """
     weights = genes.copy()
     trace = np.zeros(GENES)
@@ -104,6 +121,9 @@ def live(
     activation[BIAS] = 1.0
     rays, distances, noise = np.empty((6, SENSORS)), np.empty(SENSORS), np.zeros(INPUTS)
     drive, correlation, change = np.empty(max(POST)), np.empty(GENES), np.empty(CHANGE_ROOM)
+    recent, surprise, need, plastic = np.zeros(RECENT_ROOM), math.nan, 1.0, True
+    away_s, surprised_s, arrived = 0.0, 0.0, False
+    shake_left, shake_right = 0.0, 0.0
 
     junction, undirected_sum, behaviour_sum = 0.0, 0.0, 0.0
     weight_change, weight_change_sum = 0.0, 0.0
@@ -119,6 +139,8 @@ def live(
         if noise_level > 0.0:
             normal_numbers(key, step, noise)
         sense(rays, distances, lit, noise, noise_level, activation)
+        if body.dead_sensor >= 0:
+            activation[body.dead_sensor], activation[SENSORS + body.dead_sensor] = 1.0, 0.0  # dark, and no wall
 
         # Act.
         forward(weights, activation, drive)
@@ -138,10 +160,28 @@ def live(
         live_fitness = fitness.live_fitness(
             signal, activation, left, right, behaviour, goal_distance, step + 1.0, undirected_sum
         )
-        rate = effective_rate(plasticity.rate, live_fitness, plasticity.floor)
-        if plasticity.rate > 0.0:
+        if plasticity.surprise != _ALWAYS:
+            signals.keep_recent(recent, activation, live_fitness, step)
+            at_goal = goal_distance < GOAL_RADIUS
+            arrived, away_s = arrived or at_goal, 0.0 if at_goal else away_s + STEP_S
+            surprise = signals.surprise(plasticity.surprise, step * STEP_S, away_s, arrived, recent, remembered)
+            need = 0.0 if at_goal else signals.need(surprise, plasticity.tolerance, plasticity.ramp)
+            surprised_s = surprised_s + STEP_S if need > 0.0 else 0.0
+            if signals.resting(surprised_s, plasticity.spell_s, plasticity.rest_s):
+                need = 0.0
+            if plastic and need == 0.0:  # forget
+                weights[:] = genes
+                trace[:] = 0.0
+                weight_change = 0.0
+            plastic = need > 0.0
+            if plasticity.motor_noise > 0.0 and step % _HELD == 0:
+                normal_numbers(key, _FAR + step, noise)
+                shake_left, shake_right = plasticity.motor_noise * noise[0], plasticity.motor_noise * noise[1]
+        rate = effective_rate(plasticity.rate, need, live_fitness, plasticity.floor)
+        if plasticity.rate > 0.0 and plastic:
             weight_change = learn(weights, trace, genes, activation, rate, plasticity, signs, correlation, change)
-            weight_change_sum += weight_change
+
+        weight_change_sum += weight_change
 
         if record_every > 0 and step % record_every == 0:
             k = step // record_every
@@ -149,11 +189,16 @@ def live(
             samples.pose[k, 0], samples.pose[k, 1], samples.pose[k, 2] = x, y, heading
             samples.sensors[k] = activation[:INPUTS]
             samples.motors[k, 0], samples.motors[k, 1] = left, right
-            samples.fitness[k], samples.rate[k], samples.weight_change[k] = live_fitness, rate, weight_change
+            samples.fitness[k], samples.surprise[k] = live_fitness, surprise
+            samples.rate[k], samples.weight_change[k] = rate, weight_change
             samples.weights[k] = weights
 
         # Move.
-        move(world, cos, sin, gain * left, gain * right)
+        if plasticity.motor_noise > 0.0 and plastic:
+            fastest = MOTOR_LIMIT / gain
+            left = min(fastest, max(-fastest, left + shake_left))
+            right = min(fastest, max(-fastest, right + shake_right))
+        move(world, cos, sin, gain * body.left_wheel * left, gain * body.right_wheel * right)
         new_x, new_y, heading = pose(world)
         if is_lost(new_x, new_y, heading):
             break
@@ -216,7 +261,10 @@ class Lifetime:
 
 @dataclass(frozen=True, kw_only=True)
 class Life:
-    """A lifetime to be lived: a genome (234,), a side, a plasticity, a noise key, a start; recorded or not."""
+    """A lifetime to be lived: a genome (234,), a side, a plasticity, a noise key, a start; recorded or not.
+
+    remembered: what a plasticity with a signal of surprise compares with.
+    """
 
     genome: NDArray[np.float64]
     side: Side
@@ -224,6 +272,7 @@ class Life:
     key: np.uint64
     start: Pose = START
     signs: NDArray[np.float64] | None = None
+    remembered: Remembered = NOTHING
     record: bool = False
 
 
@@ -251,7 +300,7 @@ def live_block(
 
 
 def _live_in_one_world(lives: Sequence[Life], scenario: Scenario, lifetime: Lifetime) -> list[tuple[Outcome, Samples]]:
-    world = World(boxes(scenario.obstacles))
+    world = World(boxes(scenario.obstacles, scenario.layout))
     return [_live_one(life, world, scenario, lifetime) for life in lives]
 
 
@@ -264,9 +313,15 @@ def _live_one(life: Life, world: World, scenario: Scenario, lifetime: Lifetime) 
         lights(scenario.light, scenario.lamp, lamp_on=life.side == "right"),
         *GOALS[life.side],
         weights_at_birth(life.genome),
+        Body(
+            -1 if scenario.dead_sensor is None else scenario.dead_sensor,
+            float(scenario.left_wheel),
+            float(scenario.right_wheel),
+        ),
         rule(life.hebbian),
         _HEBBIAN_SIGNS if life.signs is None else life.signs,
         int(life.hebbian.signal),
+        life.remembered,
         float(lifetime.gain_rad_s),
         float(lifetime.noise),
         life.key,
@@ -292,6 +347,7 @@ def _empty_samples(count: int) -> Samples:
         sensors=numbers(INPUTS),
         motors=numbers(OUTPUTS),
         fitness=numbers(),
+        surprise=np.full(count, np.nan),
         rate=numbers(),
         weight_change=numbers(),
         weights=np.zeros((count, GENES), np.float32),

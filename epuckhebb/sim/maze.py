@@ -10,7 +10,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.sim import streams
 from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.streams import Stream
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
@@ -55,11 +57,29 @@ OBSTACLES = (
     Box(-0.234, 0.032401, 0.40, 0.05),  # juts 11 mm into the stem from the left
     Box(0.246, 0.032401, 0.40, 0.05),  # juts 16 mm into the stem from the right
 )
+_STEM = (-0.045, 0.062)  # m: x of the stem's walls
+_CROSSBAR = (0.107401, 0.212401)  # m: y of the crossbar's walls
+_JUTTING = 0.025  # m: of an obstacle into the crossbar; 80 mm stay free, as in the paper
+_JUTTING_BOTH = 0.027  # m: of the stem's two together, for the same reason
 
 
-def boxes(obstacles: int) -> NDArray[np.float64]:
+def moved_obstacles(layout: int) -> tuple[Box, ...]:
+    """Two obstacles in the arms and two in the stem, at random, each from a wall: the corridors stay 80 mm wide."""
+    rng = streams.rng(layout, Stream.layout)
+    placed = []
+    for arm in (-1, 1):
+        width, depth = rng.uniform(0.03, 0.10), rng.uniform(0.010, _JUTTING)
+        y = _CROSSBAR[0] + depth / 2 if rng.random() < 0.5 else _CROSSBAR[1] - depth / 2
+        placed.append(Box(arm * rng.uniform(0.15, 0.27), y, width, depth))
+    left = rng.uniform(0.005, 0.022)
+    for wall, depth, inwards in zip(_STEM, (left, _JUTTING_BOTH - left), (1, -1), strict=True):
+        placed.append(Box(wall + inwards * depth / 2, rng.uniform(-0.22, 0.05), depth, rng.uniform(0.03, 0.10)))
+    return tuple(placed)
+
+
+def boxes(obstacles: int, layout: int = 0) -> NDArray[np.float64]:
     """The walls and the first 0, 2 or 4 obstacles: (boxes, 4) left, right, bottom and top edge [m]."""
-    placed = WALLS + OBSTACLES[:obstacles]
+    placed = WALLS + (moved_obstacles(layout) if layout else OBSTACLES)[:obstacles]
     return np.array([(b.x - b.width / 2, b.x + b.width / 2, b.y - b.height / 2, b.y + b.height / 2) for b in placed])
 
 

@@ -1,12 +1,13 @@
 """Hebbian plasticity, scaled by how well the robot is doing: the paper's equations, one function each.
 
-    N_e   = N max(0.2, F)              effective rate from the base rate N and the live fitness F
+    N_e   = N g max(0.2, F)            effective rate from the base rate N and the live fitness F; g is 1 in the paper
     C     = pre x post                 correlation of the two neurons that a connection joins
     T'    = 0.95 T + 0.05 C            trace: what has fired together lately
     W'    = clip(W + N_e S T', -2, 2)  weight; the sign S is 1, or of a control (see `Sign`)
 
 Weights change after every control step, in all layers, and act from the next step on. They are a copy made at birth:
-the genome is never written, so a robot forgets by being born again.
+the genome is never written, so a robot forgets by being born again. With a signal of surprise, g is the need for
+plasticity (`epuckhebb.sim.surprise`), and a robot forgets as soon as there is none.
 """
 
 import math
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.controller import FIRST_NEURON, GENES, POST, PRE
 from epuckhebb.sim.fitness import Signal
+from epuckhebb.sim.surprise import Surprise
 
 CHANGE_ROOM = 240  # numbers in the workspace of `learn`, a little more than there are genes
 
@@ -39,6 +41,11 @@ class Hebbian:
     name: what to call it. N: base rate, 0 for a robot that does not learn. trace_decay, trace_update: how long the
     trace lasts and how fast it takes up new correlations. w_max: bound of the weights. floor: the least factor on N,
     when fitness is low. signal: the live fitness that scales the rate. sign: `hebbian`, or a control.
+
+    surprise: the signal of change that switches plasticity on; with `none` it is always on, and the rest is not used.
+    tolerance, ramp: the signal up to which plasticity is off, and how far beyond it is fully on. spell_s, rest_s:
+    plastic for so long, then living by the genes for so long, and again; 0: no rests. motor_noise: standard deviation
+    of noise on both wheels' outputs while plastic, as far as the motors go.
     """
 
     name: str = "none"
@@ -49,6 +56,12 @@ class Hebbian:
     floor: float = 0.2
     signal: Signal = Signal.behaviour
     sign: Sign = Sign.hebbian
+    surprise: Surprise = Surprise.none
+    tolerance: float = 0.0
+    ramp: float = 0.0
+    spell_s: float = 0.0
+    rest_s: float = 0.0
+    motor_noise: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse rates and bounds that cannot be.
@@ -56,7 +69,7 @@ class Hebbian:
         Raises:
             ValueError: a number is not finite or outside the range named in the message.
         """
-        for name in ("N", "floor"):
+        for name in ("N", "floor", "ramp", "spell_s", "rest_s", "motor_noise"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"hebbian.{name} must be 0 or more, got {value}")
@@ -66,6 +79,12 @@ class Hebbian:
                 raise ValueError(f"hebbian.{name} must lie in [0, 1], got {value}")
         if not (math.isfinite(self.w_max) and self.w_max > 0):
             raise ValueError(f"hebbian.w_max must be more than 0, got {self.w_max}")
+        if not math.isfinite(self.tolerance):
+            raise ValueError(f"hebbian.tolerance must be a finite number, got {self.tolerance}")
+        if self.rest_s > 0 and self.spell_s == 0:
+            raise ValueError(f"hebbian.rest_s = {self.rest_s:g} needs hebbian.spell_s above 0: rests follow spells")
+        if self.motor_noise > 0 and self.surprise is Surprise.none:
+            raise ValueError("hebbian.motor_noise needs hebbian.surprise: it comes while the robot is surprised")
 
 
 class Rule(NamedTuple):
@@ -76,6 +95,12 @@ class Rule(NamedTuple):
     trace_update: float
     w_max: float
     floor: float
+    surprise: int
+    tolerance: float
+    ramp: float
+    spell_s: float
+    rest_s: float
+    motor_noise: float
 
 
 def rule(hebbian: Hebbian) -> Rule:
@@ -86,6 +111,12 @@ def rule(hebbian: Hebbian) -> Rule:
         float(hebbian.trace_update),
         float(hebbian.w_max),
         float(hebbian.floor),
+        int(hebbian.surprise),
+        float(hebbian.tolerance),
+        float(hebbian.ramp),
+        float(hebbian.spell_s),
+        float(hebbian.rest_s),
+        float(hebbian.motor_noise),
     )
 
 
@@ -97,9 +128,9 @@ def signs(sign: Sign, rng: np.random.Generator) -> NDArray[np.float64]:
 
 
 @compiled
-def effective_rate(rate: float, fitness: float, floor: float) -> float:
-    """N_e = N max(0.2, F): a robot that does well learns fast, one that does badly still explores a little."""
-    return rate * max(floor, fitness)
+def effective_rate(rate: float, need: float, fitness: float, floor: float) -> float:
+    """N_e = N g max(0.2, F): a robot that does well learns fast, one that does badly still explores a little."""
+    return rate * need * max(floor, fitness)
 
 
 @compiled

@@ -17,6 +17,8 @@ class Stream(IntEnum):
     evaluation_noise = 3
     shuffled_signs = 4
     bootstrap = 5
+    layout = 6
+    memory_noise = 7
 
 
 def rng(seed: int, stream: Stream, *place: int) -> np.random.Generator:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim.controller import FIRST_GENE, LAYERS, POST, PRE
 from epuckhebb.sim.lifetime import Samples
+from epuckhebb.study import rescue
 from epuckhebb.study.evaluate import CONTROLLER, GA_ALONE
 from epuckhebb.study.figures import SIDE_COLOUR, to_png
 
@@ -175,6 +176,46 @@ def network(genome: NDArray[np.float64], samples: Mapping[str, Samples], title: 
             axes.annotate(name, (0, height), (-10, 0), textcoords="offset points", ha="right", va="center", fontsize=7)
     figure.suptitle(title, fontsize=10)
     return to_png(figure)
+
+
+_RESCUED, _HARMED = "#0072B2", "#D55E00"
+
+
+def rescue_over_all(over_all: pd.DataFrame) -> bytes:
+    """A PNG, a panel for each experiment: the shares rescued and harmed by each plasticity, with their intervals."""
+    groups = list(over_all.groupby("experiment", sort=False))
+    most = max(len(own) for _, own in groups)
+    drawn = Figure(figsize=(5.6 * len(groups) + 1.6, 0.36 * most + 1.5), layout="constrained")
+    panels = drawn.subplots(1, len(groups), squeeze=False)[0]
+    for axes, (experiment, own) in zip(panels, groups, strict=True):
+        places = -np.arange(len(own), dtype=float)
+        for what, of, colour, marker, shift in (
+            ("rescued", "broken", _RESCUED, "o", 0.13),
+            ("harmed", "sound", _HARMED, "s", -0.13),
+        ):
+            share = own[f"{what}_share"].to_numpy()
+            away = np.abs(own[[f"{what}_low", f"{what}_high"]].to_numpy().T - share)
+            axes.errorbar(
+                share,
+                places + shift,
+                xerr=away,
+                fmt=marker,
+                color=colour,
+                markersize=5,
+                elinewidth=1.2,
+                label=f"{what} of {of}",
+            )
+        axes.axvline(0.05, color=_HARMED, linewidth=0.8, linestyle=":")
+        axes.annotate("5 %", (0.05, 0.6), (2, -8), textcoords="offset points", fontsize=7, color=_HARMED)
+        names = [rescue.label(row.controller, row.N) for row in own.itertuples()]
+        axes.set_yticks(places, names, fontsize=8)
+        axes.set(xlim=(-0.02, 1.02), ylim=(0.5 - len(own), 0.6), xlabel="share of trials")
+        axes.set_title(f"{experiment} experiment", fontsize=10)
+        axes.grid(axis="x", color="#ddd", linewidth=0.6)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+    panels[-1].legend(frameon=False, fontsize=8, loc="lower right")
+    return to_png(drawn)
 
 
 def _heights(count: int) -> NDArray[np.float64]:

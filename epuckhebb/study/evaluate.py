@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from epuckhebb.sim import streams
 from epuckhebb.sim.lifetime import Life, Lifetime, Outcome, Samples, live_block
 from epuckhebb.sim.maze import SIDES, Side
+from epuckhebb.sim.memory import Memory
 from epuckhebb.sim.plasticity import Hebbian, Sign, signs
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.streams import Stream
+from epuckhebb.sim.surprise import NOTHING, Surprise
 
 GA_ALONE, HEBBIAN = "GA", "Hebbian"  # the values of the column `controller`, in the paper's words
 CONTROLLER = {Sign.hebbian: HEBBIAN, Sign.anti: "anti-Hebbian", Sign.shuffled: "shuffled signs"}
@@ -64,6 +66,7 @@ def evaluate(
     scenario: Scenario,
     plasticities: Sequence[Hebbian],
     lifetime: Lifetime,
+    memory: Memory | None = None,
     *,
     repeats: int,
     seed: int,
@@ -72,15 +75,19 @@ def evaluate(
 ) -> tuple[pd.DataFrame, Traces]:
     """Live `repeats` lifetimes a side without plasticity, and as many with each of `plasticities`.
 
-    genome: (234,). name: what the column `genome` says. Returns one row a lifetime, with the columns `COLUMNS`, and
-    the traces of the first repeat (empty if `lifetime.record_every` is 0).
+    genome: (234,). memory: what it remembers, for plasticities with a signal of surprise. name: what the column
+    `genome` says. Returns one row a lifetime, with the columns `COLUMNS`, and the traces of the first repeat (empty if
+    `lifetime.record_every` is 0).
 
     Raises:
+        ValueError: a plasticity needs a memory, and there is none.
         LostRobotError: a pose stopped being finite.
     """
+    if memory is None and any(hebbian.surprise is not Surprise.none for hebbian in plasticities):
+        raise ValueError("a plasticity with a signal of surprise needs a memory of the training world")
     wanted: list[tuple[str, Hebbian, Side, int]] = [
         (controller, hebbian, side, repeat)
-        for controller, hebbian in [(GA_ALONE, _NOT_PLASTIC), *((CONTROLLER[h.sign], h) for h in plasticities)]
+        for controller, hebbian in [(GA_ALONE, _NOT_PLASTIC), *((controller_of(h), h) for h in plasticities)]
         for side in SIDES
         for repeat in range(repeats)
     ]
@@ -91,6 +98,7 @@ def evaluate(
             hebbian=hebbian,
             key=streams.key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)),
             signs=signs(hebbian.sign, streams.rng(seed, Stream.shuffled_signs, zlib.crc32(genome.tobytes()))),
+            remembered=NOTHING if memory is None else memory.of(side),
             record=repeat == 0,
         )
         for _, hebbian, side, repeat in wanted
@@ -120,6 +128,11 @@ def evaluate(
         samples=Samples(*(np.stack(arrays) for arrays in zip(*(samples for _, samples in recorded), strict=True))),
     )
     return pd.DataFrame(rows, columns=list(COLUMNS)), traces
+
+
+def controller_of(hebbian: Hebbian) -> str:
+    """What the column `controller` says: the paper's word for the paper's rule, else the rule's own name."""
+    return CONTROLLER[hebbian.sign] if hebbian.name in ("none", "paper") else hebbian.name
 
 
 def _metrics(outcome: Outcome, lifetime: Lifetime) -> dict[str, float]:

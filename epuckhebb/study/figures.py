@@ -49,12 +49,14 @@ def maze(scenario: Scenario) -> bytes:
 
 def controller_title(controller: str) -> str:
     """What stands above a controller's panel."""
-    return {GA_ALONE: "GA alone", HEBBIAN: "GA with Hebbian plasticity"}.get(controller, controller)
+    return {GA_ALONE: "GA alone", HEBBIAN: "GA with Hebbian plasticity"}.get(
+        controller, f"GA with plasticity “{controller}”"
+    )
 
 
 def draw_maze(axes: Axes, scenario: Scenario) -> None:
     """Walls, obstacles, lamp and goals, to scale [m]."""
-    for box, (left, right, bottom, top) in enumerate(boxes(scenario.obstacles).tolist()):
+    for box, (left, right, bottom, top) in enumerate(boxes(scenario.obstacles, scenario.layout).tolist()):
         is_wall = box < len(WALLS)
         axes.add_patch(
             Rectangle(

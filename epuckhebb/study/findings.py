@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.study.evaluate import CONTROLLER, GA_ALONE, HEBBIAN
-from epuckhebb.study.statistics import bootstrap_mean, mcnemar, wilson
+from epuckhebb.study.statistics import bootstrap_mean, bootstrap_ratio, mcnemar, wilson
 
-TRAINED = {"light": "highlight", "obstacles": "base"}
 CHANGED = {"light": ("lowlight",), "obstacles": ("2obstacles", "4obstacles")}
 PAPER_N = {"light": 0.002, "obstacles": 0.000015}
 TRIAL = ["genome", "side"]
@@ -52,7 +52,7 @@ def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for experiment, kind, rate in _plasticities(each):
         mastered = _succeeding(each, experiment, TRAINED[experiment])
-        for scenario in (TRAINED[experiment], *CHANGED[experiment]):
+        for scenario in (TRAINED[experiment], *changed(each, experiment)):
             without = _outcomes(each, experiment, scenario, GA_ALONE, 0.0)
             plastic = _outcomes(each, experiment, scenario, kind, rate)
             fit = without.index.isin(mastered)
@@ -79,6 +79,47 @@ def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
                     "mcnemar_p": mcnemar(int((plastic & ~without).sum()), int((without & ~plastic).sum())),
                 }
             )
+    return pd.DataFrame(rows)
+
+
+def changed(each: pd.DataFrame, experiment: str) -> list[str]:
+    """The scenarios of an experiment other than the one in which its champions were evolved, as they come."""
+    there = each[each.experiment == experiment].scenario.unique()
+    return [scenario for scenario in there if scenario != TRAINED[experiment]]
+
+
+def rescue_over_all(each: pd.DataFrame) -> pd.DataFrame:
+    """Rescue and harm over all changed scenarios of an experiment, and harm in its training world.
+
+    A champion that a change breaks on a side may be broken there by others too, so its trials are no independent
+    evidence: intervals are from a bootstrap over champions. Columns as in `rescue_and_harm`, with `_low` and `_high`.
+    """
+    rows = []
+    for experiment, kind, rate in _plasticities(each):
+        mastered = _succeeding(each, experiment, TRAINED[experiment])
+        pooled = []
+        for scenario in changed(each, experiment):
+            without = _outcomes(each, experiment, scenario, GA_ALONE, 0.0)
+            plastic = _outcomes(each, experiment, scenario, kind, rate)
+            pooled.append(pd.DataFrame({"without": without, "plastic": plastic}))
+        trial = pd.concat(pooled)
+        trial = trial[trial.index.isin(mastered)]
+        counts = pd.DataFrame(
+            {
+                "broken": ~trial.without,
+                "rescued": ~trial.without & trial.plastic,
+                "sound": trial.without,
+                "harmed": trial.without & ~trial.plastic,
+            }
+        )
+        counts = counts.groupby("genome", sort=False).sum()
+        at_home = _outcomes(each, experiment, TRAINED[experiment], kind, rate)
+        home_harmed = int((~at_home[at_home.index.isin(mastered)]).sum())
+        row = {"experiment": experiment, "controller": kind, "N": rate, **counts.sum().to_dict()}
+        for part, whole in (("rescued", "broken"), ("harmed", "sound")):
+            low, high = bootstrap_ratio(counts[part].to_numpy(), counts[whole].to_numpy(), seed=0)
+            row |= {f"{part}_share": _ratio(row[part], row[whole]), f"{part}_low": low, f"{part}_high": high}
+        rows.append(row | {"home_harmed": home_harmed, "home_mastered": len(mastered)})
     return pd.DataFrame(rows)
 
 

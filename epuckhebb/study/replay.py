@@ -106,7 +106,7 @@ def outcome(side: Side, controllers: Sequence[str], arrivals: Sequence[Arrival])
 
 
 def _who(controller: str) -> str:
-    return _WHO.get(controller, f"“{controller}”")
+    return _WHO.get(controller, f"with “{controller}”")
 
 
 def _told(who: str, arrived: Arrival) -> str:
@@ -135,10 +135,12 @@ def _content(traces: Traces, genome: NDArray[np.float64], scenario: Scenario, ga
             {"arrival": arrived.time, "stayed": arrived.stayed, **_embedded(samples, birth, every)}
             for samples, arrived in zip(of_side, arrivals, strict=True)
         ]
-    walls, obstacles = np.split(boxes(scenario.obstacles), [len(WALLS)])
+    walls, obstacles = np.split(boxes(scenario.obstacles, scenario.layout), [len(WALLS)])
     return {
         "sides": sides,
-        "controllers": [{"title": controller_title(name), "note": _NOTE.get(name, "")} for name in controllers],
+        "controllers": [
+            {"title": controller_title(name), "note": _NOTE.get(name, _NOTE[HEBBIAN])} for name in controllers
+        ],
         "outcomes": outcomes,
         "samples": len(time[::every]),
         "interval": interval,  # s between samples
@@ -186,6 +188,7 @@ def _embedded(samples: Samples, birth: NDArray[np.float32], every: int) -> dict[
         "left": samples.motors[:, 0],
         "right": samples.motors[:, 1],
         "fitness": samples.fitness,
+        "surprise": np.nan_to_num(samples.surprise),
         "rate": samples.rate,
         "weightChange": samples.weight_change,
         "change": samples.weights - birth,

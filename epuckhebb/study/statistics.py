@@ -38,3 +38,13 @@ def bootstrap_mean(values: NDArray[np.float64], seed: int) -> tuple[float, float
     drawn = streams.rng(seed, Stream.bootstrap).integers(0, len(known), (RESAMPLES, len(known)))
     low, high = np.percentile(known[drawn].mean(axis=1), [2.5, 97.5])
     return float(low), float(high)
+
+
+def bootstrap_ratio(part: NDArray[np.int64], whole: NDArray[np.int64], seed: int) -> tuple[float, float]:
+    """95 % percentile bootstrap interval of sum(part) / sum(whole); champions, (n,), are resampled."""
+    if not whole.sum():
+        return float("nan"), float("nan")
+    drawn = streams.rng(seed, Stream.bootstrap).integers(0, len(whole), (RESAMPLES, len(whole)))
+    wholes = whole[drawn].sum(axis=1)
+    low, high = np.percentile(part[drawn].sum(axis=1)[wholes > 0] / wholes[wholes > 0], [2.5, 97.5])
+    return float(low), float(high)

@@ -1,0 +1,117 @@
+"""A memory of the training world: what was normal there, so that what is not can be noticed.
+
+The champion lives ten lifetimes a side in the world it was evolved in, without plasticity, at the pace at which it
+will be evaluated. What it remembers is the worst that was normal: its slowest arrival, its least live fitness in each
+second of life; and the mean and spread of each reading.
+"""
+
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim import streams
+from epuckhebb.sim.epuck import STEP_S
+from epuckhebb.sim.lifetime import Life, Lifetime, Samples, live_block
+from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, SIDES, Side
+from epuckhebb.sim.plasticity import Hebbian
+from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.streams import Stream
+from epuckhebb.sim.surprise import RECENT_S, Remembered
+
+REPEATS = 10  # lifetimes a side
+_RECORD_EVERY = 4  # steps: eight samples a second
+
+
+@dataclass(frozen=True, kw_only=True)
+class Memory:
+    """What a champion remembers; axes of length 2: left (without the lamp), right (with it).
+
+    experiment, scenario: where. gain_rad_s: at which pace. success: (2,) share of its lifetimes. time_to_goal_s: (2,)
+    slowest arrival, nan if it never arrived. away_s: (2,) longest excursion from the goal afterwards. fitness:
+    (2, seconds) least recent live fitness. reading_mean, reading_spread: (2, 16).
+    """
+
+    experiment: str
+    scenario: str
+    gain_rad_s: float
+    success: NDArray[np.float64]
+    time_to_goal_s: NDArray[np.float64]
+    away_s: NDArray[np.float64]
+    fitness: NDArray[np.float64]
+    reading_mean: NDArray[np.float64]
+    reading_spread: NDArray[np.float64]
+
+    def of(self, side: Side) -> Remembered:
+        """What is compared with on this side."""
+        k = SIDES.index(side)
+        return Remembered(
+            float(self.time_to_goal_s[k]),
+            float(self.away_s[k]),
+            self.fitness[k],
+            self.reading_mean,
+            self.reading_spread,
+        )
+
+
+def remember(genome: NDArray[np.float64], scenario: Scenario, gain_rad_s: float = 1.0, threads: int = 1) -> Memory:
+    """Live in the training world and remember it. The same genome always remembers the same.
+
+    genome: (234,). scenario: the training world. gain_rad_s: the pace, wheel speed of a network output of 1.
+
+    Raises:
+        LostRobotError: a pose stopped being finite.
+    """
+    lifetime = Lifetime(
+        duration_s=scenario.paper_duration_s / gain_rad_s, gain_rad_s=gain_rad_s, record_every=_RECORD_EVERY
+    )
+    place = zlib.crc32(genome.tobytes())
+    lives = [
+        Life(
+            genome=genome,
+            side=side,
+            hebbian=Hebbian(),
+            key=streams.key(0, Stream.memory_noise, place, k, repeat),
+            record=True,
+        )
+        for k, side in enumerate(SIDES)
+        for repeat in range(REPEATS)
+    ]
+    lived = live_block(lives, scenario, lifetime, threads)
+    sides = [lived[:REPEATS], lived[REPEATS:]]
+    arrivals = np.array([[outcome.time_to_goal for outcome, _ in side] for side in sides])
+    readings = [np.concatenate([samples.sensors for _, samples in side]) for side in sides]
+    return Memory(
+        experiment=scenario.experiment,
+        scenario=scenario.name,
+        gain_rad_s=gain_rad_s,
+        success=np.array([[outcome.success for outcome, _ in side] for side in sides]).mean(axis=1),
+        time_to_goal_s=np.fmax.reduce(arrivals, axis=1),
+        away_s=np.array(
+            [
+                max(_longest_away(samples, GOALS[name]) for _, samples in side)
+                for name, side in zip(SIDES, sides, strict=True)
+            ]
+        ),
+        fitness=np.array([np.min([_recent_fitness(samples) for _, samples in side], axis=0) for side in sides]),
+        reading_mean=np.array([side.mean(axis=0) for side in readings]),
+        reading_spread=np.array([side.std(axis=0) for side in readings]),
+    )
+
+
+def _longest_away(samples: Samples, goal: tuple[float, float]) -> float:
+    """The longest time [s] away from the goal after the first arrival; 0 if it never arrived, or stayed."""
+    at_goal = np.hypot(samples.pose[:, 0] - goal[0], samples.pose[:, 1] - goal[1]) < GOAL_RADIUS
+    visits = np.append(np.flatnonzero(at_goal), len(at_goal))
+    return float((np.diff(visits) - 1).max(initial=0)) * _RECORD_EVERY * STEP_S
+
+
+def _recent_fitness(samples: Samples) -> NDArray[np.float64]:
+    """The least recent mean of live fitness in each second of a lifetime."""
+    interval = _RECORD_EVERY * STEP_S
+    recent, least = samples.fitness[0], np.full(int(samples.time[-1]) + 1, np.inf)
+    for time, fitness in zip(samples.time, samples.fitness, strict=True):
+        recent += interval / (RECENT_S + interval) * (fitness - recent) if time > 0 else 0.0
+        least[int(time)] = min(least[int(time)], recent)
+    return least

@@ -1,0 +1,148 @@
+"""Adaptive plasticity as a user meets it: evaluate, compare, show, sweep, and each mistake."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+import epuckhebb
+from epuckhebb.app import genomes
+from epuckhebb.app.cli import app
+from epuckhebb.app.memories import training_world
+from epuckhebb.sim.memory import remember
+from epuckhebb.study.evaluate import GA_ALONE
+from epuckhebb.study.rescue import FIGURE
+
+BRIEF = ["lifetime.duration_s=3", "lifetime.record_every=0", "repeats=2"]
+TINY = ["ga.population=6", "ga.generations=2", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3"]
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def call(*words):
+    return CliRunner().invoke(app, list(words))
+
+
+@pytest.mark.parametrize("scenario", ["4obstacles", "lowlight"])
+def test_needs_no_other_setting(here, scenario):
+    told = json.loads(
+        call("evaluate", "hebbian=adaptive", f"scenario={scenario}", *BRIEF, "lifetime.record_every=8", "--json").stdout
+    )
+    metrics = pd.DataFrame(told["runs"][0]["metrics"])
+    assert list(metrics.controller.unique()) == [GA_ALONE, "adaptive"]
+    assert (metrics.weight_change_mean == 0).all()  # three seconds are not late
+    with np.load(next((here / "runs").rglob("traces.npz"))) as file:
+        traces = dict(file)
+    late = traces["surprise"][[name == "adaptive" for name in traces["controller"]]]
+    assert (np.diff(late, axis=1) > 0).all()
+    assert np.isnan(traces["surprise"][[name == GA_ALONE for name in traces["controller"]]]).all()
+
+
+def test_the_bundled_champions_remember():
+    for experiment in ("light", "obstacles"):
+        for where in ("reference", "reference_1", "reference_140"):
+            genome = genomes.load(where, experiment)
+            again = remember(genome.genes, training_world(experiment))
+            for name, value in vars(genome.memory).items():
+                np.testing.assert_array_equal(value, getattr(again, name), err_msg=f"{where} {name}")
+
+
+@pytest.mark.usefixtures("here")
+def test_a_champion_keeps_what_it_remembers_and_show_tells():
+    assert call("evolve", *TINY, "hydra.run.dir=run").exit_code == 0
+    memory = genomes.load("run", "obstacles").memory
+    assert (memory.experiment, memory.scenario, memory.gain_rad_s) == ("obstacles", "base", 1.0)
+    shown = call("show", "run").stdout
+    assert "Memory of base at 1 rad/s" in shown
+    assert f"{memory.reading_mean[1, 3]:.2f} ± {memory.reading_spread[1, 3]:.2f}" in shown
+
+
+@pytest.mark.usefixtures("here")
+def test_older_champions_live_again_and_say_so():
+    np.save("old.npy", genomes.load("reference_20", "obstacles").genes)
+    result = call("evaluate", "hebbian=adaptive", "genome=old.npy", *BRIEF)
+    assert result.exit_code == 0, result.output
+    assert "genome=old has no memory: it lives 10 lifetimes a side in base first, at 1 rad/s." in result.stderr
+    result = call("evaluate", "hebbian=adaptive", "genome=reference_20", "lifetime.gain_rad_s=4", *BRIEF)
+    assert "remembers a pace of 1 rad/s: it lives 10 lifetimes a side in base first, at 4 rad/s." in result.stderr
+    paper = call("evaluate", "genome=old.npy", *BRIEF)
+    assert "memory" not in paper.output  # the paper's rule asks for none
+
+
+@pytest.mark.usefixtures("here")
+def test_compared_plasticities_share_the_lifetimes():
+    result = call("evaluate", "+compare={fast: {N: 0.01}, wrong: {N: 0.01, sign: shuffled}}", *BRIEF, "--json")
+    metrics = pd.DataFrame(json.loads(result.stdout)["runs"][0]["metrics"])
+    assert list(metrics.controller.unique()) == [GA_ALONE, "Hebbian", "fast", "wrong"]
+    alone = call("evaluate", "hebbian.N=0.01", *BRIEF, "--json")
+    fast = metrics[metrics.controller == "fast"].drop(columns="controller").reset_index(drop=True)
+    own = pd.DataFrame(json.loads(alone.stdout)["runs"][0]["metrics"])
+    own = own[own.controller == "Hebbian"].drop(columns="controller").reset_index(drop=True)
+    pd.testing.assert_frame_equal(fast, own)
+
+
+def test_from_python():
+    rows = epuckhebb.evaluate(epuckhebb.load("reference_101"), "hebbian=adaptive_novelty", *BRIEF)
+    assert list(rows.controller.unique()) == [GA_ALONE, "adaptive_novelty"]
+
+
+BAD = {
+    "a signal that is not one": (["hebbian.surprise=boredom"], "surprise", "lateness"),
+    "compared: not a key": (["+compare.a={M: 1}"], "compare.a", "M"),
+    "compared: not a rate": (["+compare.a={N: -1}"], "compare.a", "N must be 0 or more"),
+    "compared: a name that is taken": (["+compare.GA={N: 1}"], "compare.GA", "taken"),
+    "another experiment": (["hebbian=adaptive", "genome=light.npz"], "remembers highlight", "experiment"),
+    "never arrived": (["hebbian=adaptive", "genome=zeros.npy"], "surprise=lateness", "reached neither goal in base"),
+    "a memory that is broken": (["hebbian=adaptive", "genome=broken.npz"], "memory", "cannot read"),
+    "no such reference champion": (["genome=reference_77"], "reference_77", "1 to 20, 101 to 140"),
+    "blind where it has no eye": (["scenario.dead_sensor=8"], "scenario.dead_sensor", "0 to 7"),
+    "a wheel that is too strong": (["scenario.left_wheel=1.5"], "scenario.left_wheel", "[0, 1]"),
+    "a layout that is none": (["scenario.layout=-1"], "scenario.layout", "0 (as in the paper) or more"),
+}
+
+
+@pytest.mark.parametrize("mistake", BAD)
+def test_mistakes_get_one_message_and_leave_nothing(here, mistake):
+    words, *told = BAD[mistake]
+    champion = genomes.load("reference", "light")
+    (here / "light.npz").write_bytes(genomes.champion_file(1.0, champion.genes, "light", 1, 99, champion.memory))
+    np.save("zeros.npy", np.zeros(234))
+    np.savez("broken.npz", genome=np.zeros(234), memory_away_s=np.zeros(3))
+    result = call("evaluate", *words, *BRIEF)
+    assert result.exit_code == 2, result.output
+    for part in told:
+        assert part in result.stderr
+    assert "Traceback" not in result.output
+    assert not (here / "runs").exists()
+
+
+SMALL_STUDY = """
+# @package _global_
+defaults: [{override /hebbian: adaptive}]
+compare: {always: {N: 0.002}}
+hydra: {sweeper: {params: {scenario: "base,2obstacles", genome: "reference_1,reference_2"}}}
+"""
+
+
+def test_a_sweep_over_champions_and_worlds_tells_of_rescue_and_harm(here):
+    (here / "mine" / "experiment").mkdir(parents=True)
+    (here / "mine" / "experiment" / "small.yaml").write_text(SMALL_STUDY.lstrip())
+    words = ["sweep", "small", "--config-dir", "mine", *BRIEF, "hydra/launcher=basic", "hydra.sweep.dir=out"]
+    result = call(*words)
+    assert result.exit_code == 0, result.output
+    assert "Rescue and harm" in result.stdout
+    each = pd.read_csv(here / "out" / "rescue_and_harm.csv")
+    assert each[["scenario", "controller"]].to_numpy().tolist() == [
+        [scenario, controller] for controller in ("adaptive", "always") for scenario in ("base", "2obstacles")
+    ]
+    assert "reference_1" in (here / "out" / "report.md").read_text()
+    assert (here / "out" / "figures" / FIGURE).read_bytes().startswith(b"\x89PNG")
+    before = (here / "out" / "rescue_over_all.csv").read_bytes()
+    assert "4 done before, 0 to do" in call(*words).stderr
+    assert (here / "out" / "rescue_over_all.csv").read_bytes() == before
