@@ -79,11 +79,12 @@ def summary(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
     repeated with, so the interval is about the sensor noise, for the genome at hand.
     """
     by = list(dict.fromkeys([*settings, "genome", "scenario", "controller", "N", "side"]))
+    rows = rows.assign(**{name: pd.to_numeric(rows[name]) for name in _OUTCOMES})
     told: list[dict[str, Any]] = []
     for condition, lifetimes in rows.groupby(by, sort=False):
         successes, n = int((lifetimes.success == "1").sum()), len(lifetimes)
         low, high = wilson(successes, n)
-        outcomes = lifetimes[list(_OUTCOMES)].apply(pd.to_numeric)
+        outcomes = lifetimes[list(_OUTCOMES)]
         success = {"n": n, "success": successes / n, "success_low": low, "success_high": high}
         reached = {"n_reached": int(outcomes.time_to_goal_s.notna().sum())}
         told.append(dict(zip(by, condition, strict=True)) | success | reached | outcomes.mean().to_dict())

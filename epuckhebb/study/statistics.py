@@ -3,6 +3,8 @@
 Noise repeats of one champion are much alike, so they are no independent evidence; champions are. scipy does the work.
 """
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
@@ -13,6 +15,7 @@ from epuckhebb.sim.streams import Stream
 RESAMPLES = 2000
 
 
+@cache
 def wilson(successes: int, n: int) -> tuple[float, float]:
     """Wilson's 95 % interval of a proportion; (nan, nan) without trials."""
     if n == 0:
