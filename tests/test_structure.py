@@ -1,6 +1,8 @@
 """The shape of the package: imports run downward, and pymunk stays in one file."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -47,6 +49,12 @@ def test_imports_inside_sim(module):
 def test_physics_is_in_world_alone(package):
     users = {file.name for file in PACKAGE.rglob("*.py") if package in {n.split(".")[0] for n in imported(file)}}
     assert users == {"world.py"}
+
+
+def test_what_an_evaluation_tells_needs_no_statistics():
+    """scipy.stats takes most of a second to import."""
+    code = "import sys; import epuckhebb.app.jobs, epuckhebb.app.report; sys.exit('scipy.stats' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_science_knows_no_files_and_no_configuration():

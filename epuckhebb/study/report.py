@@ -15,6 +15,7 @@ from markdown_it import MarkdownIt
 from epuckhebb.study import published
 from epuckhebb.study.evaluate import CONTROLLER, GA_ALONE, HEBBIAN
 from epuckhebb.study.findings import PAPER_N
+from epuckhebb.study.tables import markdown_table
 
 _STYLE = """
 :root { color-scheme: light dark; }
@@ -118,7 +119,7 @@ def _claims(claims: pd.DataFrame, *, of_what: bool = True) -> str:
         "which it comes true lies above one half, *does not hold* where it lies below, and is *mixed* otherwise.\n\n"
     )
     head = ["experiment", "claim", "verdict", "true in", "share", *(["of what"] if of_what else [])]
-    return rule + table(head, rows)
+    return rule + markdown_table(head, rows)
 
 
 def _tables(found: Findings) -> str:
@@ -148,7 +149,7 @@ def _deviations(group: pd.DataFrame) -> str:
         + ["–" if np.isnan(row.relative_deviation) else f"{100 * row.relative_deviation:+.1f} %"]
         for row in known.itertuples()
     ]
-    return table(["scenario", "controller", "metric", "paper", "ours", "deviation"], rows)
+    return markdown_table(["scenario", "controller", "metric", "paper", "ours", "deviation"], rows)
 
 
 def success_table(success: pd.DataFrame, controllers: Collection[str] = (GA_ALONE, *CONTROLLER.values())) -> str:
@@ -163,7 +164,7 @@ def success_table(success: pd.DataFrame, controllers: Collection[str] = (GA_ALON
             for side in ("left", "right", "both")
         ]
         rows.append([experiment, scenario, f"{controller}{_rate(group.N.iloc[0])}", *cells])
-    return table(["experiment", "scenario", "controller", "left", "right", "both sides"], rows)
+    return markdown_table(["experiment", "scenario", "controller", "left", "right", "both sides"], rows)
 
 
 def rescue_table(harm: pd.DataFrame) -> str:
@@ -175,7 +176,7 @@ def rescue_table(harm: pd.DataFrame) -> str:
         + [f"{row.difference:+.2f} [{row.difference_low:+.2f}, {row.difference_high:+.2f}]", f"{row.mcnemar_p:.2g}"]
         for row in own.itertuples()
     ]
-    return table(["scenario", "plasticity", "rescued of broken", "harmed of sound", "difference", "p"], rows)
+    return markdown_table(["scenario", "plasticity", "rescued of broken", "harmed of sound", "difference", "p"], rows)
 
 
 def _rate(rate: float) -> str:
@@ -184,9 +185,3 @@ def _rate(rate: float) -> str:
 
 def _interval(row: Any) -> str:
     return "–" if np.isnan(row.share) else f"{row.share:.2f} [{row.low:.2f}, {row.high:.2f}]"
-
-
-def table(head: list[str], rows: list[list[str]]) -> str:
-    """A table in Markdown."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)

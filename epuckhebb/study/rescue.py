@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from epuckhebb.sim.scenario import TRAINED
-from epuckhebb.study.report import table
+from epuckhebb.study.tables import markdown_table
 
 FIGURE = "rescue_and_harm.png"
 
@@ -54,7 +54,7 @@ def _over_all(own: pd.DataFrame) -> str:
         + [f"{row.home_harmed} of {row.home_mastered}"]
         for row in own.itertuples()
     ]
-    return table(["plasticity", "rescued of broken", "harmed of sound", "harmed in the training world"], rows)
+    return markdown_table(["plasticity", "rescued of broken", "harmed of sound", "harmed in the training world"], rows)
 
 
 def count(row: Any, part: str, whole: str) -> str:
@@ -71,4 +71,4 @@ def _by_scenario(own: pd.DataFrame) -> str:
         cells = group.set_index("scenario").loc[scenarios].itertuples()
         told = [f"{row.rescued}/{row.broken}, {row.harmed}/{row.sound}" for row in cells]
         rows.append([label(controller, rate), *told])
-    return table(["plasticity", *scenarios], rows)
+    return markdown_table(["plasticity", *scenarios], rows)

@@ -55,3 +55,9 @@ def to_markdown(table: pd.DataFrame) -> str:
     lines = [head, ["---", *["---:"] * len(text.columns)]]
     lines += [[f"**{row}**", *values] for row, values in zip(text.index, text.to_numpy().tolist(), strict=True)]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def markdown_table(head: list[str], rows: list[list[str]]) -> str:
+    """Any table in Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
