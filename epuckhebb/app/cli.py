@@ -48,7 +48,7 @@ _EXAMPLES = {
         "scenario=4obstacles",
         "scenario=lowlight hebbian.N=0.002 repeats=50",
         "genome=runs/evolve/RUN scenario=2obstacles",
-        "hebbian=adaptive scenario=base_weak genome=reference_5",
+        "hebbian=adaptive scenario=lowlight",
         "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles hydra/launcher=joblib",
     ],
     "sweep": ["light", "n_sweep seed='range(1,6)' genome=runs/evolve/RUN --dry-run", "obstacles hydra/launcher=slurm"],
