@@ -4,10 +4,12 @@ The schema is made of the dataclasses of the science itself (`Scenario`, `Hebbia
 their own ranges. This is the only file that knows where `conf/` is.
 """
 
+import json
 import math
 import os
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cache
 from typing import Any, TypeVar
 
 from hydra.core.config_store import ConfigStore
@@ -55,14 +57,18 @@ class EvaluateConfig:
         if self.repeats < 1:
             raise ValueError(f"repeats must be 1 or more, got {self.repeats}")
         self.plasticities = [] if self.hebbian.name == "none" else [self.hebbian]
-        self.plasticities += [_compared(name, settings) for name, settings in self.compare.items()]
+        self.plasticities += [_compared(name, json.dumps(settings)) for name, settings in self.compare.items()]
 
 
-def _compared(name: str, settings: Any) -> Hebbian:
+@cache  # a sweep asks for the same ones in every job
+def _compared(name: str, settings: str) -> Hebbian:
+    """The plasticity of this name; settings: in JSON, what differs from the paper's rule."""
     if name in ("GA", "none", "paper"):
         raise ValueError(f"compare.{name}: the name is taken (GA is the control that always runs); give another")
     try:
-        hebbian = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(Hebbian), settings or {}, {"name": name}))
+        hebbian = OmegaConf.to_object(
+            OmegaConf.merge(OmegaConf.structured(Hebbian), json.loads(settings) or {}, {"name": name})
+        )
     except (OmegaConfBaseException, ValueError) as error:
         raise ValueError(f"compare.{name}: {str(error).splitlines()[0].removeprefix('hebbian.')}") from error
     assert isinstance(hebbian, Hebbian)

@@ -292,9 +292,8 @@ def live_block(
     """
     size = min(_LIVES_PER_BLOCK, -(-len(lives) // threads))
     blocks = [lives[first : first + size] for first in range(0, len(lives), size)]
-    with ThreadPoolExecutor(
-        threads
-    ) as pool:  # even for one: Ctrl-C while numba builds a result would crash the process
+    # A pool even for one thread: Ctrl-C while numba builds a result would crash the process.
+    with ThreadPoolExecutor(threads) as pool:
         lived = list(pool.map(lambda block: _live_in_one_world(block, scenario, lifetime), blocks))
     return [life for block in lived for life in block]
 
