@@ -1,56 +1,127 @@
 """How the science is compiled: plain functions of numbers and arrays, turned into machine code by numba.
 
+A building block stays an ordinary Python function, which a test or a reader can call; when a kernel calls it, numba
+compiles it into that kernel. A *kernel* is a whole loop (a lifetime) that Python calls. Its parts, such as the
+plasticity rule or the robot's senses, are chosen when it is made: `kernel(live, learn=...)` is `live` in which the
+name `learn` means that function. So parts cost nothing while the loop runs, and only those in use are compiled.
+
 Arithmetic is IEEE float64 in the order in which it is written (no `fastmath`), so that the same lifetime gives the
 same bits whatever runs beside it. `error_model="numpy"` only says that 1 / 0 is infinite instead of an exception.
 """
 
 import hashlib
 import os
+import sys
+import types
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
+from numba.extending import register_jitable
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+_PACKAGE = __name__.partition(".")[0]
 
 
 def compiled(function: Function) -> Function:
-    """Compile a building block; it becomes part of the kernel that calls it and needs no cache of its own.
+    """Make a building block usable in kernels; in Python it remains the function that it is.
 
-    `inline` spares a call with dozens of arguments (an array is seven) and lets constants reach the loops.
+    Forced inlining spares a call with dozens of arguments (an array is seven) and lets constants reach the loops.
     """
-    return cast(Function, numba.njit(inline="always", **_OPTIONS)(function))
+    return cast(Function, register_jitable(forceinline=True, **_OPTIONS)(function))
 
 
-def compiled_and_cached(function: Function) -> Function:
-    """Compile a kernel that Python calls, and keep the machine code on disk for the next start.
+def kernel(function: Function, **parts: object) -> Function:
+    """Compile a function that Python calls, with these parts in place of its module's global names.
 
-    numba notices a change of the file that holds the kernel but not of the files it calls. The folder of the cache is
-    therefore named by the content of all of `sim/`: change one equation and the kernel is compiled anew.
+    The machine code is kept on disk for the next start, in a folder that is named by the code that the kernel is
+    really made of (`digest`): change one equation, of ours or of a user, and it is compiled anew. Where no cache can
+    be written, it is compiled in memory.
     """
-    folder = _cache_folder()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        writable = os.access(folder, os.W_OK)
-    except OSError:
-        writable = False
-    if not writable:
-        return compiled(function)
+    made = types.FunctionType(function.__code__, {**function.__globals__, **parts}, function.__name__)
+    name = digest(made)
+    made.__qualname__ = f"{function.__name__}_{name}"  # symbols of kernels that are loaded together must differ
+    made.__module__ = function.__module__
+    folder = _cache_folder(name)
+    if folder is None:
+        return cast(Function, numba.njit(**_OPTIONS)(made))
     settings: Any = numba.config
     before, settings.CACHE_DIR = settings.CACHE_DIR, str(folder)
     try:
-        return cast(Function, numba.njit(cache=True, **_OPTIONS)(function))
+        return cast(Function, numba.njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(made))
     finally:
         settings.CACHE_DIR = before
 
 
-def _cache_folder() -> Path:
-    """`$NUMBA_CACHE_DIR` or the user's cache folder, with a sub-folder for this version of the science."""
-    sources = sorted(Path(__file__).parent.glob("*.py"))
-    content = hashlib.sha256(b"\0".join(source.read_bytes() for source in sources)).hexdigest()
-    user_cache = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    root = os.environ.get("NUMBA_CACHE_DIR") or str(Path(user_cache) / "epuckhebb")
-    return Path(root) / f"sim-{content[:16]}"
+def digest(function: Callable[..., Any]) -> str:
+    """Sixteen hexadecimal digits that name a function by its code and by all that it calls or reads, recursively.
+
+    What counts is the bytecode and the values that global names and closures have now, not the text of a file.
+    """
+    content = hashlib.sha256(f"numba {numba.__version__} python {sys.version_info[:2]}".encode())
+    seen: set[int] = set()
+
+    def take(value: object) -> None:
+        value = getattr(value, "py_func", value)
+        if isinstance(value, types.ModuleType):
+            content.update(value.__name__.encode())
+        elif isinstance(value, types.FunctionType):
+            if id(value) not in seen:
+                seen.add(id(value))
+                take_function(value)
+        elif isinstance(value, np.ndarray):
+            content.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
+        elif isinstance(value, tuple | list) and not isinstance(value, str):
+            content.update(f"{len(value)}(".encode())
+            for item in value:
+                take(item)
+        elif isinstance(value, type):
+            content.update(f"{value.__module__}.{value.__qualname__}{getattr(value, '_fields', '')}".encode())
+        else:
+            content.update(repr(value).encode())
+
+    def take_function(python: types.FunctionType) -> None:
+        take_code(python.__code__)
+        take(python.__defaults__ or ())
+        for cell in python.__closure__ or ():
+            take(cell.cell_contents)
+        for name in sorted(_names(python.__code__) & python.__globals__.keys()):
+            content.update(name.encode())
+            value = python.__globals__[name]
+            take(value)
+            if isinstance(value, types.ModuleType) and value.__name__.startswith(_PACKAGE):
+                for attribute in sorted(_names(python.__code__) & vars(value).keys()):
+                    take(vars(value)[attribute])
+
+    def take_code(code: types.CodeType) -> None:
+        content.update(code.co_code + repr((code.co_names, code.co_varnames, code.co_freevars)).encode())
+        for constant in code.co_consts:
+            if isinstance(constant, types.CodeType):
+                take_code(constant)
+            elif not isinstance(constant, str):  # docstrings say nothing about the result
+                take(constant)
+
+    take(function)
+    return content.hexdigest()[:16]
+
+
+def _names(code: types.CodeType) -> set[str]:
+    """The global names and attributes that a code object, and those inside it, mention."""
+    inner = (constant for constant in code.co_consts if isinstance(constant, types.CodeType))
+    return set(code.co_names).union(*map(_names, inner))
+
+
+def _cache_folder(name: str) -> Path | None:
+    """The folder of a kernel in `$NUMBA_CACHE_DIR` or the user's cache folder; None if it cannot be written to."""
+    try:
+        user_cache = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+        root = os.environ.get("NUMBA_CACHE_DIR") or str(Path(user_cache) / "epuckhebb")
+        folder = Path(root) / f"kernel-{name}"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):  # RuntimeError: no home folder is known
+        return None
+    return folder if os.access(folder, os.W_OK) else None

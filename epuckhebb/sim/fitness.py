@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.compiled import compiled
-from epuckhebb.sim.epuck import SENSORS, STEP_S
+from epuckhebb.sim.robot import STEP_S
 
 
 class Signal(IntEnum):
@@ -70,15 +70,6 @@ def reward(distance: float) -> float:
 
 
 @compiled
-def largest(readings: NDArray[np.float64], first: int) -> float:
-    """The largest of eight readings from index `first` on; 8 for the proximity sensors."""
-    most = float(readings[first])
-    for i in range(first + 1, first + SENSORS):
-        most = max(most, readings[i])
-    return most
-
-
-@compiled
 def light_code(readings: NDArray[np.float64], left: float, right: float) -> float:
     """F as the published program of the light experiment computes it, which is not what the paper says.
 
@@ -88,7 +79,10 @@ def light_code(readings: NDArray[np.float64], left: float, right: float) -> floa
     right_half = (readings[0] + readings[1] + readings[2] + readings[3]) / 4.0
     left_half = (readings[4] + readings[5] + readings[6] + readings[7]) / 4.0
     follow: float = 1.0 - abs(right_half - left_half)
-    return (forward(left, right) + 2.0 * avoid(largest(readings, 3)) + spin(left, right) + follow) / 6.0
+    most = float(readings[3])
+    for i in range(4, 11):
+        most = max(most, readings[i])
+    return (forward(left, right) + 2.0 * avoid(most) + spin(left, right) + follow) / 6.0
 
 
 @compiled

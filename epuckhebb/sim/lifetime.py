@@ -1,45 +1,128 @@
 """A lifetime: sense, act, score, learn, move, every 32 ms, from birth with the genome's weights to forgetting them.
 
-`live` is the whole story of one robot, compiled. `live_block` lives many of them, on as many threads as asked for;
-no robot knows of another, so results do not depend on how the lifetimes are shared out.
+`live` is the whole story of one robot, compiled. The names in capitals and the functions that are not of this file
+are its parts: `kernel_of` puts those of the robot, the network, the plasticity rule and the adaptation in their place.
+All that a life carries is in one record (`Life`), so that it can be paused at any step and go on to the same bits.
 """
 
 import math
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim import fitness
-from epuckhebb.sim import surprise as signals
-from epuckhebb.sim.compiled import compiled_and_cached
-from epuckhebb.sim.controller import BIAS, GENES, INPUTS, NEURONS, OUTPUTS, POST, WHEELS, forward, weights_at_birth
-from epuckhebb.sim.epuck import MOTOR_LIMIT, SENSORS, STEP_S, cast, sense, sensor_rays
-from epuckhebb.sim.light import Lights, lights
-from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, START, Pose, Side, boxes, in_correct_arm
-from epuckhebb.sim.noise import normal_numbers
-from epuckhebb.sim.plasticity import CHANGE_ROOM, Hebbian, Rule, effective_rate, learn, rule
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.surprise import NOTHING, RECENT_ROOM, Remembered, Surprise
-from epuckhebb.sim.world import Handles, World, is_lost, move, pose
+from epuckhebb.sim.adaptation import adaptation as over
+from epuckhebb.sim.adaptation.adaptation import AdaptationRoom, Gate, adaptation_room
+from epuckhebb.sim.adaptation.change_signal import BaselineOfSide
+from epuckhebb.sim.compiled import compiled, kernel
+from epuckhebb.sim.light import Lights
+from epuckhebb.sim.maze import Region
+from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, forward_pass
+from epuckhebb.sim.physics import Handles, is_lost, mover, pose
+from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Rule
+from epuckhebb.sim.plasticity.update import effective_rate, update_of
+from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
+from epuckhebb.sim.random import normal_numbers, room_for_noise
+from epuckhebb.sim.robot import EPUCK, STEP_S, Robot, SenseRoom, blinding, largest_distance_reading, sense_room, senses
 
-CONTACT = 0.8  # a proximity reading above this counts as contact, as in the published code
-_ALWAYS = int(Surprise.none)  # plasticity is not asked whether there is need of it
-_FAR = 2**40  # motor noise is heard where no step of the sensor noise ever comes
-_HELD = round(2.0 / STEP_S)  # steps for which motor noise stays the same
-_HEBBIAN_SIGNS = np.ones(GENES)
-_LIVES_PER_BLOCK = 50  # lifetimes that share a World, one after the other
+CONTACT = 0.8  # a distance reading above this counts as contact, as in the published code
+
+TALLY = np.dtype(
+    [
+        ("step", np.int64),  # lived so far
+        ("contacts", np.int64),  # steps with a distance reading above 0.8
+        ("arrived", np.bool_),  # whether the robot ever was at its goal
+        ("lost", np.bool_),  # whether its pose stopped making sense
+        ("junction", np.float64),  # 1 once it has been in the correct arm
+        ("undirected_sum", np.float64),  # of combined fitness without the junction term
+        ("behaviour_sum", np.float64),  # of combined fitness
+        ("weight_change", np.float64),  # sum of |W - W_gene|
+        ("weight_change_sum", np.float64),
+        ("path_length", np.float64),  # m
+        ("goal_distance", np.float64),  # m
+        ("time_to_goal", np.float64),  # s, nan until it arrives
+        ("need", np.float64),  # g of the last step
+        ("change_signal", np.float64),  # nan without a signal
+        ("away_s", np.float64),  # since birth, or since it was at the goal
+        ("late_s", np.float64),  # for how long the signal of change has been above its threshold
+        ("noise_left", np.float64),  # on the wheels' outputs, of exploration
+        ("noise_right", np.float64),
+    ],
+    align=True,
+)
+
+
+class Life(NamedTuple):
+    """All that a life carries from step to step, but for the pymunk space in which the robot stands.
+
+    tally: one record of `TALLY`. weights: (synapses,). kept: (synapses,) records, what the synapses keep. activation:
+    (neurons,). over: of the adaptation. The others are workspace.
+    """
+
+    tally: NDArray[np.void]
+    weights: NDArray[np.float64]
+    kept: NDArray[np.void]
+    activation: NDArray[np.float64]
+    over: AdaptationRoom
+    senses: SenseRoom
+    noise: NDArray[np.float64]
+    drive: NDArray[np.float64]
+    synapse_room: NDArray[np.float64]
+    change_room: NDArray[np.float64]
+
+
+class Birth(NamedTuple):
+    """What a life begins with and never changes.
+
+    weights: (synapses,), the genes. kept: (synapses,) records, what each synapse keeps at birth. coefficients: (parameters,
+    synapses) evolved parameters of the rule. signs: (synapses,) of the updates.
+    """
+
+    weights: NDArray[np.float64]
+    kept: NDArray[np.void]
+    coefficients: NDArray[np.float64]
+    signs: NDArray[np.float64]
+
+
+class Trial(NamedTuple):
+    """What the robot is to do, and what is wrong with it.
+
+    goal_x, goal_y, goal_radius: m. arm: the region in which it has turned the right way. arena: m, half side.
+    dead_sensor: number of its blind place, -1 for none. left_wheel, right_wheel: how well each turns.
+    """
+
+    goal_x: float
+    goal_y: float
+    goal_radius: float
+    arm: Region
+    arena: float
+    dead_sensor: int
+    left_wheel: float
+    right_wheel: float
+
+
+class Plasticity(NamedTuple):
+    """The settings of a rule and of what is laid over it, as numbers.
+
+    rate: N. floor, signal: of the live fitness. numbers: all settings of the rule. gate: of the adaptation.
+    """
+
+    rate: float
+    floor: float
+    signal: int
+    numbers: tuple[float, ...]
+    gate: Gate
 
 
 class Samples(NamedTuple):
     """What is recorded of a lifetime, every so many steps; first axis: samples.
 
-    time [s]; pose: x, y [m], heading [rad]; sensors: the 16 network inputs; motors: the 2 network outputs; fitness:
-    live F; surprise: the signal of change, nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|;
-    weights: (samples, 234), after the step's update.
+    time [s]; pose: x, y [m], heading [rad]; sensors: the network's inputs; motors: the 2 network outputs; fitness:
+    live F; change_signal: nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|; weights: (samples,
+    synapses), after the step's update.
     """
 
     time: NDArray[np.float64]
@@ -47,187 +130,243 @@ class Samples(NamedTuple):
     sensors: NDArray[np.float64]
     motors: NDArray[np.float64]
     fitness: NDArray[np.float64]
-    surprise: NDArray[np.float64]
+    change_signal: NDArray[np.float64]
     rate: NDArray[np.float64]
     weight_change: NDArray[np.float64]
     weights: NDArray[np.float32]
 
 
-class Body(NamedTuple):
-    """What is wrong with the robot: the place of its dead sensor, -1 for none, and how well each wheel turns."""
-
-    dead_sensor: int
-    left_wheel: float
-    right_wheel: float
-
-
-class Outcome(NamedTuple):
-    """What a lifetime came to.
-
-    time_to_goal: s, first time within 5 cm of the goal, nan if never. path_length: m. final_distance: m from the goal.
-    behaviour: mean combined fitness over the steps. reward: goal reward at the end. weight_change_mean,
-    weight_change_final: sum over weights of |W - W_gene|. contact_fraction: share of steps with a proximity reading
-    above 0.8. steps: lived; fewer than asked for only if the robot was lost.
-    """
-
-    time_to_goal: float
-    path_length: float
-    final_distance: float
-    behaviour: float
-    reward: float
-    weight_change_mean: float
-    weight_change_final: float
-    contact_fraction: float
-    steps: int
-
-    @property
-    def success(self) -> bool:
-        """Whether the robot was within 5 cm of its goal at the last step."""
-        return self.final_distance < GOAL_RADIUS
-
-    @property
-    def fitness(self) -> float:
-        """The paper's final fitness: mean of the behaviour fitness and of the goal reward at the end."""
-        return (self.behaviour + self.reward) / 2.0
+# The parts of a life, as the paper's robot without plasticity has them; `kernel_of` puts others in their place.
+INPUTS, BIAS, WHEELS, SYNAPSES, HAS_RULE = PAPER_NETWORK.inputs, PAPER_NETWORK.bias, PAPER_NETWORK.wheels, PAPER_NETWORK.synapses, False
+sense, blind, nearest = senses(EPUCK), blinding(EPUCK), largest_distance_reading(EPUCK)
+draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
+learn = update_of(NoRule, tuple(NO_RULE.numbers()), PAPER_NETWORK)
+open_gate, explore = over.hooks(over.NONE, EPUCK)
 
 
-@compiled_and_cached
 def live(
-    world: Handles,
+    life: Life,
+    birth: Birth,
+    space: Handles,
     lit: Lights,
-    goal_x: float,
-    goal_y: float,
-    genes: NDArray[np.float64],
-    body: Body,
-    plasticity: Rule,
-    signs: NDArray[np.float64],
-    signal: int,
-    remembered: Remembered,
+    trial: Trial,
+    plasticity: Plasticity,
+    baseline: BaselineOfSide,
     gain: float,
     noise_level: float,
     key: np.uint64,
-    steps: int,
+    until: int,
     record_every: int,
     samples: Samples,
-) -> Outcome:
-    """One lifetime of the robot that stands in `world`.
+) -> None:
+    """Let the robot that stands in `space` live on until a step.
 
-    genes: (234,) weights at birth, not written. signs: (234,) of the plastic updates. remembered: what surprise is
-    measured by. gain: wheel speed [rad/s] of an output of 1. record_every: steps between two samples, 0 for none.
+    life: updated. gain: wheel speed [rad/s] of a network output of 1. key: of its sensor noise. until: the step before
+    which to stop. record_every: steps between two samples, 0 for none; samples: written.
     """
-    weights = genes.copy()
-    trace = np.zeros(GENES)
-    activation = np.zeros(NEURONS)
-    activation[BIAS] = 1.0
-    rays, distances, noise = np.empty((6, SENSORS)), np.empty(SENSORS), np.zeros(INPUTS)
-    drive, correlation, change = np.empty(max(POST)), np.empty(GENES), np.empty(CHANGE_ROOM)
-    recent, surprise, need, plastic = np.zeros(RECENT_ROOM), math.nan, 1.0, True
-    away_s, surprised_s, arrived = 0.0, 0.0, False
-    shake_left, shake_right = 0.0, 0.0
+    tally = life.tally[0]
+    weights, activation = life.weights, life.activation
+    x, y, heading = pose(space)
+    tally.goal_distance = fitness.distance_to(x, y, trial.goal_x, trial.goal_y)
 
-    junction, undirected_sum, behaviour_sum = 0.0, 0.0, 0.0
-    weight_change, weight_change_sum = 0.0, 0.0
-    path_length, time_to_goal, contacts, lived = 0.0, math.nan, 0, 0
-    x, y, heading = pose(world)
-    goal_distance = fitness.distance_to(x, y, goal_x, goal_y)
-
-    for step in range(steps):
+    for step in range(tally.step, until):
         # Sense.
         cos, sin = math.cos(heading), math.sin(heading)
-        sensor_rays(x, y, cos, sin, rays)
-        cast(x, y, rays, world.walls, distances)
         if noise_level > 0.0:
-            normal_numbers(key, step, noise)
-        sense(rays, distances, lit, noise, noise_level, activation)
-        if body.dead_sensor >= 0:
-            activation[body.dead_sensor], activation[SENSORS + body.dead_sensor] = 1.0, 0.0  # dark, and no wall
+            draw_noise(key, step, life.noise)
+        sense(x, y, cos, sin, space.walls, lit, life.noise, noise_level, life.senses, activation)
+        blind(activation, trial.dead_sensor)
 
         # Act.
-        forward(weights, activation, drive)
+        forward(weights, activation, life.drive)
         left, right = activation[WHEELS], activation[WHEELS + 1]
 
         # Score.
-        if in_correct_arm(x, y, goal_x):
-            junction = 1.0
-        nearest = fitness.largest(activation, SENSORS)
-        undirected = fitness.combined(left, right, nearest, 0.0)
-        behaviour = undirected + junction / 5.0
-        undirected_sum += undirected
-        behaviour_sum += behaviour
-        contacts += nearest > CONTACT
+        if is_in(trial.arm, x, y):
+            tally.junction = 1.0
+        nearness = nearest(activation)
+        undirected = fitness.combined(left, right, nearness, 0.0)
+        behaviour = undirected + tally.junction / 5.0
+        tally.undirected_sum += undirected
+        tally.behaviour_sum += behaviour
+        tally.contacts += nearness > CONTACT
+        live_fitness = fitness.live_fitness(
+            plasticity.signal, activation, left, right, behaviour, tally.goal_distance, step + 1.0, tally.undirected_sum
+        )
 
         # Learn.
-        live_fitness = fitness.live_fitness(
-            signal, activation, left, right, behaviour, goal_distance, step + 1.0, undirected_sum
-        )
-        if plasticity.surprise != _ALWAYS:
-            signals.keep_recent(recent, activation, live_fitness, step)
-            at_goal = goal_distance < GOAL_RADIUS
-            arrived, away_s = arrived or at_goal, 0.0 if at_goal else away_s + STEP_S
-            surprise = signals.surprise(plasticity.surprise, step * STEP_S, away_s, arrived, recent, remembered)
-            need = 0.0 if at_goal else signals.need(surprise, plasticity.tolerance, plasticity.ramp)
-            surprised_s = surprised_s + STEP_S if need > 0.0 else 0.0
-            if signals.resting(surprised_s, plasticity.spell_s, plasticity.rest_s):
-                need = 0.0
-            if plastic and need == 0.0:  # forget
-                weights[:] = genes
-                trace[:] = 0.0
-                weight_change = 0.0
-            plastic = need > 0.0
-            if plasticity.motor_noise > 0.0 and step % _HELD == 0:
-                normal_numbers(key, _FAR + step, noise)
-                shake_left, shake_right = plasticity.motor_noise * noise[0], plasticity.motor_noise * noise[1]
+        at_goal = tally.goal_distance < trial.goal_radius
+        need = open_gate(plasticity.gate, tally, life.over, activation, live_fitness, baseline, at_goal, step, key)
+        if tally.need > 0.0 and need == 0.0:
+            forget(life, birth)
+        tally.need = need
         rate = effective_rate(plasticity.rate, need, live_fitness, plasticity.floor)
-        if plasticity.rate > 0.0 and plastic:
-            weight_change = learn(weights, trace, genes, activation, rate, plasticity, signs, correlation, change)
-
-        weight_change_sum += weight_change
+        if HAS_RULE and plasticity.rate > 0.0 and need > 0.0:
+            tally.weight_change = learn(
+                weights,
+                life.kept,
+                birth.weights,
+                birth.coefficients,
+                activation,
+                rate,
+                birth.signs,
+                plasticity.numbers,
+                life.synapse_room,
+                life.change_room,
+            )
+        tally.weight_change_sum += tally.weight_change
 
         if record_every > 0 and step % record_every == 0:
-            k = step // record_every
-            samples.time[k] = step * STEP_S
-            samples.pose[k, 0], samples.pose[k, 1], samples.pose[k, 2] = x, y, heading
-            samples.sensors[k] = activation[:INPUTS]
-            samples.motors[k, 0], samples.motors[k, 1] = left, right
-            samples.fitness[k], samples.surprise[k] = live_fitness, surprise
-            samples.rate[k], samples.weight_change[k] = rate, weight_change
-            samples.weights[k] = weights
+            record(samples, step // record_every, step * STEP_S, x, y, heading, life, live_fitness, rate)
 
         # Move.
-        if plasticity.motor_noise > 0.0 and plastic:
-            fastest = MOTOR_LIMIT / gain
-            left = min(fastest, max(-fastest, left + shake_left))
-            right = min(fastest, max(-fastest, right + shake_right))
-        move(world, cos, sin, gain * body.left_wheel * left, gain * body.right_wheel * right)
-        new_x, new_y, heading = pose(world)
-        if is_lost(new_x, new_y, heading):
+        left = explore(plasticity.gate, tally, left, tally.noise_left, gain)
+        right = explore(plasticity.gate, tally, right, tally.noise_right, gain)
+        move(space, cos, sin, gain * trial.left_wheel * left, gain * trial.right_wheel * right)
+        new_x, new_y, heading = pose(space)
+        tally.step = step + 1
+        if is_lost(new_x, new_y, heading, trial.arena):
+            tally.lost = True
             break
-        path_length += math.sqrt((new_x - x) * (new_x - x) + (new_y - y) * (new_y - y))
+        tally.path_length += math.sqrt((new_x - x) * (new_x - x) + (new_y - y) * (new_y - y))
         x, y = new_x, new_y
-        goal_distance = fitness.distance_to(x, y, goal_x, goal_y)
-        if math.isnan(time_to_goal) and goal_distance < GOAL_RADIUS:
-            time_to_goal = (step + 1) * STEP_S
-        lived = step + 1
+        tally.goal_distance = fitness.distance_to(x, y, trial.goal_x, trial.goal_y)
+        if math.isnan(tally.time_to_goal) and tally.goal_distance < trial.goal_radius:
+            tally.time_to_goal = (step + 1) * STEP_S
 
-    return Outcome(
-        time_to_goal,
-        path_length,
-        goal_distance,
-        behaviour_sum / steps,
-        fitness.reward(goal_distance),
-        weight_change_sum / steps,
-        weight_change,
-        contacts / steps,
-        lived,
+
+@compiled
+def is_in(region: Region, x: float, y: float) -> bool:
+    """Whether a point [m] lies in a region."""
+    return region.left < x < region.right and region.bottom < y < region.top
+
+
+@compiled
+def forget(life: Life, birth: Birth) -> None:
+    """Back to the genes, and to what the synapses kept at birth."""
+    for k in range(life.weights.shape[0]):
+        life.weights[k] = birth.weights[k]
+        life.kept[k] = birth.kept[k]
+    life.tally[0].weight_change = 0.0
+
+
+@compiled
+def record(
+    samples: Samples,
+    place: int,
+    time: float,
+    x: float,
+    y: float,
+    heading: float,
+    life: Life,
+    live_fitness: float,
+    rate: float,
+) -> None:
+    """Write the sample at a place."""
+    tally = life.tally[0]
+    samples.time[place] = time
+    samples.pose[place, 0], samples.pose[place, 1], samples.pose[place, 2] = x, y, heading
+    inputs, synapses = samples.sensors.shape[1], samples.weights.shape[1]
+    wheels = life.activation.shape[0] - OUTPUTS
+    for i in range(inputs):
+        samples.sensors[place, i] = life.activation[i]
+    samples.motors[place, 0], samples.motors[place, 1] = life.activation[wheels], life.activation[wheels + 1]
+    samples.fitness[place], samples.change_signal[place] = live_fitness, tally.change_signal
+    samples.rate[place], samples.weight_change[place] = rate, tally.weight_change
+    for k in range(synapses):
+        samples.weights[place, k] = life.weights[k]
+
+
+@cache
+def kernel_of(rule: type[Rule], settings: tuple[str, ...], change_signal: str, network: Network, robot: Robot) -> Any:
+    """`live` with the parts of this rule, signal of change, network and robot, compiled or from the cache.
+
+    settings: the names of the rule's settings.
+
+    Raises:
+        ValueError: the rule asks for something that there is not, or the network does not fit the robot.
+    """
+    if network.inputs != robot.inputs:
+        raise ValueError(
+            f"network.layers must begin with {robot.inputs}, the readings of robot {robot.name}, got {network.inputs}"
+        )
+    open_gate, explore = over.hooks(change_signal, robot)
+    return kernel(
+        live,
+        INPUTS=network.inputs,
+        BIAS=network.bias,
+        WHEELS=network.wheels,
+        SYNAPSES=network.synapses,
+        HAS_RULE=rule is not NoRule,
+        sense=senses(robot),
+        blind=blinding(robot),
+        nearest=largest_distance_reading(robot),
+        draw_noise=normal_numbers(robot.inputs),
+        forward=forward_pass(network),
+        learn=update_of(rule, settings, network),
+        open_gate=open_gate,
+        explore=explore,
+        move=mover(robot),
     )
 
 
-@dataclass(kw_only=True)
+def born(birth: Birth, network: Network, robot: Robot) -> Life:
+    """A life before its first step.
+
+    Raises:
+        ValueError: the genes are not as many as the network has weights.
+    """
+    if birth.weights.shape != (network.synapses,) or birth.signs.shape != (network.synapses,):
+        raise ValueError(
+            f"a network of layers {network} has {network.synapses} weights, got {birth.weights.shape[0]} genes and "
+            f"{birth.signs.shape[0]} signs"
+        )
+    tally = np.zeros(1, TALLY)
+    tally["time_to_goal"], tally["change_signal"], tally["need"] = math.nan, math.nan, 1.0
+    activation = np.zeros(network.neurons)
+    activation[network.bias] = 1.0
+    return Life(
+        tally=tally,
+        weights=birth.weights.copy(),
+        kept=birth.kept.copy(),
+        activation=activation,
+        over=adaptation_room(robot),
+        senses=sense_room(robot),
+        noise=np.zeros(room_for_noise(robot.inputs)),
+        drive=np.empty(max(network.post)),
+        synapse_room=np.empty((3, network.synapses)),
+        change_room=np.empty(weight_change_room(network)),
+    )
+
+
+def empty_samples(count: int, network: Network) -> Samples:
+    """Room for so many samples."""
+
+    def numbers(*shape: int) -> NDArray[np.float64]:
+        return np.zeros((count, *shape))
+
+    return Samples(
+        time=numbers(),
+        pose=numbers(3),
+        sensors=numbers(network.inputs),
+        motors=numbers(OUTPUTS),
+        fitness=numbers(),
+        change_signal=np.full(count, np.nan),
+        rate=numbers(),
+        weight_change=numbers(),
+        weights=np.zeros((count, network.synapses), np.float32),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class Lifetime:
     """How a lifetime is run.
 
     duration_s: its length [s]. gain_rad_s: wheel speed [rad/s] of a network output of 1. noise: 1 for the sensors' own
     noise, 0 for none, other values scale it. record_every: steps between two recorded samples, 0 to record nothing.
+
+    Raises:
+        ValueError: a value is outside the range named in the message.
     """
 
     duration_s: float = 250.0
@@ -236,18 +375,11 @@ class Lifetime:
     record_every: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse lifetimes that cannot be.
-
-        Raises:
-            ValueError: a value is outside the range named in the message.
-        """
+        """Refuse lifetimes that cannot be."""
         if not (math.isfinite(self.duration_s) and self.duration_s >= STEP_S):
             raise ValueError(f"lifetime.duration_s must be at least one step, {STEP_S} s, got {self.duration_s}")
-        if not 0 < self.gain_rad_s <= MOTOR_LIMIT:
-            raise ValueError(
-                f"lifetime.gain_rad_s must be more than 0 and at most {MOTOR_LIMIT}, the e-puck's fastest, "
-                f"got {self.gain_rad_s}"
-            )
+        if not (math.isfinite(self.gain_rad_s) and self.gain_rad_s > 0):
+            raise ValueError(f"lifetime.gain_rad_s must be more than 0, got {self.gain_rad_s}")
         if not (math.isfinite(self.noise) and self.noise >= 0):
             raise ValueError(f"lifetime.noise must be 0 or more, got {self.noise}")
         if self.record_every < 0:
@@ -257,106 +389,3 @@ class Lifetime:
     def steps(self) -> int:
         """Whole control steps of 32 ms in the lifetime."""
         return math.floor(self.duration_s / STEP_S + 1e-9)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Life:
-    """A lifetime to be lived: a genome (234,), a side, a plasticity, a noise key, a start; recorded or not.
-
-    remembered: what a plasticity with a signal of surprise compares with.
-    """
-
-    genome: NDArray[np.float64]
-    side: Side
-    hebbian: Hebbian
-    key: np.uint64
-    start: Pose = START
-    signs: NDArray[np.float64] | None = None
-    remembered: Remembered = NOTHING
-    record: bool = False
-
-
-class LostRobotError(ArithmeticError):
-    """A robot's pose stopped being finite or left the arena, so nothing that it did afterwards means anything."""
-
-
-def live_block(
-    lives: Sequence[Life], scenario: Scenario, lifetime: Lifetime, threads: int = 1
-) -> list[tuple[Outcome, Samples]]:
-    """Live many lifetimes in the same scenario; the outcomes come in the order of `lives`, whatever `threads` is.
-
-    Samples have length 0 where a life is not recorded.
-
-    Raises:
-        LostRobotError: a pose stopped being finite; the message says whose and when.
-    """
-    size = min(_LIVES_PER_BLOCK, -(-len(lives) // threads))
-    blocks = [lives[first : first + size] for first in range(0, len(lives), size)]
-    # A pool even for one thread: Ctrl-C while numba builds a result would crash the process.
-    with ThreadPoolExecutor(threads) as pool:
-        lived = list(pool.map(lambda block: _live_in_one_world(block, scenario, lifetime), blocks))
-    return [life for block in lived for life in block]
-
-
-def _live_in_one_world(lives: Sequence[Life], scenario: Scenario, lifetime: Lifetime) -> list[tuple[Outcome, Samples]]:
-    world = World(boxes(scenario.obstacles, scenario.layout))
-    return [_live_one(life, world, scenario, lifetime) for life in lives]
-
-
-def _live_one(life: Life, world: World, scenario: Scenario, lifetime: Lifetime) -> tuple[Outcome, Samples]:
-    world.place_robot(life.start)
-    record_every = lifetime.record_every if life.record else 0
-    samples = _empty_samples(-(-lifetime.steps // record_every)) if record_every else _NO_SAMPLES
-    outcome = live(
-        world.handles,
-        lights(scenario.light, scenario.lamp, lamp_on=life.side == "right"),
-        *GOALS[life.side],
-        weights_at_birth(life.genome),
-        Body(
-            -1 if scenario.dead_sensor is None else scenario.dead_sensor,
-            float(scenario.left_wheel),
-            float(scenario.right_wheel),
-        ),
-        rule(life.hebbian),
-        _HEBBIAN_SIGNS if life.signs is None else life.signs,
-        int(life.hebbian.signal),
-        life.remembered,
-        float(lifetime.gain_rad_s),
-        float(lifetime.noise),
-        life.key,
-        lifetime.steps,
-        record_every,
-        samples,
-    )
-    if outcome.steps < lifetime.steps:
-        raise LostRobotError(
-            f"on a {life.side} trial of scenario {scenario.name} the robot's pose stopped being finite or left the "
-            f"arena at step {outcome.steps} of {lifetime.steps}"
-        )
-    return outcome, samples
-
-
-def _empty_samples(count: int) -> Samples:
-    def numbers(*shape: int) -> NDArray[np.float64]:
-        return np.zeros((count, *shape))
-
-    return Samples(
-        time=numbers(),
-        pose=numbers(3),
-        sensors=numbers(INPUTS),
-        motors=numbers(OUTPUTS),
-        fitness=numbers(),
-        surprise=np.full(count, np.nan),
-        rate=numbers(),
-        weight_change=numbers(),
-        weights=np.zeros((count, GENES), np.float32),
-    )
-
-
-_NO_SAMPLES = _empty_samples(0)
-
-
-def load_kernel() -> None:
-    """Load `live` from the cache, or compile it, as the first lifetime would."""
-    unborn = Life(genome=np.zeros(GENES), side="left", hebbian=Hebbian(), key=np.uint64(0))
-    live_block([unborn], Scenario(), Lifetime(duration_s=STEP_S))

@@ -16,24 +16,31 @@ SUN_IRRADIANCE = 2.7  # at light level 1
 NOISE = 0.01  # standard deviation of a reading, as a fraction of it
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Lamp:
-    """A spot light in the plane of the sensors, shining to the left (-X) from inside the stem's right wall."""
+    """A spot light in the plane of the sensors: where it is, the way it shines, how wide and how bright.
+
+    The paper's shines to the left (-X) from inside the stem's right wall. x_m, y_m: place. towards_x, towards_y: the
+    way it shines, of any length. beam_rad: half-angle of its beam. intensity: irradiance at 1 m.
+
+    Raises:
+        ValueError: a number is not finite, the beam is not in (0, pi], it shines nowhere, or is darker than dark.
+    """
 
     x_m: float = 0.1
     y_m: float = -0.2
-    beam_rad: float = 1.5  # half-angle
+    towards_x: float = -1.0
+    towards_y: float = 0.0
+    beam_rad: float = 1.5
     intensity: float = 2.0
 
     def __post_init__(self) -> None:
-        """Refuse a lamp that cannot be.
-
-        Raises:
-            ValueError: a number is not finite, the beam is not in (0, pi], or the intensity is negative.
-        """
-        for name in ("x_m", "y_m"):
+        """Refuse a lamp that cannot be."""
+        for name in ("x_m", "y_m", "towards_x", "towards_y"):
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"scenario.lamp.{name} must be a finite number, got {getattr(self, name)}")
+        if math.hypot(self.towards_x, self.towards_y) == 0:
+            raise ValueError("scenario.lamp.towards_x and towards_y must not both be 0: the lamp must shine some way")
         if not 0 < self.beam_rad <= math.pi:
             raise ValueError(f"scenario.lamp.beam_rad must lie in (0, pi], got {self.beam_rad}")
         if not (math.isfinite(self.intensity) and self.intensity >= 0):
@@ -47,13 +54,23 @@ class Lights(NamedTuple):
     lamp_intensity: float
     lamp_x: float
     lamp_y: float
+    lamp_towards_x: float
+    lamp_towards_y: float
     cos_beam: float
 
 
 def lights(light: float, lamp: Lamp, lamp_on: bool) -> Lights:
     """Sun at this light level and the lamp, lit or not."""
-    intensity = lamp.intensity if lamp_on else 0.0
-    return Lights(SUN_IRRADIANCE * light, intensity, lamp.x_m, lamp.y_m, math.cos(lamp.beam_rad))
+    length = math.hypot(lamp.towards_x, lamp.towards_y)
+    return Lights(
+        SUN_IRRADIANCE * light,
+        lamp.intensity if lamp_on else 0.0,
+        lamp.x_m,
+        lamp.y_m,
+        lamp.towards_x / length,
+        lamp.towards_y / length,
+        math.cos(lamp.beam_rad),
+    )
 
 
 @compiled
@@ -64,7 +81,7 @@ def irradiance(x: float, y: float, look_x: float, look_y: float, lit: Lights) ->
         return bright
     to_x, to_y = lit.lamp_x - x, lit.lamp_y - y
     distance = math.sqrt(to_x * to_x + to_y * to_y)
-    if to_x < lit.cos_beam * distance:  # the beam points along -X, so this is cos(angle) < cos(beam)
+    if -(lit.lamp_towards_x * to_x + lit.lamp_towards_y * to_y) < lit.cos_beam * distance:  # outside the beam
         return bright
     facing = max(0.0, look_x * to_x + look_y * to_y)
     return bright + lit.lamp_intensity * facing / (distance * distance * distance)

@@ -1,25 +1,33 @@
-"""A scenario: the world in which a robot lives, as the paper varies it."""
+"""A scenario: the world in which a robot lives, as the paper varies it, and when in its life that world changes."""
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
-from epuckhebb.sim.epuck import SENSORS
 from epuckhebb.sim.light import Lamp
-from epuckhebb.sim.maze import OBSTACLE_COUNTS
+from epuckhebb.sim.maze import SIDES, T_MAZE, Maze, Place, Side, check_reachable
+from epuckhebb.sim.robot import EPUCK, STEP_S, Robot
 
 EXPERIMENTS = ("light", "obstacles")
 TRAINED = {"light": "highlight", "obstacles": "base"}  # the scenario in which each one's controllers are evolved
+CHANGEABLE = ("light", "lamp", "obstacles", "layout", "goals", "dead_sensor", "left_wheel", "right_wheel")
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Scenario:
     """How light it is, how many obstacles stand in the maze, where its lamp is (lit on right trials), what is broken.
 
-    light: level of the sun, 1 as in bright training, 0.1 dimmed. obstacles: 0, 2 or 4. layout: where they stand, 0 as
-    in the paper, k > 0 moved and resized at random, the k-th way. dead_sensor: place 0 to 7 on the robot's rim where
-    it is blind (feels the dark and no wall), None where nowhere. left_wheel, right_wheel: share of the commanded speed
-    that the wheel turns at. experiment: which of the paper's two this belongs to, `light` or `obstacles`. paper_N,
-    paper_duration_s: the base rate and the time [s] of an evaluation that the paper used in that experiment.
+    light: level of the sun, 1 as in bright training, 0.1 dimmed. obstacles: how many; 0, 2 or 4 in the paper's maze.
+    layout: where they stand, 0 as the maze has them, k > 0 moved and resized at random, the k-th way. goals: of each
+    side, None where the maze has them. dead_sensor: number of the place on the robot's rim where it is blind (feels
+    the dark and no wall), None where nowhere. left_wheel, right_wheel: share of the commanded speed that the wheel
+    turns at. changes: what changes in mid-life, in the order of time; each is `at_s` [s] and new values of keys of
+    this class (`CHANGEABLE`). maze, robot: which. experiment: which of the paper's two this belongs to, `light` or
+    `obstacles`. paper_N, paper_duration_s: the base rate and the time [s] of an evaluation that the paper used there.
+
+    Raises:
+        ValueError: a value is outside the range named in the message.
     """
 
     name: str = "base"
@@ -27,30 +35,112 @@ class Scenario:
     light: float = 0.1
     obstacles: int = 0
     layout: int = 0
+    goals: Mapping[Side, Place] | None = None
     dead_sensor: int | None = None
     left_wheel: float = 1.0
     right_wheel: float = 1.0
     lamp: Lamp = field(default_factory=Lamp)
+    changes: Sequence[Mapping[str, Any]] = ()
     paper_N: float = 0.000015
     paper_duration_s: float = 250.0
+    maze: Maze = T_MAZE
+    robot: Robot = EPUCK
 
     def __post_init__(self) -> None:
-        """Refuse a world that cannot be.
-
-        Raises:
-            ValueError: a value is outside the range named in the message.
-        """
+        """Refuse a world that cannot be."""
         if self.experiment not in EXPERIMENTS:
             raise ValueError(f"scenario.experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
         if not (math.isfinite(self.light) and self.light >= 0):
             raise ValueError(f"scenario.light must be a number, 0 or more, got {self.light}")
-        if self.obstacles not in OBSTACLE_COUNTS:
-            allowed = ", ".join(map(str, OBSTACLE_COUNTS))
-            raise ValueError(f"scenario.obstacles must be one of {allowed}, got {self.obstacles}")
+        if self.obstacles not in self.maze.obstacle_counts:
+            allowed = ", ".join(map(str, self.maze.obstacle_counts))
+            raise ValueError(
+                f"scenario.obstacles must be one of {allowed} in maze {self.maze.name}, got {self.obstacles}"
+            )
         if self.layout < 0:
-            raise ValueError(f"scenario.layout must be 0 (as in the paper) or more, got {self.layout}")
-        if self.dead_sensor is not None and not 0 <= self.dead_sensor < SENSORS:
-            raise ValueError(f"scenario.dead_sensor must be null or 0 to {SENSORS - 1}, got {self.dead_sensor}")
+            raise ValueError(f"scenario.layout must be 0 (as in the maze) or more, got {self.layout}")
+        if self.layout and not self.maze.niches:
+            raise ValueError(f"scenario.layout = {self.layout} needs niches, and maze {self.maze.name} has none")
+        sensors = self.robot.sensor_numbers
+        if self.dead_sensor is not None and not 0 <= self.dead_sensor < sensors:
+            raise ValueError(f"scenario.dead_sensor must be null or 0 to {sensors - 1}, got {self.dead_sensor}")
         for wheel in ("left_wheel", "right_wheel"):
             if not 0 <= getattr(self, wheel) <= 1:
                 raise ValueError(f"scenario.{wheel} must lie in [0, 1], got {getattr(self, wheel)}")
+        if self.goals is not None and set(self.goals) != set(SIDES):
+            raise ValueError(f"scenario.goals must have {' and '.join(SIDES)}, got {sorted(self.goals)}")
+        check_reachable(self.maze, self.goals_now, self.obstacles, self.layout, self.robot.radius_m)
+        self._check_changes()
+
+    def _check_changes(self) -> None:
+        last, now = 0.0, self
+        for number, change in enumerate(self.changes):
+            where = f"scenario.changes[{number}]"
+            unknown = sorted(set(change) - {"at_s", *CHANGEABLE})
+            if unknown or len(change) < 2 or "at_s" not in change:
+                raise ValueError(
+                    f"{where} must have at_s and one or more of {', '.join(CHANGEABLE)}, "
+                    f"got {', '.join(map(str, change)) or 'nothing'}"
+                )
+            at_s = change["at_s"]
+            if not (isinstance(at_s, int | float) and math.isfinite(at_s) and at_s > last):
+                raise ValueError(f"{where}.at_s must be more than {last:g} s, the time before it, got {at_s}")
+            last = at_s
+            try:
+                now = _changed(now, change)
+            except (ValueError, TypeError) as error:
+                raise ValueError(f"{where}: {error}") from error
+
+    @property
+    def goals_now(self) -> Mapping[Side, Place]:
+        """The goals of each side."""
+        return self.maze.goals if self.goals is None else self.goals
+
+    @property
+    def phases(self) -> "list[tuple[int, Scenario]]":
+        """The world as it is from each control step on, until the next; without changes, itself from step 0 on."""
+        told = [(0, replace(self, changes=()) if self.changes else self)]
+        for change in self.changes:
+            told.append((round(change["at_s"] / STEP_S), _changed(told[-1][1], change)))
+        return told
+
+    def changed_from(self, named: "Scenario") -> str:
+        """What differs from the scenario of this name, as it would be typed; nothing if nothing does."""
+        told = []
+        for field_ in fields(self):
+            mine, its = getattr(self, field_.name), getattr(named, field_.name)
+            if field_.name == "lamp":
+                told += [
+                    f"lamp.{part.name}={getattr(mine, part.name)}"
+                    for part in fields(Lamp)
+                    if getattr(mine, part.name) != getattr(its, part.name)
+                ]
+            elif field_.name in ("maze", "robot"):
+                told += [f"{field_.name}={mine.name}"] if mine != its else []
+            elif field_.name == "goals" and mine != its:
+                told.append("goals=" + "/".join(f"{side}:{x:g},{y:g}" for side, (x, y) in self.goals_now.items()))
+            elif field_.name == "changes" and mine != its:
+                told += [
+                    " ".join([*(f"{key}={_plain(value)}" for key, value in change.items() if key != "at_s")])
+                    + f" at {change['at_s']:g} s"
+                    for change in mine
+                ]
+            elif mine != its:
+                told.append(f"{field_.name}={_plain(mine)}")
+        return ", ".join(told)
+
+
+def _changed(now: Scenario, change: Mapping[str, Any]) -> Scenario:
+    """The world after a change."""
+    values = {key: value for key, value in change.items() if key != "at_s"}
+    if "lamp" in values:
+        values["lamp"] = replace(now.lamp, **values["lamp"])
+    if values.get("goals") is not None:
+        values["goals"] = {**now.goals_now, **{side: Place(*place) for side, place in values["goals"].items()}}
+    return replace(now, changes=(), **values)
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, Mapping):
+        return "{" + " ".join(f"{key}:{_plain(item)}" for key, item in value.items()) + "}"
+    return f"{value:g}" if isinstance(value, float) else "null" if value is None else str(value)

@@ -9,10 +9,11 @@ The robot is pushed, never placed: force and torque that would give the wanted s
 damps everything else away. Overwriting velocities instead discards the solver's corrections and sinks it into walls.
 
 Far from walls a step of pymunk is one line of arithmetic, so it is asked only when a wall is near or was lately: the
-result is the same to the last bit, and most of the time is saved (`tests/test_world.py` holds both).
+result is the same to the last bit, and most of the time is saved (`tests/test_physics.py` holds both).
 """
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import llvmlite.binding
@@ -24,10 +25,9 @@ from pymunk._chipmunk_cffi import ffi, lib
 from pymunk.batch import BodyFields
 
 from epuckhebb.sim.compiled import compiled
-from epuckhebb.sim.epuck import AXLE, INERTIA, MASS, RADIUS, STEP_S, WHEEL_RADIUS
 from epuckhebb.sim.maze import Pose
+from epuckhebb.sim.robot import STEP_S, Robot
 
-ARENA = 0.5  # m: no robot gets farther from the middle of the maze than this
 COLLISION_SLOP = 1e-4  # m; pymunk's default, 0.1, is larger than the robot
 ITERATIONS = 10  # of the contact solver, pymunk's default
 _ROOM = 16  # numbers in an exchange buffer; a body takes six at most, and the space has two
@@ -79,13 +79,14 @@ class _Exchange:
         self.values = np.frombuffer(ffi.buffer(self._floats), np.float64)
 
 
-class World:
+class PymunkSpace:
     """Walls and one robot. Built once, then the robot is replaced for each lifetime, which leaves no trace of the last.
 
-    boxes: (boxes, 4) left, right, bottom, top edge of each wall [m].
+    boxes: (boxes, 4) left, right, bottom, top edge of each wall [m]. robot: of which kind.
     """
 
-    def __init__(self, boxes: NDArray[np.float64]) -> None:
+    def __init__(self, boxes: NDArray[np.float64], robot: Robot) -> None:
+        self._kind = robot
         self._space = pymunk.Space()
         self._space.damping = 0
         self._space.collision_slop = COLLISION_SLOP
@@ -114,68 +115,88 @@ class World:
         """Put a new robot, at rest, in the place of the old one."""
         if self._robot is not None:
             self._space.remove(*self._robot)
-        body = pymunk.Body(MASS, INERTIA)
+        body = pymunk.Body(self._kind.mass_kg, self._kind.inertia_kg_m2)
         body.position = (pose.x, pose.y)
         body.angle = pose.heading
-        disc = pymunk.Circle(body, RADIUS)
+        disc = pymunk.Circle(body, self._kind.radius_m)
         disc.friction = 0
         self._space.add(body, disc)
         self._robot = (body, disc)
         self.handles.state[:] = 0.0
         self.handles.state[:3] = pose
 
+    def take_over(self, before: "PymunkSpace") -> None:
+        """Put a robot where the one of another space is, moving as it moves; what it touches is found out anew."""
+        motion = before.handles.state[:_CLEAR_FOR].copy()
+        self.place_robot(Pose(*motion[:3].tolist()))
+        assert self._robot is not None
+        body = self._robot[0]
+        body.velocity = (float(motion[_V_X]), float(motion[_V_Y]))
+        body.angular_velocity = float(motion[_TURN])
+        self.handles.state[:_CLEAR_FOR] = motion
+
 
 @compiled
-def pose(world: Handles) -> tuple[float, float, float]:
+def pose(space: Handles) -> tuple[float, float, float]:
     """The robot's x, y [m] and heading [rad]."""
-    return world.state[_X], world.state[_Y], world.state[_HEADING]
+    return space.state[_X], space.state[_Y], space.state[_HEADING]
 
 
-@compiled
-def move(world: Handles, cos: float, sin: float, left: float, right: float) -> None:
-    """Push a robot that looks along (cos, sin) so that its wheels turn at left and right [rad/s], and let a step pass.
+Move = Callable[[Handles, float, float, float, float], None]
 
-    pymunk moves bodies first and applies forces afterwards: the robot moves by this command in the *next* step.
+
+def mover(robot: Robot) -> Move:
+    """The function `move(space, cos, sin, left, right)` that lets a step pass for a robot of this kind.
+
+    It pushes a robot that looks along (cos, sin) so that its wheels turn at left and right [rad/s]. pymunk moves
+    bodies first and applies forces afterwards: the robot moves by this command in the *next* step.
     """
-    speed = WHEEL_RADIUS * (left + right) / 2.0
-    turn = WHEEL_RADIUS * (right - left) / AXLE
-    force = MASS * speed / STEP_S
-    torque = INERTIA * turn / STEP_S
-    state = world.state
-    x = state[_X] + state[_V_X] * STEP_S
-    y = state[_Y] + state[_V_Y] * STEP_S
-    clear = _is_clear(x, y, world.walls)
-    if clear and state[_CLEAR_FOR] >= _CLEAR_STEPS:
-        state[_X], state[_Y] = x, y
-        state[_HEADING] += state[_TURN] * STEP_S
-        state[_V_X] = force * cos * (1.0 / MASS) * STEP_S
-        state[_V_Y] = force * sin * (1.0 / MASS) * STEP_S
-        state[_TURN] = torque * (1.0 / INERTIA) * STEP_S
-        return
-    if state[_CLEAR_FOR] >= _CLEAR_STEPS:
-        world.state_count[0] = 0
-        _for_each_body(world.space, world.put, world.state_data)
-    world.push_count[0] = 0
-    world.push[0], world.push[1], world.push[2] = force * cos, force * sin, torque
-    _for_each_body(world.space, world.put, world.push_data)
-    _space_step(world.space, STEP_S)
-    world.state_count[0] = 0
-    _for_each_body(world.space, world.get, world.state_data)
-    state[_CLEAR_FOR] = state[_CLEAR_FOR] + 1.0 if clear and state[_CLEAR_FOR] < _CLEAR_STEPS else 0.0
+    mass, inertia, wheel_radius, axle = robot.mass_kg, robot.inertia_kg_m2, robot.wheel_radius_m, robot.axle_m
+    near = (robot.radius_m + _CLEAR_GAP) ** 2
+
+    @compiled
+    def move(space: Handles, cos: float, sin: float, left: float, right: float) -> None:
+        speed = wheel_radius * (left + right) / 2.0
+        turn = wheel_radius * (right - left) / axle
+        force = mass * speed / STEP_S
+        torque = inertia * turn / STEP_S
+        state = space.state
+        x = state[_X] + state[_V_X] * STEP_S
+        y = state[_Y] + state[_V_Y] * STEP_S
+        clear = _is_clear(x, y, space.walls, near)
+        if clear and state[_CLEAR_FOR] >= _CLEAR_STEPS:
+            state[_X], state[_Y] = x, y
+            state[_HEADING] += state[_TURN] * STEP_S
+            state[_V_X] = force * cos * (1.0 / mass) * STEP_S
+            state[_V_Y] = force * sin * (1.0 / mass) * STEP_S
+            state[_TURN] = torque * (1.0 / inertia) * STEP_S
+            return
+        if state[_CLEAR_FOR] >= _CLEAR_STEPS:
+            space.state_count[0] = 0
+            _for_each_body(space.space, space.put, space.state_data)
+        space.push_count[0] = 0
+        space.push[0], space.push[1], space.push[2] = force * cos, force * sin, torque
+        _for_each_body(space.space, space.put, space.push_data)
+        _space_step(space.space, STEP_S)
+        space.state_count[0] = 0
+        _for_each_body(space.space, space.get, space.state_data)
+        state[_CLEAR_FOR] = state[_CLEAR_FOR] + 1.0 if clear and state[_CLEAR_FOR] < _CLEAR_STEPS else 0.0
+
+    return move
 
 
 @compiled
-def _is_clear(x: float, y: float, walls: NDArray[np.float64]) -> bool:
-    """Whether a robot with its centre at (x, y) touches no wall, with a millimetre to spare."""
+def _is_clear(x: float, y: float, walls: NDArray[np.float64], near: float) -> bool:
+    """Whether a robot with its centre at (x, y) touches no wall. near: square of the distance that would [m2]."""
     for wall in range(walls.shape[0]):
         beside = max(walls[wall, 0] - x, x - walls[wall, 1], 0.0)
         before = max(walls[wall, 2] - y, y - walls[wall, 3], 0.0)
-        if beside * beside + before * before < (RADIUS + _CLEAR_GAP) ** 2:
+        if beside * beside + before * before < near:
             return False
     return True
 
 
 @compiled
-def is_lost(x: float, y: float, heading: float) -> bool:
-    """Whether a pose is not made of numbers or outside the arena; pymunk lets both happen in silence."""
-    return not (abs(x) < ARENA and abs(y) < ARENA and math.isfinite(heading))
+def is_lost(x: float, y: float, heading: float, arena: float) -> bool:
+    """Whether a pose is not made of numbers or outside the arena [m]; pymunk lets both happen in silence."""
+    return not (abs(x) < arena and abs(y) < arena and math.isfinite(heading))

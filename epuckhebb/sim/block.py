@@ -1,0 +1,296 @@
+"""Many lives, one after the other in the same space, on as many threads as asked for; results do not depend on that.
+
+No robot knows of another. A life that meets a change of its world is paused, and goes on in the changed world.
+"""
+
+import inspect
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numba.core.errors import NumbaError
+from numpy.typing import NDArray
+
+from epuckhebb.sim import fitness
+from epuckhebb.sim.adaptation.adaptation import gate_numbers
+from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, no_baseline
+from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.genome import WEIGHTS, GenomePlan, plan_of
+from epuckhebb.sim.lifetime import (
+    Birth,
+    Life,
+    Lifetime,
+    Plasticity,
+    Samples,
+    Trial,
+    born,
+    empty_samples,
+    kernel_of,
+)
+from epuckhebb.sim.light import lights
+from epuckhebb.sim.maze import Pose, Region, Side, boxes, gap
+from epuckhebb.sim.network import HIDDEN, OUTPUTS, PAPER_NETWORK, Network, weights_at_birth
+from epuckhebb.sim.physics import PymunkSpace
+from epuckhebb.sim.plasticity.rule import Rule, coefficients, kept_at_birth
+from epuckhebb.sim.robot import STEP_S, Robot
+from epuckhebb.sim.scenario import Scenario
+
+_LIVES_PER_BLOCK = 50  # lifetimes that share a space, one after the other
+_MESSAGE_LINES = 10  # of what is told of a rule that does not compile
+
+
+class Outcome(NamedTuple):
+    """What a lifetime came to.
+
+    time_to_goal: s, first time within 5 cm of the goal, nan if never. path_length: m. final_distance: m from the goal.
+    behaviour: mean combined fitness over the steps. reward: goal reward at the end. weight_change_mean,
+    weight_change_final: sum over weights of |W - W_gene|. contact_fraction: share of steps with a distance reading
+    above 0.8. success: whether the robot was within 5 cm of its goal at the last step.
+    """
+
+    time_to_goal: float
+    path_length: float
+    final_distance: float
+    behaviour: float
+    reward: float
+    weight_change_mean: float
+    weight_change_final: float
+    contact_fraction: float
+    success: bool
+
+    @property
+    def fitness(self) -> float:
+        """The paper's final fitness: mean of the behaviour fitness and of the goal reward at the end."""
+        return (self.behaviour + self.reward) / 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Individual:
+    """One who shall live: genes, the network that they are for, a side, a controller, a noise key, a start.
+
+    genes: of all parts of the genome (`epuckhebb.sim.genome`), 234 in the paper. start: None where the maze has it.
+    signs: of the plastic updates, (synapses,), None for 1. baseline: what an adaptation compares with. record:
+    whether samples are kept.
+    """
+
+    genes: NDArray[np.float64]
+    side: Side
+    key: np.uint64
+    controller: Controller = GA_ALONE
+    network: Network = PAPER_NETWORK
+    start: Pose | None = None
+    signs: NDArray[np.float64] | None = None
+    baseline: BaselineOfSide | None = None
+    record: bool = False
+
+
+class LostRobotError(ArithmeticError):
+    """A robot's pose or weights stopped being finite, or it left the arena, so nothing that it did means anything."""
+
+
+class RuleError(ValueError):
+    """A plasticity rule cannot be compiled; says why."""
+
+
+def live_block(
+    individuals: Sequence[Individual], scenario: Scenario, lifetime: Lifetime, threads: int = 1
+) -> list[tuple[Outcome, Samples]]:
+    """Live many lifetimes in the same scenario; the outcomes come in the order of `individuals`, whatever `threads`.
+
+    Samples have length 0 where a life is not recorded.
+
+    Raises:
+        ValueError: genes, network, robot and rule do not fit each other.
+        RuleError: a rule does not compile.
+        LostRobotError: a pose or a weight stopped being finite; the message says whose and when.
+    """
+    size = max(1, min(_LIVES_PER_BLOCK, -(-len(individuals) // threads)))
+    blocks = [individuals[first : first + size] for first in range(0, len(individuals), size)]
+    # A pool even for one thread: Ctrl-C while numba builds a result would crash the process.
+    with ThreadPoolExecutor(threads) as pool:
+        lived = list(pool.map(lambda block: _live_in_one_space(block, scenario, lifetime), blocks))
+    return [life for block in lived for life in block]
+
+
+class _Phase(NamedTuple):
+    """The world from a step on: its scenario and the space with its walls."""
+
+    step: int
+    scenario: Scenario
+    space: PymunkSpace
+    walls: NDArray[np.float64]
+
+
+def _live_in_one_space(
+    individuals: Sequence[Individual], scenario: Scenario, lifetime: Lifetime
+) -> list[tuple[Outcome, Samples]]:
+    robot = scenario.robot
+    if lifetime.gain_rad_s > robot.motor_limit_rad_s:
+        raise ValueError(
+            f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of robot "
+            f"{robot.name}, got {lifetime.gain_rad_s}"
+        )
+    phases: list[_Phase] = []
+    for step, world in scenario.phases:
+        walls = boxes(world.maze, world.obstacles, world.layout)
+        same = phases and np.array_equal(phases[-1].walls, walls)
+        space = phases[-1].space if same else PymunkSpace(walls, world.robot)
+        phases.append(_Phase(step, world, space, walls))
+    kinds: dict[tuple[int, int], _Kind] = {}
+    lived = []
+    for who in individuals:
+        place = (id(who.controller), id(who.network))
+        if place not in kinds:
+            kinds[place] = _kind(who.controller, who.network, robot)
+        lived.append(_live_one(who, kinds[place], phases, lifetime))
+    return lived
+
+
+class _Kind(NamedTuple):
+    """What individuals with the same controller and network share."""
+
+    live: Callable[..., None]
+    plasticity: Plasticity
+    plan: GenomePlan
+    kept: NDArray[np.void]
+    signs: NDArray[np.float64]
+    baseline: BaselineOfSide
+
+
+def _kind(controller: Controller, network: Network, robot: Robot) -> _Kind:
+    rule, adaptation = controller.rule, controller.adaptation
+    numbers = rule.numbers()
+    return _Kind(
+        live=kernel_of(type(rule), tuple(numbers), adaptation.change_signal, network, robot),
+        plasticity=Plasticity(
+            float(rule.N), float(rule.floor), int(rule.signal), tuple(numbers.values()), gate_numbers(adaptation)
+        ),
+        plan=plan_of(network, type(rule)),
+        kept=kept_at_birth(type(rule), network),
+        signs=np.ones(network.synapses),
+        baseline=no_baseline(network.inputs),
+    )
+
+
+def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Lifetime) -> tuple[Outcome, Samples]:
+    first, rule = phases[0].scenario, type(who.controller.rule)
+    parts = kind.plan.split(who.genes)
+    birth = Birth(
+        weights_at_birth(parts[WEIGHTS]),
+        kind.kept,
+        coefficients(rule, who.network, parts),
+        kind.signs if who.signs is None else who.signs,
+    )
+    life = born(birth, who.network, first.robot)
+    record_every = lifetime.record_every if who.record else 0
+    samples = empty_samples(-(-lifetime.steps // record_every) if record_every else 0, who.network)
+
+    def live_until(step: int, phase: _Phase) -> None:
+        try:
+            kind.live(
+                life,
+                birth,
+                phase.space.handles,
+                lights(phase.scenario.light, phase.scenario.lamp, lamp_on=who.side == "right"),
+                _trial(phase.scenario, who.side),
+                kind.plasticity,
+                kind.baseline if who.baseline is None else who.baseline,
+                float(lifetime.gain_rad_s),
+                float(lifetime.noise),
+                who.key,
+                min(step, lifetime.steps),
+                record_every,
+                samples,
+            )
+        except NumbaError as error:
+            raise RuleError(_explained(rule, error)) from error
+        _check(who, life, phase.scenario, lifetime)
+
+    for number, phase in enumerate(phases):
+        if number == 0:
+            phase.space.place_robot(first.maze.start if who.start is None else who.start)
+        elif phase.space is not phases[number - 1].space:
+            before = phases[number - 1]
+            while _is_in_the_way(before.space, phase) and life.tally["step"][0] < lifetime.steps:
+                live_until(int(life.tally["step"][0]) + 1, before)  # new walls appear where the robot is not
+            phase.space.take_over(before.space)
+        live_until(phases[number + 1].step if number + 1 < len(phases) else lifetime.steps, phase)
+    return _outcome(life, lifetime, phases[-1].scenario.maze.goal_radius_m), samples
+
+
+def _is_in_the_way(space: PymunkSpace, phase: _Phase) -> bool:
+    """Whether the robot of a space stands where walls of the next phase would be."""
+    x, y = space.handles.state[:2].tolist()
+    return gap(x, y, phase.walls) < phase.scenario.robot.radius_m
+
+
+def _trial(scenario: Scenario, side: Side) -> Trial:
+    goal, maze = scenario.goals_now[side], scenario.maze
+    return Trial(
+        float(goal.x),
+        float(goal.y),
+        float(maze.goal_radius_m),
+        Region(*map(float, maze.arms[side])),
+        float(maze.arena_m),
+        -1 if scenario.dead_sensor is None else scenario.dead_sensor,
+        float(scenario.left_wheel),
+        float(scenario.right_wheel),
+    )
+
+
+def _check(who: Individual, life: Life, scenario: Scenario, lifetime: Lifetime) -> None:
+    """Refuse to go on with a life that makes no sense any more."""
+    where = f"on a {who.side} trial of scenario {scenario.name}, controller {who.controller.name},"
+    when = f"at step {life.tally['step'][0]} of {lifetime.steps}"
+    if not (np.isfinite(life.weights).all() and np.isfinite(life.kept.view(np.float64)).all()):
+        raise LostRobotError(
+            f"{where} the rule {type(who.controller.rule).__name__} made weights, or what synapses keep, infinite or "
+            f"nan; noticed {when}"
+        )
+    if life.tally["lost"][0]:
+        raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")
+
+
+def _outcome(life: Life, lifetime: Lifetime, goal_radius: float) -> Outcome:
+    tally = life.tally[0]
+    goal_distance = float(tally["goal_distance"])
+    return Outcome(
+        float(tally["time_to_goal"]),
+        float(tally["path_length"]),
+        goal_distance,
+        float(tally["behaviour_sum"]) / lifetime.steps,
+        fitness.reward(goal_distance),
+        float(tally["weight_change_sum"]) / lifetime.steps,
+        float(tally["weight_change"]),
+        int(tally["contacts"]) / lifetime.steps,
+        goal_distance < goal_radius,
+    )
+
+
+def _explained(rule: type[Rule], error: NumbaError) -> str:
+    """Why a rule does not compile, in ten lines at most, with the file and line if numba tells them."""
+    lines = [line.rstrip() for line in str(error).splitlines() if line.strip()]
+    own = inspect.getsourcefile(rule.synapse)
+    told = [line for line in lines if own and own in line][-1:] + [line for line in lines if "File" not in line][:8]
+    return "\n".join([f"rule {rule.__name__} of {own} does not compile:", *dict.fromkeys(told)][:_MESSAGE_LINES])
+
+
+def load_kernel(controller: Controller = GA_ALONE, network: Network | None = None, scenario: Scenario | None = None) -> None:
+    """Load or compile what lives of this kind need, as the first of them would.
+
+    Raises:
+        ValueError: network, robot and rule do not fit each other.
+        RuleError: the rule does not compile.
+    """
+    world = replace(scenario or Scenario(), changes=())
+    net = network or Network((world.robot.inputs, *HIDDEN, OUTPUTS))
+    unborn = Individual(
+        genes=np.zeros(plan_of(net, type(controller.rule)).genes),
+        side="left",
+        controller=controller,
+        network=net,
+        key=np.uint64(0),
+    )
+    live_block([unborn], world, Lifetime(duration_s=STEP_S))

@@ -1,0 +1,64 @@
+"""A genome: what is evolved, in named parts. The weights of the network come first, then a rule's evolved parameters."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.network import Network
+from epuckhebb.sim.plasticity.rule import NoRule, Rule, evolved_sizes
+
+WEIGHTS = "weights"
+
+
+@dataclass(frozen=True)
+class Part:
+    """Genes that mean the same.
+
+    name: `weights`, or that of a rule's parameter. size: how many. start: in the first generation they are uniform in
+    +-start. limit: they are clipped to +-limit; None leaves that to the optimizer (`ga.gene_limit`).
+    """
+
+    name: str
+    size: int
+    start: float = 1.0
+    limit: float | None = None
+
+
+@dataclass(frozen=True)
+class GenomePlan:
+    """The parts of a genome, in the order of its genes."""
+
+    parts: tuple[Part, ...]
+
+    @cached_property
+    def genes(self) -> int:
+        """How many genes there are; 234 in the paper."""
+        return sum(part.size for part in self.parts)
+
+    def split(self, genes: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        """The genes of each part, by name; (..., size) of (..., genes).
+
+        Raises:
+            ValueError: there are more or fewer genes than the plan has.
+        """
+        if genes.shape[-1] != self.genes:
+            raise ValueError(f"a genome of {self.told()} has {self.genes} genes, got {genes.shape[-1]}")
+        parts, first = {}, 0
+        for part in self.parts:
+            parts[part.name] = genes[..., first : first + part.size]
+            first += part.size
+        return parts
+
+    def told(self) -> str:
+        """The parts in words, for example "234 weights"."""
+        return ", ".join(f"{part.size} {part.name}" for part in self.parts)
+
+
+def plan_of(network: Network, rule: type[Rule] = NoRule) -> GenomePlan:
+    """The genome of a network, and of a rule whose parameters are evolved."""
+    parts = [Part(WEIGHTS, network.synapses)]
+    for name, size in evolved_sizes(rule, network).items():
+        parts.append(Part(name, size, rule.evolved[name].start, rule.evolved[name].limit))
+    return GenomePlan(tuple(parts))

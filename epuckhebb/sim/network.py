@@ -1,0 +1,182 @@
+"""The network: layers of tanh neurons, by default 16-7-5-8-4-2, whose 234 weights are the genome.
+
+The weights stand in the order of the genes: layer by layer, and within a layer one row for each presynaptic neuron with
+its weights to all postsynaptic ones. The first layer has one more row, last, for the bias: a constant 1 beside the
+sensors, the only bias there is. Activations of all neurons stand in one array, layer by layer; in the paper's network:
+
+    0-15 sensors, 16 bias, 17-23, 24-28, 29-36, 37-40 hidden layers, 41 left wheel, 42 right wheel
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate, pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.compiled import compiled
+
+WEIGHT_LIMIT = 2.0  # weights are loaded clipped to +-2, the bound of plasticity in the paper
+HIDDEN = (7, 5, 8, 4)  # the paper's hidden layers
+OUTPUTS = 2  # left wheel, right wheel
+_LARGEST = 100_000  # synapses; more is surely a slip
+
+_STEPS_PER_UNIT = 32
+_TANH_IS_1 = 20.0  # from about 19 on, tanh is 1 to the last bit
+_TANH = np.array([math.tanh(k / _STEPS_PER_UNIT) for k in range(int(_TANH_IS_1) * _STEPS_PER_UNIT + 1)])
+
+
+@dataclass(frozen=True)
+class Network:
+    """The shape of a network. layers: how many neurons each layer has, sensors first, the two wheels last.
+
+    Raises:
+        ValueError: there are fewer than two layers, a layer is empty, or the last has not two neurons.
+    """
+
+    layers: tuple[int, ...] = (16, *HIDDEN, OUTPUTS)
+
+    def __post_init__(self) -> None:
+        """Refuse shapes that cannot be."""
+        whole = all(isinstance(size, int) and size > 0 for size in self.layers)
+        if len(self.layers) < 2 or not whole or self.layers[-1] != OUTPUTS:
+            raise ValueError(
+                f"network.layers must be two or more positive whole numbers, the last of them {OUTPUTS} "
+                f"(left and right wheel), got {list(self.layers)}"
+            )
+        if self.synapses > _LARGEST:
+            raise ValueError(f"network.layers = {list(self.layers)} has {self.synapses} weights; at most {_LARGEST}")
+
+    @cached_property
+    def inputs(self) -> int:
+        """How many sensor readings it takes."""
+        return self.layers[0]
+
+    @cached_property
+    def bias(self) -> int:
+        """Where the constant 1 stands among the activations: behind the readings."""
+        return self.inputs
+
+    @cached_property
+    def pre(self) -> tuple[int, ...]:
+        """How many presynaptic neurons each layer of connections has; the first counts the bias."""
+        return (self.inputs + 1, *self.layers[1:-1])
+
+    @cached_property
+    def post(self) -> tuple[int, ...]:
+        """How many postsynaptic neurons each layer of connections has."""
+        return self.layers[1:]
+
+    @cached_property
+    def first_neuron(self) -> tuple[int, ...]:
+        """Where each layer of neurons begins among the activations."""
+        return tuple(accumulate((self.inputs + 1, *self.layers[1:-1]), initial=0))
+
+    @cached_property
+    def first_synapse(self) -> tuple[int, ...]:
+        """Where each layer of connections begins among the weights."""
+        return tuple(accumulate((n * m for n, m in self.shapes[:-1]), initial=0))
+
+    @cached_property
+    def shapes(self) -> list[tuple[int, int]]:
+        """(presynaptic, postsynaptic) neurons of each layer of connections."""
+        return list(zip(self.pre, self.post, strict=True))
+
+    @cached_property
+    def neurons(self) -> int:
+        """All activations, the readings and the bias among them."""
+        return self.inputs + 1 + sum(self.layers[1:])
+
+    @cached_property
+    def wheels(self) -> int:
+        """Where the left wheel's output stands among the activations; the right wheel's follows."""
+        return self.neurons - OUTPUTS
+
+    @cached_property
+    def synapses(self) -> int:
+        """How many weights it has; 234 in the paper."""
+        return sum(n * m for n, m in self.shapes)
+
+    def __str__(self) -> str:
+        """The layers, for example 16-7-5-8-4-2."""
+        return "-".join(map(str, self.layers))
+
+
+PAPER_NETWORK = Network()
+
+
+def weights_at_birth(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A copy of the inherited weights, clipped to +-2: what plasticity changes and death forgets."""
+    return np.clip(weights, -WEIGHT_LIMIT, WEIGHT_LIMIT)
+
+
+@compiled
+def tanh(x: float) -> float:
+    """Tanh x to within 4 units in the last place, at a quarter of the cost of the C library's.
+
+    tanh(a + d) = (tanh a + tanh d) / (1 + tanh a tanh d), with tanh a from a table and four terms of the series of
+    tanh d, |d| <= 1/64. Only + - * / and a look-up, hence the same bits on every processor.
+    """
+    size = min(_TANH_IS_1, abs(x))
+    k = np.floor(size * _STEPS_PER_UNIT + 0.5)
+    d = size - k / _STEPS_PER_UNIT
+    square = d * d
+    tanh_d = d * (1.0 + square * (-1.0 / 3.0 + square * (2.0 / 15.0 + square * (-17.0 / 315.0))))
+    tanh_a = _TANH[np.uint32(np.int32(k))]  # 32 bits convert fast; an index without a sign needs no test for < 0
+    return math.copysign((tanh_a + tanh_d) / (1.0 + tanh_a * tanh_d), x)
+
+
+Pass = Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], None]
+
+
+def forward_pass(network: Network) -> Pass:
+    """The function `forward(weights, activation, drive)` that passes readings through this network: y = tanh(x W).
+
+    weights: (synapses,). activation: (neurons,), readings and bias given, the rest filled. drive: workspace of at
+    least the widest layer, a layer's x W. The sizes are constants in the machine code; a network is compiled as its
+    first layer followed by the rest.
+    """
+    passes = [
+        _layer(network.first_neuron[k], network.first_neuron[k + 1], network.first_synapse[k], *shape)
+        for k, shape in enumerate(network.shapes)
+    ]
+    forward = passes[-1]
+    for layer in reversed(passes[:-1]):
+        forward = _followed(layer, forward)
+    return forward
+
+
+def _layer(pre: int, post: int, first: int, inputs: int, outputs: int) -> Pass:
+    """The pass through one layer of connections."""
+
+    @compiled
+    def fire(weights: NDArray[np.float64], activation: NDArray[np.float64], drive: NDArray[np.float64]) -> None:
+        for j in range(outputs):
+            summed = 0.0
+            for i in range(inputs):
+                summed += activation[pre + i] * weights[first + i * outputs + j]
+            drive[j] = summed
+        for j in range(outputs):
+            activation[post + j] = tanh(drive[j])
+
+    return fire
+
+
+def _followed(layer: Pass, rest: Pass) -> Pass:
+    @compiled
+    def fire(weights: NDArray[np.float64], activation: NDArray[np.float64], drive: NDArray[np.float64]) -> None:
+        layer(weights, activation, drive)
+        rest(weights, activation, drive)
+
+    return fire
+
+
+def by_layer(network: Network, values: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Numbers of all synapses, (..., synapses), as one (..., presynaptic, postsynaptic) array for each layer."""
+    bounds = [*network.first_synapse, network.synapses]
+    return [
+        values[..., a:b].reshape(*values.shape[:-1], n, m)
+        for (a, b), (n, m) in zip(pairwise(bounds), network.shapes, strict=True)
+    ]

@@ -1,0 +1,37 @@
+"""The BCM rule: what a neuron does more than usual strengthens its inputs, what it does less weakens them.
+
+    theta_i' = theta_i + (x_i^2 - theta_i) / (time / 32 ms)    sliding threshold, a running mean of x_i^2
+    D        = x_j x_i (x_i - theta_i')
+
+Source: Bienenstock, Cooper & Munro, Theory for the development of neuron selectivity, J. Neuroscience 2 (1982), with
+the threshold as the mean square, as is usual since Intrator & Cooper (1992). Activations here may be negative.
+"""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from epuckhebb.sim.plasticity.rule import Rule
+from epuckhebb.sim.robot import STEP_S
+
+
+@dataclass(frozen=True, kw_only=True)
+class BCM(Rule):
+    """Hebbian plasticity about a sliding threshold. threshold_time_s: time constant of the threshold [s]."""
+
+    kept: ClassVar = {"threshold": 0.0}  # of the postsynaptic neuron, the same for all synapses onto it
+
+    threshold_time_s: float = 5.0
+
+    def __post_init__(self) -> None:
+        """Refuse thresholds that cannot be."""
+        super().__post_init__()
+        if self.threshold_time_s < STEP_S:
+            raise ValueError(
+                f"hebbian.threshold_time_s must be at least one step, {STEP_S} s, got {self.threshold_time_s}"
+            )
+
+    @staticmethod
+    def synapse(correlation: float, post: float, kept: Any, by: Any) -> float:
+        """Move the threshold, then D = x_j x_i (x_i - theta_i)."""
+        kept.threshold += (post * post - kept.threshold) * (STEP_S / by.threshold_time_s)
+        return float(correlation * (post - kept.threshold))

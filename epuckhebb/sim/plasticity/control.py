@@ -1,0 +1,21 @@
+"""Controls of plasticity: updates as large as a rule's, in other directions. What they do, the rule did not do."""
+
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Sign(Enum):
+    """The sign S of the updates: the rule's, and two controls that change the weights as much but not as it says."""
+
+    hebbian = "hebbian"
+    anti = "anti"  # what fires together parts
+    shuffled = "shuffled"  # a fixed random sign for each synapse
+
+
+def signs(sign: Sign, synapses: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """S for each synapse, (synapses,) of 1 and -1; `rng` is used for shuffled signs only."""
+    if sign is Sign.shuffled:
+        return rng.choice([-1.0, 1.0], synapses)
+    return np.full(synapses, -1.0 if sign is Sign.anti else 1.0)

@@ -1,0 +1,37 @@
+"""Differential plasticity: spike-timing-dependent plasticity for rates. What comes first strengthens what follows.
+
+    a_j' = a_j + (x_j - a_j) / (time / 32 ms)    traces of both neurons
+    a_i' = a_i + (x_i - a_i) / (time / 32 ms)
+    D    = a_j' x_i - x_j a_i'                   pre before post strengthens, post before pre weakens
+
+Source: Caporale & Dan, Annual Review of Neuroscience 31 (2008), for the timing; Di Paolo, Adaptive Behavior 10 (2002),
+for its use in evolved robots. Traces with the time constant of a few steps stand for the window of spike pairs.
+"""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from epuckhebb.sim.plasticity.rule import Rule
+from epuckhebb.sim.robot import STEP_S
+
+
+@dataclass(frozen=True, kw_only=True)
+class Differential(Rule):
+    """Plasticity by the order of activity. trace_time_s: time constant of the traces [s]."""
+
+    kept: ClassVar = {"trace_pre": 0.0, "trace_post": 0.0}
+
+    trace_time_s: float = 0.16
+
+    def __post_init__(self) -> None:
+        """Refuse traces that cannot be."""
+        super().__post_init__()
+        if self.trace_time_s < STEP_S:
+            raise ValueError(f"hebbian.trace_time_s must be at least one step, {STEP_S} s, got {self.trace_time_s}")
+
+    @staticmethod
+    def synapse(pre: float, post: float, kept: Any, by: Any) -> float:
+        """Move both traces, then D = a_j x_i - x_j a_i."""
+        kept.trace_pre += (pre - kept.trace_pre) * (STEP_S / by.trace_time_s)
+        kept.trace_post += (post - kept.trace_post) * (STEP_S / by.trace_time_s)
+        return float(kept.trace_pre * post - pre * kept.trace_post)

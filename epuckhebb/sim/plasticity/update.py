@@ -1,0 +1,128 @@
+"""The plastic update, the same for all rules, after every control step and in force from the next one on.
+
+    N_e = N g max(0.2, F)                  effective rate; g is the need for plasticity, 1 in the paper
+    W'  = clip(W + N_e S D, -W_max, W_max) D is the direction that the rule says, S a sign, 1 but in controls
+
+The weights are a copy made at birth: the genome is never written, so a robot forgets by being born again.
+"""
+
+from collections import namedtuple
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.network import Network
+from epuckhebb.sim.plasticity.rule import Rule, asked
+from epuckhebb.sim.plasticity.weight_change import total_of, weight_change
+
+PRE, POST, CORRELATION = range(3)  # rows of the workspace of an update
+
+
+@compiled
+def effective_rate(rate: float, need: float, fitness: float, floor: float) -> float:
+    """N_e = N g max(0.2, F): a robot that does well learns fast, one that does badly still explores a little."""
+    return rate * need * max(floor, fitness)
+
+
+@compiled
+def next_weight(weight: float, rate: float, direction: float, w_max: float) -> float:
+    """W' = clip(W + N_e D, -W_max, W_max), with N_e or -N_e as the rate."""
+    return min(w_max, max(-w_max, weight + rate * direction))
+
+
+Fill = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
+
+
+def _pass(activation: NDArray[np.float64], room: NDArray[np.float64]) -> None:
+    """Nothing to do."""
+
+
+def _filled(network: Network, quantity: int) -> Fill:
+    """The function that writes x_j, x_i or their product for every synapse into its row of the workspace."""
+    fill: Fill = compiled(_pass)
+    for k, (inputs, outputs) in reversed(list(enumerate(network.shapes))):
+        fill = _layer_filled(
+            network.first_neuron[k], network.first_neuron[k + 1], network.first_synapse[k], inputs, outputs, quantity, fill
+        )
+    return fill
+
+
+def _layer_filled(pre: int, post: int, first: int, inputs: int, outputs: int, quantity: int, rest: Fill) -> Fill:
+    of_pre, of_post = quantity in (PRE, CORRELATION), quantity in (POST, CORRELATION)
+
+    @compiled
+    def fill(activation: NDArray[np.float64], room: NDArray[np.float64]) -> None:
+        for i in range(inputs):
+            for j in range(outputs):
+                value = activation[pre + i] if of_pre else 1.0
+                room[quantity, first + i * outputs + j] = value * activation[post + j] if of_post else value
+        rest(activation, room)
+
+    return fill
+
+
+Update = Callable[..., float]
+
+
+def update_of(rule: type[Rule], settings: tuple[str, ...], network: Network) -> Update:
+    """The function that updates all weights of a network once by a rule, and returns the weight change.
+
+    settings: the names of the rule's settings. The function is
+    `learn(weights, kept, genes, coefficients, activation, rate, signs, numbers, room, change)`: weights (synapses,)
+    and what the synapses keep are updated; genes: weights at birth; coefficients: (evolved parameters, synapses);
+    activation: (neurons,); rate: N_e; signs: (synapses,); numbers: the settings; room (3, synapses) and change:
+    workspace.
+
+    Raises:
+        ValueError: the rule asks for something that there is not.
+    """
+    names = asked(rule)
+    By = namedtuple("By", settings)  # type: ignore[misc]  # noqa: PYI024
+    evolved = {name: f"coefficients[{row}, k]" for row, name in enumerate(rule.evolved)}
+    told = {
+        "correlation": f"room[{CORRELATION}, k]",
+        "pre": f"room[{PRE}, k]",
+        "post": f"room[{POST}, k]",
+        "weight": "weights[k]",
+        "kept": "kept[k]",
+        "by": "by",
+        **evolved,
+    }
+    # A rule names what it needs, and only that is worked out; so the call is written when the rule is known.
+    direction = compiled(
+        eval(  # noqa: S307
+            f"lambda k, weights, kept, coefficients, room, by: synapse({', '.join(told[name] for name in names)})",
+            {"synapse": compiled(rule.synapse)},
+        )
+    )
+    fill_pre = _filled(network, PRE) if "pre" in names else compiled(_pass)
+    fill_post = _filled(network, POST) if "post" in names else compiled(_pass)
+    fill_correlation = _filled(network, CORRELATION) if "correlation" in names else compiled(_pass)
+    synapses, total = network.synapses, total_of(network)
+
+    @compiled
+    def learn(
+        weights: NDArray[np.float64],
+        kept: NDArray[np.void],
+        genes: NDArray[np.float64],
+        coefficients: NDArray[np.float64],
+        activation: NDArray[np.float64],
+        rate: float,
+        signs: NDArray[np.float64],
+        numbers: tuple[float, ...],
+        room: NDArray[np.float64],
+        change: NDArray[np.float64],
+    ) -> float:
+        by = By(*numbers)
+        fill_pre(activation, room)
+        fill_post(activation, room)
+        fill_correlation(activation, room)
+        for k in range(synapses):
+            towards = direction(k, weights, kept, coefficients, room, by)
+            weights[k] = next_weight(weights[k], rate * signs[k], towards, by.w_max)
+            change[k] = weight_change(weights[k], genes[k])
+        return total(change)
+
+    return learn

@@ -1,0 +1,52 @@
+"""How far plasticity has taken a network from its genes: the paper's weight change, the sum of |W - W_gene|."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.network import Network
+
+_LANES = 16  # numbers that are added to each other first, so that the processor can do four sums at a time
+
+
+def room(network: Network) -> int:
+    """The length of an array for the changes of all weights: whole groups of 16."""
+    return -(-network.synapses // _LANES) * _LANES
+
+
+@compiled
+def weight_change(weight: float, gene: float) -> float:
+    """|W - W_gene| of one weight."""
+    return abs(weight - gene)
+
+
+def total_of(network: Network) -> Callable[[NDArray[np.float64]], float]:
+    """The function that adds up the changes of a network's weights; it spoils the (room,) array that it is given.
+
+    The order of the sums is one that the processor can do four at a time: each half is added to the other, four times
+    over; the sums that are left are added one by one.
+    """
+    used, length = network.synapses, room(network)
+    left = length // _LANES
+    half, quarter, eighth = length // 2, length // 4, length // 8
+
+    @compiled
+    def quarters(values: NDArray[np.float64], k: int) -> float:
+        return float((values[k] + values[k + half]) + (values[k + quarter] + values[k + half + quarter]))
+
+    @compiled
+    def total(values: NDArray[np.float64]) -> float:
+        for k in range(used, length):
+            values[k] = 0.0
+        for k in range(left):
+            values[k] = (quarters(values, k) + quarters(values, k + eighth)) + (
+                quarters(values, k + left) + quarters(values, k + eighth + left)
+            )
+        summed = 0.0
+        for k in range(left):
+            summed += values[k]
+        return summed
+
+    return total

@@ -1,0 +1,90 @@
+"""Random numbers: everything random has a place in a study, and its numbers depend on the seed and that place alone.
+
+So nothing changes when work is done in another order, on more threads, or continued after an interruption. Sensor noise
+goes one step further: it depends on the key of a lifetime and on the step, and there is no generator whose state could
+be shared. A robot has the same noise alone, in a block, on any thread and after a pause.
+"""
+
+from collections.abc import Callable
+from enum import IntEnum
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.compiled import compiled
+
+
+class Stream(IntEnum):
+    """What random numbers are for. The numbers are part of every result: never renumber."""
+
+    variation = 0
+    training_noise = 1
+    training_start = 2
+    evaluation_noise = 3
+    shuffled_signs = 4
+    bootstrap = 5
+    layout = 6
+    baseline_noise = 7
+
+
+def rng(seed: int, stream: Stream, *place: int) -> np.random.Generator:
+    """A generator for one place in a study, for example (generation, individual, loop, side)."""
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(stream, *place))))
+
+
+def key(seed: int, stream: Stream, *place: int) -> np.uint64:
+    """The key of a lifetime's sensor noise."""
+    sequence = np.random.SeedSequence(seed, spawn_key=(stream, *place))
+    return np.uint64(sequence.generate_state(1, np.uint64)[0])
+
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
+_MIX_2 = np.uint64(0x94D049BB133111EB)
+_S30, _S27, _S31, _S16, _S4 = (np.uint64(shift) for shift in (30, 27, 31, 16, 4))
+_LOW_16 = np.uint64(0xFFFF)
+_A_DRAW = 4  # numbers that one draw of 64 bits gives
+
+
+def _normal_quantiles(count: int) -> NDArray[np.float64]:
+    """The middles of `count` equally likely slices of the normal distribution, scaled to variance 1."""
+    quantiles: NDArray[np.float64] = np.array([NormalDist().inv_cdf((k + 0.5) / count) for k in range(count)])
+    quantiles /= np.sqrt(np.mean(quantiles**2))
+    return quantiles
+
+
+QUANTILES = _normal_quantiles(4096)  # reaches 3.7 standard deviations
+
+
+@compiled
+def bits(key: np.uint64, number: np.uint64) -> np.uint64:
+    """64 random bits: output `number` of the SplitMix64 generator (Steele et al. 2014) seeded with `key`."""
+    z = key + (number + np.uint64(1)) * _GOLDEN
+    z = (z ^ (z >> _S30)) * _MIX_1
+    z = (z ^ (z >> _S27)) * _MIX_2
+    return z ^ (z >> _S31)
+
+
+def room_for_noise(count: int) -> int:
+    """The length of an array for `count` numbers: whole draws."""
+    return -(-count // _A_DRAW) * _A_DRAW
+
+
+def normal_numbers(count: int) -> Callable[[np.uint64, int, NDArray[np.float64]], None]:
+    """The function that fills an array of `room_for_noise(count)` with standard normal numbers for a key and a step.
+
+    One draw of 64 bits gives four 12-bit places in `QUANTILES`.
+    """
+    draws = room_for_noise(count) // _A_DRAW
+    per_step = np.uint64(draws)
+
+    @compiled
+    def fill(key: np.uint64, step: int, out: NDArray[np.float64]) -> None:
+        for draw in range(draws):
+            z = bits(key, np.uint64(step) * per_step + np.uint64(draw))
+            for k in range(_A_DRAW):
+                out[_A_DRAW * draw + k] = QUANTILES[(z & _LOW_16) >> _S4]
+                z >>= _S16
+
+    return fill
