@@ -87,7 +87,8 @@ def summary(claims: pd.DataFrame, success: pd.DataFrame, harm: pd.DataFrame, pro
     """The results section of the README: claims, success, rescue and harm."""
     return "\n".join(
         [
-            f"{provenance} A *trial* is one champion on one side; it succeeds if most of its noise repeats do.\n",
+            f"{provenance} A *trial* is one champion on one side; it succeeds if most of its noise repeats do. "
+            "Intervals and p values take champions, not trials, for the independent unit.\n",
             _claims(claims, of_what=False),
             "Success, with 95 % intervals:\n",
             success_table(success, (GA_ALONE, HEBBIAN)),
