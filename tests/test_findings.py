@@ -6,11 +6,14 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
 
 from epuckhebb.app.data import data_folder
-from epuckhebb.study import findings, published
+from epuckhebb.study import findings, published, rescue
 from epuckhebb.study.evaluate import GA_ALONE, HEBBIAN
-from epuckhebb.study.statistics import bootstrap_mean, bootstrap_ratio, mcnemar, wilson
+from epuckhebb.study.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson, wilson_by_champion
 
 
 @pytest.mark.parametrize(
@@ -24,17 +27,124 @@ def test_no_trials_no_interval():
     assert all(map(math.isnan, wilson(0, 0)))
 
 
-@pytest.mark.parametrize(("b", "c", "p"), [(0, 0, 1.0), (6, 0, 2 / 64), (1, 5, 14 / 64), (5, 5, 1.0)])
-def test_mcnemar_is_exact(b, c, p):
-    assert mcnemar(b, c) == pytest.approx(p)
+def width(interval):
+    low, high = interval
+    return high - low
 
 
-def test_bootstrap_covers_the_mean_and_collapses_where_all_agree():
+@pytest.mark.parametrize(
+    ("differences", "p"),
+    [
+        ([], 1.0),
+        ([0, 0, 0], 1.0),
+        ([2], 1.0),  # one champion: + or -, both as far from 0
+        ([2, 1], 2 / 4),  # sums 3, 1, -1, -3: two of four as far as 3
+        ([2, -1], 4 / 4),
+        ([2, 2, -1, 0], 4 / 8),  # sums 5, 3, 1, -1, 1, -1, -3, -5: four of eight as far as 3
+        ([-2] * 5, 2 / 32),  # ten trials agree, but they are five champions: 2/1024 would be McNemar's
+        ([1] * 6, 2 / 64),
+    ],
+)
+def test_sign_flip_by_hand(differences, p):
+    assert sign_flip(np.array(differences, int)) == p
+
+
+@pytest.mark.parametrize(("gained", "lost"), [(6, 0), (1, 5), (5, 5), (13, 4)])
+def test_sign_flip_is_mcnemar_where_each_champion_has_one_trial(gained, lost):
+    differences = np.repeat([1, -1, 0], [gained, lost, 3])
+    assert sign_flip(differences) == pytest.approx(stats.binomtest(gained, gained + lost, 0.5).pvalue)
+
+
+def test_sign_flip_agrees_with_scipy_and_is_exact_for_many():
+    differences = np.array([2, 1, -1, 0, 2, -2, 1, 1, 2])
+    expected = stats.permutation_test((differences,), np.sum, permutation_type="samples", n_resamples=2**9).pvalue
+    assert sign_flip(differences) == pytest.approx(expected)
+    assert sign_flip(np.full(60, 2)) == 2 / 2**60
+
+
+def test_sign_flip_wants_whole_trials():
+    with pytest.raises(TypeError, match="float64"):
+        sign_flip(np.array([0.5, 1.0]))
+
+
+def test_one_trial_from_each_champion_is_wilson():
+    assert wilson_by_champion(np.array([1] * 3 + [0] * 17), np.ones(20, int)) == pytest.approx(wilson(3, 20))
+
+
+def test_sides_that_always_agree_are_worth_one_trial():
+    alike = wilson_by_champion(np.array([2] * 10 + [0] * 10), np.full(20, 2))
+    assert width(alike) > width(wilson(10, 20)) > 1.3 * width(wilson(20, 40))
+    assert alike == pytest.approx(wilson(10, 20), abs=0.005)
+
+
+def test_sides_that_have_nothing_to_do_with_each_other_are_worth_two():
+    apart = wilson_by_champion(np.array([2] * 5 + [1] * 10 + [0] * 5), np.full(20, 2))
+    assert apart == pytest.approx(wilson(20, 40), abs=0.005)
+
+
+def test_an_interval_by_hand():
+    # 3 of 4 by champions with 2 of 2 and 1 of 2: off by 0.5 and -0.5, variance 2 (0.25 + 0.25) / 16 = 1/16, and of
+    # independent trials 0.75 * 0.25 / 3 = 1/16. The design effect is 1, the effective number of cases 4
+    assert wilson_by_champion(np.array([2, 1]), np.array([2, 2])) == pytest.approx(wilson(3, 4))
+
+
+@pytest.mark.parametrize("interval", [wilson_by_champion, lambda part, whole: bootstrap_ratio(part, whole, seed=1)])
+@pytest.mark.parametrize(
+    ("part", "whole", "k", "n"),
+    [([2] * 10, [2] * 10, 10, 10), ([0] * 13, [2] * 13, 0, 13), ([2, 1], [2, 1], 2, 2), ([0, 0], [2, 0], 0, 1)],
+)
+def test_where_all_champions_agree_each_counts_once(interval, part, whole, k, n):
+    assert interval(np.array(part), np.array(whole)) == pytest.approx(wilson(k, n))
+
+
+@pytest.mark.parametrize(("part", "whole"), [([3], [2]), ([-1], [2]), ([1], [1, 2])])
+def test_counts_that_cannot_be_are_refused(part, whole):
+    with pytest.raises(ValueError, match="champion"):
+        wilson_by_champion(np.array(part), np.array(whole))
+    with pytest.raises(ValueError, match="champion"):
+        bootstrap_ratio(np.array(part), np.array(whole), seed=0)
+
+
+CHAMPIONS = st.lists(
+    st.integers(0, 4).flatmap(lambda whole: st.tuples(st.integers(0, whole), st.just(whole))), min_size=1, max_size=25
+)
+
+
+@given(CHAMPIONS)
+def test_an_interval_holds_its_share_and_is_never_surer_than_independent_trials(champions):
+    part, whole = np.array(champions).T
+    if not whole.sum():
+        assert all(map(math.isnan, wilson_by_champion(part, whole)))
+        return
+    for low, high in (wilson_by_champion(part, whole), bootstrap_ratio(part, whole, seed=0)):
+        assert 0 <= low <= part.sum() / whole.sum() <= high <= 1
+        assert low < high
+    assert width(wilson_by_champion(part, whole)) >= width(wilson(int(part.sum()), int(whole.sum()))) - 1e-9
+
+
+@given(st.lists(st.integers(0, 1), min_size=1, max_size=40), st.integers(2, 5))
+def test_sides_alike_do_not_narrow_an_interval_nor_a_p_value(outcomes, copies):
+    part, whole = np.array(outcomes), np.ones(len(outcomes), int)
+    one, many = wilson_by_champion(part, whole), wilson_by_champion(part * copies, whole * copies)
+    assert many[0] <= one[0] + 1e-9
+    assert many[1] >= one[1] - 1e-9
+    assert bootstrap_ratio(part * copies, whole * copies, seed=0) == bootstrap_ratio(part, whole, seed=0)
+    assert sign_flip(part * copies) == sign_flip(part)
+
+
+def test_bootstrap_covers_the_mean():
     low, high = bootstrap_mean(np.random.default_rng(0).normal(3, 1, 50), seed=1)
     assert low < 3 < high
     assert high - low == pytest.approx(2 * 1.96 / math.sqrt(50), rel=0.25)
-    assert bootstrap_mean(np.ones(5), seed=1) == (1, 1)
-    assert bootstrap_mean(np.array([1.0, np.nan]), seed=1) == (1, 1)
+
+
+def test_bootstrap_where_all_agree():
+    assert bootstrap_mean(np.ones(20), seed=1, bounds=(0, 1)) == pytest.approx(wilson(20, 20))
+    unseen = wilson(0, 20)[1]
+    assert bootstrap_mean(np.zeros(20), seed=1, bounds=(-1, 1)) == pytest.approx((-unseen, unseen))
+    assert bootstrap_mean(np.array([0.5, np.nan]), seed=1, bounds=(0, 1)) == pytest.approx((0.1033, 0.8967), abs=1e-4)
+    assert bootstrap_mean(np.ones(5), seed=1) == (1, 1)  # no bounds: nothing can be said of others
+    assert all(map(math.isnan, bootstrap_mean(np.array([1.0, np.nan]), seed=1)))
 
 
 def lifetimes(outcomes, repeats=3):
@@ -94,7 +204,13 @@ def test_rescue_and_harm_by_hand():
     assert counts.loc["4obstacles"].tolist() == [3, 2, 1, 1, 1]
     assert math.isnan(found.rescued_share["base"])
     assert found.difference["4obstacles"] == pytest.approx((0 + 0.5) / 2)  # a: +1 -1, b: 0 +1
-    assert found.mcnemar_p["4obstacles"] == 1.0
+    assert found.sign_flip_p["4obstacles"] == 1.0  # a: +1 -1 = 0, b: 0 +1 = 1
+    assert found.sign_flip_p["base"] == 1.0  # a: 0, b: -1 +1 = 0
+    assert (found.difference_low["2obstacles"], found.difference_high["2obstacles"]) == (0.0, 0.5)
+    assert tuple(found.loc["4obstacles", ["rescued_low", "rescued_high"]]) == pytest.approx(wilson(1, 2))
+    assert tuple(found.loc["base", ["harmed_low", "harmed_high"]]) == pytest.approx((0.0395, 0.8588), abs=1e-4)
+    # that is Wilson's for 1/3 of 27/16: a is off by 0 - 2/3, b by 1 - 1/3, variance 2 (8/9) / 9, design effect 16/9
+    assert found[["rescued_low", "rescued_high"]].loc["base"].isna().all()
 
 
 def test_rescue_over_all_changed_worlds_by_hand():
@@ -106,11 +222,42 @@ def test_rescue_over_all_changed_worlds_by_hand():
     assert findings.changed(EACH, "obstacles") == ["2obstacles", "4obstacles"]
 
 
+def one_sided():
+    """Champion l always turns left: it masters the left everywhere. Champion m masters both, and less when changed."""
+    outcomes = {}
+    for scenario, m in (("base", (3, 3)), ("2obstacles", (3, 0)), ("4obstacles", (0, 0))):
+        outcomes |= {("l", scenario, GA_ALONE, 0.0): (3, 0), ("m", scenario, GA_ALONE, 0.0): m}
+        outcomes |= {("l", scenario, HEBBIAN, N): (3, 0), ("m", scenario, HEBBIAN, N): (0, 3)}
+    return findings.trials(lifetimes(outcomes))
+
+
+def test_retention_tells_one_sided_champions_apart():
+    found = findings.retention(one_sided()).set_index(["controller", "masters"])
+    columns = ["champions", "trials", "retained"]
+    assert found.loc[(GA_ALONE, "any"), columns].tolist() == [2, 6, 3]  # l: 2 of 2, m: 1 of 4
+    assert found.loc[(GA_ALONE, "both"), columns].tolist() == [1, 4, 1]
+    assert found.loc[(HEBBIAN, "any"), columns].tolist() == [2, 6, 4]
+    assert found.loc[(HEBBIAN, "both"), columns].tolist() == [1, 4, 2]
+    assert found.share[GA_ALONE, "both"] == 0.25
+    assert tuple(found.loc[(GA_ALONE, "any"), ["low", "high"]]) == (0.25, 1.0)
+    assert width(found.loc[(GA_ALONE, "both"), ["low", "high"]]) == pytest.approx(wilson(0, 1)[1])  # one champion
+    page = rescue.retention_table(found.reset_index())
+    assert "| GA | 3 of 6: 0.50 [0.25, 1.00], 2 champions | 1 of 4: 0.25 [0.05, 0.85], 1 champion |" in page
+
+
+def test_retention_where_nothing_is_mastered():
+    each = one_sided()
+    found = findings.retention(each[each.genome == "l"]).set_index(["controller", "masters"])
+    assert found.trials[GA_ALONE, "both"] == 0
+    assert math.isnan(found.share[GA_ALONE, "both"])
+    assert "| GA | 2 of 2: 1.00 [0.21, 1.00], 1 champion | 0 of 0 |" in rescue.retention_table(found.reset_index())
+
+
 def test_bootstrap_ratio_weighs_champions_by_their_trials():
     part, whole = np.array([1, 0, 3]), np.array([2, 0, 3])
     low, high = bootstrap_ratio(part, whole, seed=1)
     assert 0.5 == low < 0.8 < high == 1.0
-    assert all(map(math.isnan, bootstrap_ratio(part, np.zeros(3, int), seed=1)))
+    assert all(map(math.isnan, bootstrap_ratio(np.zeros(3, int), np.zeros(3, int), seed=1)))
 
 
 def test_success_counts_champions():
@@ -125,14 +272,50 @@ def test_claims_by_hand():
     assert tuple(found.loc["4 obstacles defeat the GA", ["true", "n"]]) == (2, 3)
     assert tuple(found.loc["N = 1.5e-05 rescues it at 4", ["true", "n"]]) == (1, 2)
     assert tuple(found.loc["Weight change grows with obstacles", ["true", "n"]]) == (0, 4)
-    assert found.verdict["The genome is unchanged after a lifetime"] == "holds"
+    assert found.verdict["The genome is unchanged after a lifetime"] == "mixed"  # 2 of 2 are not many
     assert found.verdict["N = 1.5e-05 rescues it at 2"] == "no trial to judge by"
 
 
-@pytest.mark.parametrize(("true", "n", "verdict"), [(19, 20, "holds"), (1, 20, "does not hold"), (10, 20, "mixed")])
-def test_verdicts(true, n, verdict):
-    assert findings.Claim("light", "", "", true, n).verdict == verdict
-    assert findings.Claim("light", "", "", true, n, always=True).verdict == "does not hold"
+def test_sides_of_a_champion_are_one_piece_of_evidence():
+    claim = findings.Claim("light", "", "", np.array([2, 2, 0]), np.array([2, 2, 1]))
+    row = claim.row()
+    assert (row["true"], row["n"], row["champions"]) == (4, 5, 3)
+    assert (row["low"], row["high"]) == wilson_by_champion(claim.part, claim.whole)
+    assert width((row["low"], row["high"])) > width(wilson(4, 5))
+
+
+@pytest.mark.parametrize(
+    ("part", "whole", "verdict"),
+    [
+        ([1] * 19 + [0], [1] * 20, "holds"),
+        ([1] + [0] * 19, [1] * 20, "does not hold"),
+        ([1] * 10 + [0] * 10, [1] * 20, "mixed"),
+        ([1] * 3, [1] * 3, "mixed"),
+        ([1] * 4, [1] * 4, "holds"),
+        ([2, 2], [2, 2], "mixed"),  # four trials, but two champions
+        ([], [], "no trial to judge by"),
+    ],
+)
+def test_verdicts(part, whole, verdict):
+    assert findings.Claim("light", "", "", np.array(part, int), np.array(whole, int)).row()["verdict"] == verdict
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "verdict"),
+    [(0.5, 1.0, "mixed"), (0.51, 1.0, "holds"), (0.0, 0.5, "mixed"), (0.0, 0.49, "does not hold")],
+)
+def test_the_rule_is_as_it_is_printed(low, high, verdict):
+    assert findings.verdict(low, high) == verdict
+
+
+def test_every_claim_is_judged_by_the_one_rule():
+    light = EACH.assign(experiment="light", scenario=EACH.scenario.map({"base": "highlight", "4obstacles": "lowlight"}))
+    both = pd.concat([EACH, light[light.scenario.notna()]])
+    for unchanged in (0, 1, 2):
+        found = findings.claims(both, {"obstacles": unchanged, "light": unchanged})
+        assert len(found) == 13
+        assert [findings.verdict(row.low, row.high) for row in found.itertuples()] == list(found.verdict)
+        assert (found.n == 0).equals(found.verdict == "no trial to judge by")
 
 
 @pytest.fixture(scope="module")

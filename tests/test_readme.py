@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from epuckhebb.app.data import groups
-from epuckhebb.study import report, rescue
+from epuckhebb.study import findings, report, rescue
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "runs" / "reference"
@@ -34,6 +34,11 @@ def test_results_are_those_of_the_reference_run(request):
     provenance = (REFERENCE / "report.md").read_text().splitlines()[2]
     expected = report.summary(claims, success, harm, provenance)
     check_block("results", expected, request.config.getoption("--regenerate"))
+
+
+def test_the_verdicts_of_the_reference_run_follow_the_printed_rule():
+    claims = pd.read_csv(REFERENCE / "claims.csv")
+    assert list(claims.verdict) == [findings.verdict(row.low, row.high) for row in claims.itertuples()]
 
 
 def test_the_account_of_adaptive_plasticity_is_that_of_its_study(request):

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from epuckhebb.app import reproduce
 from epuckhebb.app.cli import app
+from epuckhebb.study import findings, rescue
 
 SMALL = [
     "champions=2",
@@ -50,7 +51,7 @@ def test_it_leaves_report_tables_and_figures(made):
     folder, result = made
     assert "The paper's claims" in result.stdout
     assert {"report.md", "report.html", "provenance.json", "status.json"} <= {file.name for file in folder.iterdir()}
-    tables = {"metrics", "trials", "claims", "success", "rescue_and_harm", "dose_response", "comparison"}
+    tables = {"metrics", "trials", "claims", "success", "rescue_and_harm", "retention", "dose_response", "comparison"}
     assert tables <= {file.stem for file in folder.glob("*.csv")}
     named = set(re.findall(r"\(figures/([\w.]+)\)", (folder / "report.md").read_text()))
     assert named == {file.name for file in (folder / "figures").iterdir()}
@@ -95,10 +96,18 @@ def test_every_number_of_the_report_is_in_a_csv(made):
     harm["rate"] = [f"{row.controller}, N = {row.N:g}" for row in harm.itertuples()]
     for scenario, plasticity, rescued, harmed, difference, p in rows_of(report, "scenario | plasticity"):
         row = harm[(harm.scenario == scenario) & (harm.rate == plasticity)].iloc[0]
-        assert rescued == f"{row.rescued} of {row.broken}"
-        assert harmed == f"{row.harmed} of {row.sound}"
+        assert rescued == rescue.count(row, "rescued", "broken")
+        assert harmed == rescue.count(row, "harmed", "sound")
         assert difference.startswith(f"{row.difference:+.2f} [")
-        assert p == f"{row.mcnemar_p:.2g}"
+        assert p == f"{row.sign_flip_p:.2g}"
+    kept = pd.read_csv(folder / "retention.csv")
+    kept = kept[kept.N.isin([0, *findings.PAPER_N.values()])].groupby(["experiment", "controller", "N"], sort=False)
+    rows = rows_of(report, "experiment | plasticity")
+    assert len(rows) == 8  # of each experiment the GA, the paper's rule and its two controls
+    for (experiment, plasticity, any_side, both), (condition, own) in zip(rows, kept, strict=True):
+        assert (experiment, plasticity) == (condition[0], rescue.label(*condition[1:]))
+        for row, cell in zip(own.itertuples(), (any_side, both), strict=True):
+            assert cell.startswith(f"{row.retained} of {row.trials}")
     success = pd.read_csv(folder / "success.csv")
     for _, scenario, controller, left, right, both in rows_of(report, "experiment | scenario"):
         name, rate = controller.split(", N = ") if "," in controller else (controller, "0")

@@ -210,6 +210,7 @@ def _findings(
         claims=findings.claims(each, unchanged),
         success=findings.success(each),
         rescue_and_harm=findings.rescue_and_harm(each),
+        retention=findings.retention(each),
         dose_response=findings.dose_response(each),
         comparison=comparison,
         showcase=showcase,
@@ -225,6 +226,7 @@ def _findings(
         "claims": found.claims,
         "success": found.success,
         "rescue_and_harm": found.rescue_and_harm,
+        "retention": found.retention,
         "dose_response": found.dose_response,
         "comparison": comparison.drop(columns="title"),
     }

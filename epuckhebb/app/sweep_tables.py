@@ -54,11 +54,13 @@ def _write_rescue(folder: Path, rows: pd.DataFrame) -> None:
     lifetimes = rows[list(COLUMNS)].apply(_numbers)
     each = findings.trials(lifetimes)
     over_all, by_scenario = findings.rescue_over_all(each), findings.rescue_and_harm(each)
+    retention = findings.retention(each)
     runs.write_whole(folder / "rescue_over_all.csv", _csv(over_all))
     runs.write_whole(folder / "rescue_and_harm.csv", _csv(by_scenario))
+    runs.write_whole(folder / "retention.csv", _csv(retention))
     champions = int(each.groupby("experiment").genome.nunique().max())
     seeds = f"`{each.genome.iloc[0]}` to `{each.genome.iloc[-1]}`"
-    page = rescue.markdown(over_all, by_scenario, champions, lifetimes.repeat.nunique(), seeds)
+    page = rescue.markdown(over_all, by_scenario, retention, champions, lifetimes.repeat.nunique(), seeds)
     runs.write_whole(folder / "report.md", page.encode())
     runs.write_whole(folder / "figures" / rescue.FIGURE, charts.rescue_over_all(over_all))
 

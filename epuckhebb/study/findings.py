@@ -1,7 +1,8 @@
 """What many champions tell: success, rescue and harm, dose-response, and the paper's claims with a verdict.
 
 `metrics` is the table of all lifetimes (columns of `epuckhebb.study.evaluate`, `genome` being the champion). Everything
-here is computed from it and returned as tables whose rows can be traced back to it.
+here is computed from it and returned as tables whose rows can be traced back to it. Intervals and p values take
+champions for the independent unit, as `epuckhebb.study.statistics` says.
 """
 
 from collections.abc import Iterator
@@ -9,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.study.evaluate import CONTROLLER, GA_ALONE, HEBBIAN
-from epuckhebb.study.statistics import bootstrap_mean, bootstrap_ratio, mcnemar, wilson
+from epuckhebb.study.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson, wilson_by_champion
 
 CHANGED = {"light": ("lowlight",), "obstacles": ("2obstacles", "4obstacles")}
 PAPER_N = {"light": 0.002, "obstacles": 0.000015}
@@ -31,7 +33,10 @@ def trials(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def success(each: pd.DataFrame) -> pd.DataFrame:
-    """Success of every condition over the champions, left, right and on both sides, with Wilson intervals."""
+    """Success of every condition over the champions, left, right and on both sides.
+
+    Each champion counts once in a row, so the intervals are Wilson's, with champions for cases.
+    """
     both = each.groupby([*_CELL, "genome"], sort=False, as_index=False).succeeds.all().assign(side="both")
     rows = []
     for cell, group in pd.concat([each, both]).groupby([*_CELL, "side"], sort=False):
@@ -45,9 +50,10 @@ def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
     """For each kind and rate of plasticity: what becomes of the trials that the GA masters in its training world.
 
     broken: fail in the changed world without plasticity. rescued: of these, succeed with it. harmed: of the others,
-    fail with it. In the training world nothing is broken, and harm is all there is. McNemar's p compares GA and
-    plasticity over all trials of the scenario, mastered or not, and `difference` is of their success, with a bootstrap
-    interval over champions.
+    fail with it. In the training world nothing is broken, and harm is all there is. The intervals of the shares
+    rescued and harmed are from `wilson_by_champion`. `difference` is the success with plasticity minus the success
+    without, over all trials of the scenario, mastered or not, with a bootstrap interval over champions; `sign_flip_p`
+    is the exact p value of it, also by champion.
     """
     rows = []
     for experiment, kind, rate in _plasticities(each):
@@ -59,7 +65,10 @@ def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
             broken, sound = fit & ~without, fit & without
             difference = plastic.astype(float) - without.astype(float)
             by_champion = difference.groupby("genome", sort=False).mean().to_numpy()
-            low, high = bootstrap_mean(by_champion, seed=0)
+            low, high = bootstrap_mean(by_champion, seed=0, bounds=(-1, 1))
+            summed = difference.groupby("genome", sort=False).sum().to_numpy().astype(np.int64)
+            rescued_low, rescued_high = wilson_by_champion(*_by_champion(plastic, broken))
+            harmed_low, harmed_high = wilson_by_champion(*_by_champion(~plastic, sound))
             rows.append(
                 {
                     "experiment": experiment,
@@ -72,11 +81,15 @@ def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
                     "sound": int(sound.sum()),
                     "harmed": int((sound & ~plastic).sum()),
                     "rescued_share": _ratio(int((broken & plastic).sum()), int(broken.sum())),
+                    "rescued_low": rescued_low,
+                    "rescued_high": rescued_high,
                     "harmed_share": _ratio(int((sound & ~plastic).sum()), int(sound.sum())),
+                    "harmed_low": harmed_low,
+                    "harmed_high": harmed_high,
                     "difference": float(by_champion.mean()),
                     "difference_low": low,
                     "difference_high": high,
-                    "mcnemar_p": mcnemar(int((plastic & ~without).sum()), int((without & ~plastic).sum())),
+                    "sign_flip_p": sign_flip(summed),
                 }
             )
     return pd.DataFrame(rows)
@@ -123,56 +136,103 @@ def rescue_over_all(each: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def retention(each: pd.DataFrame) -> pd.DataFrame:
+    """How much of what is mastered at home succeeds in the changed worlds, for the GA and for each plasticity.
+
+    What is mastered at home is what the GA masters in its training world without plasticity; a trial here is a
+    champion, a side and a changed world. A champion that always turns left masters one side at home and keeps it in
+    nearly every world, though it has learnt nothing that a change could break. So there are two rows for each
+    plasticity: `masters` is "any" for all trials mastered at home, and "both" for those of champions that master both
+    sides there. The intervals are from a bootstrap over champions.
+
+    Columns: experiment, controller, N, masters, champions (how many have such trials), trials, retained, share, low,
+    high.
+    """
+    rows = []
+    conditions = each[["experiment", "controller", "N"]].drop_duplicates().itertuples(index=False, name=None)
+    for experiment, kind, rate in conditions:
+        mastered = _succeeding(each, experiment, TRAINED[experiment])
+        sides = mastered.to_frame(index=False).groupby("genome", sort=False).side.nunique()
+        away = [_outcomes(each, experiment, scenario, kind, rate) for scenario in changed(each, experiment)]
+        trial = pd.concat(away) if away else pd.Series(dtype=bool, index=mastered[:0])
+        trial = trial[trial.index.isin(mastered)]
+        for masters, least in (("any", 1), ("both", 2)):
+            among = trial[trial.index.get_level_values("genome").isin(sides[sides >= least].index)]
+            retained, whole = _by_champion(among, among | ~among)
+            low, high = bootstrap_ratio(retained, whole, seed=0)
+            rows.append(
+                {"experiment": experiment, "controller": kind, "N": rate, "masters": masters}
+                | {"champions": len(whole), "trials": int(whole.sum()), "retained": int(retained.sum())}
+                | {"share": _ratio(int(retained.sum()), int(whole.sum())), "low": low, "high": high}
+            )
+    return pd.DataFrame(rows)
+
+
 def dose_response(each: pd.DataFrame) -> pd.DataFrame:
-    """Success, time to goal and weight change against N: means over champions, bootstrap intervals; N = 0: the GA."""
+    """Success, time to goal and weight change against N: means over champions, bootstrap intervals; N = 0: the GA.
+
+    A mean of one champion has no interval, but for success, which has bounds.
+    """
     rows = []
     shown = each[each.controller.isin([GA_ALONE, *CONTROLLER.values()])]
     for cell, group in shown.groupby(_CELL, sort=False):
         row = dict(zip(_CELL, cell, strict=True))
         for column in ("success", "time_to_goal_s", "weight_change_mean"):
             values = group.groupby("genome", sort=False)[column].mean().to_numpy(float)
-            low, high = bootstrap_mean(values, seed=0)
+            low, high = bootstrap_mean(values, seed=0, bounds=(0, 1) if column == "success" else None)
             mean = float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
             row |= {column: mean, f"{column}_low": low, f"{column}_high": high}
         rows.append(row)
     return pd.DataFrame(rows).sort_values([*_CELL[:3], "N"], kind="stable", ignore_index=True)
 
 
-@dataclass(frozen=True)
+RULE = (
+    "It *holds* where the interval of the share of trials in which it comes true lies above one half, *does not hold* "
+    "where it lies below, and is *mixed* otherwise."
+)
+
+
+@dataclass(frozen=True, eq=False)
 class Claim:
-    """A claim of the paper as a question to every trial: in how many that could show it does it come true?"""
+    """A claim of the paper as a question to every trial: in how many that could show it does it come true?
+
+    part, whole: for each champion, in how many trials it comes true, of how many that could show it, (champions,).
+    """
 
     experiment: str
     text: str
     counted: str
-    true: int
-    n: int
-    always: bool = False
+    part: NDArray[np.int64]
+    whole: NDArray[np.int64]
 
-    @property
-    def verdict(self) -> str:
-        """Holds, or does not, where Wilson's interval lies above, or below, one half; else mixed.
-
-        A claim about every case (`always`) holds if it is true of all of them.
-        """
-        if self.always:
-            return "holds" if self.true == self.n else "does not hold"
-        low, high = wilson(self.true, self.n)
+    def row(self) -> dict[str, str | int | float]:
+        """The claim with its figures, interval and verdict: a row of `claims`."""
+        true, n = int(self.part.sum()), int(self.whole.sum())
+        low, high = wilson_by_champion(self.part, self.whole)
         return (
-            "no trial to judge by"
-            if self.n == 0
-            else "holds"
-            if low > 0.5
-            else "does not hold"
-            if high < 0.5
-            else "mixed"
+            {"experiment": self.experiment, "claim": self.text, "counted": self.counted}
+            | {"true": true, "n": n, "champions": int((self.whole > 0).sum()), "share": _ratio(true, n)}
+            | {"low": low, "high": high, "verdict": verdict(low, high)}
         )
+
+
+def verdict(low: float, high: float) -> str:
+    """What `RULE` says of a claim whose share has this interval; (nan, nan) is the interval of no trials.
+
+    Every claim is judged here, and by its interval alone: 3 of 3 is not enough for any.
+    """
+    if np.isnan(low) or np.isnan(high):
+        return "no trial to judge by"
+    if low > 0.5:
+        return "holds"
+    return "does not hold" if high < 0.5 else "mixed"
 
 
 def claims(each: pd.DataFrame, genomes_unchanged: dict[str, int]) -> pd.DataFrame:
     """The paper's claims, one row each, with the figures they are judged by.
 
-    genomes_unchanged: for each experiment, the champions whose genome had the same bytes after all its lifetimes.
+    genomes_unchanged: for each experiment, how many champions had a genome of the same bytes after all lifetimes.
+    The column `champions` has how many had a trial that could show the claim.
     """
     present = set(each.experiment)
     found = [
@@ -181,15 +241,7 @@ def claims(each: pd.DataFrame, genomes_unchanged: dict[str, int]) -> pd.DataFram
         if experiment in present
         for claim in (*ask(each), _forgetting(each, experiment, genomes_unchanged[experiment]))
     ]
-    rows = []
-    for claim in found:
-        low, high = wilson(claim.true, claim.n)
-        rows.append(
-            {"experiment": claim.experiment, "claim": claim.text, "counted": claim.counted}
-            | {"true": claim.true, "n": claim.n, "share": _ratio(claim.true, claim.n), "low": low, "high": high}
-            | {"verdict": claim.verdict}
-        )
-    return pd.DataFrame(rows)
+    return pd.DataFrame([claim.row() for claim in found])
 
 
 def _light_claims(each: pd.DataFrame) -> Iterator[Claim]:
@@ -247,9 +299,8 @@ def _forgetting(each: pd.DataFrame, experiment: str, unchanged: int) -> Claim:
         experiment,
         "The genome is unchanged after a lifetime",
         "champions: same bytes after all lifetimes",
-        unchanged,
-        n,
-        always=True,
+        (np.arange(n) < unchanged).astype(np.int64),
+        np.ones(n, np.int64),
     )
 
 
@@ -296,15 +347,21 @@ def _succeeding(each: pd.DataFrame, experiment: str, scenario: str) -> pd.Index:
 
 
 def _count(experiment: str, text: str, counted: str, true: pd.Series, among: pd.Series) -> Claim:
-    return Claim(experiment, text, counted, int((true & among).sum()), int(among.sum()))
+    return Claim(experiment, text, counted, *_by_champion(true, among))
 
 
 def _either(experiment: str, text: str, broken: pd.Series, own: pd.Series, other: pd.Series) -> Claim:
     """Whether the experiment's own rate rescues rather than the other's, where just one of the two does."""
     if not len(other):
-        return Claim(experiment, text, "not run", 0, 0)
+        return Claim(experiment, text, "not run", np.zeros(0, np.int64), np.zeros(0, np.int64))
     counted = "broken trials that one of N = 0.000015 and 0.002 rescues and the other does not"
     return _count(experiment, text, counted, own & ~other, broken & (own ^ other))
+
+
+def _by_champion(true: pd.Series, among: pd.Series) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """For each champion: how many of the trials `among` come true, and how many there are; both (champions,)."""
+    counts = pd.DataFrame({"part": true & among, "whole": among}).groupby("genome", sort=False).sum()
+    return counts.part.to_numpy(np.int64), counts.whole.to_numpy(np.int64)
 
 
 def _share(k: int, n: int) -> dict[str, float]:

@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 from markdown_it import MarkdownIt
 
-from epuckhebb.study import published
+from epuckhebb.study import published, rescue
 from epuckhebb.study.evaluate import CONTROLLER, GA_ALONE, HEBBIAN
-from epuckhebb.study.findings import PAPER_N
+from epuckhebb.study.findings import PAPER_N, RULE
 from epuckhebb.study.tables import markdown_table
 
 _STYLE = """
@@ -40,6 +40,7 @@ class Findings:
     claims: pd.DataFrame
     success: pd.DataFrame
     rescue_and_harm: pd.DataFrame
+    retention: pd.DataFrame
     dose_response: pd.DataFrame
     comparison: pd.DataFrame
     showcase: Mapping[str, tuple[str, int, int]]
@@ -56,7 +57,8 @@ def markdown(found: Findings, figures: Mapping[str, str]) -> str:
         "# The paper's experiment, reproduced\n",
         f"{found.provenance}\n",
         "A *trial* is one champion on one side. It succeeds if the robot ends within 5 cm of its goal in more than "
-        f"half of its {found.repeats} noise repeats. Intervals are 95 %.\n",
+        f"half of its {found.repeats} noise repeats. Intervals are 95 %. They and the p values take champions for "
+        "the independent unit: the two sides of a champion count as two trials only as far as they differ.\n",
     ]
     if not found.given:
         parts += ["## The paper's claims\n", _claims(found.claims)]
@@ -69,9 +71,12 @@ def markdown(found: Findings, figures: Mapping[str, str]) -> str:
             "### Rescue and harm\n",
             "Of the trials that the GA masters in its training world, *broken* ones fail in the changed world without "
             "plasticity; plasticity *rescues* some of them. Of the *sound* ones it *harms* some. Difference: success "
-            "with plasticity minus without, over all trials; p: exact McNemar test. The controls change the weights "
-            "as much, but not as Hebb said.\n",
+            "with plasticity minus without, over all trials; p: exact sign-flip test of it, by champion. The controls "
+            "change the weights as much, but not as Hebb said.\n",
             rescue_table(found.rescue_and_harm),
+            "### Retention\n",
+            f"{rescue.RETENTION}\n",
+            retention_table(found.retention),
         ]
     parts += ["## Figures\n"]
     parts += [f"![{caption}](figures/{name})\n\n*{caption}*\n" for name, caption in figures.items()]
@@ -82,12 +87,14 @@ def summary(claims: pd.DataFrame, success: pd.DataFrame, harm: pd.DataFrame, pro
     """The results section of the README: claims, success, rescue and harm."""
     return "\n".join(
         [
-            f"{provenance} A *trial* is one champion on one side; it succeeds if most of its noise repeats do.\n",
+            f"{provenance} A *trial* is one champion on one side; it succeeds if most of its noise repeats do. "
+            "Intervals and p values take champions, not trials, for the independent unit.\n",
             _claims(claims, of_what=False),
             "Success, with 95 % intervals:\n",
             success_table(success, (GA_ALONE, HEBBIAN)),
             "Of the trials mastered in the training world, what the change breaks and plasticity rescues, and what it "
-            "harms of the rest; the controls make changes of equal size that are not Hebb's:\n",
+            "harms of the rest; the controls make changes of equal size that are not Hebb's. p is from an exact "
+            "sign-flip test by champion:\n",
             rescue_table(harm),
         ]
     )
@@ -114,10 +121,7 @@ def _claims(claims: pd.DataFrame, *, of_what: bool = True) -> str:
         + ([row.counted] if of_what else [])
         for row in claims.itertuples()
     ]
-    rule = (
-        "A claim is put to every trial that could show it. It *holds* where the interval of the share of trials in "
-        "which it comes true lies above one half, *does not hold* where it lies below, and is *mixed* otherwise.\n\n"
-    )
+    rule = f"A claim is put to every trial that could show it. {RULE}\n\n"
     head = ["experiment", "claim", "verdict", "true in", "share", *(["of what"] if of_what else [])]
     return rule + markdown_table(head, rows)
 
@@ -171,12 +175,19 @@ def rescue_table(harm: pd.DataFrame) -> str:
     """Rescue and harm at the paper's rates, controls included."""
     own = harm[[PAPER_N[row.experiment] == row.N for row in harm.itertuples()]]
     rows = [
-        [row.scenario, f"{row.controller}{_rate(row.N)}", f"{row.rescued} of {row.broken}"]
-        + [f"{row.harmed} of {row.sound}"]
-        + [f"{row.difference:+.2f} [{row.difference_low:+.2f}, {row.difference_high:+.2f}]", f"{row.mcnemar_p:.2g}"]
+        [row.scenario, f"{row.controller}{_rate(row.N)}"]
+        + [rescue.count(row, "rescued", "broken"), rescue.count(row, "harmed", "sound")]
+        + [f"{row.difference:+.2f} [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"]
+        + ["–" if np.isnan(row.sign_flip_p) else f"{row.sign_flip_p:.2g}"]
         for row in own.itertuples()
     ]
     return markdown_table(["scenario", "plasticity", "rescued of broken", "harmed of sound", "difference", "p"], rows)
+
+
+def retention_table(retention: pd.DataFrame) -> str:
+    """Retention of the GA and at the paper's rates, controls included."""
+    own = retention[[row.N in (0.0, PAPER_N[row.experiment]) for row in retention.itertuples()]]
+    return rescue.retention_table(own, by_experiment=True)
 
 
 def _rate(rate: float) -> str:
@@ -184,4 +195,4 @@ def _rate(rate: float) -> str:
 
 
 def _interval(row: Any) -> str:
-    return "–" if np.isnan(row.share) else f"{row.share:.2f} [{row.low:.2f}, {row.high:.2f}]"
+    return "–" if np.isnan(row.share) else rescue.share(row.share, row.low, row.high)

@@ -9,6 +9,12 @@ from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.study.tables import markdown_table
 
 FIGURE = "rescue_and_harm.png"
+MASTERS = {"any": "one side or both", "both": "both sides"}  # the values of `masters` in `findings.retention`, in words
+RETENTION = (
+    "Success in the changed worlds, all together, among trials mastered in the training world. A champion that always "
+    "turns to one side masters that side at home and keeps it nearly everywhere, without having learnt what a change "
+    "could break; so the champions that master both sides are told apart."
+)
 
 
 def label(controller: str, rate: float) -> str:
@@ -16,8 +22,19 @@ def label(controller: str, rate: float) -> str:
     return f"{controller}, N = {rate:g}" if rate else controller
 
 
-def markdown(over_all: pd.DataFrame, by_scenario: pd.DataFrame, champions: int, repeats: int, names: str) -> str:
-    """The page. over_all, by_scenario: of `findings.rescue_over_all` and `rescue_and_harm`; names: of the champions."""
+def markdown(
+    over_all: pd.DataFrame,
+    by_scenario: pd.DataFrame,
+    retention: pd.DataFrame,
+    champions: int,
+    repeats: int,
+    names: str,
+) -> str:
+    """The page.
+
+    over_all, by_scenario, retention: of `findings.rescue_over_all`, `rescue_and_harm` and `retention`; names: of the
+    champions.
+    """
     parts = [
         "# Rescue and harm\n",
         f"{champions} champions of each experiment, {names}. A *trial* is one champion on one side; it succeeds if "
@@ -34,6 +51,9 @@ def markdown(over_all: pd.DataFrame, by_scenario: pd.DataFrame, champions: int, 
             _over_all(own),
             "### Rescued of broken, and harmed of sound, in each world\n",
             _by_scenario(own_scenarios),
+            "### Retention\n",
+            f"{RETENTION}\n",
+            retention_table(retention[retention.experiment == experiment]),
         ]
     parts.append(f'<img src="figures/{FIGURE}" alt="Rescue and harm of each plasticity, with intervals">\n')
     return "\n".join(parts)
@@ -59,9 +79,36 @@ def _over_all(own: pd.DataFrame) -> str:
 
 def count(row: Any, part: str, whole: str) -> str:
     """How many of how many, and the share with its interval; `row` is one of `findings.rescue_over_all`."""
-    share, low, high = (getattr(row, f"{part}_{name}") for name in ("share", "low", "high"))
+    figures = (getattr(row, f"{part}_{name}") for name in ("share", "low", "high"))
     told = f"{getattr(row, part)} of {getattr(row, whole)}"
-    return told if np.isnan(share) else f"{told}: {share:.2f} [{low:.2f}, {high:.2f}]"
+    return f"{told}: {share(*figures)}" if getattr(row, whole) else told
+
+
+def share(value: float, low: float, high: float) -> str:
+    """A share and its interval, if that is known."""
+    return f"{value:.2f}" if np.isnan(low) else f"{value:.2f} [{low:.2f}, {high:.2f}]"
+
+
+def retention_table(retention: pd.DataFrame, *, by_experiment: bool = False) -> str:
+    """A row for each plasticity, a column for all trials mastered at home and one for champions that master both sides.
+
+    retention: of `findings.retention`. by_experiment: whether the experiment is told in a column of its own.
+    """
+    rows = []
+    for (experiment, controller, rate), group in retention.groupby(["experiment", "controller", "N"], sort=False):
+        own = {row.masters: row for row in group.itertuples()}
+        cells = [_kept(own[masters]) if masters in own else "–" for masters in MASTERS]
+        rows.append([*([experiment] if by_experiment else []), label(controller, rate), *cells])
+    head = [*(["experiment"] if by_experiment else []), "plasticity"]
+    return markdown_table([*head, *(f"mastered at home: {told}" for told in MASTERS.values())], rows)
+
+
+def _kept(row: Any) -> str:
+    told = f"{row.retained} of {row.trials}"
+    if not row.trials:
+        return told
+    champions = "" if np.isnan(row.champions) else f", {row.champions:g} champion{'s' if row.champions > 1 else ''}"
+    return f"{told}: {share(row.share, row.low, row.high)}{champions}"
 
 
 def _by_scenario(own: pd.DataFrame) -> str:
