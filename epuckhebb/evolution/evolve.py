@@ -13,16 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.evolution.ga import GA, initial, next_generation
-from epuckhebb.sim import streams
-from epuckhebb.sim.lifetime import Life, Lifetime, live_block
-from epuckhebb.sim.maze import SIDES, START, Pose
-from epuckhebb.sim.plasticity import Hebbian
+from epuckhebb.sim import random
+from epuckhebb.sim.block import Individual, live_block
+from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.genome import plan_of
+from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.maze import SIDES, Pose
+from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.sim.plasticity.control import signs
+from epuckhebb.sim.random import Stream
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.streams import Stream
 
 _START_SPREAD = np.array([0.005, 0.010, 0.1])  # m, m, rad at ga.start_noise = 1
 _TRIALS = tuple(reversed(SIDES))  # lamp on (right) first, as in the published program
-_NOT_PLASTIC = Hebbian(N=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +33,7 @@ class Generation:
     """One generation, and where to go on.
 
     number: from 0. fitness: (population,). success: (population,) share of each one's lifetimes that ended at the
-    goal. champion: (234,) the fittest. population: (population, 234) the next generation, as yet unborn. rng_state:
+    goal. champion: (genes,) the fittest. population: (population, genes) the next generation, as yet unborn. rng_state:
     of the generator that will vary it. robot_steps, seconds: what it cost.
     """
 
@@ -51,24 +54,35 @@ def evolve(
     seed: int,
     threads: int = 1,
     after: Generation | None = None,
+    *,
+    network: Network = PAPER_NETWORK,
+    controller: Controller = GA_ALONE,
 ) -> Iterator[Generation]:
     """Evolve controllers in a scenario; yields one record a generation.
 
-    after: the last record of an earlier, unfinished evolution with the same arguments, to go on from.
+    after: the last record of an earlier, unfinished evolution with the same arguments, to go on from. network: what is
+    evolved. controller: what drives the robots besides their genes; with a plasticity rule they learn while they are
+    judged, and what of the rule is evolved is part of the genome.
 
     Raises:
-        LostRobotError: a pose stopped being finite.
+        ValueError: network, robot and rule do not fit each other.
+        LostRobotError: a pose or a weight stopped being finite.
     """
-    rng = streams.rng(seed, Stream.variation)
+    plan = plan_of(network, type(controller.rule))
+    rng = random.rng(seed, Stream.variation)
     if after is None:
-        first, population = 0, initial(rng, ga.population)
+        first, population = 0, initial(rng, ga.population, plan)
     else:
         first, population = after.number + 1, after.population
         rng.bit_generator.state = after.rng_state
     for number in range(first, ga.generations):
         began = time.perf_counter()
-        fitness, success = _evaluate(population, number, ga, scenario, lifetime, seed, threads)
-        offspring = next_generation(rng, population, fitness, ga)
+        individuals = list(_individuals(population, number, ga, scenario, seed, network, controller))
+        outcomes = [outcome for outcome, _ in live_block(individuals, scenario, lifetime, threads)]
+        shape = (len(population), -1)
+        fitness = np.array([outcome.fitness for outcome in outcomes]).reshape(shape).mean(axis=1)
+        success = np.array([outcome.success for outcome in outcomes], float).reshape(shape).mean(axis=1)
+        offspring = next_generation(rng, population, fitness, ga, plan)
         yield Generation(
             number=number,
             fitness=fitness,
@@ -76,48 +90,43 @@ def evolve(
             champion=population[np.argmax(fitness)].copy(),
             population=offspring,
             rng_state=dict(rng.bit_generator.state),
-            robot_steps=ga.population * ga.loops * len(_TRIALS) * lifetime.steps,
+            robot_steps=len(individuals) * lifetime.steps,
             seconds=time.perf_counter() - began,
         )
         population = offspring
 
 
-def _evaluate(
+def _individuals(
     population: NDArray[np.float64],
     generation: int,
     ga: GA,
     scenario: Scenario,
-    lifetime: Lifetime,
     seed: int,
-    threads: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mean final fitness and share of successes over each individual's lifetimes: two (population,)."""
-    lives = []
-    for individual, genome in enumerate(population):
+    network: Network,
+    controller: Controller,
+) -> Iterator[Individual]:
+    """Who lives in a generation: each individual, `ga.loops` times on either side."""
+    of_updates = signs(controller.rule.sign, network.synapses, random.rng(seed, Stream.shuffled_signs))
+    for individual, genes in enumerate(population):
         for loop in range(ga.loops):
             for side in _TRIALS:
                 place = (generation, individual, loop, SIDES.index(side))
-                lives.append(
-                    Life(
-                        genome=genome,
-                        side=side,
-                        hebbian=_NOT_PLASTIC,
-                        key=streams.key(seed, Stream.training_noise, *place),
-                        start=_start(ga.start_noise, seed, place),
-                    )
+                yield Individual(
+                    genes=genes,
+                    network=network,
+                    side=side,
+                    controller=controller,
+                    signs=of_updates,
+                    key=random.key(seed, Stream.training_noise, *place),
+                    start=_start(scenario.maze.start, ga.start_noise, seed, place),
                 )
-    outcomes = [outcome for outcome, _ in live_block(lives, scenario, lifetime, threads)]
-    shape = (len(population), -1)
-    fitness = np.array([outcome.fitness for outcome in outcomes]).reshape(shape).mean(axis=1)
-    success = np.array([outcome.success for outcome in outcomes], float).reshape(shape).mean(axis=1)
-    return fitness, success
 
 
-def _start(noise: float, seed: int, place: tuple[int, ...]) -> Pose:
+def _start(start: Pose, noise: float, seed: int, place: tuple[int, ...]) -> Pose:
     if noise == 0:
-        return START
-    shift = noise * _START_SPREAD * streams.rng(seed, Stream.training_start, *place).uniform(-1, 1, 3)
-    return Pose(*(np.array(START) + shift).tolist())
+        return start
+    shift = noise * _START_SPREAD * random.rng(seed, Stream.training_start, *place).uniform(-1, 1, 3)
+    return Pose(*(np.array(start) + shift).tolist())
 
 
 def history_row(generation: Generation) -> dict[str, Any]:

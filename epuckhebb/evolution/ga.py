@@ -11,9 +11,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.controller import GENES
-
-_UNIFORM_INIT = 1.0  # genes of the first generation are uniform in +-1
+from epuckhebb.sim.genome import GenomePlan
 
 
 class Selection(Enum):
@@ -30,15 +28,18 @@ class Crossover(Enum):
     middle = "middle"
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class GA:
     """A genetic algorithm.
 
     population, generations, elites: as in the paper. loops: how often an individual lives a lamp-on and a lamp-off
     lifetime. tournament: draws, with replacement; the fittest becomes a parent. crossover_rate: share of the slots
     that get a child; in the others that individual survives as it is. mutation_rate: share of a child's genes that
-    change by a uniform number within +-mutation_range. gene_limit: genes are clipped to +- this. start_noise: 0, or
+    change by a uniform number within +-mutation_range. gene_limit: weights are clipped to +- this. start_noise: 0, or
     how much starts vary in training; at 1 by up to 5 mm sideways, 10 mm ahead and 0.1 rad.
+
+    Raises:
+        ValueError: a value is outside the range named in the message.
     """
 
     population: int = 50
@@ -55,11 +56,7 @@ class GA:
     start_noise: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse algorithms that cannot be.
-
-        Raises:
-            ValueError: a value is outside the range named in the message.
-        """
+        """Refuse algorithms that cannot be."""
         for name in ("population", "generations", "loops", "tournament"):
             if getattr(self, name) < 1:
                 raise ValueError(f"ga.{name} must be 1 or more, got {getattr(self, name)}")
@@ -75,29 +72,43 @@ class GA:
             raise ValueError(f"ga.start_noise must be 0 or more, got {self.start_noise}")
 
 
-def initial(rng: np.random.Generator, population: int) -> NDArray[np.float64]:
-    """The first generation: (population, 234) genes, uniform in [-1, 1]."""
-    return rng.uniform(-_UNIFORM_INIT, _UNIFORM_INIT, (population, GENES))
+def initial(rng: np.random.Generator, population: int, plan: GenomePlan) -> NDArray[np.float64]:
+    """The first generation: (population, genes), each part uniform in its +-start; weights in [-1, 1]."""
+    return np.concatenate(
+        [rng.uniform(-part.start, part.start, (population, part.size)) for part in plan.parts], axis=1
+    )
 
 
 def next_generation(
-    rng: np.random.Generator, population: NDArray[np.float64], fitness: NDArray[np.float64], ga: GA
+    rng: np.random.Generator,
+    population: NDArray[np.float64],
+    fitness: NDArray[np.float64],
+    ga: GA,
+    plan: GenomePlan,
 ) -> NDArray[np.float64]:
     """The elites unchanged, then one individual for every other slot.
 
-    population: (population, 234). fitness: (population,), the more the better. Returns (population, 234).
+    population: (population, genes). fitness: (population,), the more the better. Returns (population, genes).
     """
+    limit = limits(ga, plan)
     ranked = population[np.argsort(-fitness, kind="stable")]
     offspring = ranked.copy()
     for slot in range(ga.elites, len(ranked)):
         if rng.random() < ga.crossover_rate:
             mother, father = select(rng, ranked, ga), select(rng, ranked, ga)
-            offspring[slot] = mutate(rng, crossover(rng, mother, father, ga), ga)
+            offspring[slot] = mutate(rng, crossover(rng, mother, father, ga), ga, limit)
     return offspring
 
 
+def limits(ga: GA, plan: GenomePlan) -> NDArray[np.float64]:
+    """The bound of each gene, (genes,): of its part, or `ga.gene_limit`."""
+    return np.concatenate(
+        [np.full(part.size, ga.gene_limit if part.limit is None else part.limit) for part in plan.parts]
+    )
+
+
 def select(rng: np.random.Generator, ranked: NDArray[np.float64], ga: GA) -> NDArray[np.float64]:
-    """A parent: the fittest of a few drawn with replacement from `ranked` (population, 234), best first."""
+    """A parent: the fittest of a few drawn with replacement from `ranked` (population, genes), best first."""
     if ga.selection is Selection.best_or_worst:
         drawn = rng.choice([0, len(ranked) - 1], ga.tournament)
     else:
@@ -109,14 +120,17 @@ def select(rng: np.random.Generator, ranked: NDArray[np.float64], ga: GA) -> NDA
 def crossover(
     rng: np.random.Generator, mother: NDArray[np.float64], father: NDArray[np.float64], ga: GA
 ) -> NDArray[np.float64]:
-    """A child's genes (234,), each from one of its parents."""
+    """A child's genes, (genes,), each from one of its parents."""
+    middle = len(mother) // 2
     if ga.crossover is Crossover.middle:
-        return np.concatenate([mother[: GENES // 2], father[GENES // 2 :]])
-    return np.where(rng.random(GENES) < 0.5, mother, father)
+        return np.concatenate([mother[:middle], father[middle:]])
+    return np.where(rng.random(len(mother)) < 0.5, mother, father)
 
 
-def mutate(rng: np.random.Generator, child: NDArray[np.float64], ga: GA) -> NDArray[np.float64]:
-    """The child (234,) with a few genes changed, all clipped to +-gene_limit."""
-    mutated = rng.random(GENES) < ga.mutation_rate
-    change = rng.uniform(-ga.mutation_range, ga.mutation_range, GENES)
-    return np.clip(np.where(mutated, child + change, child), -ga.gene_limit, ga.gene_limit)
+def mutate(
+    rng: np.random.Generator, child: NDArray[np.float64], ga: GA, limit: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The child (genes,) with a few genes changed, each clipped to +-its limit (genes,)."""
+    mutated = rng.random(len(child)) < ga.mutation_rate
+    change = rng.uniform(-ga.mutation_range, ga.mutation_range, len(child))
+    return np.clip(np.where(mutated, child + change, child), -limit, limit)

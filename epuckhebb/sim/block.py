@@ -33,7 +33,7 @@ from epuckhebb.sim.light import lights
 from epuckhebb.sim.maze import Pose, Region, Side, boxes, gap
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, PAPER_NETWORK, Network, weights_at_birth
 from epuckhebb.sim.physics import PymunkSpace
-from epuckhebb.sim.plasticity.rule import Rule, coefficients, kept_at_birth
+from epuckhebb.sim.plasticity.rule import NoRule, Rule, coefficients, kept_at_birth
 from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.scenario import Scenario
 
@@ -139,11 +139,13 @@ def _live_in_one_space(
         space = phases[-1].space if same else PymunkSpace(walls, world.robot)
         phases.append(_Phase(step, world, space, walls))
     kinds: dict[tuple[int, int], _Kind] = {}
+    rules = [type(who.controller.rule) for who in individuals if not who.controller.adaptation.needs_baseline]
+    spare = next((rule for rule in rules if rule is not NoRule), NoRule)
     lived = []
     for who in individuals:
         place = (id(who.controller), id(who.network))
         if place not in kinds:
-            kinds[place] = _kind(who.controller, who.network, robot)
+            kinds[place] = _kind(who.controller, who.network, robot, spare)
         lived.append(_live_one(who, kinds[place], phases, lifetime))
     return lived
 
@@ -159,16 +161,22 @@ class _Kind(NamedTuple):
     baseline: BaselineOfSide
 
 
-def _kind(controller: Controller, network: Network, robot: Robot) -> _Kind:
+def _kind(controller: Controller, network: Network, robot: Robot, spare: type[Rule]) -> _Kind:
+    """What individuals of this kind share.
+
+    spare: a rule that others of the block have. Who has no rule lives in its kernel, with N = 0, to the same bits:
+    one kernel less to compile.
+    """
     rule, adaptation = controller.rule, controller.adaptation
-    numbers = rule.numbers()
+    compiled_for = spare if controller.is_ga_alone and not spare.evolved else type(rule)
+    numbers = rule.numbers() if compiled_for is type(rule) else dict.fromkeys(compiled_for.settings(), 0.0)
     return _Kind(
-        live=kernel_of(type(rule), tuple(numbers), adaptation.change_signal, network, robot),
+        live=kernel_of(compiled_for, adaptation.change_signal, network, robot),
         plasticity=Plasticity(
             float(rule.N), float(rule.floor), int(rule.signal), tuple(numbers.values()), gate_numbers(adaptation)
         ),
         plan=plan_of(network, type(rule)),
-        kept=kept_at_birth(type(rule), network),
+        kept=kept_at_birth(compiled_for, network),
         signs=np.ones(network.synapses),
         baseline=no_baseline(network.inputs),
     )
@@ -277,7 +285,9 @@ def _explained(rule: type[Rule], error: NumbaError) -> str:
     return "\n".join([f"rule {rule.__name__} of {own} does not compile:", *dict.fromkeys(told)][:_MESSAGE_LINES])
 
 
-def load_kernel(controller: Controller = GA_ALONE, network: Network | None = None, scenario: Scenario | None = None) -> None:
+def load_kernel(
+    controller: Controller = GA_ALONE, network: Network | None = None, scenario: Scenario | None = None
+) -> None:
     """Load or compile what lives of this kind need, as the first of them would.
 
     Raises:

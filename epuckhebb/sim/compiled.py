@@ -25,6 +25,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 _PACKAGE = __name__.partition(".")[0]
+_building_block: Any = register_jitable(forceinline=True, **_OPTIONS)
+_njit: Any = numba.njit
 
 
 def compiled(function: Function) -> Function:
@@ -32,7 +34,7 @@ def compiled(function: Function) -> Function:
 
     Forced inlining spares a call with dozens of arguments (an array is seven) and lets constants reach the loops.
     """
-    return cast(Function, register_jitable(forceinline=True, **_OPTIONS)(function))
+    return cast(Function, _building_block(function))
 
 
 def kernel(function: Function, **parts: object) -> Function:
@@ -48,11 +50,11 @@ def kernel(function: Function, **parts: object) -> Function:
     made.__module__ = function.__module__
     folder = _cache_folder(name)
     if folder is None:
-        return cast(Function, numba.njit(**_OPTIONS)(made))
+        return cast(Function, _njit(**_OPTIONS)(made))
     settings: Any = numba.config
     before, settings.CACHE_DIR = settings.CACHE_DIR, str(folder)
     try:
-        return cast(Function, numba.njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(made))
+        return cast(Function, _njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(made))
     finally:
         settings.CACHE_DIR = before
 

@@ -1,4 +1,4 @@
-"""A controller: what drives a robot besides its genes, as a column of a table names it: a rule, and what is laid over it."""
+"""A controller, as a column of a table names it: a plasticity rule, and the adaptation that is laid over it."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,10 @@ CONTROLS = {Sign.hebbian: HEBBIAN, Sign.anti: "anti-Hebbian", Sign.shuffled: "sh
 
 @dataclass(frozen=True, kw_only=True)
 class Controller:
-    """A treatment of a genome. name: in tables. rule: how its weights change. adaptation: when, and what else happens."""
+    """What is done to a genome in its life.
+
+    name: in tables. rule: how its weights change. adaptation: when they do, and what else happens then.
+    """
 
     name: str = GA
     rule: Rule = NO_RULE

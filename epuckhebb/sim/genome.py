@@ -1,4 +1,4 @@
-"""A genome: what is evolved, in named parts. The weights of the network come first, then a rule's evolved parameters."""
+"""A genome: what is evolved, in named parts. The weights of the network come first, then parameters of a rule."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -7,7 +7,6 @@ All that a life carries is in one record (`Life`), so that it can be paused at a
 
 import math
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +21,7 @@ from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, forward_pass
 from epuckhebb.sim.physics import Handles, is_lost, mover, pose
-from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Rule
+from epuckhebb.sim.plasticity.rule import NoRule, Rule
 from epuckhebb.sim.plasticity.update import effective_rate, update_of
 from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
 from epuckhebb.sim.random import normal_numbers, room_for_noise
@@ -77,8 +76,8 @@ class Life(NamedTuple):
 class Birth(NamedTuple):
     """What a life begins with and never changes.
 
-    weights: (synapses,), the genes. kept: (synapses,) records, what each synapse keeps at birth. coefficients: (parameters,
-    synapses) evolved parameters of the rule. signs: (synapses,) of the updates.
+    weights: (synapses,), the genes. kept: (synapses,) records, what each synapse keeps at birth. coefficients:
+    (parameters, synapses) evolved parameters of the rule. signs: (synapses,) of the updates.
     """
 
     weights: NDArray[np.float64]
@@ -137,10 +136,16 @@ class Samples(NamedTuple):
 
 
 # The parts of a life, as the paper's robot without plasticity has them; `kernel_of` puts others in their place.
-INPUTS, BIAS, WHEELS, SYNAPSES, HAS_RULE = PAPER_NETWORK.inputs, PAPER_NETWORK.bias, PAPER_NETWORK.wheels, PAPER_NETWORK.synapses, False
+INPUTS, BIAS, WHEELS, SYNAPSES, HAS_RULE = (
+    PAPER_NETWORK.inputs,
+    PAPER_NETWORK.bias,
+    PAPER_NETWORK.wheels,
+    PAPER_NETWORK.synapses,
+    False,
+)
 sense, blind, nearest = senses(EPUCK), blinding(EPUCK), largest_distance_reading(EPUCK)
 draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
-learn = update_of(NoRule, tuple(NO_RULE.numbers()), PAPER_NETWORK)
+learn = update_of(NoRule, PAPER_NETWORK)
 open_gate, explore = over.hooks(over.NONE, EPUCK)
 
 
@@ -277,15 +282,22 @@ def record(
         samples.weights[place, k] = life.weights[k]
 
 
-@cache
-def kernel_of(rule: type[Rule], settings: tuple[str, ...], change_signal: str, network: Network, robot: Robot) -> Any:
-    """`live` with the parts of this rule, signal of change, network and robot, compiled or from the cache.
+_kernels: dict[tuple[object, ...], Any] = {}  # those that this process has used
 
-    settings: the names of the rule's settings.
+
+def kernel_of(rule: type[Rule], change_signal: str, network: Network, robot: Robot) -> Any:
+    """`live` with the parts of this rule, signal of change, network and robot, compiled or from the cache.
 
     Raises:
         ValueError: the rule asks for something that there is not, or the network does not fit the robot.
     """
+    place = (rule, change_signal, network, robot)
+    if place not in _kernels:
+        _kernels[place] = _made(rule, change_signal, network, robot)
+    return _kernels[place]
+
+
+def _made(rule: type[Rule], change_signal: str, network: Network, robot: Robot) -> Any:
     if network.inputs != robot.inputs:
         raise ValueError(
             f"network.layers must begin with {robot.inputs}, the readings of robot {robot.name}, got {network.inputs}"
@@ -303,7 +315,7 @@ def kernel_of(rule: type[Rule], settings: tuple[str, ...], change_signal: str, n
         nearest=largest_distance_reading(robot),
         draw_noise=normal_numbers(robot.inputs),
         forward=forward_pass(network),
-        learn=update_of(rule, settings, network),
+        learn=update_of(rule, network),
         open_gate=open_gate,
         explore=explore,
         move=mover(robot),

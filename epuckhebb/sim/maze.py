@@ -116,14 +116,20 @@ class Maze:
                     )
         for kind in ("goals", "arms"):
             if set(getattr(self, kind)) != set(SIDES):
-                raise ValueError(f"maze.{kind} must have one for each of {', '.join(SIDES)}, got {list(getattr(self, kind))}")
+                raise ValueError(
+                    f"maze.{kind} must have one for each of {', '.join(SIDES)}, got {list(getattr(self, kind))}"
+                )
         for side in SIDES:
             region = self.arms[side]
             if not (region.left < region.right and region.bottom < region.top):
-                raise ValueError(f"maze.arms.{side} must have left below right and bottom below top, got {list(region)}")
+                raise ValueError(
+                    f"maze.arms.{side} must have left below right and bottom below top, got {list(region)}"
+                )
         for name, (x, y) in {"start": self.start[:2], **{f"goals.{side}": self.goals[side] for side in SIDES}}.items():
             if not (math.isfinite(x) and math.isfinite(y) and max(abs(x), abs(y)) < self.arena_m):
-                raise ValueError(f"maze.{name} must lie in the arena, within {self.arena_m} m of the middle, got {x}, {y}")
+                raise ValueError(
+                    f"maze.{name} must lie in the arena, within {self.arena_m} m of the middle, got {x}, {y}"
+                )
         if not math.isfinite(self.start.heading):
             raise ValueError(f"maze.start.heading must be a finite number, got {self.start.heading}")
         if not self.obstacle_counts or not all(0 <= count <= len(self.obstacles) for count in self.obstacle_counts):
@@ -187,7 +193,11 @@ def random_obstacles(maze: Maze, layout: int) -> list[Box]:
         if niche.both:
             first = between(*niche.depth)
             for wall, depth, inwards in ((low, first, 1), (high, niche.both - first, -1)):
-                placed.append(_in_corridor(niche, between(*niche.between), wall + inwards * depth / 2, depth, between(*niche.length)))
+                placed.append(
+                    _in_corridor(
+                        niche, between(*niche.between), wall + inwards * depth / 2, depth, between(*niche.length)
+                    )
+                )
         else:
             length, depth = between(*niche.length), between(*niche.depth)
             across = low + depth / 2 if rng.random() < 0.5 else high - depth / 2
@@ -247,8 +257,8 @@ def _check_reachable(walls: bytes, maze: Maze, goals: tuple[Place, ...], radius:
         near = np.hypot(axis[:, None] - goal.x, axis[None, :] - goal.y) < maze.goal_radius_m
         if not (reached & near).any():
             raise ValueError(
-                f"the goal of the {side}, {goal.x:g}, {goal.y:g}, cannot be reached in maze {maze.name}: no way from the "
-                f"start is wide enough for a robot of radius {radius:g} m"
+                f"the goal of the {side}, {goal.x:g}, {goal.y:g}, cannot be reached in maze {maze.name}: no way from "
+                f"the start is wide enough for a robot of radius {radius:g} m"
             )
 
 

@@ -8,6 +8,7 @@ anticlockwise from x. The robots of `conf/robot/` have the keys that `Robot` has
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -126,7 +127,7 @@ class Robot:
         if not self.light_places or not self.distance_places:
             raise ValueError("robot.light_places and robot.distance_places must hold one sensor or more each")
         distances = [point.distance for point in self.distance_curve]
-        steps = [b - a for a, b in zip(distances, distances[1:], strict=False)]
+        steps = [b - a for a, b in pairwise(distances)]
         if len(distances) < 2 or distances[0] != 0 or not all(step > 0 for step in steps):
             raise ValueError(
                 f"robot.distance_curve must be two or more rows of growing distance, the first at 0, got {distances}"
@@ -206,7 +207,7 @@ def cast(
 
 
 def echo_of(robot: Robot) -> Callable[[float], tuple[float, float]]:
-    """The function that gives the value of a robot's distance sensor, and its noise fraction, at a real distance [m]."""
+    """The function that gives a distance sensor's value, and its noise fraction, at a real distance [m]."""
     curve = np.array(robot.distance_curve, float)
     last, stretch, reach = len(curve) - 1, robot.stretch, robot.reach_m
 

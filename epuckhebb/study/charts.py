@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter
 from numpy.typing import NDArray
 
-from epuckhebb.sim.controller import FIRST_GENE, LAYERS, POST, PRE
+from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.sim.lifetime import Samples
 from epuckhebb.study import rescue
 from epuckhebb.study.evaluate import CONTROLLER, GA_ALONE

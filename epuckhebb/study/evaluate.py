@@ -1,7 +1,7 @@
 """Evaluate a genome: lifetimes in a scenario with and without plasticity, one row of metrics for each.
 
-Every lifetime with plasticity has a twin without it (GA, the control) that hears the same sensor noise, so that all
-comparisons are paired.
+Every lifetime with plasticity has a paired control without it (GA) with the same sensor noise, that is with common
+random numbers, so that all comparisons are paired.
 """
 
 import zlib
@@ -12,17 +12,17 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from epuckhebb.sim import streams
-from epuckhebb.sim.lifetime import Life, Lifetime, Outcome, Samples, live_block
+from epuckhebb.sim import random
+from epuckhebb.sim.adaptation.baseline import Baseline
+from epuckhebb.sim.block import Individual, Outcome, live_block
+from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.lifetime import Lifetime, Samples
 from epuckhebb.sim.maze import SIDES, Side
-from epuckhebb.sim.memory import Memory
-from epuckhebb.sim.plasticity import Hebbian, Sign, signs
+from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.sim.plasticity.control import signs
+from epuckhebb.sim.random import Stream
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.streams import Stream
-from epuckhebb.sim.surprise import NOTHING, Surprise
 
-GA_ALONE, HEBBIAN = "GA", "Hebbian"  # the values of the column `controller`, in the paper's words
-CONTROLLER = {Sign.hebbian: HEBBIAN, Sign.anti: "anti-Hebbian", Sign.shuffled: "shuffled signs"}
 COLUMNS = (
     "genome",
     "experiment",
@@ -44,8 +44,8 @@ COLUMNS = (
     "weight_change_final",
     "fitness",
     "contact_fraction",
+    "changed",
 )
-_NOT_PLASTIC = Hebbian(N=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,48 +62,57 @@ class Traces:
 
 
 def evaluate(
-    genome: NDArray[np.float64],
+    genes: NDArray[np.float64],
     scenario: Scenario,
-    plasticities: Sequence[Hebbian],
+    controllers: Sequence[Controller],
     lifetime: Lifetime,
-    memory: Memory | None = None,
+    baseline: Baseline | None = None,
     *,
     repeats: int,
     seed: int,
     threads: int = 1,
     name: str = "genome",
+    changed: str = "",
+    network: Network = PAPER_NETWORK,
 ) -> tuple[pd.DataFrame, Traces]:
-    """Live `repeats` lifetimes a side without plasticity, and as many with each of `plasticities`.
+    """Live `repeats` lifetimes a side without plasticity, and as many with each of `controllers`.
 
-    genome: (234,). memory: what it remembers, for plasticities with a signal of surprise. name: what the column
-    `genome` says. Returns one row a lifetime, with the columns `COLUMNS`, and the traces of the first repeat (empty if
-    `lifetime.record_every` is 0).
+    genes: (genes,). baseline: what it remembers, for adaptations that compare with it. name, changed: what the columns
+    `genome` and `changed` say. network: what the genes are for. Returns one row a lifetime, with the columns
+    `COLUMNS`, and the traces of the first repeat (empty if `lifetime.record_every` is 0).
 
     Raises:
-        ValueError: a plasticity needs a memory, and there is none.
-        LostRobotError: a pose stopped being finite.
+        ValueError: an adaptation needs a baseline, and there is none; two controllers have the same name.
+        LostRobotError: a pose or a weight stopped being finite.
     """
-    if memory is None and any(hebbian.surprise is not Surprise.none for hebbian in plasticities):
-        raise ValueError("a plasticity with a signal of surprise needs a memory of the training world")
-    wanted: list[tuple[str, Hebbian, Side, int]] = [
-        (controller, hebbian, side, repeat)
-        for controller, hebbian in [(GA_ALONE, _NOT_PLASTIC), *((controller_of(h), h) for h in plasticities)]
-        for side in SIDES
-        for repeat in range(repeats)
+    everyone = [GA_ALONE, *controllers]
+    names = [controller.name for controller in everyone]
+    if len(set(names)) < len(names):
+        raise ValueError(f"every controller needs a name of its own, got {', '.join(names)}")
+    if baseline is None and any(controller.adaptation.needs_baseline for controller in controllers):
+        raise ValueError("an adaptation with a signal of change needs a baseline of the training world")
+    place = zlib.crc32(genes.tobytes())
+    of_updates = {
+        controller.name: signs(controller.rule.sign, network.synapses, random.rng(seed, Stream.shuffled_signs, place))
+        for controller in everyone
+    }
+    wanted: list[tuple[Controller, Side, int]] = [
+        (controller, side, repeat) for controller in everyone for side in SIDES for repeat in range(repeats)
     ]
-    lives = [
-        Life(
-            genome=genome,
+    individuals = [
+        Individual(
+            genes=genes,
+            network=network,
             side=side,
-            hebbian=hebbian,
-            key=streams.key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)),
-            signs=signs(hebbian.sign, streams.rng(seed, Stream.shuffled_signs, zlib.crc32(genome.tobytes()))),
-            remembered=NOTHING if memory is None else memory.of(side),
+            controller=controller,
+            key=random.key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)),
+            signs=of_updates[controller.name],
+            baseline=None if baseline is None else baseline.of(side),
             record=repeat == 0,
         )
-        for _, hebbian, side, repeat in wanted
+        for controller, side, repeat in wanted
     ]
-    lived = live_block(lives, scenario, lifetime, threads)
+    lived = live_block(individuals, scenario, lifetime, threads)
     rows = [
         {
             "genome": name,
@@ -111,28 +120,24 @@ def evaluate(
             "scenario": scenario.name,
             "light": scenario.light,
             "obstacles": scenario.obstacles,
-            "controller": controller,
-            "N": hebbian.N,
-            "signal": hebbian.signal.name if controller != GA_ALONE else "",
+            "controller": controller.name,
+            "N": controller.rule.N,
+            "signal": "" if controller is GA_ALONE else controller.rule.signal.name,
             "side": side,
             "repeat": repeat,
             "seed": seed,
             **_metrics(outcome, lifetime),
+            "changed": changed,
         }
-        for (controller, hebbian, side, repeat), (outcome, _) in zip(wanted, lived, strict=True)
+        for (controller, side, repeat), (outcome, _) in zip(wanted, lived, strict=True)
     ]
-    recorded = [(w, samples) for w, (_, samples) in zip(wanted, lived, strict=True) if w[3] == 0]
+    recorded = [(w, samples) for w, (_, samples) in zip(wanted, lived, strict=True) if w[2] == 0]
     traces = Traces(
-        controller=[controller for (controller, *_), _ in recorded],
-        side=[side for (_, _, side, _), _ in recorded],
+        controller=[controller.name for (controller, *_), _ in recorded],
+        side=[side for (_, side, _), _ in recorded],
         samples=Samples(*(np.stack(arrays) for arrays in zip(*(samples for _, samples in recorded), strict=True))),
     )
     return pd.DataFrame(rows, columns=list(COLUMNS)), traces
-
-
-def controller_of(hebbian: Hebbian) -> str:
-    """What the column `controller` says: the paper's word for the paper's rule, else the rule's own name."""
-    return CONTROLLER[hebbian.sign] if hebbian.name in ("none", "paper") else hebbian.name
 
 
 def _metrics(outcome: Outcome, lifetime: Lifetime) -> dict[str, float]:

@@ -59,7 +59,9 @@ class Adaptation:
         """Refuse what cannot be."""
         allowed = (NONE, *change_signals())
         if self.change_signal not in allowed:
-            raise ValueError(f"adaptation.change_signal must be one of {', '.join(allowed)}, got {self.change_signal!r}")
+            raise ValueError(
+                f"adaptation.change_signal must be one of {', '.join(allowed)}, got {self.change_signal!r}"
+            )
         for name in ("active_s", "rest_s", "motor_noise"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):

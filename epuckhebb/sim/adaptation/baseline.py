@@ -1,4 +1,4 @@
-"""A memory of the training world: what was normal there, so that what is not can be noticed.
+"""The baseline: what a champion remembers of its training world, so that what is not normal can be noticed.
 
 The champion lives ten lifetimes a side in the world it was evolved in, without plasticity, at the pace at which it
 will be evaluated. What it remembers is the worst that was normal: its slowest arrival, its least live fitness in each
@@ -11,26 +11,27 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim import streams
-from epuckhebb.sim.epuck import STEP_S
-from epuckhebb.sim.lifetime import Life, Lifetime, Samples, live_block
-from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, SIDES, Side
-from epuckhebb.sim.plasticity import Hebbian
+from epuckhebb.sim import random
+from epuckhebb.sim.adaptation.change_signal import RECENT_S, BaselineOfSide
+from epuckhebb.sim.block import Individual, live_block
+from epuckhebb.sim.lifetime import Lifetime, Samples
+from epuckhebb.sim.maze import SIDES, Place, Side
+from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.sim.random import Stream
+from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.streams import Stream
-from epuckhebb.sim.surprise import RECENT_S, Remembered
 
 REPEATS = 10  # lifetimes a side
 _RECORD_EVERY = 4  # steps: eight samples a second
 
 
 @dataclass(frozen=True, kw_only=True)
-class Memory:
+class Baseline:
     """What a champion remembers; axes of length 2: left (without the lamp), right (with it).
 
     experiment, scenario: where. gain_rad_s: at which pace. success: (2,) share of its lifetimes. time_to_goal_s: (2,)
     slowest arrival, nan if it never arrived. away_s: (2,) longest excursion from the goal afterwards. fitness:
-    (2, seconds) least recent live fitness. reading_mean, reading_spread: (2, 16).
+    (2, seconds) least recent live fitness. reading_mean, reading_spread: (2, inputs).
     """
 
     experiment: str
@@ -43,10 +44,10 @@ class Memory:
     reading_mean: NDArray[np.float64]
     reading_spread: NDArray[np.float64]
 
-    def of(self, side: Side) -> Remembered:
+    def of(self, side: Side) -> BaselineOfSide:
         """What is compared with on this side."""
         k = SIDES.index(side)
-        return Remembered(
+        return BaselineOfSide(
             float(self.time_to_goal_s[k]),
             float(self.away_s[k]),
             self.fitness[k],
@@ -55,10 +56,17 @@ class Memory:
         )
 
 
-def remember(genome: NDArray[np.float64], scenario: Scenario, gain_rad_s: float = 1.0, threads: int = 1) -> Memory:
+def remember(
+    genes: NDArray[np.float64],
+    scenario: Scenario,
+    gain_rad_s: float = 1.0,
+    threads: int = 1,
+    network: Network = PAPER_NETWORK,
+) -> Baseline:
     """Live in the training world and remember it. The same genome always remembers the same.
 
-    genome: (234,). scenario: the training world. gain_rad_s: the pace, wheel speed of a network output of 1.
+    genes: weights of the network, (synapses,). scenario: the training world. gain_rad_s: the pace, wheel speed of a
+    network output of 1.
 
     Raises:
         LostRobotError: a pose stopped being finite.
@@ -66,23 +74,23 @@ def remember(genome: NDArray[np.float64], scenario: Scenario, gain_rad_s: float 
     lifetime = Lifetime(
         duration_s=scenario.paper_duration_s / gain_rad_s, gain_rad_s=gain_rad_s, record_every=_RECORD_EVERY
     )
-    place = zlib.crc32(genome.tobytes())
-    lives = [
-        Life(
-            genome=genome,
+    place = zlib.crc32(genes.tobytes())
+    individuals = [
+        Individual(
+            genes=genes,
+            network=network,
             side=side,
-            hebbian=Hebbian(),
-            key=streams.key(0, Stream.memory_noise, place, k, repeat),
+            key=random.key(0, Stream.baseline_noise, place, k, repeat),
             record=True,
         )
         for k, side in enumerate(SIDES)
         for repeat in range(REPEATS)
     ]
-    lived = live_block(lives, scenario, lifetime, threads)
+    lived = live_block(individuals, scenario, lifetime, threads)
     sides = [lived[:REPEATS], lived[REPEATS:]]
     arrivals = np.array([[outcome.time_to_goal for outcome, _ in side] for side in sides])
     readings = [np.concatenate([samples.sensors for _, samples in side]) for side in sides]
-    return Memory(
+    return Baseline(
         experiment=scenario.experiment,
         scenario=scenario.name,
         gain_rad_s=gain_rad_s,
@@ -90,7 +98,9 @@ def remember(genome: NDArray[np.float64], scenario: Scenario, gain_rad_s: float 
         time_to_goal_s=np.fmax.reduce(arrivals, axis=1),
         away_s=np.array(
             [
-                max(_longest_away(samples, GOALS[name]) for _, samples in side)
+                max(
+                    _longest_away(samples, scenario.goals_now[name], scenario.maze.goal_radius_m) for _, samples in side
+                )
                 for name, side in zip(SIDES, sides, strict=True)
             ]
         ),
@@ -100,9 +110,9 @@ def remember(genome: NDArray[np.float64], scenario: Scenario, gain_rad_s: float 
     )
 
 
-def _longest_away(samples: Samples, goal: tuple[float, float]) -> float:
+def _longest_away(samples: Samples, goal: Place, radius: float) -> float:
     """The longest time [s] away from the goal after the first arrival; 0 if it never arrived, or stayed."""
-    at_goal = np.hypot(samples.pose[:, 0] - goal[0], samples.pose[:, 1] - goal[1]) < GOAL_RADIUS
+    at_goal = np.hypot(samples.pose[:, 0] - goal[0], samples.pose[:, 1] - goal[1]) < radius
     visits = np.append(np.flatnonzero(at_goal), len(at_goal))
     return float((np.diff(visits) - 1).max(initial=0)) * _RECORD_EVERY * STEP_S
 

@@ -1,6 +1,6 @@
 """The gate: how far plasticity is open, from a signal of change. The paper's rule is the case of an open gate, g = 1.
 
-    g = clip(slope (signal - threshold), 0, 1)      need for plasticity; 0 at the goal, and during rests
+g = clip(slope (signal - threshold), 0, 1)      need for plasticity; 0 at the goal, and during rests
 """
 
 from epuckhebb.sim.compiled import compiled

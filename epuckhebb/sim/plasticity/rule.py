@@ -2,10 +2,9 @@
 
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from enum import Enum
-from functools import cache
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -79,13 +78,14 @@ class Rule:
         """The direction in which a weight goes; a subclass says it."""
         raise TypeError("a plasticity rule needs a static method `synapse`")
 
+    @classmethod
+    def settings(cls) -> tuple[str, ...]:
+        """The names of the settings that are numbers, in the order in which a kernel has them."""
+        return tuple(field.name for field in fields(cls) if not isinstance(field.default, str | Enum))
+
     def numbers(self) -> dict[str, float]:
-        """The settings that are numbers, by name, in the order in which a kernel has them."""
-        return {
-            field.name: float(getattr(self, field.name))
-            for field in fields(self)
-            if not isinstance(getattr(self, field.name), str | Enum)
-        }
+        """The settings that are numbers, by name."""
+        return {name: float(getattr(self, name)) for name in self.settings()}
 
     def in_unit_interval(self, *names: str) -> None:
         """Refuse settings outside [0, 1].
@@ -102,7 +102,7 @@ class NoRule(Rule):
     """No plasticity: the weights stay as they were at birth."""
 
     @staticmethod
-    def synapse() -> float:  # type: ignore[override]
+    def synapse() -> float:
         """Nowhere."""
         return 0.0
 
@@ -110,7 +110,6 @@ class NoRule(Rule):
 NO_RULE = NoRule()
 
 
-@cache
 def asked(rule: type[Rule]) -> tuple[str, ...]:
     """The names of the arguments of a rule's `synapse`, in its order.
 
@@ -155,6 +154,3 @@ def coefficients(rule: type[Rule], network: Network, genes: Mapping[str, NDArray
     for row, (name, evolved) in zip(spread, rule.evolved.items(), strict=True):
         row[:] = np.repeat(genes[name], counts) if evolved.per == "layer" else genes[name]
     return spread
-
-
-Synapse = Callable[..., float]

@@ -8,6 +8,7 @@ The weights are a copy made at birth: the genome is never written, so a robot fo
 
 from collections import namedtuple
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.rule import Rule, asked
 from epuckhebb.sim.plasticity.weight_change import total_of, weight_change
 
+_namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
 PRE, POST, CORRELATION = range(3)  # rows of the workspace of an update
 
 
@@ -44,7 +46,13 @@ def _filled(network: Network, quantity: int) -> Fill:
     fill: Fill = compiled(_pass)
     for k, (inputs, outputs) in reversed(list(enumerate(network.shapes))):
         fill = _layer_filled(
-            network.first_neuron[k], network.first_neuron[k + 1], network.first_synapse[k], inputs, outputs, quantity, fill
+            network.first_neuron[k],
+            network.first_neuron[k + 1],
+            network.first_synapse[k],
+            inputs,
+            outputs,
+            quantity,
+            fill,
         )
     return fill
 
@@ -66,10 +74,10 @@ def _layer_filled(pre: int, post: int, first: int, inputs: int, outputs: int, qu
 Update = Callable[..., float]
 
 
-def update_of(rule: type[Rule], settings: tuple[str, ...], network: Network) -> Update:
+def update_of(rule: type[Rule], network: Network) -> Update:
     """The function that updates all weights of a network once by a rule, and returns the weight change.
 
-    settings: the names of the rule's settings. The function is
+    The function is
     `learn(weights, kept, genes, coefficients, activation, rate, signs, numbers, room, change)`: weights (synapses,)
     and what the synapses keep are updated; genes: weights at birth; coefficients: (evolved parameters, synapses);
     activation: (neurons,); rate: N_e; signs: (synapses,); numbers: the settings; room (3, synapses) and change:
@@ -79,7 +87,7 @@ def update_of(rule: type[Rule], settings: tuple[str, ...], network: Network) -> 
         ValueError: the rule asks for something that there is not.
     """
     names = asked(rule)
-    By = namedtuple("By", settings)  # type: ignore[misc]  # noqa: PYI024
+    By = _namedtuple("By", rule.settings())
     evolved = {name: f"coefficients[{row}, k]" for row, name in enumerate(rule.evolved)}
     told = {
         "correlation": f"room[{CORRELATION}, k]",
@@ -92,7 +100,7 @@ def update_of(rule: type[Rule], settings: tuple[str, ...], network: Network) -> 
     }
     # A rule names what it needs, and only that is worked out; so the call is written when the rule is known.
     direction = compiled(
-        eval(  # noqa: S307
+        eval(
             f"lambda k, weights, kept, coefficients, room, by: synapse({', '.join(told[name] for name in names)})",
             {"synapse": compiled(rule.synapse)},
         )

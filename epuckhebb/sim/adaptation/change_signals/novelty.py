@@ -1,6 +1,6 @@
 """Novelty: the robot's readings are unlike those of its training world. It knows only what the robot senses.
 
-    novelty = min over lamps of mean |s' - m| / (d + 0.01)      recent readings against the remembered, in spreads
+novelty = min over lamps of mean |s' - m| / (d + 0.01)      recent readings against the remembered, in spreads
 """
 
 import numpy as np
