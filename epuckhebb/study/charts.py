@@ -12,10 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter
 from numpy.typing import NDArray
 
-from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
+from epuckhebb.sim.controller import CONTROLS, GA
 from epuckhebb.sim.lifetime import Samples
 from epuckhebb.study import rescue
-from epuckhebb.study.evaluate import CONTROLLER, GA_ALONE
 from epuckhebb.study.figures import SIDE_COLOUR, to_png
 
 _SCENARIO_STYLE = {
@@ -34,7 +33,7 @@ def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, cham
     """
     figure = Figure(figsize=(11, 7.2), layout="constrained")
     (top_left, top_right), (low_left, low_right) = figure.subplots(2, 2)
-    own = doses[(doses.experiment == experiment) & doses.controller.isin([GA_ALONE, "Hebbian"])]
+    own = doses[(doses.experiment == experiment) & doses.controller.isin([GA, "Hebbian"])]
     rates = sorted(own.N.unique())
     at = {rate: place for place, rate in enumerate(rates)}  # 0 has no place on a log axis: rates stand side by side
     for axes, column, label in (
@@ -68,7 +67,7 @@ def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, cham
 def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) -> None:
     styles = {"Hebbian": ("-", "o"), "anti-Hebbian": ("--", "s"), "shuffled signs": (":", "^")}
     totals = harm.groupby(["controller", "N"], sort=False)[["broken", "rescued", "sound", "harmed"]].sum().reset_index()
-    for kind in CONTROLLER.values():
+    for kind in CONTROLS.values():
         own = totals[totals.controller == kind].sort_values("N")
         if not len(own):
             continue

@@ -9,10 +9,11 @@ from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 from PIL import Image
 
+from epuckhebb.sim.controller import GA, HEBBIAN
 from epuckhebb.sim.epuck import RADIUS
 from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, SIDES, START, WALLS, Side, boxes
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.study.evaluate import GA_ALONE, HEBBIAN, Traces
+from epuckhebb.study.evaluate import Traces
 
 SIDE_COLOUR = {"left": "#0072B2", "right": "#D55E00"}  # blue and red as in the paper, apart for the colour-blind too
 _WALL, _OBSTACLE, _LAMP = "#4d4d4d", "#b07d62", "#E69F00"
@@ -49,9 +50,7 @@ def maze(scenario: Scenario) -> bytes:
 
 def controller_title(controller: str) -> str:
     """What stands above a controller's panel."""
-    return {GA_ALONE: "GA alone", HEBBIAN: "GA with Hebbian plasticity"}.get(
-        controller, f"GA with plasticity “{controller}”"
-    )
+    return {GA: "GA alone", HEBBIAN: "GA with Hebbian plasticity"}.get(controller, f"GA with plasticity “{controller}”")
 
 
 def draw_maze(axes: Axes, scenario: Scenario) -> None:

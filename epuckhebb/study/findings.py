@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
 from epuckhebb.sim.scenario import TRAINED
-from epuckhebb.study.evaluate import CONTROLLER, GA_ALONE, HEBBIAN
 from epuckhebb.study.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson, wilson_by_champion
 
 CHANGED = {"light": ("lowlight",), "obstacles": ("2obstacles", "4obstacles")}
@@ -59,7 +59,7 @@ def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
     for experiment, kind, rate in _plasticities(each):
         mastered = _succeeding(each, experiment, TRAINED[experiment])
         for scenario in (TRAINED[experiment], *changed(each, experiment)):
-            without = _outcomes(each, experiment, scenario, GA_ALONE, 0.0)
+            without = _outcomes(each, experiment, scenario, GA, 0.0)
             plastic = _outcomes(each, experiment, scenario, kind, rate)
             fit = without.index.isin(mastered)
             broken, sound = fit & ~without, fit & without
@@ -112,7 +112,7 @@ def rescue_over_all(each: pd.DataFrame) -> pd.DataFrame:
         mastered = _succeeding(each, experiment, TRAINED[experiment])
         pooled = []
         for scenario in changed(each, experiment):
-            without = _outcomes(each, experiment, scenario, GA_ALONE, 0.0)
+            without = _outcomes(each, experiment, scenario, GA, 0.0)
             plastic = _outcomes(each, experiment, scenario, kind, rate)
             pooled.append(pd.DataFrame({"without": without, "plastic": plastic}))
         trial = pd.concat(pooled)
@@ -174,7 +174,7 @@ def dose_response(each: pd.DataFrame) -> pd.DataFrame:
     A mean of one champion has no interval, but for success, which has bounds.
     """
     rows = []
-    shown = each[each.controller.isin([GA_ALONE, *CONTROLLER.values()])]
+    shown = each[each.controller.isin([GA, *CONTROLS.values()])]
     for cell, group in shown.groupby(_CELL, sort=False):
         row = dict(zip(_CELL, cell, strict=True))
         for column in ("success", "time_to_goal_s", "weight_change_mean"):
@@ -245,7 +245,7 @@ def claims(each: pd.DataFrame, genomes_unchanged: dict[str, int]) -> pd.DataFram
 
 
 def _light_claims(each: pd.DataFrame) -> Iterator[Claim]:
-    bright, dim = (_outcomes(each, "light", scenario, GA_ALONE, 0.0) for scenario in ("highlight", "lowlight"))
+    bright, dim = (_outcomes(each, "light", scenario, GA, 0.0) for scenario in ("highlight", "lowlight"))
     rate = PAPER_N["light"]
     bright_plastic, dim_plastic = (
         _outcomes(each, "light", scenario, HEBBIAN, rate) for scenario in ("highlight", "lowlight")
@@ -262,10 +262,10 @@ def _light_claims(each: pd.DataFrame) -> Iterator[Claim]:
 
 def _obstacle_claims(each: pd.DataFrame) -> Iterator[Claim]:
     rate = PAPER_N["obstacles"]
-    base = _outcomes(each, "obstacles", "base", GA_ALONE, 0.0)
+    base = _outcomes(each, "obstacles", "base", GA, 0.0)
     any_broken, any_small, any_large = [], [], []
     for scenario, count in (("2obstacles", 2), ("4obstacles", 4)):
-        alone = _outcomes(each, "obstacles", scenario, GA_ALONE, 0.0)
+        alone = _outcomes(each, "obstacles", scenario, GA, 0.0)
         plastic = _outcomes(each, "obstacles", scenario, HEBBIAN, rate)
         broken = base & ~alone
         yield _count("obstacles", f"{count} obstacles defeat the GA", "trials mastered in base: fail", ~alone, base)
@@ -282,7 +282,7 @@ def _obstacle_claims(each: pd.DataFrame) -> Iterator[Claim]:
     }
     grows = (change["base"] < change["2obstacles"]) & (change["2obstacles"] < change["4obstacles"])
     yield _count("obstacles", "Weight change grows with obstacles", "all trials: base < 2 < 4", grows, grows | ~grows)
-    time = [_values(each, "obstacles", "base", *how, "time_to_goal_s") for how in ((GA_ALONE, 0.0), (HEBBIAN, rate))]
+    time = [_values(each, "obstacles", "base", *how, "time_to_goal_s") for how in ((GA, 0.0), (HEBBIAN, rate))]
     both = time[0].notna() & time[1].notna()
     yield _count(
         "obstacles",
@@ -311,7 +311,7 @@ def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tu
     does); of equals the first is taken. Chosen *for* its likeness, it says that the pattern exists, not how often.
     """
     ours = each[(each.experiment == experiment) & each.N.isin([0.0, PAPER_N[experiment]])]
-    ours = ours[ours.controller.isin([GA_ALONE, HEBBIAN])]
+    ours = ours[ours.controller.isin([GA, HEBBIAN])]
     paper = published[published.experiment == experiment].set_index(["scenario", "controller", "side"]).success
     mastered = _succeeding(each, experiment, TRAINED[experiment])
     names = list(dict.fromkeys(ours.genome))
@@ -326,7 +326,7 @@ def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tu
 
 
 def _plasticities(each: pd.DataFrame) -> Iterator[tuple[str, str, float]]:
-    plastic = each[each.controller != GA_ALONE]
+    plastic = each[each.controller != GA]
     for key, _ in plastic.groupby(["experiment", "controller", "N"], sort=False):
         yield key
 
@@ -342,7 +342,7 @@ def _outcomes(each: pd.DataFrame, experiment: str, scenario: str, controller: st
 
 
 def _succeeding(each: pd.DataFrame, experiment: str, scenario: str) -> pd.Index:
-    alone = _outcomes(each, experiment, scenario, GA_ALONE, 0.0)
+    alone = _outcomes(each, experiment, scenario, GA, 0.0)
     return alone[alone].index
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from epuckhebb.study.evaluate import GA_ALONE
+from epuckhebb.sim.controller import GA
 from epuckhebb.study.findings import PAPER_N
 from epuckhebb.study.tables import ROWS
 
@@ -60,12 +60,12 @@ def compare(published: pd.DataFrame, each: pd.DataFrame, showcase: Mapping[str, 
     """
     rows = []
     for _, cell in published[published.experiment.isin(list(showcase))].iterrows():
-        rate = 0.0 if cell.controller == GA_ALONE else PAPER_N[cell.experiment]
+        rate = 0.0 if cell.controller == GA else PAPER_N[cell.experiment]
         here = each[(each.experiment == cell.experiment) & (each.scenario == cell.scenario) & (each.side == cell.side)]
         here = here[(here.controller == cell.controller) & (rate == here.N)].set_index("genome")
         values = here[cell.metric] if cell.metric in here else _speed(here, cell.experiment)
         ours = float(values.get(showcase[cell.experiment], float("nan")))
-        if cell.metric == "weight_change_mean" and cell.controller == GA_ALONE:
+        if cell.metric == "weight_change_mean" and cell.controller == GA:
             continue
         quartiles = values.quantile([0.25, 0.5, 0.75]).to_numpy(float)
         rows.append(

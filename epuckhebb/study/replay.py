@@ -18,20 +18,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.controller import LAYERS, weights_at_birth
+from epuckhebb.sim.controller import GA, HEBBIAN, LAYERS, weights_at_birth
 from epuckhebb.sim.epuck import AZIMUTH, PLACE_X, PLACE_Y, RADIUS, REACH, STEP_S, WHEEL_RADIUS
 from epuckhebb.sim.lifetime import CONTACT, Samples
 from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, SIDES, START, WALLS, Side, boxes
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.study.evaluate import GA_ALONE, HEBBIAN, Traces
+from epuckhebb.study.evaluate import Traces
 from epuckhebb.study.figures import controller_title
 
 _MOST_SAMPLES = 1000  # of a lifetime; more are thinned out, and the page draws straight lines between them
 _LARGEST = 32767  # of a 16-bit integer
 _VIEW = (-0.456, 0.464, -0.456, 0.276)  # left, right, bottom, top [m]: the T, without the empty yard beyond it
-_WHO = {GA_ALONE: "without plasticity", HEBBIAN: "with plasticity"}
+_WHO = {GA: "without plasticity", HEBBIAN: "with plasticity"}
 _NOTE = {
-    GA_ALONE: "its connections stay as they were at birth",
+    GA: "its connections stay as they were at birth",
     HEBBIAN: "its connections change while it drives",
 }
 

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 from markdown_it import MarkdownIt
 
+from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
 from epuckhebb.study import published, rescue
-from epuckhebb.study.evaluate import CONTROLLER, GA_ALONE, HEBBIAN
 from epuckhebb.study.findings import PAPER_N, RULE
 from epuckhebb.study.tables import markdown_table
 
@@ -91,7 +91,7 @@ def summary(claims: pd.DataFrame, success: pd.DataFrame, harm: pd.DataFrame, pro
             "Intervals and p values take champions, not trials, for the independent unit.\n",
             _claims(claims, of_what=False),
             "Success, with 95 % intervals:\n",
-            success_table(success, (GA_ALONE, HEBBIAN)),
+            success_table(success, (GA, HEBBIAN)),
             "Of the trials mastered in the training world, what the change breaks and plasticity rescues, and what it "
             "harms of the rest; the controls make changes of equal size that are not Hebb's. p is from an exact "
             "sign-flip test by champion:\n",
@@ -156,7 +156,7 @@ def _deviations(group: pd.DataFrame) -> str:
     return markdown_table(["scenario", "controller", "metric", "paper", "ours", "deviation"], rows)
 
 
-def success_table(success: pd.DataFrame, controllers: Collection[str] = (GA_ALONE, *CONTROLLER.values())) -> str:
+def success_table(success: pd.DataFrame, controllers: Collection[str] = (GA, *CONTROLS.values())) -> str:
     """Success at the paper's rates, a row for each scenario and controller."""
     own = success[success.controller.isin(controllers)]
     own = own[[row.N in (0.0, PAPER_N[row.experiment]) for row in own.itertuples()]]

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from epuckhebb.sim import streams
-from epuckhebb.sim.streams import Stream
+from epuckhebb.sim import random
+from epuckhebb.sim.random import Stream
 
 RESAMPLES = 2000
 _UNKNOWN = (math.nan, math.nan)
@@ -139,7 +139,7 @@ def bootstrap_mean(
         return _UNKNOWN
     if bounds is not None and (known == known[0]).all():
         return _unseen(float(known[0]), len(known), *bounds)
-    drawn = streams.rng(seed, Stream.bootstrap).integers(0, len(known), (RESAMPLES, len(known)))
+    drawn = random.rng(seed, Stream.bootstrap).integers(0, len(known), (RESAMPLES, len(known)))
     low, high = np.percentile(known[drawn].mean(axis=1), [2.5, 97.5])
     return float(low), float(high)
 
@@ -169,7 +169,7 @@ def bootstrap_ratio(part: NDArray[np.int64], whole: NDArray[np.int64], seed: int
     share = float(part.sum() / whole.sum())
     if _agree(part, whole):
         return _unseen(share, int((whole > 0).sum()), 0.0, 1.0)
-    drawn = streams.rng(seed, Stream.bootstrap).integers(0, len(whole), (RESAMPLES, len(whole)))
+    drawn = random.rng(seed, Stream.bootstrap).integers(0, len(whole), (RESAMPLES, len(whole)))
     wholes = whole[drawn].sum(axis=1)
     low, high = np.percentile(part[drawn].sum(axis=1)[wholes > 0] / wholes[wholes > 0], [2.5, 97.5])
     return min(float(low), share), max(float(high), share)

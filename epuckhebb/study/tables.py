@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from epuckhebb.study.evaluate import GA_ALONE
+from epuckhebb.sim.controller import GA
 
 ROWS: Mapping[str, str] = {
     "Success": "success",
@@ -26,7 +26,7 @@ def paper_table(metrics: pd.DataFrame) -> pd.DataFrame:
     """
     means = metrics.groupby(["controller", "side"], sort=False)[list(ROWS.values())].mean()
     table = means.rename(columns={column: row for row, column in ROWS.items()}).T
-    table.loc["Weight Change Mean", [column for column in table.columns if column[0] == GA_ALONE]] = math.nan
+    table.loc["Weight Change Mean", [column for column in table.columns if column[0] == GA]] = math.nan
     table.index.name = "metric"
     return table
 
