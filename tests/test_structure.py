@@ -53,7 +53,7 @@ def test_physics_is_in_world_alone(package):
 
 def test_what_an_evaluation_tells_needs_no_statistics():
     """scipy.stats takes most of a second to import."""
-    code = "import sys; import epuckhebb.app.jobs, epuckhebb.app.report; sys.exit('scipy.stats' in sys.modules)"
+    code = "import sys; import epuckhebb.app.evaluate, epuckhebb.app.show; sys.exit('scipy.stats' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

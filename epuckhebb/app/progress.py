@@ -1,97 +1,145 @@
-"""How an evolution is shown while it runs: one live line on a terminal, one plain line a generation elsewhere."""
+"""What is shown on standard error while the program works: a live bar on a terminal, plain lines elsewhere."""
 
+import os
+import threading
 from collections.abc import Callable
 from types import TracebackType
+from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from epuckhebb.evolution.evolve import Generation
 
+_QUIET = "EPUCKHEBB_QUIET"  # environment variable, so that the workers of a launcher see it too
+_EVERY_S = 0.5
 
-class EvolutionProgress:
-    """Shows each generation on standard error; a context manager that leaves the terminal tidy."""
 
-    def __init__(self, generations: int, *, quiet: bool) -> None:
-        """Prepare to show so many generations; say nothing if `quiet`."""
+def be_quiet(quiet: bool) -> None:
+    """Decide whether this call and its workers print anything but results and errors."""
+    os.environ[_QUIET] = "1" if quiet else ""
+
+
+def is_quiet() -> bool:
+    """Whether this call was asked to print nothing."""
+    return bool(os.environ.get(_QUIET))
+
+
+def say(note: str) -> None:
+    """Tell the user something on standard error, unless this call is quiet."""
+    if not is_quiet():
+        Console(stderr=True, highlight=False, soft_wrap=True).print(note, markup=False)
+
+
+class _Shown:
+    """A bar of so many steps on a terminal; a context manager that leaves the terminal tidy."""
+
+    def __init__(self, what: str, total: int, *, quiet: bool = False) -> None:
         console = Console(stderr=True, highlight=False)
+        quiet = quiet or is_quiet()
+        self._live = console.is_terminal and not quiet
         self._plain = None if console.is_terminal or quiet else console
-        self._generations = generations
-        self._steps, self._seconds, self._shown = 0, 0.0, 0
+        self._total = total
         self._bar = Progress(
-            TextColumn("generation"),
+            TextColumn(what),
             MofNCompleteColumn(),
             BarColumn(bar_width=20),
-            TextColumn("{task.fields[told]}"),
+            TextColumn("{task.description}"),
             TimeRemainingColumn(compact=True),
             console=console,
-            disable=quiet or not console.is_terminal,
+            disable=not self._live,
         )
-        self._task = self._bar.add_task("evolve", total=generations, told="compiling …")
+        self._task = self._bar.add_task("", total=total)
 
-    def __enter__(self) -> "EvolutionProgress":
+    def __enter__(self) -> Self:
         """Start to show."""
         self._bar.start()
         return self
+
+    def _show(self, completed: int, told: str) -> None:
+        self._bar.update(self._task, completed=completed, description=told)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop showing."""
+        self._bar.stop()
+
+
+class EvolutionProgress(_Shown):
+    """Shows each generation of an evolution."""
+
+    def __init__(self, generations: int, *, quiet: bool) -> None:
+        """Prepare to show so many generations; say nothing if `quiet`."""
+        super().__init__("generation", generations, quiet=quiet)
+        self._steps, self._seconds, self._shown = 0, 0.0, 0
+        self._show(0, "compiling …")
 
     def show(self, generation: Generation) -> None:
         """Show a generation that has just ended."""
         self._steps += generation.robot_steps
         self._seconds += generation.seconds
         self._shown += 1
+        done = generation.number + 1
         told = (
             f"best {generation.fitness.max():.3f}  mean {generation.fitness.mean():.3f}  "
             f"{self._steps / self._seconds / 1e6:.2f} M robot-steps/s"
         )
-        self._bar.update(self._task, completed=generation.number + 1, told=told)
+        self._show(done, told)
         if self._plain is not None:
-            left = self._seconds / self._shown * (self._generations - generation.number - 1)
-            self._plain.print(f"generation {generation.number + 1}/{self._generations}  {told}  {left:.0f} s left")
+            left = self._seconds / self._shown * (self._total - done)
+            self._plain.print(f"generation {done}/{self._total}  {told}  {left:.0f} s left")
+
+
+class TaskProgress(_Shown):
+    """Shows which task of a study is at work."""
+
+    def __init__(self, total: int) -> None:
+        """Prepare to show so many tasks."""
+        super().__init__("", total)
+
+    def show(self, number: int, name: str) -> None:
+        """Show the task of this number, from 0, as it begins."""
+        self._show(number, name)
+        if self._plain is not None:
+            self._plain.print(f"{number + 1}/{self._total}  {name}")
+
+
+class JobsProgress(_Shown):
+    """Shows, on a terminal, how many jobs are done, whatever launcher runs them: a thread counts them."""
+
+    def __init__(self, total: int, count: Callable[[], tuple[int, int]]) -> None:
+        """Prepare to watch.
+
+        Args:
+            total: The number of jobs.
+            count: A function that says how many jobs are done, and how many have failed.
+        """
+        super().__init__("job", total)
+        self._count = count
+        self._ended = threading.Event()
+        self._watcher = threading.Thread(target=self._watch, daemon=True)
+
+    def __enter__(self) -> Self:
+        """Start to watch."""
+        if self._live:
+            self._watcher.start()
+        return super().__enter__()
+
+    def _watch(self) -> None:
+        while not self._ended.wait(_EVERY_S):
+            self._look()
+
+    def _look(self) -> None:
+        done, failed = self._count()
+        self._show(done + failed, f"{failed} failed" if failed else "")
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop showing."""
-        self._bar.stop()
-
-
-class StepProgress:
-    """Shows the steps of a long job on standard error: a bar on a terminal, a line a step elsewhere."""
-
-    def __init__(self, *, quiet: bool) -> None:
-        """Prepare to show; say nothing if `quiet`."""
-        self._console = Console(stderr=True, highlight=False)
-        self._quiet = quiet
-        self._bar = Progress(
-            MofNCompleteColumn(),
-            BarColumn(bar_width=20),
-            TextColumn("{task.description}"),
-            TimeRemainingColumn(compact=True),
-            console=self._console,
-            disable=quiet or not self._console.is_terminal,
-        )
-
-    def __enter__(self) -> "StepProgress":
-        """Start to show."""
-        self._bar.start()
-        return self
-
-    def begin(self, total: int) -> Callable[[str], None]:
-        """Announce so many steps; call what is returned with the name of each as it begins."""
-        task = self._bar.add_task("", total=total)
-        begun = 0
-
-        def step(name: str) -> None:
-            nonlocal begun
-            self._bar.update(task, completed=begun, description=name)
-            begun += 1
-            if not self._quiet and not self._console.is_terminal:
-                self._console.print(f"{begun}/{total}  {name}")
-
-        return step
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Stop showing."""
-        self._bar.stop()
+        """Stop watching."""
+        if self._live:
+            self._ended.set()
+            self._watcher.join()
+            self._look()
+        super().__exit__(kind, error, trace)
