@@ -80,6 +80,28 @@ def test_what_is_listed_is_what_hydra_would_compose():
         assert engine.identity(hydra_bridge.composed("evaluate", job.overrides)) == job.run
 
 
+@pytest.mark.usefixtures("failing")
+def test_the_folder_of_a_sweep_says_how_it_ended_and_show_tells(here, monkeypatch):
+    words = ["sweep", "obstacles", *TWO, "hydra/launcher=basic", "-q"]
+    assert call(*words).exit_code == 1
+    folder = only_sweep(here)
+    told = json.loads((folder / "status.json").read_text())
+    assert told["state"] == "failed"
+    assert "the robot is lost" in told["error"]
+    monkeypatch.undo()
+    os.chdir(here)
+    assert call(*words).exit_code == 0
+    told = json.loads((folder / "status.json").read_text())
+    assert (told["state"], "error" in told) == ("finished", False)
+    assert told["started"] < told["finished"]
+    shown = call("show", str(folder))
+    assert shown.exit_code == 0, shown.output
+    assert "2 runs" in shown.stdout
+    assert "Success (95 % interval)" in shown.stdout
+    for other in ("rerun", "replay"):
+        assert call(other, str(folder)).exit_code == 2
+
+
 def test_jobs_that_would_do_the_same_are_one():
     assert len(sweep.plan("obstacles", ["scenario=base", "seed=1,1", "threads=1,2"]).jobs) == 1
 
