@@ -91,7 +91,34 @@ Json = Annotated[
 Open = Annotated[bool, typer.Option("--open", help="Write the page that replays the run, and open it in a browser.")]
 
 
+def _say_error(message: str) -> None:
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console.print("Error: ", style="bold red", end="")
+    console.print(message, markup=False)
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """Turn errors into one message and an exit code."""
+    try:
+        with interruptible():
+            yield
+    except ConfigError as error:
+        _say_error(str(error))
+        raise typer.Exit(USAGE) from None
+    except KeyboardInterrupt as interruption:
+        _say_error(interrupted(str(interruption)))
+        raise typer.Exit(INTERRUPTED) from None
+    except OSError as error:
+        _say_error(f"{error.filename or ''}: {error.strerror or error}")
+        raise typer.Exit(USAGE) from None
+    except JobFailedError as error:
+        _say_error(f"a job failed: {error}")
+        raise typer.Exit(JOB_FAILED) from None
+
+
 @app.command(cls=ConfiguredCommand)
+@_told()
 def evolve(
     overrides: Overrides = None,
     multirun: Multirun = False,
@@ -101,25 +128,19 @@ def evolve(
     as_json: Json = False,
 ) -> None:
     """Evolve a controller."""
-    with _told():
-        if any(word.startswith("resume=") for word in overrides or []):
-            from epuckhebb.app.evolve import resume
+    from epuckhebb.app.evolve import asked, evolve_job, resume
 
-            if multirun or cfg or config_dir:
-                raise ConfigError("resume=RUN goes on with the settings of RUN: no -m, --cfg or --config-dir with it")
-            _begin(quiet)
-            _tell("evolve", [resume(overrides or [])], quiet, as_json)
-            return
-        from epuckhebb.app.config import EvolveConfig, typed
-        from epuckhebb.app.evolve import evolve_job
-
-        def asked(composed: Any) -> EvolveConfig:
-            return typed(composed, EvolveConfig)
-
-        _run("evolve", evolve_job, asked, overrides or [], multirun, cfg, config_dir, quiet, as_json)
+    if any(word.startswith("resume=") for word in overrides or []):
+        if multirun or cfg or config_dir:
+            raise ConfigError("resume=RUN goes on with the settings of RUN: no -m, --cfg or --config-dir with it")
+        _begin(quiet)
+        _tell("evolve", [resume(overrides or [])], quiet, as_json)
+        return
+    _run("evolve", evolve_job, asked, overrides or [], multirun, cfg, config_dir, quiet, as_json)
 
 
 @app.command(cls=ConfiguredCommand)
+@_told()
 def evaluate(
     overrides: Overrides = None,
     multirun: Multirun = False,
@@ -130,24 +151,24 @@ def evaluate(
     open_page: Open = False,
 ) -> None:
     """A genome's lifetimes in a scenario, GA alone and with plasticity."""
-    with _told():
-        from epuckhebb.app.evaluate import asked, evaluate_job
+    from epuckhebb.app.evaluate import asked, evaluate_job
 
-        if open_page and (multirun or cfg):
-            raise ConfigError(
-                "--open shows the page of one run, so it does not go with --multirun or --cfg; "
-                "run `epuckhebb replay RUN --open` for one of the runs of a multirun"
-            )
-        runs = _run("evaluate", evaluate_job, asked, overrides or [], multirun, cfg, config_dir, quiet, as_json)
-        if open_page:
-            from epuckhebb.app.replay import recording, write_page
+    if open_page and (multirun or cfg):
+        raise ConfigError(
+            "--open shows the page of one run, so it does not go with --multirun or --cfg; "
+            "run `epuckhebb replay RUN --open` for one of the runs of a multirun"
+        )
+    runs = _run("evaluate", evaluate_job, asked, overrides or [], multirun, cfg, config_dir, quiet, as_json)
+    if open_page:
+        from epuckhebb.app.replay import recording, write_page
 
-            page = runs[0] / "replay.html"
-            write_page(recording(runs[0]), page)
-            _open(page)
+        page = runs[0] / "replay.html"
+        write_page(recording(runs[0]), page)
+        _open(page)
 
 
 @app.command()
+@_told()
 def replay(
     run: Annotated[
         Path,
@@ -163,29 +184,29 @@ def replay(
     open_page: Open = False,
 ) -> None:
     """A page to watch a run's lifetimes, or a film of them."""
-    with _told():
-        from epuckhebb.app.replay import recording, require_video, write_movie, write_page
-        from epuckhebb.study import movie
+    from epuckhebb.app.replay import recording, require_video, write_movie, write_page
+    from epuckhebb.study import movie
 
-        if mp4:
-            require_video()
-        recorded = recording(run)
-        written = []
-        if output or open_page or not (gif or mp4):
-            page = output or run / "replay.html"
-            write_page(recorded, page)
-            written.append(page)
-        for target, make in ((gif, movie.gif), (mp4, movie.mp4)):
-            if target:
-                write_movie(recorded, target, make)
-                written.append(target)
-        for path in written:
-            typer.echo(path)
-        if open_page:
-            _open(page)
+    if mp4:
+        require_video()
+    recorded = recording(run)
+    written = []
+    if output or open_page or not (gif or mp4):
+        page = output or run / "replay.html"
+        write_page(recorded, page)
+        written.append(page)
+    for target, make in ((gif, movie.gif), (mp4, movie.mp4)):
+        if target:
+            write_movie(recorded, target, make)
+            written.append(target)
+    for path in written:
+        typer.echo(path)
+    if open_page:
+        _open(page)
 
 
 @app.command(cls=ConfiguredCommand)
+@_told()
 def reproduce(
     words: Annotated[
         list[str] | None,
@@ -202,22 +223,19 @@ def reproduce(
     as_json: Json = False,
 ) -> None:
     """The paper's tables and figures, ours beside theirs, and how often its claims hold."""
-    with _told():
-        from epuckhebb.app import show as shown
-        from epuckhebb.app.reproduce import reproduce as run
+    from epuckhebb.app import show as shown
+    from epuckhebb.app.reproduce import reproduce as run
 
-        _begin(quiet)
-        experiment, overrides = "all", list(words or [])
-        if overrides and "=" not in overrides[0]:
-            experiment = overrides.pop(0)
-        folder = run(experiment, overrides, quick=quick)
-        if as_json:
-            typer.echo(json.dumps(shown.as_json(folder)))
-        elif not quiet:
-            shown.tell_reproduction(folder, Console())
+    _begin(quiet)
+    experiment, overrides = "all", list(words or [])
+    if overrides and "=" not in overrides[0]:
+        experiment = overrides.pop(0)
+    folder = run(experiment, overrides, quick=quick)
+    _out(as_json, quiet, lambda: shown.as_json(folder), lambda console: shown.tell_reproduction(folder, console))
 
 
 @app.command(cls=ConfiguredCommand)
+@_told()
 def sweep(
     name: Annotated[
         str,
@@ -233,68 +251,53 @@ def sweep(
     as_json: Json = False,
 ) -> None:
     """A named sweep on all cores; the same command again does only what is not done."""
-    with _told():
-        from epuckhebb.app import engine, progress
-        from epuckhebb.app import show as shown
-        from epuckhebb.app.sweep import plan, told
-        from epuckhebb.app.sweep import sweep as run
+    from epuckhebb.app import engine, progress
+    from epuckhebb.app import show as shown
+    from epuckhebb.app.sweep import plan, told
+    from epuckhebb.app.sweep import sweep as run
 
-        _begin(quiet)
-        planned = plan(name, overrides or [], config_dir)
-        todo = {job.run for job in engine.todo(planned.folder, planned.jobs)}
-        summary = {"verb": "sweep", "folder": str(planned.folder)}
-        if dry_run:
-            listed = [{"run": job.run, "done": job.run not in todo, "overrides": job.overrides} for job in planned.jobs]
-            if as_json:
-                typer.echo(json.dumps({**summary, "jobs": listed}))
-            elif not quiet:
-                shown.tell_jobs(planned.folder, listed, Console())
-            return
-        done = len(planned.jobs) - len(todo)
-        progress.say(f"{len(planned.jobs)} jobs in {planned.folder}/: {done} done before, {len(todo)} to do.")
-        outcome = run(planned, fail_fast=fail_fast)
-        if as_json:
-            typer.echo(json.dumps({**summary, **outcome.as_json()}))
-        elif not quiet:
-            shown.tell_sweep(planned.folder, Console())
-        if outcome.failures:
-            raise JobFailedError(told(planned, outcome))
+    _begin(quiet)
+    planned = plan(name, overrides or [], config_dir)
+    todo = {job.run for job in engine.todo(planned.folder, planned.jobs)}
+    summary = {"verb": "sweep", "folder": str(planned.folder)}
+    if dry_run:
+        listed = [{"run": job.run, "done": job.run not in todo, "overrides": job.overrides} for job in planned.jobs]
+        found = {**summary, "jobs": listed}
+        _out(as_json, quiet, lambda: found, lambda console: shown.tell_jobs(planned.folder, listed, console))
+        return
+    done = len(planned.jobs) - len(todo)
+    progress.say(f"{len(planned.jobs)} jobs in {planned.folder}/: {done} done before, {len(todo)} to do.")
+    outcome = run(planned, fail_fast=fail_fast)
+    found = {**summary, **outcome.as_json()}
+    _out(as_json, quiet, lambda: found, lambda console: shown.tell_sweep(planned.folder, console))
+    if outcome.failures:
+        raise JobFailedError(told(planned, outcome))
 
 
 @app.command()
-def show(
-    run: Run,
-    as_json: Json = False,
-) -> None:
+@_told()
+def show(run: Run, as_json: Json = False) -> None:
     """Tell what a run holds."""
-    with _told():
-        from epuckhebb.app import show as shown
+    from epuckhebb.app import show as shown
 
-        if as_json:
-            typer.echo(json.dumps(shown.as_json(run)))
-        else:
-            shown.show(run, Console())
+    _out(as_json, False, lambda: shown.as_json(run), lambda console: shown.show(run, console))
 
 
 @app.command()
-def rerun(
-    run: Run,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+@_told()
+def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
     """Repeat a run, and say whether its CSV files are the same bytes."""
-    with _told():
-        from epuckhebb.app.rerun import rerun as repeat
+    from epuckhebb.app.rerun import rerun as repeat
 
-        _begin(quiet)
-        new, difference = repeat(run)
-        if as_json:
-            typer.echo(json.dumps({"verb": "rerun", "run": str(run), "new": str(new), "difference": difference}))
-        elif not quiet and not difference:
-            typer.echo(f"same bytes: {new}")
-        if difference:
-            _say_error(f"{new}: {difference}")
-            raise typer.Exit(JOB_FAILED)
+    _begin(quiet)
+    new, difference = repeat(run)
+    if as_json:
+        typer.echo(json.dumps({"verb": "rerun", "run": str(run), "new": str(new), "difference": difference}))
+    elif not quiet and not difference:
+        typer.echo(f"same bytes: {new}")
+    if difference:
+        _say_error(f"{new}: {difference}")
+        raise typer.Exit(JOB_FAILED)
 
 
 def _version(wanted: bool) -> None:
@@ -343,10 +346,20 @@ def _run(
 def _tell(verb: str, runs: list[Path], quiet: bool, as_json: bool) -> None:
     from epuckhebb.app import show as shown
 
+    _out(
+        as_json,
+        quiet,
+        lambda: {"verb": verb, "runs": list(map(shown.as_json, runs))},
+        lambda console: shown.tell(runs, console),
+    )
+
+
+def _out(as_json: bool, quiet: bool, told: Callable[[], Any], tell: Callable[[Console], None]) -> None:
+    """Say what came out: as JSON, in the terminal, or not at all."""
     if as_json:
-        typer.echo(json.dumps({"verb": verb, "runs": [shown.as_json(run) for run in runs]}))
+        typer.echo(json.dumps(told()))
     elif not quiet:
-        shown.tell(runs, Console())
+        tell(Console())
 
 
 def _begin(quiet: bool) -> None:
@@ -358,38 +371,12 @@ def _begin(quiet: bool) -> None:
     progress.be_quiet(quiet)
 
 
-@contextmanager
-def _told() -> Iterator[None]:
-    """Turn errors into one message and an exit code."""
-    try:
-        with interruptible():
-            yield
-    except ConfigError as error:
-        _say_error(str(error))
-        raise typer.Exit(USAGE) from None
-    except KeyboardInterrupt as interruption:
-        _say_error(interrupted(str(interruption)))
-        raise typer.Exit(INTERRUPTED) from None
-    except OSError as error:
-        _say_error(f"{error.filename or ''}: {error.strerror or error}")
-        raise typer.Exit(USAGE) from None
-    except JobFailedError as error:
-        _say_error(f"a job failed: {error}")
-        raise typer.Exit(JOB_FAILED) from None
-
-
 def _open(page: Path) -> None:
     import webbrowser
 
     if not webbrowser.open(page.resolve().as_uri()):
         _say_error(f"no browser could be started; open {page} yourself")
         raise typer.Exit(JOB_FAILED)
-
-
-def _say_error(message: str) -> None:
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
-    console.print("Error: ", style="bold red", end="")
-    console.print(message, markup=False)
 
 
 def main() -> None:

@@ -34,7 +34,7 @@ from omegaconf import DictConfig, OmegaConf
 from epuckhebb.app import hydra_bridge, runs
 from epuckhebb.app.errors import ConfigError, JobFailedError
 from epuckhebb.app.evaluate import asked, evaluate_into
-from epuckhebb.app.progress import JobsProgress, TaskProgress
+from epuckhebb.app.progress import TaskProgress, counting
 from epuckhebb.app.runs import UNFINISHED, RunFolder
 
 NO_EFFECT = ("threads",)  # keys on which no result depends
@@ -190,7 +190,7 @@ def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str]
     if missing:
         _write_jobs(study, {"name": name, "command": study.command, "fail_fast": fail_fast}, jobs)
         try:
-            with JobsProgress(len(missing), lambda: count(folder, missing, f"{UNFINISHED}/{stamp}_*")):
+            with counting(len(missing), lambda: count(folder, missing, f"{UNFINISHED}/{stamp}_*")):
                 hydra_bridge.call("evaluate", study_job, _arguments(folder, missing, launcher, stamp), stamp)
         except (ConfigError, JobFailedError) as error:
             trouble = str(error)

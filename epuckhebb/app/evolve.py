@@ -27,9 +27,18 @@ _HISTORY = "history.csv"
 def evolve_job(cfg: DictConfig) -> None:
     """Do one job of Hydra's: evolve into its folder."""
     with hydra_bridge.job_folder() as path:
-        config = typed(cfg, EvolveConfig)
+        config = asked(cfg)
         run = RunFolder.new(path, "evolve", cfg, hydra_bridge.job_overrides(), {})
     evolve_into(run, config, None, threads=hydra_bridge.threads_of_job(cfg.threads), quiet=hydra_bridge.in_multirun())
+
+
+def asked(cfg: DictConfig) -> EvolveConfig:
+    """What a configuration asks for, checked.
+
+    Raises:
+        ConfigError: A value is outside its range.
+    """
+    return typed(cfg, EvolveConfig)
 
 
 def evolve_into(
@@ -107,7 +116,7 @@ def resume(arguments: list[str]) -> Path:
     if told["verb"] != "evolve":
         raise ConfigError(f"resume={path} is a run of `epuckhebb {told['verb']}`; only evolutions can be resumed")
     cfg = _changed(path, changes)
-    config = typed(cfg, EvolveConfig)
+    config = asked(cfg)
     after = Checkpoint.read(path, config.ga.population)
     done = after.generation.number + 1 if after else 0
     if config.ga.generations < done:

@@ -2,9 +2,8 @@
 
 import os
 import threading
-from collections.abc import Callable
-from types import TracebackType
-from typing import Self
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -31,49 +30,31 @@ def say(note: str) -> None:
         Console(stderr=True, highlight=False, soft_wrap=True).print(note, markup=False)
 
 
-class _Shown:
+class _Bar(Progress):
     """A bar of so many steps on a terminal; a context manager that leaves the terminal tidy."""
 
     def __init__(self, what: str, total: int, *, quiet: bool = False) -> None:
         console = Console(stderr=True, highlight=False)
         quiet = quiet or is_quiet()
-        self._live = console.is_terminal and not quiet
+        columns = TextColumn(what), MofNCompleteColumn(), BarColumn(bar_width=20), TextColumn("{task.description}")
+        disable = quiet or not console.is_terminal
+        super().__init__(*columns, TimeRemainingColumn(compact=True), console=console, disable=disable)
         self._plain = None if console.is_terminal or quiet else console
-        self._total = total
-        self._bar = Progress(
-            TextColumn(what),
-            MofNCompleteColumn(),
-            BarColumn(bar_width=20),
-            TextColumn("{task.description}"),
-            TimeRemainingColumn(compact=True),
-            console=console,
-            disable=not self._live,
-        )
-        self._task = self._bar.add_task("", total=total)
+        self._total, self._task = total, self.add_task("", total=total)
 
-    def __enter__(self) -> Self:
-        """Start to show."""
-        self._bar.start()
-        return self
-
-    def _show(self, completed: int, told: str) -> None:
-        self._bar.update(self._task, completed=completed, description=told)
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Stop showing."""
-        self._bar.stop()
+    def put(self, completed: int, told: str) -> None:
+        """Show how many steps are completed, and what is told beside the bar."""
+        self.update(self._task, completed=completed, description=told)
 
 
-class EvolutionProgress(_Shown):
+class EvolutionProgress(_Bar):
     """Shows each generation of an evolution."""
 
     def __init__(self, generations: int, *, quiet: bool) -> None:
         """Prepare to show so many generations; say nothing if `quiet`."""
         super().__init__("generation", generations, quiet=quiet)
         self._steps, self._seconds, self._shown = 0, 0.0, 0
-        self._show(0, "compiling …")
+        self.put(0, "compiling …")
 
     def show(self, generation: Generation) -> None:
         """Show a generation that has just ended."""
@@ -85,13 +66,13 @@ class EvolutionProgress(_Shown):
             f"best {generation.fitness.max():.3f}  mean {generation.fitness.mean():.3f}  "
             f"{self._steps / self._seconds / 1e6:.2f} M robot-steps/s"
         )
-        self._show(done, told)
+        self.put(done, told)
         if self._plain is not None:
             left = self._seconds / self._shown * (self._total - done)
             self._plain.print(f"generation {done}/{self._total}  {told}  {left:.0f} s left")
 
 
-class TaskProgress(_Shown):
+class TaskProgress(_Bar):
     """Shows which task of a study is at work."""
 
     def __init__(self, total: int) -> None:
@@ -100,46 +81,38 @@ class TaskProgress(_Shown):
 
     def show(self, number: int, name: str) -> None:
         """Show the task of this number, from 0, as it begins."""
-        self._show(number, name)
+        self.put(number, name)
         if self._plain is not None:
             self._plain.print(f"{number + 1}/{self._total}  {name}")
 
 
-class JobsProgress(_Shown):
-    """Shows, on a terminal, how many jobs are done, whatever launcher runs them: a thread counts them."""
+@contextmanager
+def counting(total: int, count: Callable[[], tuple[int, int]]) -> Iterator[None]:
+    """Show on a terminal how many of so many jobs are done, whatever launcher runs them; a thread counts them.
 
-    def __init__(self, total: int, count: Callable[[], tuple[int, int]]) -> None:
-        """Prepare to watch.
+    Args:
+        total: The number of jobs.
+        count: A function that says how many jobs are done, and how many have failed.
+    """
+    bar, ended = _Bar("job", total), threading.Event()
 
-        Args:
-            total: The number of jobs.
-            count: A function that says how many jobs are done, and how many have failed.
-        """
-        super().__init__("job", total)
-        self._count = count
-        self._ended = threading.Event()
-        self._watcher = threading.Thread(target=self._watch, daemon=True)
+    def look() -> None:
+        done, failed = count()
+        bar.put(done + failed, f"{failed} failed" if failed else "")
 
-    def __enter__(self) -> Self:
-        """Start to watch."""
-        if self._live:
-            self._watcher.start()
-        return super().__enter__()
+    def watch() -> None:
+        while not ended.wait(_EVERY_S):
+            look()
 
-    def _watch(self) -> None:
-        while not self._ended.wait(_EVERY_S):
-            self._look()
-
-    def _look(self) -> None:
-        done, failed = self._count()
-        self._show(done + failed, f"{failed} failed" if failed else "")
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Stop watching."""
-        if self._live:
-            self._ended.set()
-            self._watcher.join()
-            self._look()
-        super().__exit__(kind, error, trace)
+    if bar.disable:
+        yield
+        return
+    watcher = threading.Thread(target=watch, daemon=True)
+    with bar:
+        watcher.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            watcher.join()
+            look()

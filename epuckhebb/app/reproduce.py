@@ -25,20 +25,14 @@ from epuckhebb.app.evolve import champion_of
 from epuckhebb.app.files import Genome
 from epuckhebb.app.hydra_bridge import composed
 from epuckhebb.evolution.evolve import evolve, history_row
-from epuckhebb.sim.lifetime import Samples
+from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.memory import remember
-from epuckhebb.sim.plasticity import Hebbian, Sign
-from epuckhebb.sim.scenario import TRAINED
-from epuckhebb.study import charts, figures, findings, published, report
-from epuckhebb.study.evaluate import HEBBIAN, evaluate
+from epuckhebb.sim.scenario import TRAINED, Scenario
+from epuckhebb.study import figures, published, report, reproduction
+from epuckhebb.study.evaluate import evaluate
 
 EXPERIMENTS = {"light": ("light",), "obstacles": ("obstacles",), "all": ("light", "obstacles")}
 QUICK = ("champions=3", "repeats=3", "rates=[0.000015,0.002]")
-RULE = (
-    "It is the champion whose successes and failures agree with the paper's in most cells, among those that reach both "
-    "goals in their training world (of all, if none does); of equals the one with the lowest seed. Chosen for its "
-    "likeness, it shows that the pattern exists, not how often."
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,21 +163,20 @@ def _evolve(study: _Study, champion: _Champion) -> None:
 
 def _evaluate(study: _Study, champion: _Champion) -> None:
     """Let a champion live in every scenario of its experiment, with every rate and control."""
-    genome, config = champion.genome(), study.config
-    before = genome.sha256
-    rows = [
-        evaluate(
+    genome, config, one = champion.genome(), study.config, champion.experiment
+    before, rows = genome.sha256, []
+    for scenario, lifetime in (_world(name, "lifetime.record_every=0") for name in reproduction.worlds(one)):
+        metrics, _ = evaluate(
             genome.genes,
-            world.scenario,
-            _plasticities(config, champion.experiment),
-            world.lifetime,
+            scenario,
+            reproduction.plasticities(one, config.rates, config.signal.of(one)),
+            lifetime,
             repeats=config.repeats,
             seed=config.seed,
             threads=thread_count(config.threads),
             name=champion.name,
-        )[0]
-        for world in map(_world, (TRAINED[champion.experiment], *findings.CHANGED[champion.experiment]))
-    ]
+        )
+        rows.append(metrics)
     if genome.sha256 != before:
         study.changed.append(champion.experiment)
     runs.write_whole(champion.lifetimes, pd.concat(rows).to_csv(index=False).encode())
@@ -191,8 +184,7 @@ def _evaluate(study: _Study, champion: _Champion) -> None:
 
 def _tell(study: _Study) -> None:
     """Write the tables, the figures and the report over all lifetimes."""
-    lifetimes = pd.concat([_lifetimes(champion.lifetimes) for champion in study.champions], ignore_index=True)
-    found = _findings(study, lifetimes)
+    found = _findings(study)
     pictures = {name: (told, figures.small(png)) for name, (told, png) in _figures(study, found).items()}
     text = report.markdown(found, {name: caption for name, (caption, _) in pictures.items()})
     for name, (_, png) in pictures.items():
@@ -208,118 +200,43 @@ def _lifetimes(file: Path) -> pd.DataFrame:
         raise ConfigError(f"{file} of an earlier run cannot be read ({error}); remove it and start again") from error
 
 
-def _world(scenario: str) -> EvaluateConfig:
-    return typed(composed("evaluate", [f"scenario={scenario}", "lifetime.record_every=0"]), EvaluateConfig)
-
-
-def _plasticities(config: ReproduceConfig, experiment: str) -> list[Hebbian]:
-    rates = sorted({*config.rates, findings.PAPER_N[experiment]})
-    return [
-        Hebbian(name="paper", N=rate, sign=sign, signal=config.signal.of(experiment)) for sign in Sign for rate in rates
-    ]
-
-
-def _findings(study: _Study, metrics: pd.DataFrame) -> report.Findings:
-    each, paper = findings.trials(metrics), study.paper
-    success = published.published_success(paper)
-    showcase = {one: findings.showcase(each, success, one) for one in study.experiments}
-    count = 1 if study.given else study.config.champions
-    unchanged = {one: count - study.changed.count(one) for one in study.experiments}
-    values = published.published_values(paper)
-    comparison = published.compare(values, each, {one: name for one, (name, *_) in showcase.items()})
-    comparison["title"] = [paper[table]["title"] for table in comparison.table]
-    found = report.Findings(
-        claims=findings.claims(each, unchanged),
-        success=findings.success(each),
-        rescue_and_harm=findings.rescue_and_harm(each),
-        dose_response=findings.dose_response(each),
-        comparison=comparison,
-        showcase=showcase,
-        champions=count,
-        given=study.given is not None,
-        repeats=study.config.repeats,
-        rule=RULE,
-        provenance=_provenance(study),
+def _findings(study: _Study) -> report.Findings:
+    """What came out; its tables are written."""
+    config, given = study.config, study.given
+    count = 1 if given else config.champions
+    last = config.first_seed + config.champions - 1
+    who = (
+        f"genome `{given.name}` (SHA-256 {given.sha256[:16]}…)"
+        if given
+        else f"{config.champions} champions of each experiment, evolved from seeds {config.first_seed} to {last}"
     )
-    tables = {
-        "metrics": metrics,
-        "trials": each,
-        "claims": found.claims,
-        "success": found.success,
-        "rescue_and_harm": found.rescue_and_harm,
-        "dose_response": found.dose_response,
-        "comparison": comparison.drop(columns="title"),
-    }
+    found, tables = reproduction.findings_of(
+        pd.concat([_lifetimes(champion.lifetimes) for champion in study.champions], ignore_index=True),
+        study.paper,
+        {one: count - study.changed.count(one) for one in study.experiments},
+        champions=count,
+        given=given is not None,
+        repeats=config.repeats,
+        provenance=f"Made by `epuckhebb reproduce`: {who}; {config.repeats} noise repeats of every condition "
+        f"(seed {config.seed}); live fitness: {config.signal.value}.",
+    )
     for name, table in tables.items():
         runs.write_whole(study.folder / f"{name}.csv", table.to_csv(index=False).encode())
     return found
 
 
-def _provenance(study: _Study) -> str:
-    config = study.config
-    last = config.first_seed + config.champions - 1
-    who = (
-        f"genome `{study.given.name}` (SHA-256 {study.given.sha256[:16]}…)"
-        if study.given
-        else f"{config.champions} champions of each experiment, evolved from seeds {config.first_seed} to {last}"
-    )
-    return (
-        f"Made by `epuckhebb reproduce`: {who}; {config.repeats} noise repeats of every condition "
-        f"(seed {config.seed}); live fitness: {config.signal.value}."
-    )
-
-
 def _figures(study: _Study, found: report.Findings) -> dict[str, tuple[str, bytes]]:
-    """File name -> (caption, PNG), in the order of the report."""
-    made: dict[str, tuple[str, bytes]] = {}
+    """The figures by the names of their files, each a caption and a PNG."""
+    shown, histories = {}, {}
     for one in study.experiments:
-        name = found.showcase[one][0]
-        shown = next(own for own in study.champions if (own.experiment, own.name) == (one, name))
-        genome, rate = shown.genome(), findings.PAPER_N[one]
-        plastic = Hebbian(name="paper", N=rate, signal=study.config.signal.of(one))
-        lived: dict[tuple[str, str], dict[str, Samples]] = {}
-        for scenario in (TRAINED[one], *findings.CHANGED[one]):
-            world = typed(composed("evaluate", [f"scenario={scenario}"]), EvaluateConfig)
-            _, traces = evaluate(
-                genome.genes, world.scenario, [plastic], world.lifetime, repeats=1, seed=study.config.seed, name=name
-            )
-            title = f"{scenario}, {name}, N = {rate:g}, one lifetime a side"
-            made[f"trajectories_{scenario}.png"] = (
-                f"{scenario}: trajectories of `{name}` alone and with plasticity at N = {rate:g}; one lifetime a side.",
-                figures.trajectories(traces, world.scenario, title),
-            )
-            for place, key in enumerate(zip(traces.controller, traces.side, strict=True)):
-                samples = Samples(*(array[place] for array in traces.samples))
-                lived.setdefault((scenario, key[0]), {})[key[1]] = samples
-        changed = {scenario: lived[scenario, HEBBIAN] for scenario in findings.CHANGED[one]}
-        for against in ("fitness", "light" if one == "light" else "proximity"):
-            made[f"weight_change_{one}_{against}.png"] = (
-                f"{one}: change of the weights between samples against {against}, `{name}`, N = {rate:g}; left blue, "
-                "right red.",
-                charts.weight_change(changed, against, f"{name}, N = {rate:g}"),
-            )
-        last = findings.CHANGED[one][-1]
-        made[f"network_{one}.png"] = (
-            f"{last}: how plasticity at N = {rate:g} has changed the network of `{name}` by the end of a lifetime.",
-            charts.network(genome.genes, lived[last, HEBBIAN], f"{name} in {last}, N = {rate:g}"),
-        )
-        if study.given is None:
-            made[f"dose_response_{one}.png"] = (
-                f"{one}: success, time to goal, weight change, and rescue and harm with their controls, against N; "
-                f"{found.champions} champions.",
-                charts.dose_response(found.dose_response, found.rescue_and_harm, one, found.champions),
-            )
-    if study.given is None:
-        histories = {
-            one: [pd.read_csv(own.history) for own in study.champions if own.experiment == one]
-            for one in study.experiments
-        }
-        made["learning_curves.png"] = (
-            f"Learning curves: best and mean fitness, median and quartiles of {found.champions} evolutions.",
-            charts.learning_curves(histories),
-        )
-    maze = figures.maze(_world("4obstacles").scenario)
-    return {
-        "maze.png": ("The maze: robot at the start, lamp, goals with their 5 cm circles, four obstacles.", maze),
-        **made,
-    }
+        own = [champion for champion in study.champions if champion.experiment == one]
+        shown[one] = next(champion for champion in own if champion.name == found.showcase[one][0]).genome().genes
+        if not study.given:
+            histories[one] = [pd.read_csv(champion.history) for champion in own]
+    signals = {one: study.config.signal.of(one) for one in study.experiments}
+    return reproduction.figures_of(found, shown, signals, _world, histories, study.config.seed)
+
+
+def _world(scenario: str, *more: str) -> tuple[Scenario, Lifetime]:
+    config = typed(composed("evaluate", [f"scenario={scenario}", *more]), EvaluateConfig)
+    return config.scenario, config.lifetime

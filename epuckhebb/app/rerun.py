@@ -3,11 +3,9 @@
 from itertools import zip_longest
 from pathlib import Path
 
-from epuckhebb.app import runs
-from epuckhebb.app.config import EvolveConfig, stored, thread_count, typed
+from epuckhebb.app import evaluate, evolve, runs
+from epuckhebb.app.config import stored, thread_count
 from epuckhebb.app.errors import ConfigError
-from epuckhebb.app.evaluate import asked, evaluate_into
-from epuckhebb.app.evolve import evolve_into
 from epuckhebb.app.hydra_bridge import new_stamp
 from epuckhebb.app.progress import say
 from epuckhebb.app.runs import RunFolder
@@ -32,17 +30,17 @@ def rerun(path: Path) -> tuple[Path, str]:
     cfg = stored(path, verb)
     facts = {"command": ["epuckhebb", "rerun", str(path)], "rerun_of": str(path)}
     if verb == "evaluate":
-        config, genome = asked(cfg)
+        config, genome = evaluate.asked(cfg)
         if genome.sha256 != told["genome_sha256"]:
             raise ConfigError(
                 f"genome={config.genome} is not the genome of {path}: its SHA-256 is {genome.sha256[:16]}…, "
                 f"it was {told['genome_sha256'][:16]}…"
             )
-        evaluate_into(new, cfg, told["overrides"], facts, threads=thread_count(config.threads))
+        evaluate.evaluate_into(new, cfg, told["overrides"], facts, threads=thread_count(config.threads))
     else:
-        again = typed(cfg, EvolveConfig)
+        again = evolve.asked(cfg)
         run = RunFolder.new(new, "evolve", cfg, told["overrides"], facts)
-        evolve_into(run, again, None, threads=thread_count(again.threads))
+        evolve.evolve_into(run, again, None, threads=thread_count(again.threads))
     return new, _difference(path, new)
 
 

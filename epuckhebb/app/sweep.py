@@ -8,7 +8,6 @@ command finds it again.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -16,14 +15,10 @@ from epuckhebb.app import engine, hydra_bridge
 from epuckhebb.app.engine import Job, Outcome
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.runs import RunFolder
-from epuckhebb.sim.scenario import TRAINED
-from epuckhebb.study import charts, findings, rescue
+from epuckhebb.study import rescue, summary
 from epuckhebb.study.evaluate import COLUMNS
-from epuckhebb.study.statistics import wilson
 
 _SWEEP_DIR = "hydra.sweep.dir="
-_OUTCOMES = COLUMNS[COLUMNS.index("success") + 1 :]  # of which the summary has the mean
-_LIFETIME = ["experiment", "scenario", "controller", "N", "genome", "side", "seed", "repeat"]  # one of all
 _IN_METRICS = ("scenario", "seed")  # settings that every row of metrics.csv tells of anyway
 
 
@@ -103,59 +98,14 @@ def _write_tables(study: RunFolder, done: Sequence[Job], failures: Sequence[tupl
         parts.append(pd.concat([pd.DataFrame([_place(job)] * len(rows), dtype=str), rows], axis=1))
     whole = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*_columns([]), *COLUMNS])
     study.write("sweep.csv", _csv(whole))
-    study.write("summary.csv", _csv(_summary(whole, _columns(done)[2:])))
-    if whole.genome.nunique() > 1 and _lives_at_home(whole) and not whole.duplicated(_LIFETIME).any():
-        _write_rescue(study, whole)
-
-
-def _lives_at_home(rows: pd.DataFrame) -> bool:
-    """Whether every champion of the sweep has also lived in its training world, and in a changed one."""
-    lived = rows.groupby(["experiment", "genome"]).scenario.agg(set)
-    return all(TRAINED[experiment] in scenarios and len(scenarios) > 1 for (experiment, _), scenarios in lived.items())
-
-
-def _write_rescue(study: RunFolder, rows: pd.DataFrame) -> None:
-    """Where several champions lived in their training world and in changed ones: what plasticity rescued and harmed."""
-    lifetimes = rows[list(COLUMNS)].apply(_numbers)
-    each = findings.trials(lifetimes)
-    over_all, by_scenario = findings.rescue_over_all(each), findings.rescue_and_harm(each)
-    study.write("rescue_over_all.csv", _csv(over_all))
-    study.write("rescue_and_harm.csv", _csv(by_scenario))
-    champions = int(each.groupby("experiment").genome.nunique().max())
-    seeds = f"`{each.genome.iloc[0]}` to `{each.genome.iloc[-1]}`"
-    study.write("report.md", rescue.markdown(over_all, by_scenario, champions, lifetimes.repeat.nunique(), seeds))
-    study.write(f"figures/{rescue.FIGURE}", charts.rescue_over_all(over_all))
-
-
-def _numbers(column: pd.Series) -> pd.Series:
-    """The column as numbers, if that is what it holds."""
-    try:
-        return pd.to_numeric(column)
-    except ValueError:
-        return column
-
-
-def _summary(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
-    """One row for each condition, controller and side: n, share of successes with its interval (Wilson, 95 %), means.
-
-    `time_to_goal_s` is the mean over the `n_reached` lifetimes that came to the goal at all. Seeds and noise repeats
-    are what a condition is repeated with, so the interval is about the sensor noise, for the genome at hand.
-
-    Args:
-        rows: The rows of `sweep.csv`, as text.
-        settings: Its columns of settings.
-    """
-    by = list(dict.fromkeys([*settings, "genome", "scenario", "controller", "N", "side"]))
-    rows = rows.assign(**{name: pd.to_numeric(rows[name]) for name in _OUTCOMES})
-    found: list[dict[str, Any]] = []
-    for condition, lifetimes in rows.groupby(by, sort=False):
-        successes, n = int((lifetimes.success == "1").sum()), len(lifetimes)
-        low, high = wilson(successes, n)
-        outcomes = lifetimes[list(_OUTCOMES)]
-        success = {"n": n, "success": successes / n, "success_low": low, "success_high": high}
-        reached = {"n_reached": int(outcomes.time_to_goal_s.notna().sum())}
-        found.append(dict(zip(by, condition, strict=True)) | success | reached | outcomes.mean().to_dict())
-    return pd.DataFrame(found) if found else pd.DataFrame(columns=[*by, "n"])
+    study.write("summary.csv", _csv(summary.summary(whole, _columns(done)[2:])))
+    told = summary.rescue_and_harm(whole)
+    if told is not None:
+        tables, page, figure = told
+        for name, table in tables.items():
+            study.write(f"{name}.csv", _csv(table))
+        study.write("report.md", page)
+        study.write(f"figures/{rescue.FIGURE}", figure)
 
 
 def _place(job: Job) -> dict[str, str]:
