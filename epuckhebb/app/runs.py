@@ -32,7 +32,8 @@ SCHEMA = 1  # of provenance.json and status.json
 UNFINISHED = "unfinished"  # folder of a study, in which each attempt at a run has a folder of its own
 _PACKAGE = Path(__file__).resolve().parents[1]
 _PACKAGES = ("epuckhebb", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
-_CLAIM = ("status.json", ".hydra/overrides.yaml", ".hydra/config.yaml", "provenance.json")
+_STATUS, _PROVENANCE = "status.json", "provenance.json"
+_OVERRIDES, _CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
 _NOUN = {"evaluate": "run", "evolve": "run", "reproduce": "reproduction"}
 
 
@@ -114,7 +115,7 @@ class RunFolder:
         """
         try:
             path.mkdir(parents=True, exist_ok=True)
-            with (path / "status.json").open("x"):
+            with (path / _STATUS).open("x"):
                 pass
         except FileExistsError:
             raise ConfigError(
@@ -129,7 +130,7 @@ class RunFolder:
         try:
             run._begin(told, cfg, arguments)
         except OSError as error:
-            for name in _CLAIM:
+            for name in (_STATUS, _OVERRIDES, _CONFIG, _PROVENANCE):
                 (path / name).unlink(missing_ok=True)
             with suppress(OSError):
                 (path / ".hydra").rmdir()
@@ -150,6 +151,7 @@ class RunFolder:
         Raises:
             ConfigError: Another process is at work in the folder, or it cannot be written to.
         """
+        told = provenance(verb, cfg, arguments) | facts
         try:
             path.mkdir(parents=True, exist_ok=True)
             held = hold(path)
@@ -157,14 +159,12 @@ class RunFolder:
             raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
         except OSError as error:
             raise ConfigError(f"cannot write a {_NOUN.get(verb, verb)} to {path}: {error.strerror}") from error
-        told = provenance(verb, cfg, arguments) | facts
         run = cls(path, held, told)
         with suppress(ConfigError):  # it cannot be read back where nothing has begun
             before = read(path)
-            status = before.pop("status")
-            again = {"started": run._started, "command": told["command"], **facts, "code": told["code"]}
+            run._started = before.pop("status").get("started", run._started)
+            again = {"started": _now(), "command": told["command"], **facts, "code": told["code"]}
             told = before | {"resumed": [*before.get("resumed", []), again]}
-            run._started = status.get("started", run._started)
         try:
             _throw_away(path)
             run._begin(told, cfg, None)
@@ -209,10 +209,10 @@ class RunFolder:
         """Write down what runs here: its state first, and last the file by which a run that has begun is known."""
         self._write_status("running")
         if overrides is not None:
-            self.write(_CLAIM[1], OmegaConf.to_yaml(OmegaConf.create(overrides)))
+            self.write(_OVERRIDES, OmegaConf.to_yaml(OmegaConf.create(overrides)))
         if cfg is not None:
-            self.write(_CLAIM[2], OmegaConf.to_yaml(cfg, resolve=True))
-        self.write("provenance.json", as_json(told))
+            self.write(_CONFIG, OmegaConf.to_yaml(cfg, resolve=True))
+        self.write(_PROVENANCE, as_json(told))
 
     def _interrupted(self) -> str:
         """Close the folder as interrupted, if that can be written; returns what is left behind."""
@@ -225,7 +225,7 @@ class RunFolder:
         self._write_status(state, finished=_now(), **{key: value for key, value in more.items() if value})
 
     def _write_status(self, state: str, **more: str) -> None:
-        self.write("status.json", as_json({"schema": SCHEMA, "state": state, "started": self._started, **more}))
+        self.write(_STATUS, as_json({"schema": SCHEMA, "state": state, "started": self._started, **more}))
 
 
 def _throw_away(path: Path) -> None:
@@ -251,8 +251,8 @@ def read(path: Path) -> dict[str, Any]:
     if not path.is_dir():
         raise ConfigError(f"{path} is not a folder; give a run folder, for example one below runs/evaluate/")
     try:
-        told = json.loads((path / "provenance.json").read_text())
-        status = json.loads((path / "status.json").read_text())
+        told = json.loads((path / _PROVENANCE).read_text())
+        status = json.loads((path / _STATUS).read_text())
     except (OSError, ValueError) as error:
         raise ConfigError(
             f"{path} is not a run folder: it has no readable provenance.json and status.json ({error})"
@@ -263,7 +263,7 @@ def read(path: Path) -> dict[str, Any]:
 def status_of(path: Path) -> dict[str, Any]:
     """What a run says of its state; nothing if it cannot be read."""
     try:
-        return dict(json.loads((path / "status.json").read_text()))
+        return dict(json.loads((path / _STATUS).read_text()))
     except (OSError, ValueError):
         return {}
 
