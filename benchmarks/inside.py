@@ -3,7 +3,8 @@
 import sys
 import time
 
-from epuckhebb.app import cli, jobs
+from epuckhebb.app import cli
+from epuckhebb.app import evolve as verb
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.sim import lifetime
 
@@ -27,6 +28,6 @@ def timed_evolve(*arguments, **named):
 
 
 lifetime.load_kernel()
-live, lifetime.live, jobs.evolve = lifetime.live, timed_live, timed_evolve
+live, lifetime.live, verb.evolve = lifetime.live, timed_live, timed_evolve
 cli.app(["evolve", "--quiet", *sys.argv[1:]], standalone_mode=False)
 print(*(f"{100 * sum(inside) / whole:.0f}" for whole in (time.process_time(), sum(generations))))

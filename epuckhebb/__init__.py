@@ -33,9 +33,9 @@ def load(where: str = "reference", experiment: str = "obstacles") -> "NDArray[np
     Raises:
         ValueError: there is no genome there; the message says why.
     """
-    from epuckhebb.app import genomes
+    from epuckhebb.app import files
 
-    return genomes.load(where, experiment).genes
+    return files.load_genome(where, experiment).genes
 
 
 def evaluate(genome: "NDArray[np.float64]", *overrides: str) -> "pd.DataFrame":

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import epuckhebb
-import epuckhebb.app.resume
+import epuckhebb.app.evolve
 from epuckhebb.app import cli, runs
 
 

@@ -8,9 +8,9 @@ import pytest
 from typer.testing import CliRunner
 
 import epuckhebb
-from epuckhebb.app import genomes
+from epuckhebb.app import files
 from epuckhebb.app.cli import app
-from epuckhebb.app.memories import training_world
+from epuckhebb.app.evaluate import training_world
 from epuckhebb.sim.memory import remember
 from epuckhebb.study.evaluate import GA_ALONE
 from epuckhebb.study.rescue import FIGURE
@@ -47,7 +47,7 @@ def test_needs_no_other_setting(here, scenario):
 def test_the_bundled_champions_remember():
     for experiment in ("light", "obstacles"):
         for where in ("reference", "reference_1", "reference_140"):
-            genome = genomes.load(where, experiment)
+            genome = files.load_genome(where, experiment)
             again = remember(genome.genes, training_world(experiment))
             for name, value in vars(genome.memory).items():
                 np.testing.assert_array_equal(value, getattr(again, name), err_msg=f"{where} {name}")
@@ -56,7 +56,7 @@ def test_the_bundled_champions_remember():
 @pytest.mark.usefixtures("here")
 def test_a_champion_keeps_what_it_remembers_and_show_tells():
     assert call("evolve", *TINY, "hydra.run.dir=run").exit_code == 0
-    memory = genomes.load("run", "obstacles").memory
+    memory = files.load_genome("run", "obstacles").memory
     assert (memory.experiment, memory.scenario, memory.gain_rad_s) == ("obstacles", "base", 1.0)
     shown = call("show", "run").stdout
     assert "Memory of base at 1 rad/s" in shown
@@ -65,7 +65,7 @@ def test_a_champion_keeps_what_it_remembers_and_show_tells():
 
 @pytest.mark.usefixtures("here")
 def test_older_champions_live_again_and_say_so():
-    np.save("old.npy", genomes.load("reference_20", "obstacles").genes)
+    np.save("old.npy", files.load_genome("reference_20", "obstacles").genes)
     result = call("evaluate", "hebbian=adaptive", "genome=old.npy", *BRIEF)
     assert result.exit_code == 0, result.output
     assert "genome=old has no memory: it lives 10 lifetimes a side in base first, at 1 rad/s." in result.stderr
@@ -110,8 +110,8 @@ BAD = {
 @pytest.mark.parametrize("mistake", BAD)
 def test_mistakes_get_one_message_and_leave_nothing(here, mistake):
     words, *told = BAD[mistake]
-    champion = genomes.load("reference", "light")
-    (here / "light.npz").write_bytes(genomes.champion_file(1.0, champion.genes, "light", 1, 99, champion.memory))
+    champion = files.load_genome("reference", "light")
+    (here / "light.npz").write_bytes(files.champion_file(1.0, champion.genes, "light", 1, 99, champion.memory))
     np.save("zeros.npy", np.zeros(234))
     np.savez("broken.npz", genome=np.zeros(234), memory_away_s=np.zeros(3))
     result = call("evaluate", *words, *BRIEF)

@@ -223,3 +223,12 @@ def test_help_lists_the_groups():
 def test_help_imports_nothing_heavy():
     code = "import sys, epuckhebb.app.cli; print(sorted({'numba', 'pandas', 'hydra', 'pymunk'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_python_m_is_the_program():
+    told = subprocess.run(
+        [sys.executable, "-m", "epuckhebb", "--help"], capture_output=True, text=True, check=True
+    ).stdout
+    assert all(verb in told for verb in ("evolve", "evaluate", "sweep", "reproduce", "replay", "show", "rerun"))
+    done = subprocess.run([sys.executable, "-m", "epuckhebb", "show", "nowhere"], capture_output=True, check=False)
+    assert done.returncode == 2

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
-from epuckhebb.app import completion
-from epuckhebb.app.compose import composed
+from epuckhebb.app import data
+from epuckhebb.app.hydra_bridge import composed
 
 PROGRAM = str(Path(sys.executable).parent / "epuckhebb")
 
@@ -68,18 +68,18 @@ def _no_bash(monkeypatch):
 @pytest.mark.usefixtures("_no_bash")
 def test_keys_and_values(here):
     a_run(here / "runs" / "evolve" / "one")
-    assert completion.overrides("evaluate", "repe") == ["repeats=", "repeats=10"]
-    assert completion.overrides("evaluate", "hebbian.tr") == [
+    assert data.complete_override("evaluate", "repe") == ["repeats=", "repeats=10"]
+    assert data.complete_override("evaluate", "hebbian.tr") == [
         *("hebbian.trace_decay=", "hebbian.trace_decay=0.95"),
         *("hebbian.trace_update=", "hebbian.trace_update=0.05"),
     ]
-    assert completion.overrides("evaluate", "genome=r") == ["genome=reference", "genome=runs/evolve/one"]
-    assert completion.overrides("evolve", "ga=") == ["ga=as_coded", "ga=textbook"]
-    assert completion.overrides("evolve", "resume=") == ["resume=runs/evolve/one"]
-    assert completion.overrides("sweep", "lifetime.dur")[0] == "lifetime.duration_s="
-    assert completion.overrides("evaluate", "nothing=") == []
-    assert completion.sweeps("n") == ["n_sweep"]
-    assert completion.runs("") == ["runs/evolve/one"]
+    assert data.complete_override("evaluate", "genome=r") == ["genome=reference", "genome=runs/evolve/one"]
+    assert data.complete_override("evolve", "ga=") == ["ga=as_coded", "ga=textbook"]
+    assert data.complete_override("evolve", "resume=") == ["resume=runs/evolve/one"]
+    assert data.complete_override("sweep", "lifetime.dur")[0] == "lifetime.duration_s="
+    assert data.complete_override("evaluate", "nothing=") == []
+    assert data.complete_sweep("n") == ["n_sweep"]
+    assert data.complete_run("") == ["runs/evolve/one"]
 
 
 @pytest.mark.parametrize("verb", ["evaluate", "evolve", "sweep"])
@@ -95,5 +95,5 @@ def test_every_key_is_offered(verb):
 
     composed_verb = "evaluate" if verb == "sweep" else verb
     keys = set(below(OmegaConf.to_container(composed(composed_verb, []))))
-    offered = {offer.partition("=")[0] for offer in completion.overrides(verb, "")}
+    offered = {offer.partition("=")[0] for offer in data.complete_override(verb, "")}
     assert keys <= offered

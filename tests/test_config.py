@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from epuckhebb.app.compose import composed
 from epuckhebb.app.config import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.app.data import data_folder, groups
+from epuckhebb.app.hydra_bridge import composed
 
 SCHEMA = {"evaluate": EvaluateConfig, "evolve": EvolveConfig}
 CHOICES = [(verb, group, choice) for verb in SCHEMA for group, choices in groups(verb).items() for choice in choices]

@@ -1,7 +1,7 @@
 """The bits of today: metrics of bundled champions in every scenario with every plasticity, and a tiny evolution.
 
-A change that must not change results leaves this file's numbers alone. `--regenerate` writes them anew; whoever does that
-says in the changelog which results are others now.
+A change that must not change results leaves this file's numbers alone. `--regenerate` writes them anew; whoever does
+that says in the changelog which results are others now.
 """
 
 import hashlib
@@ -9,10 +9,10 @@ import hashlib
 import numpy as np
 import pytest
 
-from epuckhebb.app import genomes
-from epuckhebb.app.compose import composed
+from epuckhebb.app import files
 from epuckhebb.app.config import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.app.data import groups
+from epuckhebb.app.hydra_bridge import composed
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.study.evaluate import COLUMNS, GA_ALONE, evaluate
 
@@ -41,10 +41,11 @@ def digest(numbers):
 
 
 def evaluated(overrides, scenario):
-    config = typed(composed("evaluate", [*overrides, f"scenario={scenario}", "lifetime.record_every=0"]), EvaluateConfig)
+    words = [*overrides, f"scenario={scenario}", "lifetime.record_every=0"]
+    config = typed(composed("evaluate", words), EvaluateConfig)
     parts = []
     for where in CHAMPIONS:
-        genome = genomes.load(where, config.scenario.experiment)
+        genome = files.load_genome(where, config.scenario.experiment)
         rows, _ = evaluate(
             genome.genes,
             config.scenario,

@@ -16,8 +16,8 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from epuckhebb.app import watch
 from epuckhebb.app.cli import app
+from epuckhebb.app.replay import recording, write_page
 from epuckhebb.sim.controller import weights_at_birth
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.maze import boxes
@@ -58,7 +58,7 @@ def short_run(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def page(run):
-    watch.write_page(watch.recording(run), run / "replay.html")
+    write_page(recording(run), run / "replay.html")
     return (run / "replay.html").read_text(encoding="utf-8")
 
 
@@ -224,7 +224,7 @@ def test_gif_shows_the_lifetime(short_run, tmp_path):
 
 
 def test_gif_ends_a_while_after_the_robots_came_to_rest(run):
-    recorded = watch.recording(run)
+    recorded = recording(run)
     moments = []
     frames = movie._frames(
         recorded.traces, recorded.config.scenario, "", lambda wanted: moments.extend(wanted) or wanted, 1.0

@@ -1,14 +1,19 @@
 """`epuckhebb reproduce`, small: whole, resumable, repeatable, and every number of its report in a CSV."""
 
+import json
 import re
 import shutil
+import signal
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from epuckhebb.app import reproduce
+from epuckhebb.app import reproduce, runs
 from epuckhebb.app.cli import app
 from epuckhebb.study import findings, rescue
 
@@ -78,6 +83,136 @@ def test_an_interrupted_run_does_only_what_is_missing_and_ends_with_the_same_byt
     assert call("all", *SMALL, "threads=1").exit_code == 0
     assert contents(folder) == before
     assert kept.stat().st_mtime_ns == stamp
+
+
+@pytest.fixture
+def copy(made, tmp_path, monkeypatch):
+    """A copy of the finished folder, in which the same command works."""
+    monkeypatch.chdir(tmp_path)
+    return shutil.copytree(made[0], tmp_path / "runs" / "reproduce" / made[0].name)
+
+
+def status(folder):
+    return json.loads((folder / "status.json").read_text())
+
+
+def stopping(monkeypatch, error, after):
+    """Make the evaluation that follows so many others in this process end with an error."""
+    evaluate, seen = reproduce.evaluate, []
+
+    def stop(*arguments, **named):
+        seen.append(1)
+        if len(seen) > after:
+            raise error
+        return evaluate(*arguments, **named)
+
+    monkeypatch.setattr(reproduce, "evaluate", stop)
+
+
+def test_it_says_when_it_ran_and_how_it_ended(made):
+    told = status(made[0])
+    assert told["state"] == "finished"
+    assert told["started"] < told["finished"]
+    assert json.loads((made[0] / "provenance.json").read_text())["command"][:3] == ["epuckhebb", "reproduce", "all"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such locks")
+def test_two_calls_do_not_work_in_one_folder(copy):
+    before = {file: file.read_bytes() for file in copy.rglob("*") if file.is_file()}
+    held = runs.hold(copy)
+    result = call("all", *SMALL)
+    runs.release(held)
+    assert result.exit_code == 2
+    assert f"another process is working on runs/reproduce/{copy.name}" in result.stderr
+    assert "Traceback" not in result.output
+    assert {file: file.read_bytes() for file in copy.rglob("*") if file.is_file()} == before
+
+
+@pytest.mark.usefixtures("_no_figures")
+def test_interrupted_anywhere_it_goes_on_to_the_same_bytes(made, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with monkeypatch.context() as patch:
+        stopping(patch, KeyboardInterrupt, after=3)  # in the second champion's second world
+        result = call("all", *SMALL)
+    assert result.exit_code == 130
+    assert "interrupted: 5 of 8 jobs are done; the same command does the rest" in result.stderr
+    folder = tmp_path / "runs" / "reproduce" / made[0].name
+    assert status(folder)["state"] == "interrupted"
+    shown = CliRunner().invoke(app, ["show", str(folder)])
+    assert shown.exit_code == 0, shown.output
+    assert "5 of 8 jobs" in " ".join(shown.stdout.split())
+    assert not (folder / "claims.csv").exists()
+    (folder / "lifetimes" / ".light_seed002.csv.1.tmp").write_text("half a f")
+    result = call("all", *SMALL)
+    assert result.exit_code == 0, result.output
+    assert result.stderr.startswith("6/9  evaluate light_seed002")
+    assert contents(folder) == contents(made[0])
+    assert list(folder.rglob("*.tmp")) == []
+    told = json.loads((folder / "provenance.json").read_text())
+    assert len(told["resumed"]) == 1
+    assert status(folder)["state"] == "finished"
+    assert status(folder)["started"] < told["resumed"][0]["started"]
+
+
+def test_a_failure_is_told_of_and_written_down(copy, monkeypatch):
+    (copy / "lifetimes" / "light_seed002.csv").unlink()
+    stopping(monkeypatch, ArithmeticError("the robot is lost"), after=0)
+    result = call("all", *SMALL)
+    assert result.exit_code == 1
+    assert "the robot is lost" in result.stderr
+    told = status(copy)
+    assert told["state"] == "failed"
+    assert "ArithmeticError" in told["traceback"]
+
+
+@pytest.mark.usefixtures("_no_figures")
+def test_lifetimes_of_an_earlier_run_that_cannot_be_read_are_named(copy):
+    (copy / "lifetimes" / "light_seed002.csv").write_bytes(b"")
+    result = call("all", *SMALL)
+    assert result.exit_code == 2
+    assert "light_seed002.csv" in result.stderr
+    assert status(copy)["state"] == "failed"
+
+
+@pytest.mark.usefixtures("_no_figures")
+def test_show_tells_of_one_that_is_running_and_of_one_that_has_finished(copy, monkeypatch):
+    tell, shown = reproduce._tell, []
+
+    def look_and_tell(study):
+        shown.append(CliRunner().invoke(app, ["show", str(study.folder)]))
+        tell(study)
+
+    monkeypatch.setattr(reproduce, "_tell", look_and_tell)
+    assert call("all", *SMALL).exit_code == 0
+    shown.append(CliRunner().invoke(app, ["show", str(copy)]))
+    (copy / "status.json").write_text('{"schema": 1, "state": "finished"}')  # as earlier versions wrote it
+    shown.append(CliRunner().invoke(app, ["show", str(copy)]))
+    for result, state in zip(shown, ("running", "finished", "finished"), strict=True):
+        assert result.exit_code == 0, result.output
+        assert re.search(rf"State +{state}", result.stdout)
+        assert "The paper's claims" in result.stdout
+    told = json.loads(CliRunner().invoke(app, ["show", str(copy), "--json"]).stdout)
+    assert told["verb"] == "reproduce"
+
+
+def test_ctrl_c_ends_within_two_seconds_and_says_how_to_go_on(tmp_path):
+    words = ["reproduce", "light", "ga.population=2000", "ga.generations=1000", "-q"]
+    started = subprocess.Popen(
+        [sys.executable, "-m", "epuckhebb", *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    )
+    with started:
+        while not list(tmp_path.glob("runs/reproduce/*/provenance.json")):
+            assert started.poll() is None
+            time.sleep(0.05)
+        time.sleep(1)  # inside a generation of 12000 lifetimes
+        started.send_signal(signal.SIGINT)
+        began = time.monotonic()
+        told = started.communicate(timeout=20)[1]
+    assert time.monotonic() - began < 3  # two, and some for a busy machine
+    assert started.returncode == 130, told
+    assert "interrupted: 0 of 40 jobs are done; the same command does the rest" in told
+    (folder,) = (tmp_path / "runs" / "reproduce").iterdir()
+    assert status(folder)["state"] == "interrupted"
 
 
 def rows_of(report, heading):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from epuckhebb.app import genomes
+from epuckhebb.app import files
 from epuckhebb.app.cli import app
 
 EVALUATE = ["evaluate", "lifetime.duration_s=3", "lifetime.record_every=0", "repeats=1", "-q"]
@@ -44,7 +44,7 @@ def test_a_run_says_where_it_comes_from(run):
     assert told["cores"] >= 1
     assert datetime.fromisoformat(status["started"]) < datetime.fromisoformat(status["finished"])
     if told["verb"] == "evaluate":
-        genes = genomes.load("reference", "obstacles").genes
+        genes = files.load_genome("reference", "obstacles").genes
         assert told["genome_sha256"] == hashlib.sha256(genes.tobytes()).hexdigest()
     assert "${" not in (run / ".hydra" / "config.yaml").read_text()
 

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from epuckhebb.app import locks
+from epuckhebb.app import runs
 from epuckhebb.app.cli import app
 
 TINY = ["ga.population=6", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3", "threads=1", "-q"]
@@ -146,9 +146,9 @@ def test_what_cannot_be_resumed(three):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such locks")
 def test_a_run_at_work_is_left_alone(three):
-    held = locks.hold(three)
+    held = runs.hold(three)
     result = call("evolve", f"resume={three}", "ga.generations=4")
-    locks.release(held)
+    runs.release(held)
     assert result.exit_code == 2
     assert "another process is working on" in result.stderr
     assert len(pd.read_csv(three / "history.csv")) == 3

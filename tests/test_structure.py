@@ -1,6 +1,7 @@
-"""The shape of the package: imports run downward, and pymunk stays in one file."""
+"""The shape of the package: imports run downward, nowhere in a circle, and pymunk stays in one file."""
 
 import ast
+import graphlib
 import subprocess
 import sys
 from pathlib import Path
@@ -21,6 +22,64 @@ INSIDE_SIM = {
     "epuck": {"light", "compiled"},
     "surprise": {"epuck", "controller", "compiled"},
 }
+
+
+def module_of(file):
+    parts = ("epuckhebb", *file.relative_to(PACKAGE).with_suffix("").parts)
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module_of(file): file for file in sorted(PACKAGE.rglob("*.py"))}
+
+
+def nodes(tree):
+    """All nodes that run, those inside functions too; not what only a type checker sees."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            continue
+        yield node
+        yield from nodes(node)
+
+
+def needed(module):
+    """The modules of this package that a module imports; the version in its root is a fact, not code."""
+    for node in nodes(ast.parse(MODULES[module].read_text())):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{module}: a relative import"
+            if node.module == "epuckhebb" and [name.name for name in node.names] == ["__version__"]:
+                continue
+            for name in node.names:
+                inner = f"{node.module}.{name.name}"
+                yield inner if inner in MODULES else node.module
+        elif isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+
+
+GRAPH = {module: {name for name in needed(module) if name in MODULES} - {module} for module in MODULES}
+
+
+def floor(module):
+    """The layer of a module, from below; the root of the package, which is what Python users see, is on top."""
+    parts = module.split(".")
+    return LAYERS.index(parts[1]) if len(parts) > 1 and parts[1] in LAYERS else len(LAYERS)
+
+
+def test_every_module_is_in_a_layer_or_on_top():
+    on_top = {module for module in MODULES if floor(module) == len(LAYERS)}
+    assert on_top == {"epuckhebb", "epuckhebb.__main__"}
+    assert len(MODULES) > 40
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_a_module_imports_nothing_from_above(module):
+    assert [name for name in sorted(GRAPH[module]) if floor(name) > floor(module)] == []
+
+
+def test_no_imports_run_in_a_circle():
+    try:
+        list(graphlib.TopologicalSorter(GRAPH).static_order())
+    except graphlib.CycleError as error:
+        pytest.fail(" → ".join(error.args[1]))
 
 
 def imported(file):
@@ -53,7 +112,7 @@ def test_physics_is_in_world_alone(package):
 
 def test_what_an_evaluation_tells_needs_no_statistics():
     """scipy.stats takes most of a second to import."""
-    code = "import sys; import epuckhebb.app.jobs, epuckhebb.app.report; sys.exit('scipy.stats' in sys.modules)"
+    code = "import sys; import epuckhebb.app.evaluate, epuckhebb.app.show; sys.exit('scipy.stats' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

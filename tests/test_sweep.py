@@ -16,7 +16,8 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from epuckhebb.app import compose, jobs, locks, sweep
+from epuckhebb.app import engine, hydra_bridge, runs, sweep
+from epuckhebb.app import evaluate as verb
 from epuckhebb.app.cli import app
 from epuckhebb.app.data import groups
 
@@ -51,14 +52,14 @@ def read_tables(folder):
 @pytest.fixture
 def failing(monkeypatch):
     """Make the evaluations of the scenario base fail, in this process."""
-    evaluate = jobs.evaluate
+    evaluate = verb.evaluate
 
     def fail(genes, scenario, *others, **more):
         if scenario.name == "base":
             raise ArithmeticError("the robot is lost")
         return evaluate(genes, scenario, *others, **more)
 
-    monkeypatch.setattr(jobs, "evaluate", fail)
+    monkeypatch.setattr(verb, "evaluate", fail)
 
 
 @pytest.mark.parametrize("name", groups("sweep")["experiment"])
@@ -76,7 +77,29 @@ def test_what_is_listed_is_what_hydra_would_compose():
     for job in sweep.plan(
         "n_sweep", ["hebbian.N=0,1e-5", "scenario=base,lowlight", "lifetime.noise=${scenario.light}"]
     ).jobs:
-        assert sweep.identity(compose.composed("evaluate", job.overrides)) == job.run
+        assert engine.identity(hydra_bridge.composed("evaluate", job.overrides)) == job.run
+
+
+@pytest.mark.usefixtures("failing")
+def test_the_folder_of_a_sweep_says_how_it_ended_and_show_tells(here, monkeypatch):
+    words = ["sweep", "obstacles", *TWO, "hydra/launcher=basic", "-q"]
+    assert call(*words).exit_code == 1
+    folder = only_sweep(here)
+    told = json.loads((folder / "status.json").read_text())
+    assert told["state"] == "failed"
+    assert "the robot is lost" in told["error"]
+    monkeypatch.undo()
+    os.chdir(here)
+    assert call(*words).exit_code == 0
+    told = json.loads((folder / "status.json").read_text())
+    assert (told["state"], "error" in told) == ("finished", False)
+    assert told["started"] < told["finished"]
+    shown = call("show", str(folder))
+    assert shown.exit_code == 0, shown.output
+    assert "2 runs" in shown.stdout
+    assert "Success (95 % interval)" in shown.stdout
+    for other in ("rerun", "replay"):
+        assert call(other, str(folder)).exit_code == 2
 
 
 def test_jobs_that_would_do_the_same_are_one():
@@ -137,7 +160,7 @@ def test_another_genome_or_another_science_is_done_anew(here, monkeypatch):
     assert "0 to do" in call(*words).stderr
     np.save("mine.npy", np.ones(234))
     assert "0 done before, 1 to do" in call(*words).stderr
-    monkeypatch.setattr(sweep, "_science", lambda: "another")
+    monkeypatch.setattr(runs, "science_version", lambda: "another")
     assert "0 done before, 1 to do" in call(*words).stderr
     assert list(pd.read_csv(only_sweep(here) / "sweep.csv")["override.genome"].unique()) == ["mine.npy"]
 
@@ -208,9 +231,9 @@ def test_a_sweep_of_ones_own(here):
 def test_two_calls_do_not_work_on_one_sweep(here):
     words = ["sweep", "obstacles", *TWO, "hydra.sweep.dir=out"]
     Path("out").mkdir()
-    held = locks.hold(Path("out"))
+    held = runs.hold(Path("out"))
     result = call(*words)
-    locks.release(held)
+    runs.release(held)
     assert result.exit_code == 2
     assert "another process is working on out" in result.stderr
     assert list((here / "out").iterdir()) == []
@@ -228,16 +251,16 @@ def test_a_full_disk_spoils_no_earlier_result(here, small_files, monkeypatch):
     words = ["sweep", "obstacles", "scenario=base", *FAST, "hydra/launcher=basic", "hydra.sweep.dir=out"]
     assert call(*words, "seed=1").exit_code == 0
     before = {file: file.read_bytes() for file in (here / "out").glob("job_*/*") if file.is_file()}
-    evaluate = jobs.evaluate
+    evaluate = verb.evaluate
     with small_files() as limit:
-        monkeypatch.setattr(jobs, "evaluate", lambda *words, **more: limit(100) or evaluate(*words, **more))
+        monkeypatch.setattr(verb, "evaluate", lambda *words, **more: limit(100) or evaluate(*words, **more))
         result = call(*words, "seed=1,2")
     assert result.exit_code in (1, 2), result.output
     assert "File too large" in result.stderr
     assert "Traceback" not in result.output
     assert {file: file.read_bytes() for file in before} == before
     assert list((here / "out").rglob(".*.tmp")) == []
-    monkeypatch.setattr(jobs, "evaluate", evaluate)
+    monkeypatch.setattr(verb, "evaluate", evaluate)
     result = call(*words, "seed=1,2")
     assert result.exit_code == 0
     assert "1 done before, 1 to do" in result.stderr
@@ -343,9 +366,9 @@ def test_threads_do_not_multiply_with_the_width(monkeypatch):
     def threads(asked, mode, target, **launcher):
         cfg = OmegaConf.create({"mode": mode, "launcher": {"_target_": target, **launcher}})
         monkeypatch.setattr(HydraConfig, "get", lambda: cfg)
-        return jobs.threads_of_job(asked)
+        return hydra_bridge.threads_of_job(asked)
 
-    monkeypatch.setattr(jobs, "thread_count", lambda asked: asked or 8)
+    monkeypatch.setattr(hydra_bridge, "thread_count", lambda asked: asked or 8)
     from hydra.types import RunMode
 
     assert threads(0, RunMode.RUN, "x.BasicLauncher") == 8
@@ -356,11 +379,8 @@ def test_threads_do_not_multiply_with_the_width(monkeypatch):
 
 
 def test_one_bar_counts_the_runs_and_the_failures(here):
-    from epuckhebb.app.sweep_progress import JobsProgress
-
     for name, state in (("job_a", "finished"), ("unfinished/s_1", "failed"), ("unfinished/s_2", "running")):
         (here / name).mkdir(parents=True)
         (here / name / "status.json").write_text(json.dumps({"state": state}))
-    watched = JobsProgress(here, {"job_a", "job_b", "job_c"}, "unfinished/s_*", quiet=True)
-    with watched:
-        assert watched.count() == (1, 1)
+    jobs = [engine.Job(number=n, overrides=[], run=f"job_{name}", cfg=None) for n, name in enumerate("abc")]
+    assert engine.count(here, jobs, "unfinished/s_*") == (1, 1)

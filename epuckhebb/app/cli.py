@@ -14,9 +14,8 @@ from rich.console import Console
 from typer.core import TyperCommand
 
 from epuckhebb import __version__
-from epuckhebb.app.errors import ConfigError, JobFailedError
-
-JOB_FAILED, USAGE = 1, 2
+from epuckhebb.app import data
+from epuckhebb.app.errors import INTERRUPTED, JOB_FAILED, USAGE, ConfigError, JobFailedError, interrupted, interruptible
 
 app = typer.Typer(
     name="epuckhebb",
@@ -33,10 +32,10 @@ class ConfiguredCommand(TyperCommand):
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write the groups and their choices below the options."""
-        from epuckhebb.app.data import groups
-
         with formatter.section("Configuration groups (GROUP=CHOICE; any key of a group: GROUP.KEY=VALUE)"):
-            formatter.write_dl([(name, ", ".join(choices)) for name, choices in groups(str(ctx.info_name)).items()])
+            formatter.write_dl(
+                [(name, ", ".join(choices)) for name, choices in data.groups(str(ctx.info_name)).items()]
+            )
         with formatter.section("Examples"):
             for example in _EXAMPLES[str(ctx.info_name)]:
                 formatter.write_text(f"epuckhebb {ctx.info_name} {example}")
@@ -62,28 +61,14 @@ _EXAMPLES = {
 
 
 def _complete_override(ctx: typer.Context, incomplete: str) -> list[str]:
-    from epuckhebb.app import completion
-
-    return completion.overrides(str(ctx.info_name), incomplete)
-
-
-def _complete_sweep(incomplete: str) -> list[str]:
-    from epuckhebb.app import completion
-
-    return completion.sweeps(incomplete)
-
-
-def _complete_run(incomplete: str) -> list[str]:
-    from epuckhebb.app import completion
-
-    return completion.runs(incomplete)
+    return data.complete_override(str(ctx.info_name), incomplete)
 
 
 Overrides = Annotated[
     list[str] | None,
     typer.Argument(metavar="[KEY=VALUE]...", help="Settings to change.", autocompletion=_complete_override),
 ]
-Run = Annotated[Path, typer.Argument(help="A run folder.", metavar="RUN", autocompletion=_complete_run)]
+Run = Annotated[Path, typer.Argument(help="A run folder.", metavar="RUN", autocompletion=data.complete_run)]
 Multirun = Annotated[bool, typer.Option("--multirun", "-m", help="Run every combination of comma-separated values.")]
 
 
@@ -106,7 +91,34 @@ Json = Annotated[
 Open = Annotated[bool, typer.Option("--open", help="Write the page that replays the run, and open it in a browser.")]
 
 
+def _say_error(message: str) -> None:
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console.print("Error: ", style="bold red", end="")
+    console.print(message, markup=False)
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """Turn errors into one message and an exit code."""
+    try:
+        with interruptible():
+            yield
+    except ConfigError as error:
+        _say_error(str(error))
+        raise typer.Exit(USAGE) from None
+    except KeyboardInterrupt as interruption:
+        _say_error(interrupted(str(interruption)))
+        raise typer.Exit(INTERRUPTED) from None
+    except OSError as error:
+        _say_error(f"{error.filename or ''}: {error.strerror or error}")
+        raise typer.Exit(USAGE) from None
+    except JobFailedError as error:
+        _say_error(f"a job failed: {error}")
+        raise typer.Exit(JOB_FAILED) from None
+
+
 @app.command(cls=ConfiguredCommand)
+@_told()
 def evolve(
     overrides: Overrides = None,
     multirun: Multirun = False,
@@ -116,18 +128,19 @@ def evolve(
     as_json: Json = False,
 ) -> None:
     """Evolve a controller."""
-    with _told():
-        from epuckhebb.app.jobs import evolve_job
+    from epuckhebb.app.evolve import asked, evolve_job, resume
 
-        if any(word.startswith("resume=") for word in overrides or []):
-            if multirun or cfg or config_dir:
-                raise ConfigError("resume=RUN goes on with the settings of RUN: no -m, --cfg or --config-dir with it")
-            _resume(overrides or [], quiet, as_json)
-            return
-        _run("evolve", evolve_job, overrides or [], multirun, cfg, config_dir, quiet, as_json)
+    if any(word.startswith("resume=") for word in overrides or []):
+        if multirun or cfg or config_dir:
+            raise ConfigError("resume=RUN goes on with the settings of RUN: no -m, --cfg or --config-dir with it")
+        _begin(quiet)
+        _tell("evolve", [resume(overrides or [])], quiet, as_json)
+        return
+    _run("evolve", evolve_job, asked, overrides or [], multirun, cfg, config_dir, quiet, as_json)
 
 
 @app.command(cls=ConfiguredCommand)
+@_told()
 def evaluate(
     overrides: Overrides = None,
     multirun: Multirun = False,
@@ -138,27 +151,28 @@ def evaluate(
     open_page: Open = False,
 ) -> None:
     """A genome's lifetimes in a scenario, GA alone and with plasticity."""
-    with _told():
-        from epuckhebb.app import jobs
+    from epuckhebb.app.evaluate import asked, evaluate_job
 
-        if open_page and (multirun or cfg):
-            raise ConfigError(
-                "--open shows the page of one run, so it does not go with --multirun or --cfg; "
-                "run `epuckhebb replay RUN --open` for one of the runs of a multirun"
-            )
-        _run("evaluate", jobs.evaluate_job, overrides or [], multirun, cfg, config_dir, quiet, as_json)
-        if open_page:
-            from epuckhebb.app import watch
+    if open_page and (multirun or cfg):
+        raise ConfigError(
+            "--open shows the page of one run, so it does not go with --multirun or --cfg; "
+            "run `epuckhebb replay RUN --open` for one of the runs of a multirun"
+        )
+    runs = _run("evaluate", evaluate_job, asked, overrides or [], multirun, cfg, config_dir, quiet, as_json)
+    if open_page:
+        from epuckhebb.app.replay import recording, write_page
 
-            page = jobs.finished[0] / "replay.html"
-            watch.write_page(watch.recording(jobs.finished[0]), page)
-            _open(page)
+        page = runs[0] / "replay.html"
+        write_page(recording(runs[0]), page)
+        _open(page)
 
 
 @app.command()
+@_told()
 def replay(
     run: Annotated[
-        Path, typer.Argument(help="A run folder of `epuckhebb evaluate`.", metavar="RUN", autocompletion=_complete_run)
+        Path,
+        typer.Argument(help="A run folder of `epuckhebb evaluate`.", metavar="RUN", autocompletion=data.complete_run),
     ],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="Where to write the page.  [RUN/replay.html]")
@@ -170,29 +184,29 @@ def replay(
     open_page: Open = False,
 ) -> None:
     """A page to watch a run's lifetimes, or a film of them."""
-    with _told():
-        from epuckhebb.app import watch
-        from epuckhebb.study import movie
+    from epuckhebb.app.replay import recording, require_video, write_movie, write_page
+    from epuckhebb.study import movie
 
-        if mp4:
-            watch.require_video()
-        recorded = watch.recording(run)
-        written = []
-        if output or open_page or not (gif or mp4):
-            page = output or run / "replay.html"
-            watch.write_page(recorded, page)
-            written.append(page)
-        for target, make in ((gif, movie.gif), (mp4, movie.mp4)):
-            if target:
-                watch.write_movie(recorded, target, make)
-                written.append(target)
-        for path in written:
-            typer.echo(path)
-        if open_page:
-            _open(page)
+    if mp4:
+        require_video()
+    recorded = recording(run)
+    written = []
+    if output or open_page or not (gif or mp4):
+        page = output or run / "replay.html"
+        write_page(recorded, page)
+        written.append(page)
+    for target, make in ((gif, movie.gif), (mp4, movie.mp4)):
+        if target:
+            write_movie(recorded, target, make)
+            written.append(target)
+    for path in written:
+        typer.echo(path)
+    if open_page:
+        _open(page)
 
 
 @app.command(cls=ConfiguredCommand)
+@_told()
 def reproduce(
     words: Annotated[
         list[str] | None,
@@ -209,27 +223,25 @@ def reproduce(
     as_json: Json = False,
 ) -> None:
     """The paper's tables and figures, ours beside theirs, and how often its claims hold."""
-    with _told():
-        from epuckhebb.app import progress, report
-        from epuckhebb.app.reproduce import reproduce as run
+    from epuckhebb.app import show as shown
+    from epuckhebb.app.reproduce import reproduce as run
 
-        _all_is_loaded()
-        experiment, overrides = "all", list(words or [])
-        if overrides and "=" not in overrides[0]:
-            experiment = overrides.pop(0)
-        with progress.StepProgress(quiet=quiet) as steps:
-            folder = run(experiment, overrides, quick=quick, step=steps.begin)
-        if as_json:
-            typer.echo(json.dumps(report.as_json(folder)))
-        elif not quiet:
-            report.tell_reproduction(folder, Console())
+    _begin(quiet)
+    experiment, overrides = "all", list(words or [])
+    if overrides and "=" not in overrides[0]:
+        experiment = overrides.pop(0)
+    folder = run(experiment, overrides, quick=quick)
+    _out(as_json, quiet, lambda: shown.as_json(folder), lambda console: shown.tell_reproduction(folder, console))
 
 
 @app.command(cls=ConfiguredCommand)
+@_told()
 def sweep(
     name: Annotated[
         str,
-        typer.Argument(metavar="NAME", help="A file of conf/experiment/, see below.", autocompletion=_complete_sweep),
+        typer.Argument(
+            metavar="NAME", help="A file of conf/experiment/, see below.", autocompletion=data.complete_sweep
+        ),
     ],
     overrides: Overrides = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="List the jobs, run nothing.")] = False,
@@ -239,67 +251,53 @@ def sweep(
     as_json: Json = False,
 ) -> None:
     """A named sweep on all cores; the same command again does only what is not done."""
-    with _told():
-        from epuckhebb.app import jobs, report, sweep_launch
-        from epuckhebb.app.sweep import plan
+    from epuckhebb.app import engine, progress
+    from epuckhebb.app import show as shown
+    from epuckhebb.app.sweep import plan, told
+    from epuckhebb.app.sweep import sweep as run
 
-        jobs.begin(quiet=quiet)
-        planned = plan(name, overrides or [], config_dir)
-        todo = {job.run for job in planned.todo()}
-        if dry_run:
-            listed = [{"run": job.run, "done": job.run not in todo, "overrides": job.overrides} for job in planned.jobs]
-            if as_json:
-                typer.echo(json.dumps({"verb": "sweep", "folder": str(planned.folder), "jobs": listed}))
-            elif not quiet:
-                report.tell_jobs(planned.folder, listed, Console())
-            return
-        if not quiet:
-            done = len(planned.jobs) - len(todo)
-            _say(f"{len(planned.jobs)} jobs in {planned.folder}/: {done} done before, {len(todo)} to do.")
-        outcome = sweep_launch.launch(planned, fail_fast=fail_fast, quiet=quiet)
-        if as_json:
-            typer.echo(json.dumps({"verb": "sweep", "folder": str(planned.folder), **outcome.as_json()}))
-        elif not quiet:
-            report.tell_sweep(planned.folder, Console())
-        if outcome.failures:
-            raise JobFailedError(outcome.told(planned.folder))
+    _begin(quiet)
+    planned = plan(name, overrides or [], config_dir)
+    todo = {job.run for job in engine.todo(planned.folder, planned.jobs)}
+    summary = {"verb": "sweep", "folder": str(planned.folder)}
+    if dry_run:
+        listed = [{"run": job.run, "done": job.run not in todo, "overrides": job.overrides} for job in planned.jobs]
+        found = {**summary, "jobs": listed}
+        _out(as_json, quiet, lambda: found, lambda console: shown.tell_jobs(planned.folder, listed, console))
+        return
+    done = len(planned.jobs) - len(todo)
+    progress.say(f"{len(planned.jobs)} jobs in {planned.folder}/: {done} done before, {len(todo)} to do.")
+    outcome = run(planned, fail_fast=fail_fast)
+    found = {**summary, **outcome.as_json()}
+    _out(as_json, quiet, lambda: found, lambda console: shown.tell_sweep(planned.folder, console))
+    if outcome.failures:
+        raise JobFailedError(told(planned, outcome))
 
 
 @app.command()
-def show(
-    run: Run,
-    as_json: Json = False,
-) -> None:
+@_told()
+def show(run: Run, as_json: Json = False) -> None:
     """Tell what a run holds."""
-    with _told():
-        from epuckhebb.app import report
+    from epuckhebb.app import show as shown
 
-        if as_json:
-            typer.echo(json.dumps(report.as_json(run)))
-        else:
-            report.show(run, Console())
+    _out(as_json, False, lambda: shown.as_json(run), lambda console: shown.show(run, console))
 
 
 @app.command()
-def rerun(
-    run: Run,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+@_told()
+def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
     """Repeat a run, and say whether its CSV files are the same bytes."""
-    with _told():
-        from epuckhebb.app import jobs
-        from epuckhebb.app.rerun import rerun as repeat
+    from epuckhebb.app.rerun import rerun as repeat
 
-        jobs.begin(quiet=quiet)
-        new, difference = repeat(run, lambda note: None if quiet else _say(note))
-        if as_json:
-            typer.echo(json.dumps({"verb": "rerun", "run": str(run), "new": str(new), "difference": difference}))
-        elif not quiet and not difference:
-            typer.echo(f"same bytes: {new}")
-        if difference:
-            _say_error(f"{new}: {difference}")
-            raise typer.Exit(JOB_FAILED)
+    _begin(quiet)
+    new, difference = repeat(run)
+    if as_json:
+        typer.echo(json.dumps({"verb": "rerun", "run": str(run), "new": str(new), "difference": difference}))
+    elif not quiet and not difference:
+        typer.echo(f"same bytes: {new}")
+    if difference:
+        _say_error(f"{new}: {difference}")
+        raise typer.Exit(JOB_FAILED)
 
 
 def _version(wanted: bool) -> None:
@@ -320,68 +318,57 @@ def _main(
 def _run(
     verb: str,
     job: Callable[..., None],
+    asked: Callable[..., Any],
     arguments: list[str],
     multirun: bool,
     cfg: Shown | None,
     config_dir: str | None,
     quiet: bool,
     as_json: bool,
-) -> None:
-    """Hand a verb over to Hydra, then say what came out."""
-    from epuckhebb.app import compose, hydra_bridge, jobs, report
+) -> list[Path]:
+    """Hand a verb over to Hydra, then say what came out; returns the run folders."""
+    from epuckhebb.app import hydra_bridge
 
     if multirun and cfg:
         raise ConfigError("--cfg shows the configuration of one job: leave out --multirun, and give each key one value")
     flags = ["--multirun"] if multirun else []
     flags += ["--cfg", cfg] if cfg else []
     flags += ["--config-dir", config_dir] if config_dir else []
-    _all_is_loaded()
-    jobs.begin(quiet=quiet)
-    if multirun:
-        compose.check_sweep(verb, arguments, config_dir)
-    elif not cfg:
-        compose.check_single(verb, arguments, config_dir)
-    stamp = hydra_bridge.run(verb, job, [*arguments, *flags])
-    runs = hydra_bridge.runs_of(verb, stamp, arguments) if multirun else jobs.finished
-    if as_json and not cfg:
-        typer.echo(json.dumps({"verb": verb, "runs": [report.as_json(path) for path in runs]}))
-    elif not quiet and not cfg:
-        report.tell(runs, Console())
+    _begin(quiet)
+    if not cfg:
+        hydra_bridge.check(verb, arguments, config_dir, asked, multirun=multirun)
+    runs = hydra_bridge.run(verb, job, [*arguments, *flags])
+    if not cfg:
+        _tell(verb, runs, quiet, as_json)
+    return runs
 
 
-def _resume(arguments: list[str], quiet: bool, as_json: bool) -> None:
-    """Go on with an evolution, then say what came out."""
-    from epuckhebb.app import jobs, report
-    from epuckhebb.app.resume import resume
+def _tell(verb: str, runs: list[Path], quiet: bool, as_json: bool) -> None:
+    from epuckhebb.app import show as shown
 
-    jobs.begin(quiet=quiet)
-    path = resume(arguments, lambda note: None if quiet else _say(note))
+    _out(
+        as_json,
+        quiet,
+        lambda: {"verb": verb, "runs": list(map(shown.as_json, runs))},
+        lambda console: shown.tell(runs, console),
+    )
+
+
+def _out(as_json: bool, quiet: bool, told: Callable[[], Any], tell: Callable[[Console], None]) -> None:
+    """Say what came out: as JSON, in the terminal, or not at all."""
     if as_json:
-        typer.echo(json.dumps({"verb": "evolve", "runs": [report.as_json(path)]}))
+        typer.echo(json.dumps(told()))
     elif not quiet:
-        report.tell([path], Console())
+        tell(Console())
 
 
-@contextmanager
-def _told() -> Iterator[None]:
-    """Turn errors into one message and an exit code."""
-    from epuckhebb.app import interrupt
+def _begin(quiet: bool) -> None:
+    """What a verb does first, when all that it needs is imported: see `main`."""
+    from epuckhebb.app import progress
 
-    try:
-        with interrupt.soon():
-            yield
-    except ConfigError as error:
-        _say_error(str(error))
-        raise typer.Exit(USAGE) from None
-    except KeyboardInterrupt as interruption:
-        _say_error(f"interrupted{f': {interruption}' if str(interruption) else ''}")
-        raise typer.Exit(interrupt.EXIT_CODE) from None
-    except OSError as error:
-        _say_error(f"{error.filename or ''}: {error.strerror or error}")
-        raise typer.Exit(USAGE) from None
-    except JobFailedError as error:
-        _say_error(f"a job failed: {error}")
-        raise typer.Exit(JOB_FAILED) from None
+    gc.freeze()
+    gc.enable()
+    progress.be_quiet(quiet)
 
 
 def _open(page: Path) -> None:
@@ -392,27 +379,12 @@ def _open(page: Path) -> None:
         raise typer.Exit(JOB_FAILED)
 
 
-def _say(note: str) -> None:
-    Console(stderr=True, highlight=False, soft_wrap=True).print(note, markup=False)
-
-
-def _say_error(message: str) -> None:
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
-    console.print("Error: ", style="bold red", end="")
-    console.print(message, markup=False)
-
-
 def main() -> None:
     """The entry point of `epuckhebb`.
 
     What the program loads at its start never becomes garbage, so it is not searched for any: not while it loads (see
-    `_all_is_loaded`), and not at the end. That is half a second of the three that an evaluation would take.
+    `_begin`), and not at the end. That is half a second of the three that an evaluation would take.
     """
     gc.disable()
     atexit.register(gc.freeze)
     app()
-
-
-def _all_is_loaded() -> None:
-    gc.freeze()
-    gc.enable()

@@ -1,7 +1,7 @@
 """The typed configuration: what keys there are, of which type, and what they may be. Values stand in `conf/`.
 
 The schema is made of the dataclasses of the science itself (`Scenario`, `Hebbian`, `GA`, `Lifetime`), which check
-their own ranges. This is the only file that knows where `conf/` is.
+their own ranges.
 """
 
 import json
@@ -10,11 +10,13 @@ import os
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar
 
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.evolution.ga import GA
@@ -136,8 +138,8 @@ class ReproduceConfig:
                 raise ValueError(f"rates must be numbers above 0 (0 is always run, as the GA alone), got {rate}")
 
 
-_SCHEMAS = (("evaluate", EvaluateConfig), ("evolve", EvolveConfig), ("reproduce", ReproduceConfig))
-for _verb, _schema in _SCHEMAS:
+SCHEMAS = {"evaluate": EvaluateConfig, "evolve": EvolveConfig, "reproduce": ReproduceConfig}
+for _verb, _schema in SCHEMAS.items():
     ConfigStore.instance().store(name=f"schema_{_verb}", node=_schema, provider="epuckhebb")
 
 Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig)
@@ -147,7 +149,7 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
     """The composed configuration as plain dataclasses, checked.
 
     Raises:
-        ConfigError: a value is outside its range; the message names the key.
+        ConfigError: A value is outside its range; the message names the key.
     """
     try:
         config: Any = OmegaConf.to_object(cfg)
@@ -155,6 +157,21 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
         raise ConfigError(str(error)) from error
     assert isinstance(config, schema)
     return config
+
+
+def stored(run: Path, verb: str) -> DictConfig:
+    """The configuration that a run of this verb wrote down.
+
+    Raises:
+        ConfigError: It cannot be read, or holds what this program does not know.
+    """
+    file = run / ".hydra" / "config.yaml"
+    try:
+        cfg = OmegaConf.merge(OmegaConf.structured(SCHEMAS[verb]), OmegaConf.load(file))
+    except (OSError, YAMLError, OmegaConfBaseException) as error:
+        raise ConfigError(f"{file} cannot be used: {error}") from error
+    assert isinstance(cfg, DictConfig)
+    return cfg
 
 
 def thread_count(threads: int) -> int:

@@ -1,11 +1,13 @@
-"""From a Typer command to `hydra.main`, through Hydra's public interface.
+"""All that goes between this program and Hydra: composing a configuration, and running a job on one.
 
-Typer owns the options, Hydra owns `key=value`. The command builds the argument list that Hydra would have found on a
-command line of its own, so that real launchers, sweepers and `.hydra/` work; and it turns what Hydra raises into one
-message and an exit code.
+Typer owns the options, Hydra owns `key=value`. A verb builds the argument list that Hydra would have found on a command
+line of its own, so that real launchers, sweepers and `.hydra/` work; what Hydra raises becomes one message.
 """
 
+import copy
 import difflib
+import functools
+import itertools
 import os
 import re
 import sys
@@ -18,34 +20,170 @@ from secrets import token_hex
 from typing import Any
 
 import hydra
+from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
-from omegaconf import DictConfig
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.app.data import data_folder
+from epuckhebb.app.config import SCHEMAS, thread_count
+from epuckhebb.app.data import data_folder, groups
 from epuckhebb.app.errors import ConfigError, JobFailedError
 
-STAMP = "EPUCKHEBB_STAMP"  # environment variable that conf/ names run folders with
 IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
+_STAMP = "EPUCKHEBB_STAMP"  # environment variable that conf/ names run folders with
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}
+_SWEEP_DIR = "hydra.sweep.dir="
+_CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
+_VALUE_KEY = re.compile(r"[\w.]+")  # of a plain override: nothing added, deleted, or put into another package
+_VERSION_BASE: dict[str, Any] = {} if IS_HYDRA_1_4 else {"version_base": "1.3"}  # from 1.4 on it is warned about
 
 
-def run(verb: str, job: Callable[[DictConfig], Any], arguments: list[str]) -> str:
-    """Run `job` on the configuration that `arguments` (overrides and Hydra's own options) describe.
+def composed(verb: str, overrides: list[str], config_dir: str | None = None, *, with_hydra: bool = False) -> DictConfig:
+    """The configuration that a verb would run with these overrides.
 
-    Returns the stamp that the folders of this call bear.
+    Args:
+        verb: The verb.
+        overrides: As on the command line.
+        config_dir: A folder with more configuration files.
+        with_hydra: Whether to include what Hydra keeps for itself.
 
     Raises:
-        ConfigError: the arguments do not make a configuration; or the job said so.
-        JobFailedError: a job failed, or the launcher of several.
+        ConfigError: They do not make one.
     """
-    options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)} if IS_HYDRA_1_4 else version_base()
-    entry = hydra.main(config_path=str(data_folder("conf")), config_name=verb, **options)(job)
+    more = [f'hydra.searchpath=["file://{Path(config_dir).absolute()}"]'] if config_dir else []
+    GlobalHydra.instance().clear()
+    try:
+        with initialize_config_dir(str(data_folder("conf")), **_VERSION_BASE):
+            return compose(verb, [*overrides, *more], return_hydra_config=with_hydra)
+    except (HydraException, OmegaConfBaseException) as error:
+        raise ConfigError(explain(error)) from error
+
+
+def combinations(
+    verb: str, fixed: list[str], choices: dict[str, list[str]], config_dir: str | None
+) -> Iterator[tuple[list[str], DictConfig]]:
+    """Every combination of the choices (as from `alternatives`), as overrides and composed.
+
+    Hydra takes a tenth of a second for each composition, so values are put into a copy of what is composed from the
+    groups alone; what cannot be put in so simply is left to Hydra, which may also explain why not.
+
+    Raises:
+        ConfigError: An override cannot be used.
+    """
+
+    @functools.cache
+    def prepared(overrides: tuple[str, ...]) -> DictConfig:
+        return composed(verb, [*fixed, *overrides], config_dir)
+
+    @functools.cache
+    def parsed(override: str) -> tuple[str, Any]:
+        one = OverridesParser.create().parse_override(override)
+        return one.key_or_group, one.value()
+
+    values = {key for key in choices if _VALUE_KEY.fullmatch(key) and key not in groups(verb)}
+    for overrides in itertools.product(*choices.values()):
+        told = list(zip(choices, overrides, strict=True))
+        cfg = copy.deepcopy(prepared(tuple(override for key, override in told if key not in values)))
+        try:
+            for key, override in told:
+                if key in values:
+                    OmegaConf.update(cfg, *parsed(override))
+        except OmegaConfBaseException:
+            cfg = composed(verb, [*fixed, *overrides], config_dir)
+        yield list(overrides), cfg
+
+
+def alternatives(overrides: list[str]) -> dict[str, list[str]]:
+    """For each key the overrides that it is to have in turn; a key that comes again replaces the earlier one.
+
+    Raises:
+        ConfigError: They cannot be read.
+    """
+
+    def choices(override: Override) -> list[str]:
+        if not override.is_discrete_sweep():  # or only its sweeper knows what it stands for
+            return [override.input_line or ""]
+        return [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
+
+    try:
+        parsed = OverridesParser.create().parse_overrides(overrides)
+        return {override.get_key_element(): choices(override) for override in parsed}
+    except HydraException as error:
+        raise ConfigError(explain(error)) from error
+
+
+def check(
+    verb: str, overrides: list[str], config_dir: str | None, asked: Callable[[DictConfig], Any], *, multirun: bool
+) -> None:
+    """Refuse, before anything runs, what Hydra would run without a word, or only after other jobs.
+
+    That is a named sweep as one job; and a multirun of which a job would be refused. Every value of every swept key is
+    tried once, with the first values of the others: a sum, not a product.
+
+    Args:
+        verb: The verb.
+        overrides: As on the command line.
+        config_dir: A folder with more configuration files.
+        asked: A function that raises `ConfigError` if a composed configuration cannot be used.
+        multirun: Whether there may be many jobs.
+
+    Raises:
+        ConfigError: A key, a value or the genome cannot be used.
+    """
+    if not multirun:
+        named = [override for override in overrides if override.lstrip("+").startswith("experiment=")]
+        if named and composed(verb, overrides, config_dir, with_hydra=True).hydra.sweeper.params:
+            name = named[-1].partition("=")[2]
+            raise ConfigError(
+                f"experiment={name} is a sweep of many jobs: run `epuckhebb sweep {name}`, or add --multirun"
+            )
+        return
+    choices = list(alternatives(overrides).values())
+    first = [values[0] for values in choices]
+    asked(composed(verb, first, config_dir))
+    for place, values in enumerate(choices):
+        for value in values[1:] if len(values) <= _CHECKED_IN_FULL else values[-1:]:
+            asked(composed(verb, [*first[:place], value, *first[place + 1 :]], config_dir))
+
+
+def run(verb: str, job: Callable[[DictConfig], None], arguments: list[str]) -> list[Path]:
+    """Run a job, or with `--multirun` many, on the configuration that overrides and Hydra's own options describe.
+
+    Returns the folders of the runs, in the order of the jobs.
+
+    Raises:
+        ConfigError: The arguments do not make a configuration; or the job said so.
+        JobFailedError: A job failed, or the launcher of several.
+    """
     stamp = new_stamp()
-    if "--multirun" in arguments and not any(argument.startswith("hydra.sweep.dir=") for argument in arguments):
+    folders: list[Path] = []
+
+    @functools.wraps(job)
+    def noted(cfg: DictConfig) -> None:
+        job(cfg)
+        folders.append(Path(HydraConfig.get().runtime.output_dir))
+
+    if "--multirun" not in arguments:
+        call(verb, noted, arguments, stamp)
+        return folders
+    if not any(argument.startswith(_SWEEP_DIR) for argument in arguments):
         # In words, not as an environment variable: workers that a launcher keeps from an earlier call have the old one.
-        arguments = [f"hydra.sweep.dir={_multirun_folder(verb, stamp)}", *arguments]
+        arguments = [f"{_SWEEP_DIR}{Path('runs') / verb / stamp}_multirun", *arguments]
+    call(verb, job, arguments, stamp)
+    folder = Path([argument for argument in arguments if argument.startswith(_SWEEP_DIR)][-1].partition("=")[2])
+    runs = [status.parent for status in folder.glob("*/status.json")]
+    return sorted(runs, key=lambda run: (not run.name.isdigit(), int(run.name) if run.name.isdigit() else 0, run.name))
+
+
+def call(verb: str, job: Callable[[DictConfig], None], arguments: list[str], stamp: str) -> None:
+    """Call Hydra as its own command line would; see `run`. The folders of the runs bear the stamp."""
+    options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)} if IS_HYDRA_1_4 else _VERSION_BASE
+    entry = hydra.main(config_path=str(data_folder("conf")), config_name=verb, **options)(job)
     with _as_command_line(verb, arguments, stamp):
         GlobalHydra.instance().clear()
         try:
@@ -58,12 +196,6 @@ def run(verb: str, job: Callable[[DictConfig], Any], arguments: list[str]) -> st
             if "--multirun" in arguments:  # jobs wrap what goes wrong in them, so this is the launcher's
                 raise JobFailedError(f"the launcher stopped: {type(error).__name__}: {error}") from error
             raise
-    return stamp
-
-
-def version_base() -> dict[str, Any]:
-    """The argument `version_base` where Hydra wants it; from 1.4 on it is warned about."""
-    return {} if IS_HYDRA_1_4 else {"version_base": "1.3"}
 
 
 def new_stamp() -> str:
@@ -72,11 +204,50 @@ def new_stamp() -> str:
 
 
 @contextmanager
+def job_folder() -> Iterator[Path]:
+    """The folder that Hydra has made for this job; if the job is refused, what is empty of it goes again."""
+    path = Path(HydraConfig.get().runtime.output_dir)
+    try:
+        yield path
+    except ConfigError:
+        here = Path.cwd()
+        try:
+            while path != here and here in path.parents:
+                path.rmdir()
+                path = path.parent
+        except OSError:  # something is in it
+            pass
+        raise
+
+
+def job_overrides() -> list[str]:
+    """The overrides of this job, as they would be typed."""
+    return list(HydraConfig.get().overrides.task)
+
+
+def in_multirun() -> bool:
+    """Whether this job is one of many."""
+    return bool(HydraConfig.get().mode == RunMode.MULTIRUN)
+
+
+def threads_of_job(asked: int) -> int:
+    """Threads of this job; jobs of a parallel launcher get one each unless told otherwise, and never more than fit."""
+    launcher = HydraConfig.get().launcher
+    if not in_multirun() or launcher._target_.endswith("BasicLauncher"):
+        return thread_count(asked)
+    if launcher._target_.endswith("JoblibLauncher"):
+        cores = thread_count(0)
+        width = launcher.n_jobs if launcher.n_jobs > 0 else max(1, cores + 1 + launcher.n_jobs)
+        return int(max(1, min(asked, cores // width)))
+    return max(1, asked)
+
+
+@contextmanager
 def _as_command_line(verb: str, arguments: list[str], stamp: str) -> Iterator[None]:
     """What Hydra reads: the argument list, and a wish to have errors raised instead of printed."""
-    argv, environment = sys.argv, {name: os.environ.get(name) for name in (STAMP, "HYDRA_FULL_ERROR")}
+    argv, environment = sys.argv, {name: os.environ.get(name) for name in (_STAMP, "HYDRA_FULL_ERROR")}
     sys.argv = [f"epuckhebb {verb}", *arguments]
-    os.environ.update({STAMP: stamp, "HYDRA_FULL_ERROR": "1"})
+    os.environ.update({_STAMP: stamp, "HYDRA_FULL_ERROR": "1"})
     try:
         yield
     finally:
@@ -110,17 +281,14 @@ def explain(error: BaseException) -> str:
         text += "\nSettings are written KEY=VALUE, for example scenario=4obstacles or hebbian.N=0.002"
     wrong = re.search(r"Could not override '([^']+)'", text)
     if wrong and "Did you mean" not in text:
-        near = difflib.get_close_matches(wrong[1], known_keys(), n=3)
+        near = difflib.get_close_matches(wrong[1], _known_keys(), n=3)
         if near:
             text += f"\nDid you mean: {', '.join(near)}?"
     return text
 
 
-def known_keys() -> list[str]:
+def _known_keys() -> list[str]:
     """All keys and groups of the configuration, as they are written in an override."""
-    from omegaconf import OmegaConf
-
-    from epuckhebb.app.config import EvaluateConfig, EvolveConfig
 
     def below(node: Any, prefix: str) -> Iterator[str]:
         for key, value in node.items():
@@ -128,21 +296,5 @@ def known_keys() -> list[str]:
             if isinstance(value, dict):
                 yield from below(value, f"{prefix}{key}.")
 
-    found: set[str] = set()
-    for schema in (EvaluateConfig, EvolveConfig):
-        found.update(below(OmegaConf.to_container(OmegaConf.structured(schema)), ""))
-    return sorted(found)
-
-
-def _multirun_folder(verb: str, stamp: str) -> Path:
-    return Path("runs") / verb / f"{stamp}_multirun"
-
-
-def runs_of(verb: str, stamp: str, arguments: list[str]) -> list[Path]:
-    """The run folders of a multirun, in the order of its jobs."""
-    folder = _multirun_folder(verb, stamp)
-    for argument in arguments:
-        if argument.startswith("hydra.sweep.dir="):
-            folder = Path(argument.split("=", 1)[1])
-    runs = [status.parent for status in folder.glob("*/status.json")]
-    return sorted(runs, key=lambda run: (not run.name.isdigit(), int(run.name) if run.name.isdigit() else 0, run.name))
+    schemas = [OmegaConf.to_container(OmegaConf.structured(SCHEMAS[verb])) for verb in ("evaluate", "evolve")]
+    return sorted({key for schema in schemas for key in below(schema, "")})

@@ -1,97 +1,118 @@
-"""How an evolution is shown while it runs: one live line on a terminal, one plain line a generation elsewhere."""
+"""What is shown on standard error while the program works: a live bar on a terminal, plain lines elsewhere."""
 
-from collections.abc import Callable
-from types import TracebackType
+import os
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from epuckhebb.evolution.evolve import Generation
 
+_QUIET = "EPUCKHEBB_QUIET"  # environment variable, so that the workers of a launcher see it too
+_EVERY_S = 0.5
 
-class EvolutionProgress:
-    """Shows each generation on standard error; a context manager that leaves the terminal tidy."""
+
+def be_quiet(quiet: bool) -> None:
+    """Decide whether this call and its workers print anything but results and errors."""
+    os.environ[_QUIET] = "1" if quiet else ""
+
+
+def is_quiet() -> bool:
+    """Whether this call was asked to print nothing."""
+    return bool(os.environ.get(_QUIET))
+
+
+def say(note: str) -> None:
+    """Tell the user something on standard error, unless this call is quiet."""
+    if not is_quiet():
+        Console(stderr=True, highlight=False, soft_wrap=True).print(note, markup=False)
+
+
+class _Bar(Progress):
+    """A bar of so many steps on a terminal; a context manager that leaves the terminal tidy."""
+
+    def __init__(self, what: str, total: int, *, quiet: bool = False) -> None:
+        console = Console(stderr=True, highlight=False)
+        quiet = quiet or is_quiet()
+        columns = TextColumn(what), MofNCompleteColumn(), BarColumn(bar_width=20), TextColumn("{task.description}")
+        disable = quiet or not console.is_terminal
+        super().__init__(*columns, TimeRemainingColumn(compact=True), console=console, disable=disable)
+        self._plain = None if console.is_terminal or quiet else console
+        self._total, self._task = total, self.add_task("", total=total)
+
+    def put(self, completed: int, told: str) -> None:
+        """Show how many steps are completed, and what is told beside the bar."""
+        self.update(self._task, completed=completed, description=told)
+
+
+class EvolutionProgress(_Bar):
+    """Shows each generation of an evolution."""
 
     def __init__(self, generations: int, *, quiet: bool) -> None:
         """Prepare to show so many generations; say nothing if `quiet`."""
-        console = Console(stderr=True, highlight=False)
-        self._plain = None if console.is_terminal or quiet else console
-        self._generations = generations
+        super().__init__("generation", generations, quiet=quiet)
         self._steps, self._seconds, self._shown = 0, 0.0, 0
-        self._bar = Progress(
-            TextColumn("generation"),
-            MofNCompleteColumn(),
-            BarColumn(bar_width=20),
-            TextColumn("{task.fields[told]}"),
-            TimeRemainingColumn(compact=True),
-            console=console,
-            disable=quiet or not console.is_terminal,
-        )
-        self._task = self._bar.add_task("evolve", total=generations, told="compiling …")
-
-    def __enter__(self) -> "EvolutionProgress":
-        """Start to show."""
-        self._bar.start()
-        return self
+        self.put(0, "compiling …")
 
     def show(self, generation: Generation) -> None:
         """Show a generation that has just ended."""
         self._steps += generation.robot_steps
         self._seconds += generation.seconds
         self._shown += 1
+        done = generation.number + 1
         told = (
             f"best {generation.fitness.max():.3f}  mean {generation.fitness.mean():.3f}  "
             f"{self._steps / self._seconds / 1e6:.2f} M robot-steps/s"
         )
-        self._bar.update(self._task, completed=generation.number + 1, told=told)
+        self.put(done, told)
         if self._plain is not None:
-            left = self._seconds / self._shown * (self._generations - generation.number - 1)
-            self._plain.print(f"generation {generation.number + 1}/{self._generations}  {told}  {left:.0f} s left")
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Stop showing."""
-        self._bar.stop()
+            left = self._seconds / self._shown * (self._total - done)
+            self._plain.print(f"generation {done}/{self._total}  {told}  {left:.0f} s left")
 
 
-class StepProgress:
-    """Shows the steps of a long job on standard error: a bar on a terminal, a line a step elsewhere."""
+class TaskProgress(_Bar):
+    """Shows which task of a study is at work."""
 
-    def __init__(self, *, quiet: bool) -> None:
-        """Prepare to show; say nothing if `quiet`."""
-        self._console = Console(stderr=True, highlight=False)
-        self._quiet = quiet
-        self._bar = Progress(
-            MofNCompleteColumn(),
-            BarColumn(bar_width=20),
-            TextColumn("{task.description}"),
-            TimeRemainingColumn(compact=True),
-            console=self._console,
-            disable=quiet or not self._console.is_terminal,
-        )
+    def __init__(self, total: int) -> None:
+        """Prepare to show so many tasks."""
+        super().__init__("", total)
 
-    def __enter__(self) -> "StepProgress":
-        """Start to show."""
-        self._bar.start()
-        return self
+    def show(self, number: int, name: str) -> None:
+        """Show the task of this number, from 0, as it begins."""
+        self.put(number, name)
+        if self._plain is not None:
+            self._plain.print(f"{number + 1}/{self._total}  {name}")
 
-    def begin(self, total: int) -> Callable[[str], None]:
-        """Announce so many steps; call what is returned with the name of each as it begins."""
-        task = self._bar.add_task("", total=total)
-        begun = 0
 
-        def step(name: str) -> None:
-            nonlocal begun
-            self._bar.update(task, completed=begun, description=name)
-            begun += 1
-            if not self._quiet and not self._console.is_terminal:
-                self._console.print(f"{begun}/{total}  {name}")
+@contextmanager
+def counting(total: int, count: Callable[[], tuple[int, int]]) -> Iterator[None]:
+    """Show on a terminal how many of so many jobs are done, whatever launcher runs them; a thread counts them.
 
-        return step
+    Args:
+        total: The number of jobs.
+        count: A function that says how many jobs are done, and how many have failed.
+    """
+    bar, ended = _Bar("job", total), threading.Event()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Stop showing."""
-        self._bar.stop()
+    def look() -> None:
+        done, failed = count()
+        bar.put(done + failed, f"{failed} failed" if failed else "")
+
+    def watch() -> None:
+        while not ended.wait(_EVERY_S):
+            look()
+
+    if bar.disable:
+        yield
+        return
+    watcher = threading.Thread(target=watch, daemon=True)
+    with bar:
+        watcher.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            watcher.join()
+            look()

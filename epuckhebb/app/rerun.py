@@ -1,73 +1,50 @@
 """`epuckhebb rerun RUN`: the same configuration again, into another folder, and whether its CSV are the same bytes."""
 
-from collections.abc import Callable
 from itertools import zip_longest
 from pathlib import Path
 
-from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
-
-from epuckhebb.app import genomes, jobs, runs
-from epuckhebb.app.config import EvaluateConfig, EvolveConfig, thread_count, typed
+from epuckhebb.app import evaluate, evolve, runs
+from epuckhebb.app.config import stored, thread_count
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.hydra_bridge import new_stamp
+from epuckhebb.app.progress import say
+from epuckhebb.app.runs import RunFolder
 
-_SCHEMAS = {"evaluate": EvaluateConfig, "evolve": EvolveConfig}
 
-
-def rerun(path: Path, say: Callable[[str], None]) -> tuple[Path, str]:
+def rerun(path: Path) -> tuple[Path, str]:
     """Repeat a run; returns the new folder and what differs first, nothing if nothing does.
 
-    say: is told what the user should know.
-
     Raises:
-        ConfigError: it is not a finished run of `evaluate` or `evolve`, or its genome is not what it was.
-        JobFailedError: it could not be finished this time.
+        ConfigError: It is not a finished run of `evaluate` or `evolve`, or its genome is not what it was.
+        JobFailedError: It could not be finished this time.
     """
     told = runs.read(path)
     verb = told["verb"]
-    if verb not in _SCHEMAS:
-        raise ConfigError(f"{path} is a run of `epuckhebb {verb}`; rerun repeats those of {' and '.join(_SCHEMAS)}")
+    if verb not in ("evaluate", "evolve"):
+        raise ConfigError(f"{path} is a run of `epuckhebb {verb}`; rerun repeats those of evaluate and evolve")
     if told["status"]["state"] != "finished":
         raise ConfigError(f"{path} is {told['status']['state']}; only a finished run can be compared with")
     if told["code"].get("science") != runs.science_version():
         say("The program has changed since this run.")
     new = Path("runs") / verb / f"{new_stamp()}_rerun_of_{path.resolve().name}"
-    cfg = settings(path, verb)
+    cfg = stored(path, verb)
     facts = {"command": ["epuckhebb", "rerun", str(path)], "rerun_of": str(path)}
     if verb == "evaluate":
-        config = typed(cfg, EvaluateConfig)
-        genome = genomes.load(config.genome, config.scenario.experiment)
+        config, genome = evaluate.asked(cfg)
         if genome.sha256 != told["genome_sha256"]:
             raise ConfigError(
                 f"genome={config.genome} is not the genome of {path}: its SHA-256 is {genome.sha256[:16]}…, "
                 f"it was {told['genome_sha256'][:16]}…"
             )
-        jobs.evaluate_into(new, cfg, told["overrides"], facts, threads=thread_count(config.threads))
+        evaluate.evaluate_into(new, cfg, told["overrides"], facts, threads=thread_count(config.threads))
     else:
-        run = jobs.evolve_folder(new, cfg, told["overrides"], facts)
-        again = typed(cfg, EvolveConfig)
-        jobs.evolve_into(run, again, None, threads=thread_count(again.threads), quiet=jobs.is_quiet())
-    return new, difference(path, new)
+        again = evolve.asked(cfg)
+        run = RunFolder.new(new, "evolve", cfg, told["overrides"], facts)
+        evolve.evolve_into(run, again, None, threads=thread_count(again.threads))
+    return new, _difference(path, new)
 
 
-def settings(path: Path, verb: str) -> DictConfig:
-    """The configuration that a run wrote down.
-
-    Raises:
-        ConfigError: it cannot be read, or holds what this program does not know.
-    """
-    file = path / ".hydra" / "config.yaml"
-    try:
-        cfg = OmegaConf.merge(OmegaConf.structured(_SCHEMAS[verb]), OmegaConf.load(file))
-    except (OSError, YAMLError, OmegaConfBaseException) as error:
-        raise ConfigError(f"{file} cannot be used: {error}") from error
-    assert isinstance(cfg, DictConfig)
-    return cfg
-
-
-def difference(one: Path, other: Path) -> str:
+def _difference(one: Path, other: Path) -> str:
     """The first CSV file and line in which two runs differ; nothing if they do not."""
     names = sorted({str(file.relative_to(run)) for run in (one, other) for file in run.rglob("*.csv")})
     for name in names:

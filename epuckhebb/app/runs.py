@@ -1,17 +1,22 @@
 """One run folder: claim it, write into it, close it, read it back.
 
-A folder belongs to the process that could create its `status.json`; nothing is ever merged or overwritten. Files are
-written beside their place and renamed, so that a file that is there is whole.
+A run of its own belongs to the process that could create its `status.json`, and is never merged or overwritten. A
+folder in which work goes on, an evolution that is resumed or a study, belongs to the process that holds its lock.
+Files are written beside their place and renamed, so that a file that is there is whole.
 """
 
 import hashlib
 import json
 import os
 import platform
+import shutil
 import subprocess
+import sys
 import traceback
+from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
@@ -19,12 +24,17 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-import epuckhebb
-from epuckhebb.app import locks
+from epuckhebb import __version__
+from epuckhebb.app import errors
 from epuckhebb.app.errors import ConfigError, JobFailedError
 
 SCHEMA = 1  # of provenance.json and status.json
+UNFINISHED = "unfinished"  # folder of a study, in which each attempt at a run has a folder of its own
+_PACKAGE = Path(__file__).resolve().parents[1]
 _PACKAGES = ("epuckhebb", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
+_STATUS, _PROVENANCE = "status.json", "provenance.json"
+_OVERRIDES, _CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
+_NOUN = {"evaluate": "run", "evolve": "run", "reproduce": "reproduction"}
 
 
 def write_whole(target: Path, content: bytes) -> None:
@@ -42,23 +52,70 @@ def write_whole(target: Path, content: bytes) -> None:
         raise
 
 
+def hold(folder: Path) -> int | None:
+    """Keep other processes of this program out of a folder; give the result to `release`, or just end.
+
+    The system lets go of a folder when the process ends, however it ends. None comes back where the file system or
+    the operating system knows no such locks; then nothing is kept out.
+
+    Raises:
+        BlockingIOError: Another process holds it.
+    """
+    if sys.platform == "win32":
+        return None
+    import fcntl
+
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise
+    except OSError:  # some network file systems
+        os.close(descriptor)
+        return None
+    return descriptor
+
+
+def release(held: int | None) -> None:
+    """Let others in."""
+    if held is not None:
+        os.close(held)
+
+
 class RunFolder:
-    """A folder that this process owns."""
+    """A folder that this process owns; as a context manager it says in `status.json` how the work in it ended.
 
-    def __init__(self, path: Path, verb: str, cfg: DictConfig, overrides: list[str], facts: dict[str, Any]) -> None:
-        """Claim `path` and write down what is about to run.
+    Attributes:
+        path: The folder.
+        command: The command that works in it.
+        failure: Why the work failed although no error left the block; nothing if it did not.
+        left_behind: A function that says what an interruption would leave behind, for who interrupts.
+    """
 
-        facts: what else belongs into `provenance.json`, for example the genome's SHA-256.
+    def __init__(self, path: Path, held: int | None, told: dict[str, Any]) -> None:
+        """Take what `new` or `going_on` has claimed; `told` is the provenance of this call."""
+        self.path, self.command, self.failure = path, list(told["command"]), ""
+        self.left_behind: Callable[[], str] = lambda: ""
+        self._held, self._started = held, _now()
+
+    @classmethod
+    def new(cls, path: Path, verb: str, cfg: DictConfig, arguments: list[str], facts: dict[str, Any]) -> "RunFolder":
+        """Claim a folder that holds no run yet, and write down what is about to run.
+
+        Args:
+            path: The folder; it is made.
+            verb: The verb of the command line.
+            cfg: The configuration.
+            arguments: What followed the verb.
+            facts: What else belongs into `provenance.json`, for example the genome's SHA-256.
 
         Raises:
-            ConfigError: the folder holds a run already, or cannot be written to.
+            ConfigError: The folder holds a run already, or cannot be written to.
         """
-        self.path = path
-        self._started = _now()
-        self._held: int | None = None
         try:
             path.mkdir(parents=True, exist_ok=True)
-            with (path / "status.json").open("x"):
+            with (path / _STATUS).open("x"):
                 pass
         except FileExistsError:
             raise ConfigError(
@@ -66,114 +123,136 @@ class RunFolder:
             ) from None
         except OSError as error:
             raise ConfigError(f"cannot write a run to {path}: {error.strerror}") from error
+        told = provenance(verb, cfg, arguments) | facts
+        run = cls(path, None, told)
         with suppress(BlockingIOError):  # someone is just looking whether we hold it; the claim is what counts
-            self._held = locks.hold(path)
+            run._held = hold(path)
         try:
-            self.write_text("status.json", _json(self._status("running")))
-            self.write_text(".hydra/overrides.yaml", OmegaConf.to_yaml(OmegaConf.create(overrides)))
-            self.write_text(".hydra/config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
-            self.write_text("provenance.json", _json(provenance(verb, cfg, overrides) | facts))
+            run._begin(told, cfg, arguments)
         except OSError as error:
-            self._give_back()
+            for name in (_STATUS, _OVERRIDES, _CONFIG, _PROVENANCE):
+                (path / name).unlink(missing_ok=True)
+            with suppress(OSError):
+                (path / ".hydra").rmdir()
+            release(run._held)
             raise ConfigError(f"cannot write a run to {path}: {error.strerror}") from error
+        return run
 
     @classmethod
-    def reopened(cls, path: Path, cfg: DictConfig, resumed: dict[str, Any]) -> "RunFolder":
-        """Go on in the folder of an unfinished run; the one case in which an existing run is written into.
+    def going_on(
+        cls, path: Path, verb: str, cfg: DictConfig | None, arguments: list[str], facts: dict[str, Any]
+    ) -> "RunFolder":
+        """Go on with what was begun in a folder, or begin it there; one process at a time.
 
-        resumed: what `provenance.json` shall say of this continuation.
+        What killed processes have left half done is thrown away. The arguments are those of `new`, but that there is
+        no `cfg` where each job has its own. If the work was begun before, `provenance.json` keeps what it said and
+        gets an entry with these facts.
 
         Raises:
-            ConfigError: it is not a run folder, another process is at work in it, or it cannot be written to.
+            ConfigError: Another process is at work in the folder, or it cannot be written to.
         """
-        told = read(path)
-        run = cls.__new__(cls)
-        run.path, run._started = path, told["status"].get("started", _now())
+        told = provenance(verb, cfg, arguments) | facts
         try:
-            run._held = locks.hold(path)
+            path.mkdir(parents=True, exist_ok=True)
+            held = hold(path)
         except BlockingIOError:
             raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
-        del told["status"]
-        told["resumed"] = [*told.get("resumed", []), {"started": _now(), **resumed, "code": code_version()}]
-        try:
-            for left_over in path.rglob(".*.tmp"):
-                left_over.unlink()
-            run.write_text(".hydra/config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
-            run.write_text("provenance.json", _json(told))
-            run.write_text("status.json", _json(run._status("running")))
         except OSError as error:
-            locks.release(run._held)
+            raise ConfigError(f"cannot write a {_NOUN.get(verb, verb)} to {path}: {error.strerror}") from error
+        run = cls(path, held, told)
+        with suppress(ConfigError):  # it cannot be read back where nothing has begun
+            before = read(path)
+            run._started = before.pop("status").get("started", run._started)
+            again = {"started": _now(), "command": told["command"], **facts, "code": told["code"]}
+            told = before | {"resumed": [*before.get("resumed", []), again]}
+        try:
+            _throw_away(path)
+            run._begin(told, cfg, None)
+        except OSError as error:
+            release(held)
             raise ConfigError(f"cannot go on in {path}: {error.strerror}") from error
         return run
 
-    def write(self, name: str, content: bytes) -> None:
+    def write(self, name: str, content: bytes | str) -> None:
         """Write a file in the folder: whole, or not at all."""
-        write_whole(self.path / name, content)
-
-    def write_text(self, name: str, content: str) -> None:
-        """Write a text file in the folder: whole, or not at all."""
-        self.write(name, content.encode())
+        write_whole(self.path / name, content.encode() if isinstance(content, str) else content)
 
     def __enter__(self) -> "RunFolder":
-        """The folder itself; leaving the block says in `status.json` how the run ended."""
-        open_runs.append(self)
+        """The folder itself."""
+        errors.at_work.append(self._interrupted)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Write whether the run finished, was interrupted or failed.
+        """Write whether the work finished, was interrupted or failed.
 
         Raises:
-            JobFailedError: it failed; `status.json` has the whole traceback.
+            JobFailedError: It failed; `status.json` has the whole traceback.
+            KeyboardInterrupt: It was interrupted; the message says what is left behind.
         """
-        open_runs.remove(self)
+        errors.at_work.remove(self._interrupted)
         try:
             if error is None:
-                self._close("finished")
+                self._close("failed" if self.failure else "finished", error=self.failure)
             elif isinstance(error, KeyboardInterrupt):
-                self.close_interrupted(str(error))
+                raise KeyboardInterrupt(self._interrupted()) from None
             elif isinstance(error, Exception):
                 with suppress(OSError):  # on a full disk the error itself is what there is to tell
                     self._close("failed", error=str(error), traceback="".join(traceback.format_exception(error)))
-                raise JobFailedError(f"{self.path}: {type(error).__name__}: {error}") from error
+                if not isinstance(error, (ConfigError, JobFailedError)):
+                    raise JobFailedError(f"{self.path}: {type(error).__name__}: {error}") from error
         finally:
-            locks.release(self._held)
+            release(self._held)
 
-    def close_interrupted(self, message: str) -> None:
-        """Say in `status.json` that the run was interrupted, if that can be written."""
+    def _begin(self, told: dict[str, Any], cfg: DictConfig | None, overrides: list[str] | None) -> None:
+        """Write down what runs here: its state first, and last the file by which a run that has begun is known."""
+        self._write_status("running")
+        if overrides is not None:
+            self.write(_OVERRIDES, OmegaConf.to_yaml(OmegaConf.create(overrides)))
+        if cfg is not None:
+            self.write(_CONFIG, OmegaConf.to_yaml(cfg, resolve=True))
+        self.write(_PROVENANCE, as_json(told))
+
+    def _interrupted(self) -> str:
+        """Close the folder as interrupted, if that can be written; returns what is left behind."""
+        told = self.left_behind()
         with suppress(OSError):
-            self._close("interrupted", error=message)
+            self._close("interrupted", error=told)
+        return told
 
     def _close(self, state: str, **more: str) -> None:
-        self.write_text("status.json", _json(self._status(state, finished=_now(), **more)))
+        self._write_status(state, finished=_now(), **{key: value for key, value in more.items() if value})
 
-    def _give_back(self) -> None:
-        """Leave nothing in a folder that was claimed and could not be used."""
-        for name in ("status.json", ".hydra/overrides.yaml", ".hydra/config.yaml", "provenance.json"):
-            (self.path / name).unlink(missing_ok=True)
-        with suppress(OSError):
-            (self.path / ".hydra").rmdir()
-        locks.release(self._held)
-
-    def _status(self, state: str, **more: str) -> dict[str, Any]:
-        return {"schema": SCHEMA, "state": state, "started": self._started, **more}
+    def _write_status(self, state: str, **more: str) -> None:
+        self.write(_STATUS, as_json({"schema": SCHEMA, "state": state, "started": self._started, **more}))
 
 
-open_runs: list[RunFolder] = []  # those that this process is working on
+def _throw_away(path: Path) -> None:
+    """Remove what was left half done by processes that were killed, but for runs that are still at work."""
+    for half in path.rglob(".*.tmp"):
+        if UNFINISHED not in half.relative_to(path).parts:
+            half.unlink(missing_ok=True)
+    for attempt in (path / UNFINISHED).glob("*"):
+        if not attempt.is_dir():
+            attempt.unlink()
+            continue
+        with suppress(BlockingIOError, FileNotFoundError):  # it is at work; it has just been finished
+            release(hold(attempt))
+            shutil.rmtree(attempt)
 
 
 def read(path: Path) -> dict[str, Any]:
     """Provenance and status of a run folder, as one dictionary.
 
     Raises:
-        ConfigError: it is not a run folder.
+        ConfigError: It is not a run folder.
     """
     if not path.is_dir():
         raise ConfigError(f"{path} is not a folder; give a run folder, for example one below runs/evaluate/")
     try:
-        told = json.loads((path / "provenance.json").read_text())
-        status = json.loads((path / "status.json").read_text())
+        told = json.loads((path / _PROVENANCE).read_text())
+        status = json.loads((path / _STATUS).read_text())
     except (OSError, ValueError) as error:
         raise ConfigError(
             f"{path} is not a run folder: it has no readable provenance.json and status.json ({error})"
@@ -181,15 +260,23 @@ def read(path: Path) -> dict[str, Any]:
     return {**told, "status": status}
 
 
-def provenance(verb: str, cfg: DictConfig, overrides: list[str]) -> dict[str, Any]:
+def status_of(path: Path) -> dict[str, Any]:
+    """What a run says of its state; nothing if it cannot be read."""
+    try:
+        return dict(json.loads((path / _STATUS).read_text()))
+    except (OSError, ValueError):
+        return {}
+
+
+def provenance(verb: str, cfg: DictConfig | None, arguments: list[str]) -> dict[str, Any]:
     """Who ran what, with what, where."""
     return {
         "schema": SCHEMA,
         "verb": verb,
-        "command": ["epuckhebb", verb, *overrides],
-        "overrides": overrides,
-        "seed": cfg.seed,
-        "code": code_version(),
+        "command": ["epuckhebb", verb, *arguments],
+        "overrides": arguments,
+        **({} if cfg is None else {"seed": cfg.seed}),
+        "code": _code_version(),
         "packages": {name: version(name) for name in _PACKAGES},
         "python": platform.python_version(),
         "platform": platform.platform(),
@@ -197,56 +284,34 @@ def provenance(verb: str, cfg: DictConfig, overrides: list[str]) -> dict[str, An
     }
 
 
-def code_version() -> dict[str, Any]:
+def _code_version() -> dict[str, Any]:
     """The version of this program and of its science, and its git commit where it runs from a checkout."""
-    here = Path(epuckhebb.__file__).resolve().parent
 
     def git(*words: str) -> str | None:
+        command = ["git", "-C", str(_PACKAGE), *words]
         try:
-            done = subprocess.run(
-                ["git", "-C", str(here), *words], capture_output=True, text=True, timeout=5, check=True
-            )
+            return subprocess.run(command, capture_output=True, text=True, timeout=5, check=True).stdout.strip()
         except (OSError, subprocess.SubprocessError):
             return None
-        return done.stdout.strip()
 
-    known: dict[str, Any] = {
-        "version": epuckhebb.__version__,
-        "science": science_version(),
-        "commit": None,
-        "dirty": None,
-    }
+    known: dict[str, Any] = {"version": __version__, "science": science_version(), "commit": None, "dirty": None}
     if git("ls-files", "--error-unmatch", "__init__.py") is not None:
         known["commit"] = git("rev-parse", "HEAD")
-        known["dirty"] = bool(git("status", "--porcelain", "--", str(here)))
+        known["dirty"] = bool(git("status", "--porcelain", "--", str(_PACKAGE)))
     return known
 
 
+@cache
 def science_version() -> str:
-    """A digest of the code that results depend on: the same science, the same numbers."""
-    package = Path(epuckhebb.__file__).parent
-    sources = [file for layer in ("sim", "evolution") for file in sorted((package / layer).glob("*.py"))]
-    sources.append(package / "study" / "evaluate.py")
+    """A digest of the code that results depend on: the same science gives the same numbers."""
+    sources = [file for layer in ("sim", "evolution") for file in sorted((_PACKAGE / layer).rglob("*.py"))]
+    sources.append(_PACKAGE / "study" / "evaluate.py")
     return hashlib.sha256(b"\0".join(source.read_bytes() for source in sources)).hexdigest()[:16]
 
 
 def as_json(content: dict[str, Any]) -> bytes:
-    """Content of a JSON file."""
-    return _json(content).encode()
-
-
-def remove_if_empty(path: Path, until: Path) -> None:
-    """Remove the folder and its parents below `until` as long as they are empty; leave everything else."""
-    while path != until and until in path.parents:
-        try:
-            path.rmdir()
-        except OSError:
-            return
-        path = path.parent
-
-
-def _json(content: dict[str, Any]) -> str:
-    return json.dumps(content, indent=2) + "\n"
+    """The content of a JSON file."""
+    return (json.dumps(content, indent=2) + "\n").encode()
 
 
 def _now() -> str:

@@ -1,65 +1,43 @@
-"""The jobs of a named sweep: what `conf/experiment/NAME.yaml` and the command line make together.
+"""`epuckhebb sweep NAME`: the jobs that `conf/experiment/NAME.yaml` and the command line make, and tables over all.
 
 A job is known by a digest of its resolved configuration, its genome and the version of the science; what is in the run
 folder of that name is its result, whenever it was made. The folder of a sweep is named by its jobs, so that the same
 command finds it again.
 """
 
-import hashlib
-import json
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import Any
 
-from omegaconf import DictConfig, OmegaConf
+import pandas as pd
 
-from epuckhebb.app import compose, genomes, runs
-from epuckhebb.app.config import EvaluateConfig, typed
+from epuckhebb.app import engine, hydra_bridge
+from epuckhebb.app.engine import Job, Outcome
 from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.runs import RunFolder
+from epuckhebb.study import rescue, summary
+from epuckhebb.study.evaluate import COLUMNS
 
-_NO_EFFECT = ("threads",)  # keys on which no result depends
-
-
-@dataclass(frozen=True, kw_only=True)
-class Job:
-    """One evaluation of a sweep.
-
-    number: its place, from 0. overrides: as they would be typed. run: the name of its folder. cfg: resolved.
-    """
-
-    number: int
-    overrides: list[str]
-    run: str
-    cfg: DictConfig
-
-    @property
-    def settings(self) -> dict[str, str]:
-        """What was set for this job and may matter, by key."""
-        pairs = (override.lstrip("+").partition("=") for override in self.overrides)
-        return {key: value for key, _, value in pairs if key not in ("experiment", *_NO_EFFECT)}
+_SWEEP_DIR = "hydra.sweep.dir="
+_IN_METRICS = ("scenario", "seed")  # settings that every row of metrics.csv tells of anyway
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
-    """A named sweep: its jobs, its folder, the command that asks for it, and what is meant for Hydra's launcher."""
+    """A named sweep: its jobs, its folder, what was typed to ask for it, and what of that is for Hydra's launcher."""
 
     name: str
     jobs: list[Job]
     folder: Path
-    command: list[str]
-    launching: list[str]
-
-    def todo(self) -> list[Job]:
-        """The jobs of which there is no whole run yet."""
-        return [job for job in self.jobs if not _is_whole(self.folder / job.run)]
+    arguments: list[str]
+    launcher: list[str]
 
 
 def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Sweep:
     """List the jobs of a sweep, each composed and checked; two that would do the same are one.
 
     Raises:
-        ConfigError: there is no such sweep, or a key, a value or the genome cannot be used.
+        ConfigError: There is no such sweep, or a key, a value or the genome cannot be used.
     """
     hydras = [argument for argument in arguments if argument.lstrip("+~").startswith(("hydra.", "hydra/"))]
     for argument in hydras:
@@ -68,64 +46,78 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     if not any(argument.startswith("hydra/launcher=") for argument in hydras):
         hydras.insert(0, "hydra/launcher=joblib")
     named = [f"experiment={name}"]
-    params = compose.composed("evaluate", [*named, *hydras], config_dir, with_hydra=True).hydra.sweeper.params
+    params = hydra_bridge.composed("evaluate", [*named, *hydras], config_dir, with_hydra=True).hydra.sweeper.params
     if not params:
         raise ConfigError(f"experiment={name} has no hydra.sweeper.params: it is one job, for `epuckhebb evaluate`")
     swept = [f"{key}={values}" for key, values in params.items()]
-    choices = compose.alternatives([*swept, *(argument for argument in arguments if argument not in hydras)])
+    choices = hydra_bridge.alternatives([*swept, *(argument for argument in arguments if argument not in hydras)])
     listed: dict[str, Job] = {}
-    for overrides, cfg in compose.combinations("evaluate", named, choices, config_dir):
-        run = identity(cfg)
+    for overrides, cfg in hydra_bridge.combinations("evaluate", named, choices, config_dir):
+        run = engine.identity(cfg)
         if run not in listed:
             listed[run] = Job(number=len(listed), overrides=[*named, *overrides], run=run, cfg=cfg)
-    all_jobs = list(listed.values())
-    return Sweep(
-        name=name,
-        jobs=all_jobs,
-        folder=_folder(name, all_jobs, hydras),
-        command=["epuckhebb", "sweep", name, *arguments],
-        launching=[argument for argument in hydras if not argument.startswith("hydra.sweep.dir=")],
-    )
+    jobs = list(listed.values())
+    folder = Path("runs") / "sweep" / f"{name}_{engine.digest([engine.settings(job.cfg) for job in jobs])[:8]}"
+    for argument in hydras:
+        if argument.startswith(_SWEEP_DIR):
+            folder = Path(argument.removeprefix(_SWEEP_DIR).strip("'\""))
+    launcher = [argument for argument in hydras if not argument.startswith(_SWEEP_DIR)]
+    return Sweep(name=name, jobs=jobs, folder=folder, arguments=[name, *arguments], launcher=launcher)
 
 
-def _folder(name: str, listed: list[Job], hydras: list[str]) -> Path:
-    given = [argument.partition("=")[2] for argument in hydras if argument.startswith("hydra.sweep.dir=")]
-    digest = _digest([_settings(job.cfg) for job in listed])
-    return Path(given[-1].strip("'\"")) if given else Path("runs") / "sweep" / f"{name}_{digest[:8]}"
-
-
-def identity(cfg: DictConfig) -> str:
-    """The name of the run that a configuration leads to with the genome and the science of this moment.
+def sweep(planned: Sweep, *, fail_fast: bool) -> Outcome:
+    """Do the jobs that are not done, then write the tables over all that are.
 
     Raises:
-        ConfigError: a value or the genome cannot be used.
+        ConfigError: Another process works on this sweep, or its folder cannot be written to.
     """
-    config = typed(cfg, EvaluateConfig)
-    digest = _digest([_settings(cfg), _genome_sha256(config.genome, config.scenario.experiment), _science()])
-    return f"job_{digest[:12]}"
+    results = [planned.folder / job.run for job in planned.jobs]
+    with engine.at_work(planned.folder, "sweep", None, planned.arguments, results) as study:
+        outcome = engine.launch(study, planned.name, planned.jobs, planned.launcher, fail_fast=fail_fast)
+        _write_tables(study, outcome.done, outcome.failures)
+        study.failure = told(planned, outcome)
+    return outcome
 
 
-@cache
-def _science() -> str:
-    return runs.science_version()
+def told(planned: Sweep, outcome: Outcome) -> str:
+    """What failed, in short; nothing if nothing did."""
+    if not outcome.failures:
+        return ""
+    left = f", {outcome.left} left out" if outcome.left else ""
+    return f"{len(outcome.failures)} of the sweep{left}; {planned.folder}/failed.csv has all. {outcome.failures[0][1]}"
 
 
-def _genome_sha256(where: str, experiment: str) -> str:
-    return genomes.load(where, experiment).sha256
+def _write_tables(study: RunFolder, done: Sequence[Job], failures: Sequence[tuple[Job, str]]) -> None:
+    """Write `sweep.csv`, `summary.csv` and `failed.csv`; the same jobs give the same bytes."""
+    failed = [_place(job) | {"error": error} for job, error in failures]
+    failed_columns = [*_columns([job for job, _ in failures]), "error"]
+    study.write("failed.csv", _csv(pd.DataFrame(failed, columns=failed_columns)))
+    parts = []
+    for job in done:
+        rows = pd.read_csv(study.path / job.run / "metrics.csv", dtype=str, keep_default_na=False)
+        parts.append(pd.concat([pd.DataFrame([_place(job)] * len(rows), dtype=str), rows], axis=1))
+    whole = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*_columns([]), *COLUMNS])
+    study.write("sweep.csv", _csv(whole))
+    study.write("summary.csv", _csv(summary.summary(whole, _columns(done)[2:])))
+    told = summary.rescue_and_harm(whole)
+    if told is not None:
+        tables, page, figure = told
+        for name, table in tables.items():
+            study.write(f"{name}.csv", _csv(table))
+        study.write("report.md", page)
+        study.write(f"figures/{rescue.FIGURE}", figure)
 
 
-def _settings(cfg: DictConfig) -> dict[str, Any]:
-    settings = OmegaConf.to_container(cfg, resolve=True, enum_to_str=True)
-    assert isinstance(settings, dict)
-    return {str(key): value for key, value in settings.items() if key not in _NO_EFFECT}
+def _place(job: Job) -> dict[str, str]:
+    """The first columns: which job, which run folder, and what was set for it."""
+    settings = {key: value for key, value in job.settings.items() if key not in _IN_METRICS}
+    named = {f"override.{key}" if key in COLUMNS else key: value for key, value in settings.items()}
+    return {"job": str(job.number), "run": job.run, **named}
 
 
-def _digest(content: object) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+def _columns(jobs: Sequence[Job]) -> list[str]:
+    return list(_place(jobs[0])) if jobs else ["job", "run"]
 
 
-def _is_whole(run: Path) -> bool:
-    try:
-        return bool(json.loads((run / "status.json").read_text())["state"] == "finished")
-    except (OSError, ValueError):
-        return False
+def _csv(frame: pd.DataFrame) -> bytes:
+    return str(frame.to_csv(index=False, lineterminator="\n")).encode()

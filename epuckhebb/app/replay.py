@@ -1,31 +1,26 @@
-"""From a run folder to something to watch: a page, a GIF, a film."""
+"""`epuckhebb replay RUN`: from a run folder to something to watch, a page, a GIF or a film."""
 
 import functools
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 from rich.console import Console
 from rich.progress import track
 
-from epuckhebb.app import runs
-from epuckhebb.app.config import EvaluateConfig, typed
+from epuckhebb.app import files, runs
+from epuckhebb.app.config import EvaluateConfig, stored, typed
 from epuckhebb.app.errors import ConfigError
-from epuckhebb.app.jobs import caption
-from epuckhebb.sim.lifetime import Samples
+from epuckhebb.app.evaluate import caption
 from epuckhebb.study import movie, replay
 from epuckhebb.study.evaluate import Traces
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """What a run recorded. genome: (234,). title: a line that says which run it is."""
+    """What a run recorded: the genome (234,), its lifetimes, and a title that says which run it is."""
 
     traces: Traces
     genome: NDArray[np.float64]
@@ -37,41 +32,25 @@ def recording(run: Path) -> Recording:
     """The recorded lifetimes of a run folder.
 
     Raises:
-        ConfigError: it is not a run folder, it recorded nothing, or a file in it cannot be read.
+        ConfigError: It is not a run folder, it recorded nothing, or a file in it cannot be read.
     """
     told = runs.read(run)
-    if told["verb"] != "evaluate":
+    if told["verb"] == "evolve":
         raise ConfigError(
-            f"{run} is a run of `epuckhebb {told['verb']}`, which records no lifetimes; let its champion live first: "
+            f"{run} is a run of `epuckhebb evolve`, which records no lifetimes; let its champion live first: "
             f"epuckhebb evaluate genome={run}"
         )
-    try:
-        loaded: Any = OmegaConf.load(run / ".hydra" / "config.yaml")
-        merged: Any = OmegaConf.merge(OmegaConf.structured(EvaluateConfig), loaded)
-        config = typed(merged, EvaluateConfig)
-    except (OSError, OmegaConfBaseException) as error:
-        raise ConfigError(f"{run}/.hydra/config.yaml cannot be read: {error}") from error
+    if told["verb"] != "evaluate":
+        raise ConfigError(f"{run} is of `epuckhebb {told['verb']}`; give a run folder of `epuckhebb evaluate`")
+    config = typed(stored(run, "evaluate"), EvaluateConfig)
     if config.lifetime.record_every == 0:
         kept = [override for override in told["overrides"] if not override.startswith("lifetime.record_every=")]
         raise ConfigError(
             f"{run} recorded nothing to replay, because it ran with lifetime.record_every=0; run it again with "
             f"recording on: {' '.join(['epuckhebb evaluate', *kept, 'lifetime.record_every=8'])}"
         )
-    try:
-        with (run / "traces.npz").open("rb") as file:
-            arrays = dict(np.load(file, allow_pickle=False))
-        arrays.setdefault("surprise", np.full_like(arrays["rate"], np.nan))  # runs from before there was surprise
-        traces = Traces(
-            controller=arrays["controller"].tolist(),
-            side=arrays["side"].tolist(),
-            samples=Samples(**{name: arrays[name] for name in Samples._fields}),
-        )
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        state = told["status"]["state"]
-        raise ConfigError(f"{run}/traces.npz cannot be read (the run is {state}): {error}") from error
-    return Recording(
-        traces=traces, genome=arrays["genome"], config=config, title=caption(config, told.get("genome", "genome"))
-    )
+    traces, genes = files.read_traces(run, told["status"]["state"])
+    return Recording(traces=traces, genome=genes, config=config, title=caption(config, told.get("genome", "genome")))
 
 
 def write_page(recorded: Recording, target: Path) -> None:
@@ -80,13 +59,9 @@ def write_page(recorded: Recording, target: Path) -> None:
     Raises:
         ConfigError: `target` cannot be written.
     """
-    text = replay.page(
-        recorded.traces,
-        recorded.genome,
-        recorded.config.scenario,
-        recorded.title,
-        gain_rad_s=recorded.config.lifetime.gain_rad_s,
-    )
+    gain = recorded.config.lifetime.gain_rad_s
+    scenario = recorded.config.scenario
+    text = replay.page(recorded.traces, recorded.genome, scenario, recorded.title, gain_rad_s=gain)
     _write(target, text.encode())
 
 

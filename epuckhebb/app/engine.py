@@ -1,0 +1,267 @@
+"""The engine of everything that is made of many tasks: sweeps, reproductions, and the studies to come.
+
+A study lives in a folder that is named by what is asked for, so that the same command finds it again and does only
+what is missing. One process at a time works in it; `status.json` says whether it is running, finished, failed or was
+interrupted. A task is done when its result is there, because results are whole or not there: a file is renamed into
+its place, and a run works in `unfinished/` until it is finished and is then renamed in one step. So a study may be
+killed at any moment, and the next call ends with the same bytes as one that was never stopped.
+
+To write the next study, list its tasks in the order in which they need each other, and give them to `carry_out`:
+
+    evolutions = [Task(f"evolve {name}", folder / "champions" / f"{name}.npz", do=...) for name in names]
+    evaluations = [Task(f"evaluate {name}", folder / "lifetimes" / f"{name}.csv", do=...) for name in names]
+    tables = Task("tables", None, do=...)
+    carry_out(folder, "leaderboard", cfg, arguments, [*evolutions, *evaluations, tables])
+
+`do` is a function without arguments that writes the result with `runs.write_whole`, as the last of what it writes. A
+task without a result is done in every call: so tables and reports are always those of all results. Such tasks run in
+this process, one after the other, and use threads themselves. Evaluations that are better spread over processes or a
+cluster are `Job`s: open the folder with `at_work` and hand them to `launch`, as `epuckhebb.app.sweep` does.
+"""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig, OmegaConf
+
+from epuckhebb.app import hydra_bridge, runs
+from epuckhebb.app.errors import ConfigError, JobFailedError
+from epuckhebb.app.evaluate import asked, evaluate_into
+from epuckhebb.app.progress import TaskProgress, counting
+from epuckhebb.app.runs import UNFINISHED, RunFolder
+
+NO_EFFECT = ("threads",)  # keys on which no result depends
+_LIST, _CONFIGS, _STOP = "sweep.json", "jobs", "stop"
+
+
+@dataclass(frozen=True)
+class Task:
+    """Something that a study does in its own process.
+
+    Attributes:
+        name: What is told while it is done.
+        result: The file that it leaves; None if it is to be done in every call.
+        do: A function that does it.
+    """
+
+    name: str
+    result: Path | None
+    do: Callable[[], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """An evaluation that a study has done by whatever launcher Hydra has.
+
+    Attributes:
+        number: Its place, from 0.
+        overrides: What would be typed to get it.
+        run: The name of its run folder, from `identity`.
+        cfg: Its composed configuration.
+    """
+
+    number: int
+    overrides: list[str]
+    run: str
+    cfg: DictConfig
+
+    @property
+    def settings(self) -> dict[str, str]:
+        """What was set for this job and may matter, by key."""
+        pairs = (override.lstrip("+").partition("=") for override in self.overrides)
+        return {key: value for key, _, value in pairs if key not in ("experiment", *NO_EFFECT)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What a call came to.
+
+    Attributes:
+        done: The jobs of which there is a run now.
+        before: How many of them there were before.
+        failures: The jobs that failed, and why.
+        left: How many were left out because one failed.
+    """
+
+    done: list[Job]
+    before: int
+    failures: list[tuple[Job, str]]
+    left: int
+
+    def as_json(self) -> dict[str, Any]:
+        """The same as JSON values."""
+        failed = [{"run": job.run, "error": error} for job, error in self.failures]
+        now = len(self.done) - self.before
+        return {"done_before": self.before, "done_now": now, "failed": failed, "left_out": self.left}
+
+
+def is_whole(result: Path) -> bool:
+    """Whether a result is there: a file, or a run that is finished."""
+    return result.is_file() or runs.status_of(result).get("state") == "finished"
+
+
+@contextmanager
+def at_work(
+    folder: Path, verb: str, cfg: DictConfig | None, arguments: list[str], results: Sequence[Path]
+) -> Iterator[RunFolder]:
+    """Work on a study in its folder, and say in its `status.json` how that ends.
+
+    Args:
+        folder: The folder; it is made if it is not there, and what killed calls left half done is thrown away.
+        verb: The verb of the command line.
+        cfg: The configuration, if there is one of the whole study.
+        arguments: What followed the verb.
+        results: What the study will leave; who interrupts it is told how much of that there is.
+
+    Raises:
+        ConfigError: Another process works on this study, or its folder cannot be written to.
+        JobFailedError: The study began and could not be finished.
+    """
+
+    def left_behind() -> str:
+        return f"{sum(map(is_whole, results))} of {len(results)} jobs are done; the same command does the rest"
+
+    with RunFolder.going_on(folder, verb, cfg, arguments, {}) as study:
+        study.left_behind = left_behind
+        try:
+            yield study
+        except OSError as error:
+            raise ConfigError(f"cannot write to {error.filename or folder}: {error.strerror}") from error
+
+
+def carry_out(folder: Path, verb: str, cfg: DictConfig, arguments: list[str], tasks: Sequence[Task]) -> None:
+    """Do in this process, in their order, the tasks of a study that are not done; see `at_work`."""
+    results = [task.result for task in tasks if task.result is not None]
+    with at_work(folder, verb, cfg, arguments, results), TaskProgress(len(tasks)) as progress:
+        for number, task in enumerate(tasks):
+            if task.result is None or not is_whole(task.result):
+                progress.show(number, task.name)
+                task.do()
+
+
+def identity(cfg: DictConfig) -> str:
+    """The name of the run that a configuration leads to with the genome and the science of this moment.
+
+    Raises:
+        ConfigError: A value or the genome cannot be used.
+    """
+    return f"job_{digest([settings(cfg), asked(cfg)[1].sha256, runs.science_version()])[:12]}"
+
+
+def settings(cfg: DictConfig) -> dict[str, Any]:
+    """The resolved configuration, but for the keys on which no result depends."""
+    values = OmegaConf.to_container(cfg, resolve=True, enum_to_str=True)
+    assert isinstance(values, dict)
+    return {str(key): value for key, value in values.items() if key not in NO_EFFECT}
+
+
+def digest(content: object) -> str:
+    """A name for any JSON values: the same content gets the same name."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def todo(folder: Path, jobs: Sequence[Job]) -> list[Job]:
+    """The jobs of which there is no whole run in the folder yet."""
+    return [job for job in jobs if not is_whole(folder / job.run)]
+
+
+def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str], *, fail_fast: bool) -> Outcome:
+    """Do the jobs that are not done, on any launcher of Hydra's.
+
+    Args:
+        study: The folder, from `at_work`.
+        name: The name of the study, for the provenance of its runs.
+        jobs: All jobs of the study.
+        launcher: The overrides that choose and set up the launcher.
+        fail_fast: Whether to start no job after one has failed.
+    """
+    folder = study.path
+    missing = todo(folder, jobs)
+    for job in missing:  # a job's place with anything but a whole run in it: someone has been at it
+        shutil.rmtree(folder / job.run, ignore_errors=True)
+    stamp, trouble = hydra_bridge.new_stamp(), ""
+    if missing:
+        _write_jobs(study, {"name": name, "command": study.command, "fail_fast": fail_fast}, jobs)
+        try:
+            with counting(len(missing), lambda: count(folder, missing, f"{UNFINISHED}/{stamp}_*")):
+                hydra_bridge.call("evaluate", study_job, _arguments(folder, missing, launcher, stamp), stamp)
+        except (ConfigError, JobFailedError) as error:
+            trouble = str(error)
+    remaining = {job.run for job in todo(folder, jobs)}
+    failures, left = [], 0
+    for place, job in enumerate(missing):
+        attempt = folder / UNFINISHED / f"{stamp}_{place}"
+        if job.run in remaining and fail_fast and not attempt.exists():
+            left += 1
+        elif job.run in remaining:
+            why = runs.status_of(attempt).get("error") or trouble or "it ended without a word"
+            failures.append((job, str(why)))
+    with suppress(OSError):
+        (folder / UNFINISHED).rmdir()  # if nothing is left in it
+    done = [job for job in jobs if job.run not in remaining]
+    return Outcome(done=done, before=len(jobs) - len(missing), failures=failures, left=left)
+
+
+def count(folder: Path, jobs: Sequence[Job], attempts: str) -> tuple[int, int]:
+    """How many of the jobs have their run folder, and how many of the attempts (a pattern) have failed."""
+    done = len({job.run for job in jobs} & {path.name for path in folder.iterdir()})
+    return done, sum(runs.status_of(attempt).get("state") == "failed" for attempt in folder.glob(attempts))
+
+
+def study_job(cfg: DictConfig) -> None:
+    """Do one job of a study, in whatever process the launcher gives it."""
+    attempt = Path(HydraConfig.get().runtime.output_dir)
+    folder, run = attempt.parents[1], hydra_bridge.job_overrides()[0].partition("=")[2]
+    stop = attempt.parent / _STOP
+    if stop.exists():
+        attempt.rmdir()
+        return
+    told = json.loads((folder / _LIST).read_text())
+    facts = {"command": told["command"], "sweep": told["name"]}
+    try:
+        _check_unchanged(cfg, run)
+        threads = hydra_bridge.threads_of_job(cfg.threads)
+        evaluate_into(attempt, cfg, told["jobs"][run]["overrides"], facts, threads=threads)
+    except Exception:
+        if told["fail_fast"]:
+            stop.touch()
+        raise
+    try:
+        attempt.rename(folder / run)
+    except OSError:
+        if not (folder / run).is_dir():  # else a worker of a call that was killed has just done the same
+            raise
+        shutil.rmtree(attempt)
+
+
+def _check_unchanged(cfg: DictConfig, run: str) -> None:
+    if identity(cfg) != run:
+        raise JobFailedError(f"{run}: the genome or the program has changed since the study began")
+
+
+def _write_jobs(study: RunFolder, told: dict[str, Any], jobs: Sequence[Job]) -> None:
+    """Write what the jobs read: one configuration each, which Hydra composes by its name, and the list of them all."""
+    for job in jobs:
+        text = f"# @package _global_\n{OmegaConf.to_yaml(job.cfg, resolve=True)}"
+        study.write(f"{_CONFIGS}/job/{job.run}.yaml", text)
+    listed = {job.run: {"number": job.number, "overrides": job.overrides} for job in jobs}
+    study.write(_LIST, runs.as_json({"schema": runs.SCHEMA, **told, "jobs": listed}))
+
+
+def _arguments(folder: Path, missing: Sequence[Job], launcher: list[str], stamp: str) -> list[str]:
+    return [
+        f"+job={','.join(job.run for job in missing)}",
+        *launcher,
+        f'hydra.sweep.dir="{folder.absolute()}"',  # a worker may have been started elsewhere
+        f'hydra.sweep.subdir="{UNFINISHED}/{stamp}_${{hydra.job.num}}"',
+        "--config-dir",
+        str((folder / _CONFIGS).absolute()),
+        "--multirun",
+    ]

@@ -1,0 +1,151 @@
+"""`epuckhebb evolve`: an evolution in its folder, from the beginning or, with `resume=RUN`, on from where it stopped.
+
+The checkpoint alone says how far an evolution has come. `history.csv` and `champion.npz` can be written anew from it,
+so it does not matter between which two files a run was killed: it goes on to the same bytes.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from epuckhebb.app import files, hydra_bridge, runs
+from epuckhebb.app.config import EvolveConfig, stored, thread_count, typed
+from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.files import CHAMPION, CHECKPOINT, Checkpoint
+from epuckhebb.app.progress import EvolutionProgress, say
+from epuckhebb.app.runs import RunFolder
+from epuckhebb.evolution.evolve import Generation, evolve
+from epuckhebb.sim.memory import Memory, remember
+
+RESUME = "resume="
+_CHANGEABLE = ("ga.generations", "threads")  # the others would make it another evolution
+_HISTORY = "history.csv"
+
+
+def evolve_job(cfg: DictConfig) -> None:
+    """Do one job of Hydra's: evolve into its folder."""
+    with hydra_bridge.job_folder() as path:
+        config = asked(cfg)
+        run = RunFolder.new(path, "evolve", cfg, hydra_bridge.job_overrides(), {})
+    evolve_into(run, config, None, threads=hydra_bridge.threads_of_job(cfg.threads), quiet=hydra_bridge.in_multirun())
+
+
+def asked(cfg: DictConfig) -> EvolveConfig:
+    """What a configuration asks for, checked.
+
+    Raises:
+        ConfigError: A value is outside its range.
+    """
+    return typed(cfg, EvolveConfig)
+
+
+def evolve_into(
+    run: RunFolder, config: EvolveConfig, after: Checkpoint | None, *, threads: int, quiet: bool = False
+) -> None:
+    """Evolve, from the beginning or from a checkpoint on, and close the run.
+
+    Args:
+        run: The folder of the run.
+        config: What to evolve.
+        after: The checkpoint to go on from, if there is one.
+        threads: How many threads the lifetimes may use.
+        quiet: Whether to show no progress.
+
+    Raises:
+        JobFailedError: The evolution could not be finished.
+    """
+
+    def left_behind() -> str:
+        if not (run.path / CHECKPOINT).is_file():
+            return "before the first generation"
+        return (
+            f"the last whole generation is in {run.path / CHECKPOINT}; go on with: epuckhebb evolve {RESUME}{run.path}"
+        )
+
+    run.left_behind = left_behind
+    with run, EvolutionProgress(config.ga.generations, quiet=quiet) as progress:
+        if after is not None and not _is_written(run, after):
+            _write_generation(run, after, config)
+        last = after.generation if after else None
+        for generation in evolve(config.ga, config.scenario, config.lifetime, config.seed, threads, after=last):
+            after = Checkpoint.following(after, generation)
+            run.write(CHECKPOINT, after.as_bytes())
+            _write_generation(run, after, config)
+            progress.show(generation)
+        assert after is not None  # there is at least one generation
+        memory = remember(after.generation.champion, config.scenario, threads=threads)
+        run.write(CHAMPION, champion_of(after.generation, config.scenario.experiment, config.seed, memory))
+
+
+def champion_of(last: Generation, experiment: str, seed: int, memory: Memory | None) -> bytes:
+    """The `champion.npz` of a generation."""
+    return files.champion_file(float(last.fitness.max()), last.champion, experiment, seed, last.number, memory)
+
+
+def _write_generation(run: RunFolder, state: Checkpoint, config: EvolveConfig) -> None:
+    """Bring the other files of an evolution to the state of its checkpoint."""
+    run.write(_HISTORY, state.history)
+    run.write(CHAMPION, champion_of(state.generation, config.scenario.experiment, config.seed, None))
+
+
+def _is_written(run: RunFolder, state: Checkpoint) -> bool:
+    """Whether the other files are at the state of the checkpoint; a champion that remembers is kept as it is."""
+    try:
+        history = (run.path / _HISTORY).read_text()
+        champion = files.load_genome(str(run.path), "")
+    except (OSError, ConfigError):
+        return False
+    return history == state.history and np.array_equal(champion.genes, state.generation.champion)
+
+
+def resume(arguments: list[str]) -> Path:
+    """Go on with the evolution that `resume=RUN` names; returns its folder.
+
+    Raises:
+        ConfigError: It is no evolution of this program, it is at work, or other settings were given.
+        JobFailedError: It could not be finished.
+    """
+    named = [argument.removeprefix(RESUME) for argument in arguments if argument.startswith(RESUME)]
+    changes = [argument for argument in arguments if not argument.startswith(RESUME)]
+    if len(named) != 1 or not named[0]:
+        raise ConfigError("resume=RUN names one run folder of `epuckhebb evolve`")
+    path = Path(named[0]).expanduser()
+    told = runs.read(path)
+    if told["verb"] != "evolve":
+        raise ConfigError(f"resume={path} is a run of `epuckhebb {told['verb']}`; only evolutions can be resumed")
+    cfg = _changed(path, changes)
+    config = asked(cfg)
+    after = Checkpoint.read(path, config.ga.population)
+    done = after.generation.number + 1 if after else 0
+    if config.ga.generations < done:
+        raise ConfigError(
+            f"ga.generations must be {done} or more, the generations that {path} has, got {config.ga.generations}"
+        )
+    if config.ga.generations == done and told["status"]["state"] == "finished":
+        say(f"{path} has all of its {done} generations; ga.generations={2 * done} would add {done}.")
+        return path
+    if told["code"].get("science") != runs.science_version():
+        say("The program has changed since this evolution began; it may end otherwise than one that never stopped.")
+    run = RunFolder.going_on(path, "evolve", cfg, arguments, {"generations": done})
+    say(f"Going on after {done} of {config.ga.generations} generations.")
+    evolve_into(run, config, after, threads=thread_count(config.threads))
+    return path
+
+
+def _changed(path: Path, changes: list[str]) -> DictConfig:
+    """The configuration of the run, with what may be changed changed."""
+    cfg = stored(path, "evolve")
+    for change in changes:
+        key, _, value = change.partition("=")
+        if key not in _CHANGEABLE:
+            raise ConfigError(
+                f"{change} cannot be given with {RESUME}: the evolution goes on with the settings in "
+                f"{path}/.hydra/config.yaml; only {' and '.join(_CHANGEABLE)} may be changed"
+            )
+        try:
+            OmegaConf.update(cfg, key, value)
+        except OmegaConfBaseException as error:
+            raise ConfigError(hydra_bridge.explain(error)) from error
+    return cfg

@@ -1,0 +1,252 @@
+"""`epuckhebb show`, and what every verb says of its results in the terminal or as JSON."""
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import yaml
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from epuckhebb.app import files, runs
+from epuckhebb.sim.epuck import SENSORS
+from epuckhebb.sim.memory import Memory
+from epuckhebb.study import rescue, tables
+
+_MANY = 6  # files of a folder that are counted and not named
+
+
+def tell(finished: list[Path], console: Console) -> None:
+    """Say what the runs of one call came to: the results of one, a line for each of many."""
+    if len(finished) == 1:
+        _results(finished[0], console)
+        _line(console, f"Run folder: {finished[0]}")
+    elif finished:
+        told = [(path, runs.read(path)) for path in finished]
+        rows = [(path.name, " ".join(run["overrides"]), _in_short(path, run["status"])) for path, run in told]
+        console.print(_table("", ("run", "overrides", "result"), rows))
+        _line(console, f"Run folders: {finished[0].parent}/")
+
+
+def tell_reproduction(path: Path, console: Console) -> None:
+    """Say what a reproduction found of the paper's claims, and where its report is."""
+    claims = pd.read_csv(path / "claims.csv")
+    rows = [(row.experiment, row.claim, row.verdict, f"{row.true} of {row.n}") for row in claims.itertuples()]
+    console.print(_table("The paper's claims", ("experiment", "claim", "verdict", "true in"), rows))
+    _line(console, f"Report: {path}/report.html")
+
+
+def tell_jobs(folder: Path, listed: list[dict[str, Any]], console: Console) -> None:
+    """List the jobs of a sweep that is not run."""
+    rows = [(n, "done" if job["done"] else "to do", " ".join(job["overrides"])) for n, job in enumerate(listed)]
+    console.print(_table(f"{len(listed)} jobs in {folder}/", ("job", "", "overrides"), rows))
+
+
+def tell_sweep(folder: Path, console: Console) -> None:
+    """Say what a sweep came to: the success of each condition, or rescue and harm, and where its tables are."""
+    written = "sweep.csv (every lifetime), summary.csv, failed.csv"
+    if (folder / "rescue_over_all.csv").is_file():
+        over_all = _read(folder / "rescue_over_all.csv")
+        rows = []
+        for row in over_all.itertuples():
+            cells = [rescue.count(row, "rescued", "broken"), rescue.count(row, "harmed", "sound")]
+            plasticity = rescue.label(str(row.controller), float(row.N))
+            rows.append((row.experiment, plasticity, *cells, f"{row.home_harmed} of {row.home_mastered}"))
+        headings = ("experiment", "plasticity", "rescued of broken", "harmed of sound", "at home")
+        console.print(_table("Rescue and harm (95 % interval)", headings, rows))
+        written = f"report.md, rescue_over_all.csv, rescue_and_harm.csv, {written}"
+    else:
+        summary = pd.read_csv(folder / "summary.csv", keep_default_na=False)
+        conditions = list(summary.columns[: summary.columns.get_loc("n")])
+        told = [name for name in conditions if name in ("controller", "side") or summary[name].nunique() > 1]
+        rows = []
+        for row in summary.to_dict("records"):
+            interval = f"{row['success']:.2f} ({row['success_low']:.2f}–{row['success_high']:.2f})"
+            rows.append((*(row[name] for name in told), interval, row["n"]))
+        if rows:
+            console.print(_table("Success (95 % interval)", (*told, "success", "n"), rows))
+    _line(console, f"Tables: {folder}/: {written}")
+
+
+def show(path: Path, console: Console) -> None:
+    """Tell all of a run: what was asked, by which program, how it ended, and its results.
+
+    Raises:
+        ConfigError: It is not a run folder.
+    """
+    told = runs.read(path)
+    status, code = told["status"], told["code"]
+    commit = f", commit {code['commit'][:10]}{' with changes' if code['dirty'] else ''}" if code["commit"] else ""
+    science = f", science {code['science']}" if "science" in code else ""
+    resumed = [
+        again["started"] + (f" after {again['generations']}" if "generations" in again else "")
+        for again in told.get("resumed", [])
+    ]
+    facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    facts.add_column(style="bold")
+    facts.add_column(overflow="fold")
+    for name, value in {
+        "Command": " ".join(told["command"]),
+        "Overrides": " ".join(told["overrides"]),
+        "State": status["state"] + (f": {status['error']}" if status.get("error") else ""),
+        "Time": f"{status['started']} – {status.get('finished', '')}" if "started" in status else "",
+        "Resumed": ", ".join(resumed),
+        "Settings": " ".join(_settings(path)),
+        "Program": f"epuckhebb {code['version']}{commit}{science}, Python {told['python']}",
+        "Packages": ", ".join(f"{name} {number}" for name, number in told["packages"].items() if name != "epuckhebb"),
+        "Machine": f"{told['platform']}, {told['cores']} cores",
+        "Genome": f"{told['genome']} (SHA-256 {told['genome_sha256']})" if "genome" in told else "",
+        "Files": ", ".join(_files(path)),
+    }.items():
+        if value:
+            facts.add_row(name, escape(value))
+    console.print(facts)
+    _results(path, console)
+
+
+def as_json(path: Path) -> dict[str, Any]:
+    """Provenance, status and results of a run, as JSON values.
+
+    Raises:
+        ConfigError: It is not a run folder.
+    """
+    told = {"run": str(path), **runs.read(path)}
+    for name in ("metrics", "history"):
+        if (path / f"{name}.csv").is_file():
+            frame = _read(path / f"{name}.csv")
+            told[name] = frame.astype(object).where(frame.notna(), None).to_dict("records")
+    return told
+
+
+def _line(console: Console, text: str) -> None:
+    console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def _table(title: str, headings: Iterable[str], rows: Iterable[Iterable[Any]]) -> Table:
+    shown = Table(title=title or None, title_justify="left", title_style="bold")
+    for heading in headings:
+        shown.add_column(heading, overflow="fold")
+    for row in rows:
+        shown.add_row(*map(str, row))
+    return shown
+
+
+def _read(file: Path) -> pd.DataFrame:
+    return pd.read_csv(file, keep_default_na=False, na_values=[""])
+
+
+def _settings(path: Path) -> Iterator[str]:
+    """The resolved configuration of a run, as it could be typed."""
+
+    def below(node: dict[str, Any], prefix: str) -> Iterator[str]:
+        for key, value in node.items():
+            if isinstance(value, dict):
+                yield from below(value, f"{prefix}{key}.")
+            else:
+                yield f"{prefix}{key}={'null' if value is None else value}"
+
+    file = path / ".hydra" / "config.yaml"
+    if file.is_file():
+        yield from below(yaml.safe_load(file.read_text()), "")
+
+
+def _files(path: Path) -> Iterator[str]:
+    """The files of a folder; of the runs and the many files that are parts of a study only how many there are."""
+    inside = 0
+    for entry in sorted(path.iterdir()):
+        names = sorted(str(file.relative_to(path)) for file in entry.rglob("*") if file.is_file())
+        if entry.is_file():
+            yield entry.name
+        elif (entry / "status.json").is_file():
+            inside += 1
+        elif len(names) < _MANY:
+            yield from names
+        else:
+            yield f"{entry.name}/ ({len(names)} files)"
+    if inside:
+        yield f"{inside} runs"
+
+
+def _results(path: Path, console: Console) -> None:
+    """What a run came to; nothing of a study that has not come to its tables yet."""
+    if (path / "claims.csv").is_file():
+        tell_reproduction(path, console)
+    elif (path / "summary.csv").is_file():
+        tell_sweep(path, console)
+    elif (path / "metrics.csv").is_file():
+        console.print(_paper_table(_read(path / "metrics.csv")))
+    if (path / files.CHAMPION).is_file():
+        _tell_memory(files.load_genome(str(path), "").memory, console)
+    if (path / "history.csv").is_file():
+        history = pd.read_csv(path / "history.csv")
+        last = history.iloc[-1]
+        console.print(
+            f"{len(history)} generations: best fitness {history.best_fitness.iloc[0]:.3f} → {last.best_fitness:.3f}, "
+            f"mean {history.mean_fitness.iloc[0]:.3f} → {last.mean_fitness:.3f}; the champion reached its goal in "
+            f"{100 * last.best_success:.0f} % of its training lifetimes.",
+            highlight=False,
+        )
+
+
+def _tell_memory(memory: Memory | None, console: Console) -> None:
+    """What a champion remembers of its training world."""
+    if memory is None:
+        return
+    rows: list[tuple[str, ...]] = []
+    for name, numbers in {
+        "At the goal in the end": memory.success,
+        "Slowest arrival (s)": memory.time_to_goal_s,
+        "Longest away afterwards (s)": memory.away_s,
+    }.items():
+        rows.append((name, *("never" if np.isnan(number) else f"{number:g}" for number in numbers.round(2))))
+    rows.append((f"Least live fitness, over {memory.fitness.shape[1]} s", *map(_course, memory.fitness)))
+    for kind, first in (("Light", 0), ("Proximity", SENSORS)):
+        for place in range(SENSORS):
+            means, spreads = memory.reading_mean[:, first + place], memory.reading_spread[:, first + place]
+            told = (f"{mean:.2f} ± {spread:.2f}" for mean, spread in zip(means, spreads, strict=True))
+            rows.append((f"{kind} reading {place}", *told))
+    title = f"Memory of {memory.scenario} at {memory.gain_rad_s:g} rad/s"
+    console.print(_table(title, ("", "left (lamp off)", "right (lamp on)"), rows))
+
+
+def _course(fitness: NDArray[np.float64]) -> str:
+    """The course of fitness as twelve bars from 0 to 1, and the means of its first and last twelfth."""
+    parts = [part.mean() for part in np.array_split(fitness, 12)]
+    return "".join("▁▂▃▄▅▆▇█"[min(7, int(8 * max(0.0, part)))] for part in parts) + f" {parts[0]:.2f} → {parts[-1]:.2f}"
+
+
+def _paper_table(metrics: pd.DataFrame) -> Table:
+    text = tables.formatted(tables.paper_table(metrics))
+    first = metrics.iloc[0]
+    rates = metrics.N[metrics.N > 0].unique()
+    rate = f", N = {', '.join(f'{N:g}' for N in rates)}" if len(rates) else ""
+    repeats = metrics.repeat.nunique()
+    shown = Table(
+        title=f"{first.scenario}: genome {first.genome}{rate}, "
+        f"mean of {repeats} lifetime{'s' if repeats > 1 else ''} a side (seed {first.seed})",
+        title_justify="left",
+        title_style="bold",
+    )
+    shown.add_column("")
+    for column in text.columns:
+        shown.add_column("\n".join(column), justify="right")
+    for row, values in zip(text.index, text.to_numpy().tolist(), strict=True):
+        shown.add_row(str(row), *values)
+    return shown
+
+
+def _in_short(path: Path, status: dict[str, Any]) -> str:
+    if status["state"] != "finished":
+        return f"{status['state']}: {status.get('error', '')}"
+    if (path / "metrics.csv").is_file():
+        success = pd.read_csv(path / "metrics.csv").groupby(["controller", "side"], sort=False).success.mean()
+        controllers = success.index.get_level_values("controller").unique()
+        return ", ".join(
+            f"{name} success {success[name, 'left']:.2f} left {success[name, 'right']:.2f} right"
+            for name in controllers
+        )
+    return f"best fitness {pd.read_csv(path / 'history.csv').best_fitness.iloc[-1]:.3f}"

@@ -1,0 +1,97 @@
+"""The engine of studies: what is missing is done, in order, by one process at a time, and its end is written down."""
+
+import json
+
+import pytest
+from omegaconf import OmegaConf
+
+from epuckhebb.app import errors, runs
+from epuckhebb.app.engine import Task, at_work, carry_out, is_whole
+from epuckhebb.app.errors import ConfigError, JobFailedError
+
+CFG = OmegaConf.create({"seed": 1})
+
+
+@pytest.fixture
+def study(tmp_path):
+    """A folder, what was done in it in turn, and a function that makes a task."""
+    folder, done = tmp_path / "runs" / "study", []
+
+    def task(name, error=None):
+        def do():
+            if error:
+                raise error
+            done.append(name)
+            runs.write_whole(folder / name, name.encode())
+
+        return Task(name, folder / name, do)
+
+    return folder, done, task
+
+
+def status(folder):
+    return json.loads((folder / "status.json").read_text())
+
+
+def test_only_what_is_missing_is_done_in_order(study):
+    folder, done, task = study
+    table = Task("table", None, lambda: done.append("table"))
+    carry_out(folder, "study", CFG, ["a"], [task("one"), table])
+    carry_out(folder, "study", CFG, ["a", "b"], [task("zero"), task("one"), task("two"), table])
+    assert done == ["one", "table", "zero", "two", "table"]
+    told = json.loads((folder / "provenance.json").read_text())
+    assert told["command"] == ["epuckhebb", "study", "a"]
+    assert [again["command"] for again in told["resumed"]] == [["epuckhebb", "study", "a", "b"]]
+    assert status(folder)["state"] == "finished"
+
+
+@pytest.mark.parametrize(
+    ("error", "raised", "state"),
+    [
+        (ArithmeticError("lost"), JobFailedError, "failed"),
+        (ConfigError("lost"), ConfigError, "failed"),
+        (OSError(28, "lost", "file"), ConfigError, "failed"),
+        (KeyboardInterrupt(), KeyboardInterrupt, "interrupted"),
+    ],
+)
+def test_how_it_ends_is_written_down_and_it_can_go_on(study, error, raised, state):
+    folder, done, task = study
+    with pytest.raises(raised) as told:
+        carry_out(folder, "study", CFG, [], [task("one"), task("two", error)])
+    assert status(folder)["state"] == state
+    assert ("lost" if state == "failed" else "1 of 2 jobs are done") in str(told.value)
+    assert errors.at_work == []
+    carry_out(folder, "study", CFG, [], [task("one"), task("two")])
+    assert done == ["one", "two"]
+    assert (status(folder)["state"], "error" in status(folder)) == ("finished", False)
+
+
+def test_one_process_at_a_time(study):
+    folder, done, task = study
+    with at_work(folder, "study", None, [], []):
+        assert status(folder)["state"] == "running"
+        with pytest.raises(ConfigError, match="another process is working on"):
+            carry_out(folder, "study", CFG, [], [task("one")])
+        assert status(folder)["state"] == "running"
+    assert done == []
+
+
+def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work(study):
+    folder, *_ = study
+    for name in ("deep", "unfinished/killed", "unfinished/working"):
+        (folder / name).mkdir(parents=True)
+        (folder / name / ".half.1.tmp").touch()
+    held = runs.hold(folder / "unfinished" / "working")
+    with at_work(folder, "study", None, [], []):
+        left = sorted(str(file.relative_to(folder)) for file in folder.rglob(".*.tmp"))
+    runs.release(held)
+    assert left == ["unfinished/working/.half.1.tmp"]
+
+
+def test_a_result_is_a_file_or_a_run_that_has_finished(tmp_path):
+    assert not is_whole(tmp_path / "nothing")
+    for state in ("running", "finished"):
+        runs.write_whole(tmp_path / state / "status.json", runs.as_json({"state": state}))
+    assert not is_whole(tmp_path / "running")
+    assert is_whole(tmp_path / "finished")
+    assert is_whole(tmp_path / "finished" / "status.json")
