@@ -6,9 +6,9 @@ when it dies the changes are forgotten. This package evolves such controllers, l
 or with obstacles, and says what plasticity did for them.
 
 Axes: X to the robot's right and Y ahead of it at the start; headings anticlockwise from X. Units: m, s, rad, kg.
-Read in this order: sim/maze, light, epuck, controller, plasticity, fitness, world, lifetime; then evolution/ga, evolve;
-then study/evaluate, tables, figures, replay;
-study/findings for what many champions tell. app/ is the program around it, conf/ its settings.
+Read in this order: sim/maze, light, robot, network, plasticity/paper, fitness, physics, lifetime, block; then
+evolution/ga, evolve; then study/evaluate, tables, figures, replay; study/findings for what many champions tell. app/ is
+the program around it, conf/ its settings.
 
     import epuckhebb
     champion = epuckhebb.load("reference")                           # 234 genes
@@ -19,12 +19,23 @@ study/findings for what many champions tell. app/ is the program around it, conf
 from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
-__all__ = ["evaluate", "evolve", "load"]
+__all__ = ["Rule", "evaluate", "evolve", "load"]
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
     from numpy.typing import NDArray
+
+    from epuckhebb.sim.plasticity.rule import Rule
+
+
+def __getattr__(name: str) -> "type[Rule]":
+    """`epuckhebb.Rule`, the class of which plasticity rules are made; loaded when it is asked for."""
+    if name != "Rule":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from epuckhebb.sim.plasticity.rule import Rule
+
+    return Rule
 
 
 def load(where: str = "reference", experiment: str = "obstacles") -> "NDArray[np.float64]":
@@ -38,8 +49,10 @@ def load(where: str = "reference", experiment: str = "obstacles") -> "NDArray[np
     return files.load_genome(where, experiment).genes
 
 
-def evaluate(genome: "NDArray[np.float64]", *overrides: str) -> "pd.DataFrame":
+def evaluate(genome: "NDArray[np.float64]", *overrides: str, hebbian: "Rule | None" = None) -> "pd.DataFrame":
     """Let a genome (234,) live with and without plasticity; overrides as on the command line.
+
+    hebbian: a rule of your own as an object, in place of the one that the overrides name.
 
     Returns one row a lifetime, with the columns of `metrics.csv`. Writes nothing.
 
@@ -48,7 +61,7 @@ def evaluate(genome: "NDArray[np.float64]", *overrides: str) -> "pd.DataFrame":
     """
     from epuckhebb.app import notebook
 
-    return notebook.evaluate(genome, list(overrides))
+    return notebook.evaluate(genome, list(overrides), hebbian)
 
 
 def evolve(*overrides: str) -> "tuple[NDArray[np.float64], pd.DataFrame]":

@@ -1,15 +1,15 @@
 """The typed configuration: what keys there are, of which type, and what they may be. Values stand in `conf/`.
 
-The schema is made of the dataclasses of the science itself (`Scenario`, `Hebbian`, `GA`, `Lifetime`), which check
-their own ranges.
+Parts that are dataclasses of the science (`GA`, `Lifetime`, `Lamp`, `Adaptation`) are the schema themselves; those
+that a user can bring (a rule, a maze, a robot) are open here, and checked when they are made (`epuckhebb.app.parts`).
 """
 
-import json
+import difflib
 import math
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import Enum
-from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,11 +19,13 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from epuckhebb.app.errors import ConfigError
-from epuckhebb.evolution.ga import GA
+from epuckhebb.app.parts import check_pace, check_signal, compared, controller_from, network_for, scenario_from
+from epuckhebb.evolution.ga import GA as Algorithm
+from epuckhebb.sim.adaptation.adaptation import Adaptation
+from epuckhebb.sim.controller import GA
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.lifetime import Lifetime
-from epuckhebb.sim.plasticity import Hebbian
-from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.light import Lamp
 
 
 def _check_common(seed: int, threads: int) -> None:
@@ -34,58 +36,47 @@ def _check_common(seed: int, threads: int) -> None:
 
 
 @dataclass(kw_only=True)
-class EvaluateConfig:
-    """All keys of `epuckhebb evaluate`.
+class ScenarioConfig:
+    """The keys of a scenario; see `epuckhebb.sim.scenario.Scenario`, which comes of it, the maze and the robot."""
 
-    plasticities: what comes of them, `hebbian` (unless it is none) and those of `compare`.
-    """
-
-    seed: int = 1
-    genome: str = "reference"
-    repeats: int = 10
-    threads: int = 0
-    scenario: Scenario = field(default_factory=Scenario)
-    hebbian: Hebbian = field(default_factory=Hebbian)
-    compare: dict[str, Any] = field(default_factory=dict)  # name -> what differs from the paper's rule
-    lifetime: Lifetime = field(default_factory=Lifetime)
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be run.
-
-        Raises:
-            ValueError: a value is outside the range named in the message.
-        """
-        _check_common(self.seed, self.threads)
-        if self.repeats < 1:
-            raise ValueError(f"repeats must be 1 or more, got {self.repeats}")
-        self.plasticities = [] if self.hebbian.name == "none" else [self.hebbian]
-        self.plasticities += [_compared(name, json.dumps(settings)) for name, settings in self.compare.items()]
-
-
-@cache  # a sweep asks for the same ones in every job
-def _compared(name: str, settings: str) -> Hebbian:
-    """The plasticity of this name; settings: in JSON, what differs from the paper's rule."""
-    if name in ("GA", "none", "paper"):
-        raise ValueError(f"compare.{name}: the name is taken (GA is the control that always runs); give another")
-    try:
-        hebbian = OmegaConf.to_object(
-            OmegaConf.merge(OmegaConf.structured(Hebbian), json.loads(settings) or {}, {"name": name})
-        )
-    except (OmegaConfBaseException, ValueError) as error:
-        raise ValueError(f"compare.{name}: {str(error).splitlines()[0].removeprefix('hebbian.')}") from error
-    assert isinstance(hebbian, Hebbian)
-    return hebbian
+    name: str = ""
+    experiment: str = "obstacles"
+    light: float = 0.1
+    obstacles: int = 0
+    layout: int = 0
+    goals: Any = None
+    dead_sensor: int | None = None
+    left_wheel: float = 1.0
+    right_wheel: float = 1.0
+    lamp: Lamp = field(default_factory=Lamp)
+    changes: list[Any] = field(default_factory=list)
+    paper_N: float = 0.000015
+    paper_duration_s: float = 250.0
 
 
 @dataclass(kw_only=True)
-class EvolveConfig:
-    """All keys of `epuckhebb evolve`."""
+class NetworkConfig:
+    """The keys of a network. layers: None where they follow from the genome, or from the robot."""
+
+    layers: list[int] | None = None
+
+
+@dataclass(kw_only=True)
+class WorldConfig:
+    """The keys that `evaluate` and `evolve` have in common, and the world that comes of them.
+
+    world: the scenario, with its maze and robot. layers: of the network; None if they were left open.
+    """
 
     seed: int = 1
     threads: int = 0
-    scenario: Scenario = field(default_factory=Scenario)
-    ga: GA = field(default_factory=GA)
+    scenario: ScenarioConfig = field(default_factory=ScenarioConfig)
+    maze: dict[str, Any] = field(default_factory=dict)
+    robot: dict[str, Any] = field(default_factory=dict)
+    network: NetworkConfig = field(default_factory=NetworkConfig)
+    hebbian: dict[str, Any] = field(default_factory=dict)
     lifetime: Lifetime = field(default_factory=Lifetime)
+    changed: str | None = None
 
     def __post_init__(self) -> None:
         """Refuse what cannot be run.
@@ -94,6 +85,63 @@ class EvolveConfig:
             ValueError: a value is outside the range named in the message.
         """
         _check_common(self.seed, self.threads)
+        self.world = scenario_from(self.scenario, self.maze, self.robot)
+        self.layers = None if self.network.layers is None else tuple(self.network.layers)
+        if self.layers is not None:
+            network_for(self.world.robot, self.layers)
+        check_pace(self.lifetime, self.world)
+
+
+@dataclass(kw_only=True)
+class EvaluateConfig(WorldConfig):
+    """All keys of `epuckhebb evaluate`.
+
+    controllers: what comes of them, `hebbian` with `adaptation` (unless both are none) and those of `compare`.
+    """
+
+    genome: str = "reference"
+    repeats: int = 10
+    adaptation: Adaptation = field(default_factory=Adaptation)
+    compare: dict[str, Any] = field(default_factory=dict)  # name -> what differs from the paper's rule
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be run.
+
+        Raises:
+            ValueError: a value is outside the range named in the message.
+        """
+        super().__post_init__()
+        if self.repeats < 1:
+            raise ValueError(f"repeats must be 1 or more, got {self.repeats}")
+        main = controller_from(self.hebbian, self.adaptation)
+        self.controllers = [] if main.is_ga_alone else [main]
+        self.controllers += [compared(name, settings, self.scenario.paper_N) for name, settings in self.compare.items()]
+        names = [GA, *(controller.name for controller in self.controllers)]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice:
+            raise ValueError(
+                f"the name {twice} is taken by another controller of this run; they are told apart by their names: "
+                f"{', '.join(names)}. Give hebbian.name, adaptation.name or the name below compare another one"
+            )
+        for controller in self.controllers:
+            check_signal(controller, self.world.robot)
+
+
+@dataclass(kw_only=True)
+class EvolveConfig(WorldConfig):
+    """All keys of `epuckhebb evolve`. controller: what drives the robots besides their genes."""
+
+    ga: Algorithm = field(default_factory=Algorithm)
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be run.
+
+        Raises:
+            ValueError: a value is outside the range named in the message.
+        """
+        super().__post_init__()
+        self.controller = controller_from(self.hebbian, Adaptation())
+        check_signal(self.controller, self.world.robot)
 
 
 class LiveFitness(Enum):
@@ -121,7 +169,7 @@ class ReproduceConfig:
     signal: LiveFitness = LiveFitness.paper
     genome: str | None = None
     threads: int = 0
-    ga: GA = field(default_factory=GA)
+    ga: Algorithm = field(default_factory=Algorithm)
 
     def __post_init__(self) -> None:
         """Refuse what cannot be run.
@@ -139,8 +187,13 @@ class ReproduceConfig:
 
 
 SCHEMAS = {"evaluate": EvaluateConfig, "evolve": EvolveConfig, "reproduce": ReproduceConfig}
+OPEN = ("hebbian", "compare", "maze", "robot", "scenario.goals")  # below these, the schema does not know the keys
 for _verb, _schema in SCHEMAS.items():
-    ConfigStore.instance().store(name=f"schema_{_verb}", node=_schema, provider="epuckhebb")
+    _node = OmegaConf.structured(_schema)
+    for _key in ("hebbian", "compare"):
+        if _key in _node:
+            OmegaConf.set_struct(_node[_key], False)  # Hydra takes any key below them, without a +
+    ConfigStore.instance().store(name=f"schema_{_verb}", node=_node, provider="epuckhebb")
 
 Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig)
 
@@ -149,14 +202,38 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
     """The composed configuration as plain dataclasses, checked.
 
     Raises:
-        ConfigError: A value is outside its range; the message names the key.
+        ConfigError: A key is unknown or a value is outside its range; the message names the key.
     """
+    known = list(_keys_below(OmegaConf.structured(schema), ""))
+    for key in _keys_below(cfg, ""):
+        if key not in known and not key.startswith(tuple(f"{open_}." for open_ in OPEN)):
+            near = near_keys(key, known)
+            raise ConfigError(f"{key} is not a key of this configuration" + (f"; did you mean {near}?" if near else ""))
     try:
         config: Any = OmegaConf.to_object(cfg)
-    except ValueError as error:
-        raise ConfigError(str(error)) from error
-    assert isinstance(config, schema)
+    except ConfigError:
+        raise
+    except (ValueError, OmegaConfBaseException) as error:
+        raise ConfigError(str(error).splitlines()[0]) from error
+    if not isinstance(config, schema):
+        raise ConfigError("the configuration is not one of this verb")
     return config
+
+
+def near_keys(key: str, known: list[str]) -> str:
+    """The known keys that are like one that is not known, by their whole or by their last part."""
+    last = key.rpartition(".")[2]
+    same = [other for other in known if other.rpartition(".")[2] == last]
+    return ", ".join(same[:3] or difflib.get_close_matches(key, known, n=3))
+
+
+def _keys_below(node: Any, prefix: str) -> Iterator[str]:
+    """All keys of a configuration, dotted; of a list, only its own."""
+    for key in node:
+        yield f"{prefix}{key}"
+        value = node._get_node(key)
+        if isinstance(value, DictConfig) and not (value._is_none() or value._is_missing()):
+            yield from _keys_below(value, f"{prefix}{key}.")
 
 
 def stored(run: Path, verb: str) -> DictConfig:

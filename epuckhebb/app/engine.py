@@ -33,7 +33,8 @@ from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.app import hydra_bridge, runs
 from epuckhebb.app.errors import ConfigError, JobFailedError
-from epuckhebb.app.evaluate import asked, evaluate_into
+from epuckhebb.app.evaluate import asked, evaluate_into, own_rules
+from epuckhebb.app.parts import sha256_of
 from epuckhebb.app.progress import TaskProgress, counting
 from epuckhebb.app.runs import UNFINISHED, RunFolder
 
@@ -147,12 +148,14 @@ def carry_out(folder: Path, verb: str, cfg: DictConfig, arguments: list[str], ta
 
 
 def identity(cfg: DictConfig) -> str:
-    """The name of the run that a configuration leads to with the genome and the science of this moment.
+    """The name of the run that a configuration leads to with the genome, the rules and the science of this moment.
 
     Raises:
         ConfigError: A value or the genome cannot be used.
     """
-    return f"job_{digest([settings(cfg), asked(cfg)[1].sha256, runs.science_version()])[:12]}"
+    rules = {str(file): sha256_of(file) for file in own_rules(cfg)}
+    parts = [settings(cfg), asked(cfg)[1].sha256, runs.science_version(), *([rules] if rules else [])]
+    return f"job_{digest(parts)[:12]}"
 
 
 def settings(cfg: DictConfig) -> dict[str, Any]:

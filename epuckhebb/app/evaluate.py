@@ -8,19 +8,22 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from epuckhebb.app import files, hydra_bridge
 from epuckhebb.app.config import EvaluateConfig, typed
 from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.files import Genome
+from epuckhebb.app.named import scenario_of
+from epuckhebb.app.parts import NONE, rule_file, sha256_of
 from epuckhebb.app.progress import say
 from epuckhebb.app.runs import RunFolder
-from epuckhebb.sim.lifetime import load_kernel
-from epuckhebb.sim.memory import REPEATS, Memory, remember
+from epuckhebb.sim.adaptation.baseline import REPEATS, Baseline, remember
+from epuckhebb.sim.block import RuleError, load_kernel
+from epuckhebb.sim.controller import GA_ALONE
+from epuckhebb.sim.network import Network
 from epuckhebb.sim.scenario import TRAINED, Scenario
-from epuckhebb.sim.surprise import Surprise
 from epuckhebb.study import tables
 from epuckhebb.study.evaluate import Traces, evaluate
 
@@ -29,6 +32,7 @@ def evaluate_job(cfg: DictConfig) -> None:
     """Do one job of Hydra's: evaluate into its folder."""
     threads = hydra_bridge.threads_of_job(cfg.threads)
     with hydra_bridge.job_folder() as path:
+        cfg = hydra_bridge.named(cfg)
         evaluate_into(path, cfg, hydra_bridge.job_overrides(), {}, threads=threads)
 
 
@@ -36,10 +40,46 @@ def asked(cfg: DictConfig) -> tuple[EvaluateConfig, Genome]:
     """What a configuration asks for: its values, and the genome that it names, both checked.
 
     Raises:
-        ConfigError: A value or the genome cannot be used.
+        ConfigError: A value or the genome cannot be used, or they do not fit each other.
     """
     config = typed(cfg, EvaluateConfig)
-    return config, files.load_genome(config.genome, config.scenario.experiment)
+    genome = files.load_genome(config.genome, config.world.experiment, config.layers)
+    fit(genome, config)
+    return config, genome
+
+
+def fit(genome: Genome, config: EvaluateConfig) -> None:
+    """Refuse a genome that is for another robot, or has not what a rule takes from it.
+
+    Raises:
+        ConfigError: It is, or it has not.
+    """
+    robot = config.world.robot
+    if genome.robot != robot.name or genome.network.inputs != robot.inputs:
+        raise ConfigError(
+            f"genome={genome.name} is for robot {genome.robot} and a network of layers {genome.network}; robot "
+            f"{robot.name} has {robot.inputs} readings. Give robot={genome.robot}, or a champion evolved for {robot.name}"
+        )
+    for controller in config.controllers:
+        missing = [name for name in controller.rule.evolved if name not in genome.plan.split(genome.genes)]
+        if missing:
+            raise ConfigError(
+                f"rule {type(controller.rule).__name__} takes {', '.join(missing)} from the genome, and "
+                f"genome={genome.name} has only {genome.plan.told()}; give a champion that was evolved with this rule"
+            )
+
+
+def compile_for(config: EvaluateConfig, network: Network) -> None:
+    """Load or compile what the lifetimes of a run need, before its folder is claimed.
+
+    Raises:
+        ConfigError: A rule does not compile.
+    """
+    try:
+        for controller in config.controllers or [GA_ALONE]:
+            load_kernel(controller, network, config.world)
+    except RuleError as error:
+        raise ConfigError(str(error)) from error
 
 
 def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict[str, Any], *, threads: int) -> None:
@@ -57,13 +97,21 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
         JobFailedError: The run began and could not be finished.
     """
     config, genome = asked(cfg)
-    facts = {"genome": genome.name, "genome_sha256": genome.sha256, **facts}
-    memory = memory_for(genome, config, threads, say)
+    rules = own_rules(cfg)
+    facts = {
+        "genome": genome.name,
+        "genome_sha256": genome.sha256,
+        **({"rules": {str(file): sha256_of(file) for file in rules}} if rules else {}),
+        **facts,
+    }
+    compile_for(config, genome.network)
+    baseline = baseline_for(genome, config, threads, say)
     with RunFolder.new(path, "evaluate", cfg, overrides, facts) as run, ThreadPoolExecutor(1) as aside:
+        for file in rules:
+            run.write(f"rules/{file.name}", file.read_bytes())
         if config.lifetime.record_every:
-            load_kernel()
             aside.submit(importlib.import_module, "epuckhebb.study.figures")  # takes as long as the lifetimes
-        metrics, traces = lives(config, genome, memory, threads)
+        metrics, traces = lives(config, genome, baseline, threads)
         table = tables.paper_table(metrics)
         run.write("metrics.csv", metrics.to_csv(index=False))
         run.write("table.csv", tables.to_csv(table))
@@ -71,39 +119,55 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
         if config.lifetime.record_every:
             from epuckhebb.study import figures
 
-            written = aside.submit(lambda: run.write(files.TRACES, files.traces_file(traces, genome.genes)))
+            written = aside.submit(
+                lambda: run.write(files.TRACES, files.traces_file(traces, genome.weights, genome.network))
+            )
             title = caption(config, genome.name)
-            run.write("figures/trajectories.png", figures.trajectories(traces, config.scenario, title))
+            run.write("figures/trajectories.png", figures.trajectories(traces, config.world, title))
             written.result()
 
 
-def lives(config: EvaluateConfig, genome: Genome, memory: Memory | None, threads: int) -> tuple[pd.DataFrame, Traces]:
+def own_rules(cfg: DictConfig) -> list[Path]:
+    """The files of the user's own rules that a configuration names."""
+    named = [cfg.hebbian, *(cfg.get("compare") or {}).values()]
+    found = [rule_file(settings) for settings in named if isinstance(settings, DictConfig)]
+    return list(dict.fromkeys(file for file in found if file is not None))
+
+
+def lives(
+    config: EvaluateConfig, genome: Genome, baseline: Baseline | None, threads: int
+) -> tuple[pd.DataFrame, Traces]:
     """The lifetimes that a configuration asks for: a row each, and the traces of those that were recorded."""
     return evaluate(
         genome.genes,
-        config.scenario,
-        config.plasticities,
+        config.world,
+        config.controllers,
         config.lifetime,
-        memory,
+        baseline,
         repeats=config.repeats,
         seed=config.seed,
         threads=threads,
         name=genome.name,
+        changed=config.changed or "",
+        network=genome.network,
+        plan=genome.plan,
     )
 
 
 def caption(config: EvaluateConfig, genome_name: str) -> str:
     """Which lifetimes the traces of a run show, in one line."""
+    rate = f"N = {config.controllers[0].rule.N:g} · " if config.controllers else ""
+    changed = f" ({config.changed})" if config.changed else ""
     return (
-        f"{config.scenario.name} · genome {genome_name} · N = {config.hebbian.N:g} · "
+        f"{config.world.name}{changed} · genome {genome_name} · {rate}"
         f"noise repeat 1 of {config.repeats}, seed {config.seed}"
     )
 
 
-def memory_for(
+def baseline_for(
     genome: Genome, config: EvaluateConfig, threads: int, tell: Callable[[str], None] = lambda _: None
-) -> Memory | None:
-    """What this genome remembers of its training world at the pace of an evaluation; nothing if no plasticity asks.
+) -> Baseline | None:
+    """What this genome remembers of its training world at the pace of an evaluation; nothing if no adaptation asks.
 
     It is in the champion's file, or comes of living in the training world again. A champion that remembers never to
     have arrived is never late.
@@ -115,36 +179,37 @@ def memory_for(
         tell: A function that is told if the genome has to live again.
 
     Raises:
-        ConfigError: The memory is of another experiment, or living there again gave nothing to be late against.
+        ConfigError: The baseline is of another experiment, or living there again gave nothing to be late against.
     """
-    asking = {hebbian.surprise for hebbian in config.plasticities} - {Surprise.none}
+    asking = {controller.adaptation.change_signal for controller in config.controllers} - {NONE}
     if not asking:
         return None
-    memory, experiment, pace = genome.memory, config.scenario.experiment, config.lifetime.gain_rad_s
-    if memory is not None and memory.experiment != experiment:
+    baseline, experiment, pace = genome.baseline, config.world.experiment, config.lifetime.gain_rad_s
+    if baseline is not None and baseline.experiment != experiment:
         raise ConfigError(
-            f"genome={genome.name} remembers {memory.scenario}, a world of the {memory.experiment} experiment; it "
+            f"genome={genome.name} remembers {baseline.scenario}, a world of the {baseline.experiment} experiment; it "
             f"cannot tell what is new in a scenario of the {experiment} experiment. Give a champion of that "
-            "experiment, or a plasticity without surprise, such as hebbian=paper"
+            "experiment, or adaptation=none"
         )
-    if memory is None or memory.gain_rad_s != pace:
-        why = "has no memory" if memory is None else f"remembers a pace of {memory.gain_rad_s:g} rad/s"
+    if baseline is None or baseline.gain_rad_s != pace:
+        why = "has no baseline" if baseline is None else f"remembers a pace of {baseline.gain_rad_s:g} rad/s"
         tell(
             f"genome={genome.name} {why}: it lives {REPEATS} lifetimes a side in {TRAINED[experiment]} first, "
             f"at {pace:g} rad/s."
         )
-        memory = remember(genome.genes, training_world(experiment), pace, threads)
-        if Surprise.lateness in asking and np.isnan(memory.time_to_goal_s).all():
+        home = training_world(experiment, config.maze, config.robot)
+        baseline = remember(genome.weights, home, pace, threads, genome.network)
+        if "lateness" in asking and np.isnan(baseline.time_to_goal_s).all():
             raise ConfigError(
-                f"hebbian.surprise=lateness needs a time to the goal to remember, and genome={genome.name} reached "
-                f"neither goal in {memory.scenario}; give a champion that does, or surprise=novelty or shortfall"
+                f"adaptation.change_signal=lateness needs a time to the goal to remember, and genome={genome.name} "
+                f"reached neither goal in {baseline.scenario}; give a champion that does, or change_signal=novelty or "
+                "shortfall"
             )
-    return memory
+    return baseline
 
 
-def training_world(experiment: str) -> Scenario:
-    """The world in which controllers of an experiment are evolved."""
-    file = data_folder("conf") / "scenario" / f"{TRAINED[experiment]}.yaml"
-    world = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(Scenario), OmegaConf.load(file)))
-    assert isinstance(world, Scenario)
+def training_world(experiment: str, maze: dict[str, Any], robot: dict[str, Any]) -> Scenario:
+    """The world in which controllers of an experiment are evolved, in a maze, for a robot."""
+    world = scenario_of(TRAINED[experiment], [data_folder("conf")], maze, robot)
+    assert world is not None  # the program has these files
     return world

@@ -5,6 +5,7 @@ so it does not matter between which two files a run was killed: it goes on to th
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from omegaconf import DictConfig, OmegaConf
@@ -13,11 +14,16 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.app import files, hydra_bridge, runs
 from epuckhebb.app.config import EvolveConfig, stored, thread_count, typed
 from epuckhebb.app.errors import ConfigError
-from epuckhebb.app.files import CHAMPION, CHECKPOINT, Checkpoint
+from epuckhebb.app.evaluate import own_rules
+from epuckhebb.app.files import CHAMPION, CHECKPOINT, Checkpoint, Genome
+from epuckhebb.app.parts import network_for, sha256_of
 from epuckhebb.app.progress import EvolutionProgress, say
 from epuckhebb.app.runs import RunFolder
 from epuckhebb.evolution.evolve import Generation, evolve
-from epuckhebb.sim.memory import Memory, remember
+from epuckhebb.sim.adaptation.baseline import Baseline, remember
+from epuckhebb.sim.block import RuleError, load_kernel
+from epuckhebb.sim.genome import WEIGHTS, plan_of
+from epuckhebb.sim.network import Network
 
 RESUME = "resume="
 _CHANGEABLE = ("ga.generations", "threads")  # the others would make it another evolution
@@ -27,8 +33,9 @@ _HISTORY = "history.csv"
 def evolve_job(cfg: DictConfig) -> None:
     """Do one job of Hydra's: evolve into its folder."""
     with hydra_bridge.job_folder() as path:
+        cfg = hydra_bridge.named(cfg)
         config = asked(cfg)
-        run = RunFolder.new(path, "evolve", cfg, hydra_bridge.job_overrides(), {})
+        run = new_run(path, cfg, hydra_bridge.job_overrides(), {})
     evolve_into(run, config, None, threads=hydra_bridge.threads_of_job(cfg.threads), quiet=hydra_bridge.in_multirun())
 
 
@@ -36,9 +43,34 @@ def asked(cfg: DictConfig) -> EvolveConfig:
     """What a configuration asks for, checked.
 
     Raises:
-        ConfigError: A value is outside its range.
+        ConfigError: A value is outside its range, or a rule does not compile.
     """
-    return typed(cfg, EvolveConfig)
+    config = typed(cfg, EvolveConfig)
+    try:
+        load_kernel(config.controller, network_of(config), config.world)
+    except RuleError as error:
+        raise ConfigError(str(error)) from error
+    return config
+
+
+def network_of(config: EvolveConfig) -> Network:
+    """The network that is evolved."""
+    return network_for(config.world.robot, config.layers)
+
+
+def new_run(path: Path, cfg: DictConfig, overrides: list[str], facts: dict[str, Any]) -> RunFolder:
+    """Claim the folder of an evolution; the files of a user's own rules are kept in it.
+
+    Raises:
+        ConfigError: The folder holds a run already, or cannot be written to.
+    """
+    rules = own_rules(cfg)
+    if rules:
+        facts = {"rules": {str(file): sha256_of(file) for file in rules}, **facts}
+    run = RunFolder.new(path, "evolve", cfg, overrides, facts)
+    for file in rules:
+        run.write(f"rules/{file.name}", file.read_bytes())
+    return run
 
 
 def evolve_into(
@@ -69,25 +101,46 @@ def evolve_into(
         if after is not None and not _is_written(run, after):
             _write_generation(run, after, config)
         last = after.generation if after else None
-        for generation in evolve(config.ga, config.scenario, config.lifetime, config.seed, threads, after=last):
+        network = network_of(config)
+        for generation in evolve(
+            config.ga,
+            config.world,
+            config.lifetime,
+            config.seed,
+            threads,
+            after=last,
+            network=network,
+            controller=config.controller,
+        ):
             after = Checkpoint.following(after, generation)
             run.write(CHECKPOINT, after.as_bytes())
             _write_generation(run, after, config)
             progress.show(generation)
         assert after is not None  # there is at least one generation
-        memory = remember(after.generation.champion, config.scenario, threads=threads)
-        run.write(CHAMPION, champion_of(after.generation, config.scenario.experiment, config.seed, memory))
+        weights = plan_of(network, type(config.controller.rule)).split(after.generation.champion)[WEIGHTS]
+        baseline = remember(weights, config.world, threads=threads, network=network)
+        run.write(CHAMPION, champion_of(after.generation, config, config.seed, baseline))
 
 
-def champion_of(last: Generation, experiment: str, seed: int, memory: Memory | None) -> bytes:
-    """The `champion.npz` of a generation."""
-    return files.champion_file(float(last.fitness.max()), last.champion, experiment, seed, last.number, memory)
+def champion_of(last: Generation, config: EvolveConfig, seed: int, baseline: Baseline | None) -> bytes:
+    """The `champion.npz` of a generation of an evolution."""
+    network = network_of(config)
+    genome = Genome(
+        genes=last.champion,
+        name=CHAMPION,
+        network=network,
+        robot=config.world.robot.name,
+        lights=config.world.robot.lights,
+        plan=plan_of(network, type(config.controller.rule)),
+        baseline=baseline,
+    )
+    return files.champion_file(genome, float(last.fitness.max()), config.world.experiment, seed, last.number)
 
 
 def _write_generation(run: RunFolder, state: Checkpoint, config: EvolveConfig) -> None:
     """Bring the other files of an evolution to the state of its checkpoint."""
     run.write(_HISTORY, state.history)
-    run.write(CHAMPION, champion_of(state.generation, config.scenario.experiment, config.seed, None))
+    run.write(CHAMPION, champion_of(state.generation, config, config.seed, None))
 
 
 def _is_written(run: RunFolder, state: Checkpoint) -> bool:
@@ -117,7 +170,7 @@ def resume(arguments: list[str]) -> Path:
         raise ConfigError(f"resume={path} is a run of `epuckhebb {told['verb']}`; only evolutions can be resumed")
     cfg = _changed(path, changes)
     config = asked(cfg)
-    after = Checkpoint.read(path, config.ga.population)
+    after = Checkpoint.read(path, config.ga.population, plan_of(network_of(config), type(config.controller.rule)).genes)
     done = after.generation.number + 1 if after else 0
     if config.ga.generations < done:
         raise ConfigError(

@@ -19,25 +19,46 @@ from numpy.typing import NDArray
 from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.evolution.evolve import Generation, history_row
-from epuckhebb.sim.controller import GENES, INPUTS, LAYERS
+from epuckhebb.sim.adaptation.baseline import Baseline
+from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
 from epuckhebb.sim.lifetime import Samples
-from epuckhebb.sim.memory import Memory
+from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.sim.robot import EPUCK
 from epuckhebb.study.evaluate import Traces
 
 REFERENCE = "reference"
 CHAMPION, CHECKPOINT, TRACES = "champion.npz", "checkpoint.npz", "traces.npz"
-_MEMORY = "memory_"  # how the names of a memory's arrays begin
+_BASELINE = "memory_"  # how the names of a baseline's arrays begin, in files since version 0.1
 _OF_SEED = re.compile(rf"{REFERENCE}_\d+")
 _UNREADABLE = (OSError, ValueError, KeyError, EOFError, BadZipFile)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Genome:
-    """Genes (234,), a name for tables, and what the champion remembers, if it does."""
+    """Genes, a name for tables, what they are for, and what the champion remembers, if it does.
+
+    Attributes:
+        genes: All genes, (genes,); 234 weights in the paper.
+        name: What tables call it.
+        network: The network that the weights are for.
+        robot: The name of the robot that it was evolved for.
+        lights: How many of its readings are of light; the others are of distance.
+        plan: The parts of the genes; the weights come first.
+        baseline: What the champion remembers of its training world.
+    """
 
     genes: NDArray[np.float64]
     name: str
-    memory: Memory | None = None
+    network: Network = PAPER_NETWORK
+    robot: str = EPUCK.name
+    lights: int = EPUCK.lights
+    plan: GenomePlan = plan_of(PAPER_NETWORK)
+    baseline: Baseline | None = None
+
+    @property
+    def weights(self) -> NDArray[np.float64]:
+        """The genes that are weights, (synapses,)."""
+        return self.plan.split(self.genes)[WEIGHTS]
 
     @property
     def sha256(self) -> str:
@@ -45,21 +66,23 @@ class Genome:
         return hashlib.sha256(self.genes.astype("<f8").tobytes()).hexdigest()
 
 
-def load_genome(where: str, experiment: str) -> Genome:
+def load_genome(where: str, experiment: str, layers: tuple[int, ...] | None = None) -> Genome:
     """Load the genome that `genome=...` names.
 
     Args:
         where: `reference` (the bundled champion of this experiment), `reference_7` (the champion of seed 7 in the
-            reference results), a run folder with a `champion.npz`, or a `.npz` or `.npy` file with 234 numbers.
+            reference results), a run folder with a `champion.npz`, or a `.npz` or `.npy` file with as many numbers as
+            the network has weights, 234 in the paper.
         experiment: The name of the experiment, `light` or `obstacles`.
+        layers: The layers of the network; None for those that the file names, or else the paper's.
 
     Raises:
         ConfigError: There is no such file, or what is in it is not a genome.
     """
     if where == REFERENCE:
-        return _read_genome(data_folder("runs/reference") / f"champion_{experiment}.npz", REFERENCE)
+        return _read_genome(data_folder("runs/reference") / f"champion_{experiment}.npz", REFERENCE, layers)
     if _OF_SEED.fullmatch(where):
-        return _read_genome(_champion_of_seed(where, experiment), where)
+        return _read_genome(_champion_of_seed(where, experiment), where, layers)
     path, name = Path(where).expanduser(), Path(where).stem
     allowed = f"give a run folder of `epuckhebb evolve`, a .npz or .npy file, or `{REFERENCE}`"
     if path.is_dir():
@@ -68,44 +91,43 @@ def load_genome(where: str, experiment: str) -> Genome:
             raise ConfigError(f"genome={where} is a folder without a {CHAMPION}; {allowed}")
     if not path.is_file():
         raise ConfigError(f"genome={where} does not exist; {allowed}")
-    return _read_genome(path, name)
+    return _read_genome(path, name, layers)
 
 
-def checked_genes(genes: NDArray[np.generic], where: str) -> NDArray[np.float64]:
-    """The genes as float64 of shape (234,).
+def checked_genes(genes: NDArray[np.generic], where: str, plan: GenomePlan) -> NDArray[np.float64]:
+    """The genes as float64 of shape (genes,).
 
     Raises:
-        ConfigError: They are not numbers, not 234, or not all finite.
+        ConfigError: They are not numbers, not as many as the plan has, or not all finite.
     """
     if genes.dtype.kind not in "fiu":
         raise ConfigError(f"genome={where} must hold numbers, it holds {genes.dtype}")
-    if genes.shape != (GENES,):
-        raise ConfigError(f"genome={where} must hold {GENES} numbers in one dimension, got shape {genes.shape}")
+    if genes.shape != (plan.genes,):
+        raise ConfigError(
+            f"genome={where} must hold {plan.genes} numbers in one dimension ({plan.told()}), got shape {genes.shape}"
+        )
     genome = genes.astype(np.float64)
     if not np.isfinite(genome).all():
         raise ConfigError(f"genome={where} must hold finite numbers, {(~np.isfinite(genome)).sum()} are not")
     return genome
 
 
-def champion_file(
-    fitness: float,
-    genes: NDArray[np.float64],
-    experiment: str,
-    seed: int,
-    generation: int,
-    memory: Memory | None = None,
-) -> bytes:
+def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, generation: int) -> bytes:
     """A `champion.npz`: the genome, where it comes from, and what it remembers, once evolution has ended."""
     arrays: dict[str, Any] = {
-        "genome": genes,
-        "layers": np.array(LAYERS),
+        "genome": genome.genes,
+        "layers": np.array(genome.network.layers),
         "fitness": np.float64(fitness),
         "experiment": np.str_(experiment),
         "seed": np.int64(seed),
         "generation": np.int64(generation),
+        "robot": np.str_(genome.robot),
+        "lights": np.int64(genome.lights),
+        "parts": np.array([part.name for part in genome.plan.parts]),
+        "part_sizes": np.array([part.size for part in genome.plan.parts]),
     }
-    if memory is not None:
-        arrays |= {_MEMORY + key: np.asarray(value) for key, value in asdict(memory).items()}
+    if genome.baseline is not None:
+        arrays |= {_BASELINE + key: np.asarray(value) for key, value in asdict(genome.baseline).items()}
     return _compressed(arrays)
 
 
@@ -143,12 +165,13 @@ class Checkpoint:
         return buffer.getvalue()
 
     @classmethod
-    def read(cls, run: Path, population: int) -> "Checkpoint | None":
+    def read(cls, run: Path, population: int, genes: int) -> "Checkpoint | None":
         """Read the checkpoint in a run folder; there is none if its first generation never ended.
 
         Args:
             run: The folder.
             population: The number of individuals that the checkpoint must hold.
+            genes: The number of genes that each must have.
 
         Raises:
             ConfigError: There is one that cannot be used.
@@ -171,22 +194,22 @@ class Checkpoint:
             history = str(held["history"])
         except _UNREADABLE as error:
             raise ConfigError(f"{path} cannot be read as a checkpoint: {error}") from error
-        if generation.population.shape != (population, GENES):
+        if generation.population.shape != (population, genes):
             raise ConfigError(
                 f"{path} holds a population of shape {generation.population.shape}, the run's configuration asks for "
-                f"({population}, {GENES})"
+                f"({population}, {genes})"
             )
         return cls(generation, history)
 
 
-def traces_file(traces: Traces, genes: NDArray[np.float64]) -> bytes:
-    """The content of `traces.npz`: recorded lifetimes, and the genes that they began with."""
-    told = {"controller": np.array(traces.controller), "side": np.array(traces.side), "genome": genes}
-    return _compressed(told | traces.samples._asdict())
+def traces_file(traces: Traces, weights: NDArray[np.float64], network: Network) -> bytes:
+    """The content of `traces.npz`: recorded lifetimes, and the weights and the network that they began with."""
+    told = {"controller": np.array(traces.controller), "side": np.array(traces.side), "genome": weights}
+    return _compressed(told | {"layers": np.array(network.layers)} | traces.samples._asdict())
 
 
-def read_traces(run: Path, state: str) -> tuple[Traces, NDArray[np.float64]]:
-    """Read the recorded lifetimes of a run folder, and the genes that they began with.
+def read_traces(run: Path, state: str) -> tuple[Traces, NDArray[np.float64], Network]:
+    """Read the recorded lifetimes of a run folder, and the weights and the network that they began with.
 
     Args:
         run: The folder.
@@ -197,10 +220,11 @@ def read_traces(run: Path, state: str) -> tuple[Traces, NDArray[np.float64]]:
     """
     try:
         arrays = _arrays(run / TRACES)
-        arrays.setdefault("surprise", np.full_like(arrays["rate"], np.nan))  # runs from before there was surprise
+        arrays.setdefault("change_signal", np.full_like(arrays["rate"], np.nan))  # runs of version 0.1
         samples = Samples(**{name: arrays[name] for name in Samples._fields})
         traces = Traces(controller=arrays["controller"].tolist(), side=arrays["side"].tolist(), samples=samples)
-        return traces, arrays["genome"]
+        layers = arrays.get("layers", np.array(PAPER_NETWORK.layers))
+        return traces, arrays["genome"], Network(tuple(int(size) for size in layers))
     except _UNREADABLE as error:
         raise ConfigError(f"{run / TRACES} cannot be read (the run is {state}): {error}") from error
 
@@ -232,28 +256,49 @@ def _champion_of_seed(where: str, experiment: str) -> Path:
     return path
 
 
-def _read_genome(path: Path, name: str) -> Genome:
+def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genome:
     try:
         arrays = _arrays(path)
     except _UNREADABLE as error:
         raise ConfigError(f"genome={path} cannot be read as .npz or .npy: {error}") from error
-    if "layers" in arrays and tuple(arrays["layers"].ravel().tolist()) != LAYERS:
-        raise ConfigError(f"genome={path} is of layers {arrays['layers'].tolist()}, this network has {list(LAYERS)}")
     if "genome" not in arrays and len(arrays) == 1:
         arrays["genome"] = next(iter(arrays.values()))
     if "genome" not in arrays:
         raise ConfigError(f"genome={path} must hold one array or one named `genome`, it holds {sorted(arrays)}")
-    return Genome(genes=checked_genes(arrays["genome"], str(path)), name=name, memory=_memory(arrays, path))
+    own = tuple(int(size) for size in arrays["layers"].ravel()) if "layers" in arrays else None
+    if own is not None and layers is not None and own != layers:
+        raise ConfigError(f"genome={path} is of layers {list(own)}, and network.layers asks for {list(layers)}")
+    try:
+        network = Network(own or layers or PAPER_NETWORK.layers)
+    except ValueError as error:
+        raise ConfigError(f"genome={path}: {error}") from error
+    plan = plan_of(network)
+    if "parts" in arrays and "part_sizes" in arrays and len(arrays["parts"]) == len(arrays["part_sizes"]):
+        sizes = [int(size) for size in arrays["part_sizes"]]
+        plan = GenomePlan(tuple(map(Part, arrays["parts"].tolist(), sizes)))
+        if plan.parts[:1] != (Part(WEIGHTS, network.synapses),):
+            raise ConfigError(f"genome={path} must begin with {network.synapses} weights, it has {plan.told()}")
+    return Genome(
+        genes=checked_genes(arrays["genome"], str(path), plan),
+        name=name,
+        network=network,
+        robot=str(arrays.get("robot", EPUCK.name)),
+        lights=int(arrays.get("lights", EPUCK.lights)),
+        plan=plan,
+        baseline=_baseline(arrays, path, network.inputs),
+    )
 
 
-def _memory(arrays: dict[str, NDArray[Any]], path: Path) -> Memory | None:
-    """The memory in a champion's file, if there is one."""
-    told = {key.removeprefix(_MEMORY): value for key, value in arrays.items() if key.startswith(_MEMORY)}
+def _baseline(arrays: dict[str, NDArray[Any]], path: Path, inputs: int) -> Baseline | None:
+    """The baseline in a champion's file, if there is one."""
+    told = {key.removeprefix(_BASELINE): value for key, value in arrays.items() if key.startswith(_BASELINE)}
     if not told:
         return None
-    shapes = {"time_to_goal_s": (2,), "away_s": (2,), "reading_mean": (2, INPUTS), "reading_spread": (2, INPUTS)}
-    whole = told.keys() == {field.name for field in fields(Memory)} and told["fitness"].ndim == 2
-    if not (whole and all(told[key].shape == shape for key, shape in shapes.items())):
-        raise ConfigError(f"genome={path} holds a memory of the training world that this program cannot read")
+    shapes: dict[str, tuple[int, ...]] = {"success": (2,), "time_to_goal_s": (2,), "away_s": (2,)}
+    shapes |= {"reading_mean": (2, inputs), "reading_spread": (2, inputs)}
+    whole = told.keys() == {field.name for field in fields(Baseline)} and told["fitness"].ndim == 2
+    numbers = whole and all(told[key].dtype == np.float64 for key in (*shapes, "fitness"))
+    if not (numbers and len(told["fitness"]) == 2 and all(told[key].shape == shape for key, shape in shapes.items())):
+        raise ConfigError(f"genome={path} holds a baseline of the training world that this program cannot read")
     values: dict[str, Any] = {key: value.item() if value.ndim == 0 else value for key, value in told.items()}
-    return Memory(**values)
+    return Baseline(**values)

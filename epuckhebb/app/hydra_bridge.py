@@ -5,7 +5,6 @@ line of its own, so that real launchers, sweepers and `.hydra/` work; what Hydra
 """
 
 import copy
-import difflib
 import functools
 import itertools
 import os
@@ -27,12 +26,13 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.app.config import SCHEMAS, thread_count
+from epuckhebb.app.config import SCHEMAS, near_keys, thread_count
 from epuckhebb.app.data import data_folder, groups
 from epuckhebb.app.errors import ConfigError, JobFailedError
+from epuckhebb.app.named import completed, world_name
 
 IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
 _STAMP = "EPUCKHEBB_STAMP"  # environment variable that conf/ names run folders with
@@ -55,13 +55,53 @@ def composed(verb: str, overrides: list[str], config_dir: str | None = None, *, 
     Raises:
         ConfigError: They do not make one.
     """
+    return _with_names(*_composed(verb, overrides, config_dir), with_hydra=with_hydra)
+
+
+def _composed(verb: str, overrides: list[str], config_dir: str | None) -> tuple[DictConfig, DictConfig]:
+    """A configuration as Hydra composes it, and what Hydra keeps for itself."""
     more = [f'hydra.searchpath=["file://{Path(config_dir).absolute()}"]'] if config_dir else []
     GlobalHydra.instance().clear()
     try:
         with initialize_config_dir(str(data_folder("conf")), **_VERSION_BASE):
-            return compose(verb, [*overrides, *more], return_hydra_config=with_hydra)
+            cfg = compose(verb, [*overrides, *more], return_hydra_config=True)
+            loader = GlobalHydra.instance().config_loader()
+            sources = [source.path for source in loader.get_sources() if source.scheme() == "file"]
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(explain(error)) from error
+    with flag_override(cfg, ["struct", "readonly"], [False, False]):
+        hydras = cfg.pop("hydra")
+        hydras.searched = sources
+    return cfg, hydras
+
+
+def _with_names(cfg: DictConfig, hydras: DictConfig, *, with_hydra: bool = False) -> DictConfig:
+    completed(cfg, hydras.runtime.choices, [Path(source) for source in hydras.searched])
+    if with_hydra:
+        with flag_override(cfg, ["struct", "readonly"], [False, False]):
+            cfg.hydra = hydras
+    return cfg
+
+
+def named(cfg: DictConfig) -> DictConfig:
+    """The configuration of the job that Hydra runs, with all names in it; see `epuckhebb.app.named`."""
+    runtime = HydraConfig.get().runtime
+    return completed(cfg, runtime.choices, _folders(runtime))
+
+
+def _folders(runtime: Any) -> list[Path]:
+    """Where Hydra looks for files."""
+    return [Path(source.path) for source in runtime.config_sources if source.schema == "file"]
+
+
+def _world(*, _root_: DictConfig) -> str:
+    """The world of a run, for the name of its folder."""
+    runtime = _root_.hydra.runtime
+    own = OmegaConf.create({key: _root_._get_node(key) for key in _root_ if key != "hydra"})
+    return world_name(own, runtime.choices, _folders(runtime))
+
+
+OmegaConf.register_new_resolver("epuckhebb.world", _world, replace=True)
 
 
 def combinations(
@@ -77,8 +117,8 @@ def combinations(
     """
 
     @functools.cache
-    def prepared(overrides: tuple[str, ...]) -> DictConfig:
-        return composed(verb, [*fixed, *overrides], config_dir)
+    def prepared(overrides: tuple[str, ...]) -> tuple[DictConfig, DictConfig]:
+        return _composed(verb, [*fixed, *overrides], config_dir)
 
     @functools.cache
     def parsed(override: str) -> tuple[str, Any]:
@@ -88,14 +128,15 @@ def combinations(
     values = {key for key in choices if _VALUE_KEY.fullmatch(key) and key not in groups(verb)}
     for overrides in itertools.product(*choices.values()):
         told = list(zip(choices, overrides, strict=True))
-        cfg = copy.deepcopy(prepared(tuple(override for key, override in told if key not in values)))
+        raw, hydras = prepared(tuple(override for key, override in told if key not in values))
+        cfg = copy.deepcopy(raw)
         try:
             for key, override in told:
                 if key in values:
                     OmegaConf.update(cfg, *parsed(override))
         except OmegaConfBaseException:
-            cfg = composed(verb, [*fixed, *overrides], config_dir)
-        yield list(overrides), cfg
+            cfg = _composed(verb, [*fixed, *overrides], config_dir)[0]
+        yield list(overrides), _with_names(cfg, hydras)
 
 
 def alternatives(overrides: list[str]) -> dict[str, list[str]]:
@@ -272,7 +313,11 @@ def explain(error: BaseException) -> str:
     full_key = re.search(r"full_key: (\S+)", str(error))
     if full_key and not any(full_key[1] in line for line in lines):
         lines.insert(0, f"{full_key[1]}:")
-    lines = [line for line in lines if not line.startswith("Config search path") and "provider=" not in line]
+    lines = [
+        line
+        for line in lines
+        if not line.startswith(("Config search path", "To append to your config use +")) and "provider=" not in line
+    ]
     text = re.sub(r"Did you mean: '(.+?)'\?", r"Did you mean: \1?", "\n".join(lines))
     missing = re.search(r"Could not (?:find|load) 'hydra/launcher/(submitit|ray)(?:_\w+)?'", text)
     if missing:
@@ -281,9 +326,9 @@ def explain(error: BaseException) -> str:
         text += "\nSettings are written KEY=VALUE, for example scenario=4obstacles or hebbian.N=0.002"
     wrong = re.search(r"Could not override '([^']+)'", text)
     if wrong and "Did you mean" not in text:
-        near = difflib.get_close_matches(wrong[1], _known_keys(), n=3)
+        near = near_keys(wrong[1], _known_keys())
         if near:
-            text += f"\nDid you mean: {', '.join(near)}?"
+            text += f"\nDid you mean: {near}?"
     return text
 
 

@@ -6,24 +6,43 @@ from numpy.typing import NDArray
 
 from epuckhebb.app import files
 from epuckhebb.app.config import EvaluateConfig, EvolveConfig, thread_count, typed
-from epuckhebb.app.evaluate import lives, memory_for
+from epuckhebb.app.evaluate import baseline_for, lives
 from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.app.parts import network_for
 from epuckhebb.evolution.evolve import evolve as generations
 from epuckhebb.evolution.evolve import history_row
+from epuckhebb.sim.controller import Controller
+from epuckhebb.sim.genome import plan_of
+from epuckhebb.sim.plasticity.rule import Rule
 
 
-def evaluate(genome: NDArray[np.float64], overrides: list[str]) -> pd.DataFrame:
+def evaluate(genome: NDArray[np.float64], overrides: list[str], rule: Rule | None) -> pd.DataFrame:
     """See `epuckhebb.evaluate`."""
     config = typed(composed("evaluate", overrides), EvaluateConfig)
-    given = files.Genome(genes=files.checked_genes(np.asarray(genome), "the given array"), name="genome")
+    network = network_for(config.world.robot, config.layers)
+    plan = plan_of(network)
+    genes = files.checked_genes(np.asarray(genome), "the given array", plan)
+    given = files.Genome(genes=genes, name="genome", network=network, robot=config.world.robot.name, plan=plan)
+    if rule is not None:
+        own = Controller(name=type(rule).__name__.lower(), rule=rule)
+        config.controllers = [own, *(other for other in config.controllers if other.name in config.compare)]
     threads = thread_count(config.threads)
-    rows, _ = lives(config, given, memory_for(given, config, threads), threads)
+    rows, _ = lives(config, given, baseline_for(given, config, threads), threads)
     return rows
 
 
 def evolve(overrides: list[str]) -> tuple[NDArray[np.float64], pd.DataFrame]:
     """See `epuckhebb.evolve`."""
     config = typed(composed("evolve", overrides), EvolveConfig)
-    threads = thread_count(config.threads)
-    lived = list(generations(config.ga, config.scenario, config.lifetime, config.seed, threads))
+    lived = list(
+        generations(
+            config.ga,
+            config.world,
+            config.lifetime,
+            config.seed,
+            thread_count(config.threads),
+            network=network_for(config.world.robot, config.layers),
+            controller=config.controller,
+        )
+    )
     return lived[-1].champion, pd.DataFrame(map(history_row, lived))

@@ -14,16 +14,18 @@ from epuckhebb.app import files, runs
 from epuckhebb.app.config import EvaluateConfig, stored, typed
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.evaluate import caption
+from epuckhebb.sim.network import Network
 from epuckhebb.study import movie, replay
 from epuckhebb.study.evaluate import Traces
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """What a run recorded: the genome (234,), its lifetimes, and a title that says which run it is."""
+    """What a run recorded: its lifetimes, the weights and the network they began with, and a title that says which."""
 
     traces: Traces
-    genome: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    network: Network
     config: EvaluateConfig
     title: str
 
@@ -49,8 +51,9 @@ def recording(run: Path) -> Recording:
             f"{run} recorded nothing to replay, because it ran with lifetime.record_every=0; run it again with "
             f"recording on: {' '.join(['epuckhebb evaluate', *kept, 'lifetime.record_every=8'])}"
         )
-    traces, genes = files.read_traces(run, told["status"]["state"])
-    return Recording(traces=traces, genome=genes, config=config, title=caption(config, told.get("genome", "genome")))
+    traces, weights, network = files.read_traces(run, told["status"]["state"])
+    title = caption(config, told.get("genome", "genome"))
+    return Recording(traces=traces, weights=weights, network=network, config=config, title=title)
 
 
 def write_page(recorded: Recording, target: Path) -> None:
@@ -60,8 +63,15 @@ def write_page(recorded: Recording, target: Path) -> None:
         ConfigError: `target` cannot be written.
     """
     gain = recorded.config.lifetime.gain_rad_s
-    scenario = recorded.config.scenario
-    text = replay.page(recorded.traces, recorded.genome, scenario, recorded.title, gain_rad_s=gain)
+    config = recorded.config
+    text = replay.page(
+        recorded.traces,
+        recorded.weights,
+        config.world,
+        recorded.title,
+        gain_rad_s=gain,
+        network=recorded.network,
+    )
     _write(target, text.encode())
 
 
@@ -72,7 +82,7 @@ def write_movie(recorded: Recording, target: Path, make: Callable[..., bytes]) -
         ConfigError: `target` cannot be written.
     """
     show = functools.partial(track, description=target.name, console=Console(stderr=True))
-    _write(target, make(recorded.traces, recorded.config.scenario, recorded.title, show))
+    _write(target, make(recorded.traces, recorded.config.world, recorded.title, show))
 
 
 def require_video() -> None:

@@ -25,8 +25,8 @@ from epuckhebb.app.evolve import champion_of
 from epuckhebb.app.files import Genome
 from epuckhebb.app.hydra_bridge import composed
 from epuckhebb.evolution.evolve import evolve, history_row
+from epuckhebb.sim.adaptation.baseline import remember
 from epuckhebb.sim.lifetime import Lifetime
-from epuckhebb.sim.memory import remember
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.study import figures, published, report, reproduction
 from epuckhebb.study.evaluate import evaluate
@@ -153,12 +153,12 @@ def _evolve(study: _Study, champion: _Champion) -> None:
     """Evolve a champion from its seed."""
     world = typed(composed("evolve", [f"scenario={TRAINED[champion.experiment]}"]), EvolveConfig)
     threads = thread_count(study.config.threads)
-    generations = list(evolve(study.config.ga, world.scenario, world.lifetime, champion.seed, threads))
+    generations = list(evolve(study.config.ga, world.world, world.lifetime, champion.seed, threads))
     history = pd.DataFrame(map(history_row, generations))
     last = generations[-1]
-    memory = remember(last.champion, world.scenario, threads=threads)
+    baseline = remember(last.champion, world.world, threads=threads)
     runs.write_whole(champion.history, history.to_csv(index=False).encode())
-    runs.write_whole(champion.file, champion_of(last, champion.experiment, champion.seed, memory))
+    runs.write_whole(champion.file, champion_of(last, world, champion.seed, baseline))
 
 
 def _evaluate(study: _Study, champion: _Champion) -> None:
@@ -169,7 +169,7 @@ def _evaluate(study: _Study, champion: _Champion) -> None:
         metrics, _ = evaluate(
             genome.genes,
             scenario,
-            reproduction.plasticities(one, config.rates, config.signal.of(one)),
+            reproduction.controllers(one, config.rates, config.signal.of(one)),
             lifetime,
             repeats=config.repeats,
             seed=config.seed,
@@ -239,4 +239,4 @@ def _figures(study: _Study, found: report.Findings) -> dict[str, tuple[str, byte
 
 def _world(scenario: str, *more: str) -> tuple[Scenario, Lifetime]:
     config = typed(composed("evaluate", [f"scenario={scenario}", *more]), EvaluateConfig)
-    return config.scenario, config.lifetime
+    return config.world, config.lifetime

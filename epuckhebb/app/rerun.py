@@ -3,12 +3,14 @@
 from itertools import zip_longest
 from pathlib import Path
 
+from omegaconf import DictConfig
+
 from epuckhebb.app import evaluate, evolve, runs
 from epuckhebb.app.config import stored, thread_count
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.hydra_bridge import new_stamp
+from epuckhebb.app.parts import rule_file, sha256_of
 from epuckhebb.app.progress import say
-from epuckhebb.app.runs import RunFolder
 
 
 def rerun(path: Path) -> tuple[Path, str]:
@@ -28,6 +30,7 @@ def rerun(path: Path) -> tuple[Path, str]:
         say("The program has changed since this run.")
     new = Path("runs") / verb / f"{new_stamp()}_rerun_of_{path.resolve().name}"
     cfg = stored(path, verb)
+    _check_rules(cfg, path, told.get("rules", {}))
     facts = {"command": ["epuckhebb", "rerun", str(path)], "rerun_of": str(path)}
     if verb == "evaluate":
         config, genome = evaluate.asked(cfg)
@@ -39,9 +42,25 @@ def rerun(path: Path) -> tuple[Path, str]:
         evaluate.evaluate_into(new, cfg, told["overrides"], facts, threads=thread_count(config.threads))
     else:
         again = evolve.asked(cfg)
-        run = RunFolder.new(new, "evolve", cfg, told["overrides"], facts)
+        run = evolve.new_run(new, cfg, told["overrides"], facts)
         evolve.evolve_into(run, again, None, threads=thread_count(again.threads))
     return new, _difference(path, new)
+
+
+def _check_rules(cfg: DictConfig, path: Path, rules: dict[str, str]) -> None:
+    """Take the user's own rules from the copies in the run folder, which are what the run lived by.
+
+    Raises:
+        ConfigError: A copy is missing or another file than it was.
+    """
+    for settings in [cfg.hebbian, *(cfg.get("compare") or {}).values()]:
+        file = rule_file(settings) if isinstance(settings, DictConfig) else None
+        if file is None:
+            continue
+        copy = path / "rules" / file.name
+        if not copy.is_file() or sha256_of(copy) != rules.get(str(file)):
+            raise ConfigError(f"{copy} is not the rule of this run: it is missing, or was changed since")
+        settings.rule = f"{copy.absolute()}:{str(settings.rule).rpartition(':')[2]}"
 
 
 def _difference(one: Path, other: Path) -> str:

@@ -13,8 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from epuckhebb.app import files, runs
-from epuckhebb.sim.epuck import SENSORS
-from epuckhebb.sim.memory import Memory
+from epuckhebb.app.files import Genome
 from epuckhebb.study import rescue, tables
 
 _MANY = 6  # files of a folder that are counted and not named
@@ -180,7 +179,7 @@ def _results(path: Path, console: Console) -> None:
     elif (path / "metrics.csv").is_file():
         console.print(_paper_table(_read(path / "metrics.csv")))
     if (path / files.CHAMPION).is_file():
-        _tell_memory(files.load_genome(str(path), "").memory, console)
+        _tell_genome(files.load_genome(str(path), ""), console)
     if (path / "history.csv").is_file():
         history = pd.read_csv(path / "history.csv")
         last = history.iloc[-1]
@@ -192,24 +191,27 @@ def _results(path: Path, console: Console) -> None:
         )
 
 
-def _tell_memory(memory: Memory | None, console: Console) -> None:
-    """What a champion remembers of its training world."""
-    if memory is None:
+def _tell_genome(genome: Genome, console: Console) -> None:
+    """What a champion is made of, and what it remembers of its training world."""
+    _line(console, f"Genome: {genome.plan.told()}; network {genome.network}; robot {genome.robot}")
+    baseline = genome.baseline
+    if baseline is None:
         return
     rows: list[tuple[str, ...]] = []
     for name, numbers in {
-        "At the goal in the end": memory.success,
-        "Slowest arrival (s)": memory.time_to_goal_s,
-        "Longest away afterwards (s)": memory.away_s,
+        "At the goal in the end": baseline.success,
+        "Slowest arrival (s)": baseline.time_to_goal_s,
+        "Longest away afterwards (s)": baseline.away_s,
     }.items():
         rows.append((name, *("never" if np.isnan(number) else f"{number:g}" for number in numbers.round(2))))
-    rows.append((f"Least live fitness, over {memory.fitness.shape[1]} s", *map(_course, memory.fitness)))
-    for kind, first in (("Light", 0), ("Proximity", SENSORS)):
-        for place in range(SENSORS):
-            means, spreads = memory.reading_mean[:, first + place], memory.reading_spread[:, first + place]
+    rows.append((f"Least live fitness, over {baseline.fitness.shape[1]} s", *map(_course, baseline.fitness)))
+    inputs = genome.network.inputs
+    for kind, first, count in (("Light", 0, genome.lights), ("Distance", genome.lights, inputs - genome.lights)):
+        for place in range(count):
+            means, spreads = baseline.reading_mean[:, first + place], baseline.reading_spread[:, first + place]
             told = (f"{mean:.2f} ± {spread:.2f}" for mean, spread in zip(means, spreads, strict=True))
             rows.append((f"{kind} reading {place}", *told))
-    title = f"Memory of {memory.scenario} at {memory.gain_rad_s:g} rad/s"
+    title = f"Baseline: {baseline.scenario} at {baseline.gain_rad_s:g} rad/s"
     console.print(_table(title, ("", "left (lamp off)", "right (lamp on)"), rows))
 
 

@@ -28,7 +28,7 @@ class Crossover(Enum):
     middle = "middle"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class GA:
     """A genetic algorithm.
 

@@ -1,8 +1,8 @@
 """A controller, as a column of a table names it: a plasticity rule, and the adaptation that is laid over it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from epuckhebb.sim.adaptation.adaptation import NO_ADAPTATION, Adaptation
+from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Rule
 
@@ -19,7 +19,7 @@ class Controller:
 
     name: str = GA
     rule: Rule = NO_RULE
-    adaptation: Adaptation = NO_ADAPTATION
+    adaptation: Adaptation = field(default_factory=Adaptation)
 
     @property
     def is_ga_alone(self) -> bool:

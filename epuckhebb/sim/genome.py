@@ -51,6 +51,18 @@ class GenomePlan:
             first += part.size
         return parts
 
+    def pick(self, genes: NDArray[np.float64], wanted: "GenomePlan") -> NDArray[np.float64]:
+        """The genes of another plan's parts, in its order.
+
+        Raises:
+            ValueError: this plan lacks one of them, or has it in another size.
+        """
+        parts = self.split(genes)
+        for part in wanted.parts:
+            if part.name not in parts or parts[part.name].shape[-1] != part.size:
+                raise ValueError(f"the genome has {self.told()}; wanted are {wanted.told()}")
+        return np.concatenate([parts[part.name] for part in wanted.parts], axis=-1)
+
     def told(self) -> str:
         """The parts in words, for example "234 weights"."""
         return ", ".join(f"{part.size} {part.name}" for part in self.parts)

@@ -370,7 +370,7 @@ def empty_samples(count: int, network: Network) -> Samples:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class Lifetime:
     """How a lifetime is run.
 

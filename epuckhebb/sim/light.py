@@ -16,7 +16,7 @@ SUN_IRRADIANCE = 2.7  # at light level 1
 NOISE = 0.01  # standard deviation of a reading, as a fraction of it
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class Lamp:
     """A spot light in the plane of the sensors: where it is, the way it shines, how wide and how bright.
 

@@ -104,9 +104,12 @@ class Scenario:
             told.append((round(change["at_s"] / STEP_S), _changed(told[-1][1], change)))
         return told
 
-    def changed_from(self, named: "Scenario") -> str:
-        """What differs from the scenario of this name, as it would be typed; nothing if nothing does."""
+    def changed_from(self, named: "Scenario", maze: Maze = T_MAZE, robot: Robot = EPUCK) -> str:
+        """What differs from another scenario in this maze with this robot, as it would be typed; nothing if nothing."""
         told = []
+        for kind, mine, its in (("maze", self.maze, maze), ("robot", self.robot, robot)):
+            if mine != its:
+                told.append(f"{kind}={mine.name}" + (" changed" if mine.name == its.name else ""))
         for field_ in fields(self):
             mine, its = getattr(self, field_.name), getattr(named, field_.name)
             if field_.name == "lamp":
@@ -115,8 +118,8 @@ class Scenario:
                     for part in fields(Lamp)
                     if getattr(mine, part.name) != getattr(its, part.name)
                 ]
-            elif field_.name in ("maze", "robot"):
-                told += [f"{field_.name}={mine.name}"] if mine != its else []
+            elif field_.name in ("maze", "robot", "name"):
+                continue
             elif field_.name == "goals" and mine != its:
                 told.append("goals=" + "/".join(f"{side}:{x:g},{y:g}" for side, (x, y) in self.goals_now.items()))
             elif field_.name == "changes" and mine != its:

@@ -16,6 +16,7 @@ from epuckhebb.sim import random
 from epuckhebb.sim.adaptation.baseline import Baseline
 from epuckhebb.sim.block import Individual, Outcome, live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.genome import GenomePlan, plan_of
 from epuckhebb.sim.lifetime import Lifetime, Samples
 from epuckhebb.sim.maze import SIDES, Side
 from epuckhebb.sim.network import PAPER_NETWORK, Network
@@ -74,11 +75,13 @@ def evaluate(
     name: str = "genome",
     changed: str = "",
     network: Network = PAPER_NETWORK,
+    plan: GenomePlan | None = None,
 ) -> tuple[pd.DataFrame, Traces]:
     """Live `repeats` lifetimes a side without plasticity, and as many with each of `controllers`.
 
     genes: (genes,). baseline: what it remembers, for adaptations that compare with it. name, changed: what the columns
-    `genome` and `changed` say. network: what the genes are for. Returns one row a lifetime, with the columns
+    `genome` and `changed` say. network: what the genes are for. plan: their parts, weights alone unless given; each
+    controller takes those that its rule evolves. Returns one row a lifetime, with the columns
     `COLUMNS`, and the traces of the first repeat (empty if `lifetime.record_every` is 0).
 
     Raises:
@@ -86,31 +89,33 @@ def evaluate(
         LostRobotError: a pose or a weight stopped being finite.
     """
     everyone = [GA_ALONE, *controllers]
-    names = [controller.name for controller in everyone]
-    if len(set(names)) < len(names):
-        raise ValueError(f"every controller needs a name of its own, got {', '.join(names)}")
+    told = [f"{controller.name}, N = {controller.rule.N:g}" for controller in everyone]
+    if len(set(told)) < len(told):
+        raise ValueError(f"two controllers have the same name and N, of {'; '.join(told)}")
     if baseline is None and any(controller.adaptation.needs_baseline for controller in controllers):
         raise ValueError("an adaptation with a signal of change needs a baseline of the training world")
-    place = zlib.crc32(genes.tobytes())
-    of_updates = {
-        controller.name: signs(controller.rule.sign, network.synapses, random.rng(seed, Stream.shuffled_signs, place))
+    whole = plan or plan_of(network)
+    taken = [whole.pick(genes, plan_of(network, type(controller.rule))) for controller in everyone]
+    place = zlib.crc32(taken[0].tobytes())
+    of_updates = [
+        signs(controller.rule.sign, network.synapses, random.rng(seed, Stream.shuffled_signs, place))
         for controller in everyone
-    }
-    wanted: list[tuple[Controller, Side, int]] = [
-        (controller, side, repeat) for controller in everyone for side in SIDES for repeat in range(repeats)
+    ]
+    wanted: list[tuple[int, Side, int]] = [
+        (number, side, repeat) for number in range(len(everyone)) for side in SIDES for repeat in range(repeats)
     ]
     individuals = [
         Individual(
-            genes=genes,
+            genes=taken[number],
             network=network,
             side=side,
-            controller=controller,
+            controller=everyone[number],
             key=random.key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)),
-            signs=of_updates[controller.name],
+            signs=of_updates[number],
             baseline=None if baseline is None else baseline.of(side),
             record=repeat == 0,
         )
-        for controller, side, repeat in wanted
+        for number, side, repeat in wanted
     ]
     lived = live_block(individuals, scenario, lifetime, threads)
     rows = [
@@ -120,20 +125,20 @@ def evaluate(
             "scenario": scenario.name,
             "light": scenario.light,
             "obstacles": scenario.obstacles,
-            "controller": controller.name,
-            "N": controller.rule.N,
-            "signal": "" if controller is GA_ALONE else controller.rule.signal.name,
+            "controller": everyone[number].name,
+            "N": everyone[number].rule.N,
+            "signal": everyone[number].rule.signal.name if number else "",
             "side": side,
             "repeat": repeat,
             "seed": seed,
             **_metrics(outcome, lifetime),
             "changed": changed,
         }
-        for (controller, side, repeat), (outcome, _) in zip(wanted, lived, strict=True)
+        for (number, side, repeat), (outcome, _) in zip(wanted, lived, strict=True)
     ]
     recorded = [(w, samples) for w, (_, samples) in zip(wanted, lived, strict=True) if w[2] == 0]
     traces = Traces(
-        controller=[controller.name for (controller, *_), _ in recorded],
+        controller=[everyone[number].name for (number, *_), _ in recorded],
         side=[side for (_, side, _), _ in recorded],
         samples=Samples(*(np.stack(arrays) for arrays in zip(*(samples for _, samples in recorded), strict=True))),
     )

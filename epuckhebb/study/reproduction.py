@@ -6,12 +6,14 @@ from typing import Any
 import pandas as pd
 from numpy.typing import NDArray
 
+from epuckhebb.sim.controller import CONTROLS, HEBBIAN, Controller
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.lifetime import Lifetime, Samples
-from epuckhebb.sim.plasticity import Hebbian, Sign
+from epuckhebb.sim.plasticity.control import Sign
+from epuckhebb.sim.plasticity.paper import Paper
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.study import charts, figures, findings, published, report
-from epuckhebb.study.evaluate import HEBBIAN, evaluate
+from epuckhebb.study.evaluate import evaluate
 
 RULE = (
     "It is the champion whose successes and failures agree with the paper's in most cells, among those that reach both "
@@ -20,15 +22,23 @@ RULE = (
 )
 
 
+_TABLES = ("claims", "success", "rescue_and_harm", "retention", "dose_response")
+
+
 def worlds(experiment: str) -> tuple[str, ...]:
     """The scenarios in which the champions of an experiment live: the one of their training, and the changed ones."""
     return (TRAINED[experiment], *findings.CHANGED[experiment])
 
 
-def plasticities(experiment: str, rates: Sequence[float], signal: Signal) -> list[Hebbian]:
-    """What the champions live with: each rate and the paper's, and the controls of each."""
+def controllers(experiment: str, rates: Sequence[float], signal: Signal) -> list[Controller]:
+    """What the champions live with: for each rate and the paper's, the rule and its controls."""
     every = sorted({*rates, findings.PAPER_N[experiment]})
-    return [Hebbian(name="paper", N=rate, sign=sign, signal=signal) for sign in Sign for rate in every]
+    return [hebbian(rate, signal, sign) for sign in Sign for rate in every]
+
+
+def hebbian(rate: float, signal: Signal, sign: Sign = Sign.hebbian) -> Controller:
+    """The paper's rule at a rate, or a control of it."""
+    return Controller(name=CONTROLS[sign], rule=Paper(N=rate, sign=sign, signal=signal))
 
 
 def findings_of(
@@ -61,6 +71,7 @@ def findings_of(
         claims=findings.claims(each, dict(unchanged)),
         success=findings.success(each),
         rescue_and_harm=findings.rescue_and_harm(each),
+        retention=findings.retention(each),
         dose_response=findings.dose_response(each),
         comparison=comparison,
         showcase=showcase,
@@ -70,7 +81,7 @@ def findings_of(
         rule=RULE,
         provenance=provenance,
     )
-    tables = {name: getattr(found, name) for name in ("claims", "success", "rescue_and_harm", "dose_response")}
+    tables = {name: getattr(found, name) for name in _TABLES}
     return found, {"metrics": metrics, "trials": each, **tables, "comparison": comparison.drop(columns="title")}
 
 
@@ -96,7 +107,7 @@ def figures_of(
     made = {"maze.png": ("The maze: robot at the start, lamp, goals with their 5 cm circles, four obstacles.", maze)}
     for one, genes in genomes.items():
         name, rate = found.showcase[one][0], findings.PAPER_N[one]
-        plastic = Hebbian(name="paper", N=rate, signal=signals[one])
+        plastic = hebbian(rate, signals[one])
         lived: dict[tuple[str, str], dict[str, Samples]] = {}
         for place in worlds(one):
             scenario, lifetime = world(place)

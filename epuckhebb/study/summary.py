@@ -12,7 +12,7 @@ from epuckhebb.study import charts, findings, rescue
 from epuckhebb.study.evaluate import COLUMNS
 from epuckhebb.study.statistics import wilson
 
-_OUTCOMES = COLUMNS[COLUMNS.index("success") + 1 :]  # of which the summary has the mean
+_OUTCOMES = COLUMNS[COLUMNS.index("success") + 1 : COLUMNS.index("changed")]  # of which the summary has the mean
 _LIFETIME = ["experiment", "scenario", "controller", "N", "genome", "side", "seed", "repeat"]  # one of all
 
 
@@ -52,10 +52,12 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str, b
     lifetimes = rows[list(COLUMNS)].apply(_numbers)
     each = findings.trials(lifetimes)
     over_all, by_scenario = findings.rescue_over_all(each), findings.rescue_and_harm(each)
+    retention = findings.retention(each)
     champions = int(each.groupby("experiment").genome.nunique().max())
     seeds = f"`{each.genome.iloc[0]}` to `{each.genome.iloc[-1]}`"
-    page = rescue.markdown(over_all, by_scenario, champions, lifetimes.repeat.nunique(), seeds)
-    return {"rescue_over_all": over_all, "rescue_and_harm": by_scenario}, page, charts.rescue_over_all(over_all)
+    page = rescue.markdown(over_all, by_scenario, retention, champions, lifetimes.repeat.nunique(), seeds)
+    found = {"rescue_over_all": over_all, "rescue_and_harm": by_scenario, "retention": retention}
+    return found, page, charts.rescue_over_all(over_all)
 
 
 def _numbers(column: pd.Series) -> pd.Series:

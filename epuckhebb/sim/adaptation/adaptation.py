@@ -33,7 +33,7 @@ def _signal(name: str) -> ChangeSignal:
     return function
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class Adaptation:
     """When plasticity acts, and what else happens then.
 
@@ -88,7 +88,6 @@ class Adaptation:
         return self.change_signal != NONE
 
 
-NO_ADAPTATION = Adaptation()
 
 
 class Gate(NamedTuple):

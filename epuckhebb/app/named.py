@@ -1,0 +1,141 @@
+"""What a composed configuration leaves to its files: their names, and what differs from the scenario of that name.
+
+A file of `conf/` is known by its own name, so it need not say `name:`. Hydra knows which files were chosen and where it
+looked for them; here the names are filled in, and a value that is not that of the named scenario is told in the key
+`changed`, which tables, folders and pages show. A configuration that has been completed is left as it is.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf, flag_override
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
+
+from epuckhebb.app.config import ScenarioConfig
+from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.parts import NONE, rule_class, rule_file, scenario_from
+from epuckhebb.sim.maze import T_MAZE
+from epuckhebb.sim.robot import EPUCK
+from epuckhebb.sim.scenario import Scenario
+
+_GROUPS = ("maze", "robot", "scenario", "hebbian")
+_LONGEST = 80  # characters of a world in the name of a folder
+
+
+def completed(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> DictConfig:
+    """The configuration with all names in it.
+
+    Args:
+        cfg: As Hydra composed it; it is changed.
+        choices: The file that was chosen of each group.
+        folders: Where Hydra looked for files, first found first taken.
+
+    Raises:
+        ConfigError: The world, a rule or a name below `compare` cannot be used.
+    """
+    if "scenario" not in cfg or cfg.get("changed") is not None:
+        return cfg
+    with flag_override(cfg, ["struct", "readonly"], [False, False]):
+        for group in _GROUPS:
+            if group in cfg and not cfg[group].get("name"):
+                cfg[group].name = choices.get(group) or ""
+        if "adaptation" in cfg and cfg.adaptation.name == NONE and cfg.adaptation.change_signal != NONE:
+            cfg.adaptation.name = choices.get("adaptation") or NONE
+        _own_rules(cfg, str(choices.get("hebbian")), folders)
+        for name, settings in (cfg.get("compare") or {}).items():
+            if isinstance(settings, DictConfig) and isinstance(settings.get("adaptation"), str):
+                settings.adaptation = _adaptation(settings.adaptation, f"compare.{name}.adaptation", folders)
+        cfg.changed = _changed(cfg, str(choices.get("scenario")), folders)
+    return cfg
+
+
+def world_name(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> str:
+    """The world of a configuration as part of the name of a folder: the scenario, and what differs from it."""
+    try:
+        known = completed(cfg, choices, folders)
+    except (ValueError, OmegaConfBaseException):  # the job will tell what is wrong, and leave no folder
+        return str(choices.get("scenario"))
+    changed = re.sub(r"[^\w.=-]+", "-", str(known.changed).replace(", ", "+").replace("+", "\0")).replace("\0", "+")
+    name = re.sub(r"[^\w.=-]+", "-", str(known.scenario.name))
+    return f"{name}+{changed}"[:_LONGEST].rstrip("+-") if known.changed else name
+
+
+def _own_rules(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> None:
+    """Write down where a user's rule is, and drop what a file of `conf/hebbian/` says for another rule only."""
+    for settings in [cfg.hebbian, *(cfg.get("compare") or {}).values()]:
+        file = rule_file(settings) if isinstance(settings, DictConfig) else None
+        if file is not None:
+            settings.rule = f"{file.absolute()}:{str(settings.rule).rpartition(':')[2]}"
+    chosen = _file("hebbian", choice, folders)
+    if chosen is None or cfg.hebbian.get("rule") in (None, NONE, chosen.get("rule")):
+        return
+    kind = rule_class(str(cfg.hebbian.rule), "hebbian")
+    for key in [key for key in chosen if key not in {"rule", *kind.__dataclass_fields__}]:
+        if cfg.hebbian._get_node(key) == chosen._get_node(key):
+            del cfg.hebbian[key]
+    if cfg.hebbian.get("name") == choice:
+        cfg.hebbian.name = kind.__name__.lower()
+
+
+def _adaptation(choice: str, key: str, folders: Sequence[Path]) -> Any:
+    """The settings of an adaptation that is named below `compare`."""
+    found = _file("adaptation", choice, folders)
+    if found is None:
+        there = sorted({file.stem for folder in folders for file in (folder / "adaptation").glob("*.yaml")})
+        raise ConfigError(f"{key} must be one of {', '.join(there)}, or its settings, got {choice!r}")
+    return found.adaptation
+
+
+def _changed(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> str:
+    """What differs from the scenario of this name in the paper's maze with the e-puck."""
+    maze, robot = _plain(cfg.maze), _plain(cfg.robot)
+    original = scenario_of(choice, folders, maze, robot)
+    lived = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot)
+    return "" if original is None else lived.changed_from(original, T_MAZE, EPUCK)
+
+
+def _plain(node: DictConfig) -> dict[str, Any]:
+    values = OmegaConf.to_container(node, resolve=True)
+    assert isinstance(values, dict)
+    return {str(key): value for key, value in values.items()}
+
+
+def scenario_of(choice: str, folders: Sequence[Path], maze: dict[str, Any], robot: dict[str, Any]) -> Scenario | None:
+    """The scenario of a file of `conf/scenario/`, in a maze, for a robot; None if there is no such file.
+
+    Raises:
+        ConfigError: The file cannot be read.
+        ValueError: The world cannot be.
+    """
+    found = _file("scenario", choice, folders)
+    if found is None:
+        return None
+    schema = OmegaConf.structured(ScenarioConfig(name=choice))
+    whole = OmegaConf.create({"maze": maze, "scenario": OmegaConf.merge(schema, found)})
+    return scenario_from(OmegaConf.to_object(whole.scenario), maze, robot)
+
+
+def _file(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None:
+    """A file of a group with what it takes over from others of its group, as Hydra puts them together."""
+    path = next(
+        (folder / group / f"{choice}.yaml" for folder in folders if (folder / group / f"{choice}.yaml").is_file()), None
+    )
+    if path is None:
+        return None
+    try:
+        own = OmegaConf.load(path)
+        assert isinstance(own, DictConfig)
+        entries = list(own.pop("defaults", []))
+        if "_self_" not in entries:
+            entries.insert(0, "_self_")
+        parts = [
+            own if entry == "_self_" else _file(group, entry, folders) for entry in entries if isinstance(entry, str)
+        ]
+        merged = OmegaConf.merge(*(part for part in parts if part is not None))
+    except (OSError, YAMLError, OmegaConfBaseException) as error:
+        raise ConfigError(f"{path} cannot be read: {error}") from error
+    assert isinstance(merged, DictConfig)
+    return merged

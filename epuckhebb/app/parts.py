@@ -1,0 +1,308 @@
+"""From the words of a configuration to the parts of the science: rules, adaptations, worlds.
+
+A rule is a file of `epuckhebb/sim/plasticity/`, or one of the user's own, `FILE.py:NAME`. What a part has for settings
+is known from its dataclass, so keys of a user's rule are checked as ours are.
+"""
+
+import difflib
+import hashlib
+import importlib
+import importlib.util
+import math
+import pkgutil
+import sys
+import typing
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+from epuckhebb.app.errors import ConfigError
+from epuckhebb.sim import plasticity
+from epuckhebb.sim.adaptation.adaptation import Adaptation
+from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
+from epuckhebb.sim.fitness import Signal
+from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.maze import SIDES, Maze, Place, Side, maze_from
+from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
+from epuckhebb.sim.plasticity.control import Sign
+from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Rule, asked
+from epuckhebb.sim.robot import Robot, robot_from
+from epuckhebb.sim.scenario import Scenario
+
+NONE = "none"
+_NOT_RULES = ("control", "rule", "update", "weight_change")  # the other files beside the rules
+
+
+def rule_names() -> list[str]:
+    """The rules that the program has."""
+    return sorted(module.name for module in pkgutil.iter_modules(plasticity.__path__) if module.name not in _NOT_RULES)
+
+
+def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
+    """The rule that a part of the configuration describes.
+
+    Args:
+        settings: `rule`, the name of one or `FILE.py:NAME`, and the rule's own settings.
+        key: Where in the configuration they stand, for messages.
+
+    Raises:
+        ConfigError: There is no such rule, it has no such setting, or a value cannot be used.
+    """
+    given = {name: value for name, value in settings.items() if name not in ("rule", "name")}
+    where = settings.get("rule")
+    if where == NONE:
+        if given:
+            raise ConfigError(
+                f"{key}.{next(iter(given))} does nothing with {key}=none, which is no plasticity; choose a rule: "
+                f"{key}={', '.join(rule_names())}"
+            )
+        return NO_RULE
+    kind = rule_class(str(where), key)
+    known = {field.name: field for field in fields(kind)}
+    hints = typing.get_type_hints(kind)
+    values = {}
+    for name, value in given.items():
+        if name not in known:
+            raise ConfigError(f"{key}.{name} is not a setting of rule {where}; {_near(name, known)}")
+        values[name] = _as_declared(value, hints[name], f"{key}.{name}")
+    missing = [
+        name
+        for name, field in known.items()
+        if name not in values and field.default is MISSING and field.default_factory is MISSING
+    ]
+    if missing:
+        raise ConfigError(f"{key}.{missing[0]} is missing: rule {where} has no default for it")
+    try:
+        return kind(**values)
+    except ValueError as error:
+        raise ConfigError(str(error).replace("hebbian.", f"{key}.", 1)) from error
+
+
+def rule_class(where: str, key: str) -> type[Rule]:
+    """The class of a rule, of the program's own or of a file.
+
+    Raises:
+        ConfigError: There is no such rule, or its file cannot be used.
+    """
+    file, colon, name = where.rpartition(":")
+    if not colon:
+        if where not in rule_names():
+            raise ConfigError(
+                f"{key}.rule={where} must be one of {', '.join([NONE, *rule_names()])}, or a rule of your own, "
+                "FILE.py:NAME"
+            )
+        module: Any = importlib.import_module(f"{plasticity.__name__}.{where}")
+        return next(
+            kind
+            for kind in vars(module).values()
+            if isinstance(kind, type) and issubclass(kind, Rule) and kind.__module__ == module.__name__
+        )
+    module = _loaded(Path(file).expanduser(), f"{key}.rule={where}")
+    kind = getattr(module, name, None)
+    rules = [n for n, v in vars(module).items() if isinstance(v, type) and issubclass(v, Rule) and v is not Rule]
+    if not (isinstance(kind, type) and issubclass(kind, Rule)):
+        raise ConfigError(
+            f"{key}.rule={where}: {file} has no rule {name}, that is a subclass of epuckhebb.Rule; "
+            + (f"it has {', '.join(rules)}" if rules else "it has none at all")
+        )
+    try:
+        asked(kind)
+    except ValueError as error:
+        raise ConfigError(f"{key}.rule={where}: {error}") from error
+    return kind
+
+
+def rule_file(settings: Mapping[str, Any]) -> Path | None:
+    """The file of a user's own rule; None for a rule of the program."""
+    file, colon, _ = str(settings.get("rule", "")).rpartition(":")
+    return Path(file).expanduser() if colon else None
+
+
+def sha256_of(file: Path) -> str:
+    """SHA-256 of the content of a file."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _loaded(file: Path, told: str) -> Any:
+    """The module of a file; it is run once for its content."""
+    if not file.is_file():
+        raise ConfigError(f"{told}: there is no file {file}")
+    name = f"epuckhebb_rule_{sha256_of(file)[:16]}"
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(name, file)
+        if spec is None or spec.loader is None:
+            raise ConfigError(f"{told}: {file} is no Python file; its name must end in .py")
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module
+        try:
+            spec.loader.exec_module(module)
+        except Exception as error:
+            del sys.modules[name]
+            line = _line_of(error, file)
+            raise ConfigError(f"{told}: {file}{line} cannot be imported: {type(error).__name__}: {error}") from error
+    return sys.modules[name]
+
+
+def _line_of(error: BaseException, file: Path) -> str:
+    """Where in a file an error arose."""
+    if isinstance(error, SyntaxError):
+        return f", line {error.lineno},"
+    line, trace = "", error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == str(file):
+            line = f", line {trace.tb_lineno},"
+        trace = trace.tb_next
+    return line
+
+
+def _as_declared(value: Any, kind: Any, key: str) -> Any:
+    """A value of a configuration as the type that a dataclass declares."""
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        names = [member.name for member in kind]
+        name = value.name if isinstance(value, Enum) else value
+        if name not in names:
+            raise ConfigError(f"{key} must be one of {', '.join(names)}, got {value!r}")
+        return kind[name]
+    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    if kind in (int, bool, str) and type(value) is kind:
+        return value
+    wanted = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}.get(kind, str(kind))
+    raise ConfigError(f"{key} must be {wanted}, got {value!r}")
+
+
+def _near(name: str, known: Mapping[str, object]) -> str:
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"did you mean {near[0]}?" if near else f"it has {', '.join(known)}"
+
+
+def controller_from(hebbian: Mapping[str, Any], adaptation: Adaptation, key: str = "hebbian") -> Controller:
+    """The controller of a run: its rule and what is laid over it, by the paper's name if it is the paper's rule.
+
+    Raises:
+        ConfigError: The rule or a setting cannot be used.
+    """
+    rule = rule_from(hebbian, key)
+    control = "" if rule.sign is Sign.hebbian else f" ({rule.sign.name})"
+    if adaptation.needs_baseline:
+        name = f"{adaptation.name}{control}"
+    elif isinstance(rule, NoRule):
+        name = GA
+    elif hebbian.get("name") in ("paper", "", None) and isinstance(rule, Paper):
+        name = CONTROLS[rule.sign]
+    else:
+        name = f"{hebbian.get('name') or type(rule).__name__.lower()}{control}"
+    return Controller(name=name, rule=rule, adaptation=adaptation)
+
+
+def compared(name: str, settings: Any, paper_N: float) -> Controller:
+    """The controller that stands below `compare`: settings are what differs from the paper's rule.
+
+    They may have `adaptation`, a mapping with the keys of the group (its name has been looked up before).
+
+    Raises:
+        ConfigError: The name is taken, or a setting cannot be used.
+    """
+    key = f"compare.{name}"
+    if name in (GA, HEBBIAN, NONE, "paper"):
+        raise ConfigError(f"{key}: the name is taken ({GA} is the control that always runs); give another")
+    if not isinstance(settings, Mapping):
+        raise ConfigError(f"{key} must be settings of a rule, for example {{N: 0.002, sign: shuffled}}, got {settings}")
+    own = dict(settings)
+    over = own.pop("adaptation", None) or {}
+    if not isinstance(over, Mapping):
+        raise ConfigError(f"{key}.adaptation must be the name of an adaptation, or its settings, got {over}")
+    unknown = [name for name in over if name not in {field.name for field in fields(Adaptation)}]
+    if unknown:
+        raise ConfigError(f"{key}.adaptation.{unknown[0]} is not a setting of an adaptation")
+    rule_settings = {"rule": "paper", **own}
+    if rule_settings["rule"] != NONE:
+        rule_settings.setdefault("N", paper_N)
+    try:
+        return Controller(
+            name=name,
+            rule=rule_from(rule_settings, key),
+            adaptation=Adaptation(**{**over, "name": name}) if over else Adaptation(),
+        )
+    except TypeError as error:
+        raise ConfigError(f"{key}.adaptation: {error}") from error
+
+
+def scenario_from(scenario: Any, maze: Mapping[str, Any], robot: Mapping[str, Any]) -> Scenario:
+    """The world of a configuration.
+
+    Raises:
+        ValueError: A value cannot be used; the message names the key.
+    """
+    values = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
+    in_maze, of_kind = maze_from(maze), robot_from(robot)
+    values["changes"] = tuple(map(dict, values["changes"]))
+    if values["goals"] is not None:
+        values["goals"] = _goals(values["goals"], in_maze)
+    return Scenario(**values, maze=in_maze, robot=of_kind)
+
+
+def _goals(given: Any, maze: Maze) -> dict[Side, Place]:
+    """Goals of both sides; a side that is left out keeps the maze's."""
+    if not isinstance(given, Mapping) or not set(given) <= set(SIDES):
+        raise ConfigError(f"scenario.goals must be {{left: [x, y], right: [x, y]}} in m, got {given}")
+    goals = dict(maze.goals)
+    for side in SIDES:
+        place = given.get(side)
+        if place is None:
+            continue
+        numbers = list(place) if isinstance(place, list | tuple) else []
+        if len(numbers) != 2 or not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
+            raise ConfigError(f"scenario.goals.{side} must be two numbers, x and y in m, got {place}")
+        goals[side] = Place(*map(float, numbers))
+    return goals
+
+
+def network_for(robot: Robot, layers: tuple[int, ...] | None) -> Network:
+    """The network of these layers; left open, the paper's hidden layers between the robot's readings and wheels.
+
+    Raises:
+        ValueError: The layers do not make a network, or do not fit the robot.
+    """
+    network = Network((robot.inputs, *HIDDEN, OUTPUTS) if layers is None else layers)
+    if network.inputs != robot.inputs:
+        raise ValueError(
+            f"network.layers must begin with {robot.inputs}, the readings of robot {robot.name}, got {list(network.layers)}"
+        )
+    return network
+
+
+def check_pace(lifetime: Lifetime, world: Scenario) -> None:
+    """Refuse a gain that the robot's motors do not reach, and changes after the end of life.
+
+    Raises:
+        ValueError: The gain is too high, or a change comes too late.
+    """
+    robot = world.robot
+    if lifetime.gain_rad_s > robot.motor_limit_rad_s:
+        raise ValueError(
+            f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of robot "
+            f"{robot.name}, got {lifetime.gain_rad_s}"
+        )
+    for number, change in enumerate(world.changes):
+        if change["at_s"] >= lifetime.duration_s:
+            raise ValueError(
+                f"scenario.changes[{number}].at_s must be less than lifetime.duration_s, {lifetime.duration_s:g} s, "
+                f"got {change['at_s']}"
+            )
+
+
+def check_signal(controller: Controller, robot: Robot) -> None:
+    """Refuse the live fitness of the paper's light program for a robot that has not the e-puck's readings.
+
+    Raises:
+        ValueError: The robot has others.
+    """
+    if controller.rule.signal is Signal.light_code and (robot.lights, robot.distances) != (8, 8):
+        raise ValueError(
+            f"hebbian.signal=light_code reads eight light and eight distance sensors; robot {robot.name} has "
+            f"{robot.lights} and {robot.distances}"
+        )
