@@ -134,6 +134,8 @@ def _live_in_one_space(
         )
     phases: list[_Phase] = []
     for step, world in scenario.phases:
+        if step >= lifetime.steps:
+            break  # it changes after the end
         walls = boxes(world.maze, world.obstacles, world.layout)
         same = phases and np.array_equal(phases[-1].walls, walls)
         space = phases[-1].space if same else PymunkSpace(walls, world.robot)
@@ -195,12 +197,12 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
     record_every = lifetime.record_every if who.record else 0
     samples = empty_samples(-(-lifetime.steps // record_every) if record_every else 0, who.network)
 
-    def live_until(step: int, phase: _Phase) -> None:
+    def live_until(step: int, phase: _Phase, space: PymunkSpace) -> None:
         try:
             kind.live(
                 life,
                 birth,
-                phase.space.handles,
+                space.handles,
                 lights(phase.scenario.light, phase.scenario.lamp, lamp_on=who.side == "right"),
                 _trial(phase.scenario, who.side),
                 kind.plasticity,
@@ -208,7 +210,7 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
                 float(lifetime.gain_rad_s),
                 float(lifetime.noise),
                 who.key,
-                min(step, lifetime.steps),
+                step,
                 record_every,
                 samples,
             )
@@ -216,22 +218,24 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
             raise RuleError(_explained(rule, error)) from error
         _check(who, life, phase.scenario, lifetime)
 
-    for number, phase in enumerate(phases):
-        if number == 0:
-            phase.space.place_robot(first.maze.start if who.start is None else who.start)
-        elif phase.space is not phases[number - 1].space:
-            before = phases[number - 1]
-            while _is_in_the_way(before.space, phase) and life.tally["step"][0] < lifetime.steps:
-                live_until(int(life.tally["step"][0]) + 1, before)  # new walls appear where the robot is not
-            phase.space.take_over(before.space)
-        live_until(phases[number + 1].step if number + 1 < len(phases) else lifetime.steps, phase)
+    space = phases[0].space
+    space.place_robot(first.maze.start if who.start is None else who.start)
+    for phase, until in zip(phases, [*(later.step for later in phases[1:]), lifetime.steps], strict=True):
+        while space is not phase.space and (now := int(life.tally["step"][0])) < until:
+            if _is_in_the_way(space, phase):
+                live_until(now + 1, phase, space)  # new walls appear where the robot is not
+            else:
+                phase.space.take_over(space)
+                space = phase.space
+        live_until(until, phase, space)
     return _outcome(life, lifetime, phases[-1].scenario.maze.goal_radius_m), samples
 
 
 def _is_in_the_way(space: PymunkSpace, phase: _Phase) -> bool:
-    """Whether the robot of a space stands where walls of the next phase would be."""
+    """Whether the robot of a space stands where walls of a phase would be that are not in its space."""
     x, y = space.handles.state[:2].tolist()
-    return gap(x, y, phase.walls) < phase.scenario.robot.radius_m
+    known = (phase.walls[:, None] == space.handles.walls).all(axis=2).any(axis=1)
+    return gap(x, y, phase.walls[~known]) < phase.scenario.robot.radius_m
 
 
 def _trial(scenario: Scenario, side: Side) -> Trial:
