@@ -1,16 +1,23 @@
-"""What the tests share: the checked genomes, small lifetimes, golden files, and a limit on the size of files."""
+"""What the tests share: checked genomes, robots, lives beside the oracle, golden files, a limit on the size of files."""
 
+import math
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
+import reference
 
-from epuckhebb.sim.lifetime import Life, Lifetime, live_block
-from epuckhebb.sim.plasticity import Hebbian
+from epuckhebb.sim.block import Individual, live_block
+from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
+from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.robot import CurvePoint, Place, Robot
 from epuckhebb.sim.scenario import Scenario
 
 HERE = Path(__file__).parent
+OUTCOME_TOLERANCE = 1e-9  # beside the oracle; see `beside_the_oracle` for the others
 
 
 def pytest_addoption(parser):
@@ -40,13 +47,83 @@ def golden(request):
 def lived():
     """Live one robot: a function from genome and settings to (outcome, samples)."""
 
-    def live(genome, side="left", N=0.0, seconds=8.0, key=1, scenario=None, record_every=1, **more):
-        hebbian = Hebbian(N=N, **{k: more.pop(k) for k in ("signal", "w_max", "floor") if k in more})
-        life = Life(genome=genome, side=side, hebbian=hebbian, key=np.uint64(key), record=True)
+    def live(genome, side="left", N=0.0, seconds=8.0, key=1, scenario=None, record_every=1, controller=None, **more):
+        rule = {name: more.pop(name) for name in ("signal", "w_max", "floor") if name in more}
+        who = {name: more.pop(name) for name in ("network", "start", "signs", "baseline") if name in more}
+        controller = controller or Controller(name="Hebbian", rule=Paper(N=N, **rule))
+        individual = Individual(
+            genes=genome, side=side, controller=controller, key=np.uint64(key), record=record_every > 0, **who
+        )
         lifetime = Lifetime(duration_s=seconds, record_every=record_every, **more)
-        return live_block([life], scenario or Scenario(), lifetime)[0]
+        return live_block([individual], scenario or Scenario(), lifetime)[0]
 
     return live
+
+
+@pytest.fixture(scope="session")
+def lidar():
+    """An e-puck with a ring of 24 rays that feel walls up to half a metre away, instead of its infra-red sensors."""
+    azimuths = [15.0 * k for k in range(24)]
+    ring = tuple(Place(0.03 * math.cos(math.radians(a)), 0.03 * math.sin(math.radians(a)), a) for a in azimuths)
+    curve = (CurvePoint(0.0, 1.0, 0.01), CurvePoint(0.1, 0.6, 0.02), CurvePoint(0.5, 0.0, 0.05))
+    return Robot(name="lidar", distance_places=ring, distance_curve=curve, stretch=1.0, reach_m=0.5, full_scale=1.0)
+
+
+@pytest.fixture(scope="session")
+def constant():
+    """Genes that turn the wheels at (left, right) times the same speed whatever is sensed, 0.95 at most."""
+
+    def genes(left=1.0, right=1.0, network=PAPER_NETWORK):
+        weights = np.zeros(network.synapses)
+        layers = by_layer(network, weights)
+        layers[0][network.bias, 0] = 2.0
+        for layer in layers[1:-1]:
+            layer[0, 0] = 2.0
+        layers[-1][0] = 2.0 * left, 2.0 * right
+        return weights
+
+    return genes
+
+
+@pytest.fixture(scope="session")
+def beside_the_oracle(lived):
+    """Live a robot and its oracle, hold every step against each other, and return (outcome, samples, oracle)."""
+
+    def both(
+        genes,
+        side="left",
+        scenario=None,
+        controller=GA_ALONE,
+        network=PAPER_NETWORK,
+        seconds=30.0,
+        gain=4.0,
+        key=9,
+        **more,
+    ):
+        scenario = scenario or Scenario()
+        outcome, samples = lived(
+            genes,
+            side,
+            seconds=seconds,
+            key=key,
+            scenario=scenario,
+            controller=controller,
+            network=network,
+            gain_rad_s=gain,
+            **more,
+        )
+        robot = reference.Robot(genes, scenario, side, controller, network=network, gain=gain, key=key, **more)
+        expected, steps = reference.live(robot, len(samples.time))
+        np.testing.assert_allclose(samples.pose, [s[:3] for s in steps], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(samples.sensors, [s[3] for s in steps], rtol=0, atol=1e-8)
+        np.testing.assert_allclose(samples.motors, [s[4:6] for s in steps], rtol=0, atol=1e-8)
+        np.testing.assert_allclose(samples.fitness, [s[7] for s in steps], rtol=0, atol=1e-8)
+        np.testing.assert_allclose(samples.rate, [s[8] for s in steps], rtol=1e-7, atol=1e-12)
+        np.testing.assert_allclose(samples.weight_change, [s[9] for s in steps], rtol=1e-8, atol=1e-12)
+        np.testing.assert_allclose(outcome, expected, rtol=OUTCOME_TOLERANCE, atol=1e-9)
+        return outcome, samples, robot
+
+    return both
 
 
 @pytest.fixture
@@ -63,3 +140,10 @@ def small_files():
             resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
     return limited
+
+
+@pytest.fixture(scope="session")
+def wide():
+    """A network for the robot with 24 rays, and genes that drive it about."""
+    network = Network((32, 7, 5, 8, 4, 2))
+    return network, np.random.default_rng(0).uniform(-1, 1, network.synapses)

@@ -1,110 +1,192 @@
-"""The oracle: one robot in plain Python, NumPy and pymunk's public interface, from the paper's equations.
+"""The oracle: one robot in plain Python, NumPy and pymunk's public interface, from the equations.
 
-Nothing here is shared with the compiled lifetime but the facts of the world (walls, sensor table, sun and lamp) and the
-noise numbers. It is also the loop that `benchmarks/step.py` compares with: the program as one would first write it.
+Nothing here is shared with the compiled lifetime but the facts of the world (walls, sensor places and curve, sun and
+lamp), what a user says (controller, network, scenario) and the noise numbers. It is also the loop that
+`benchmarks/step.py` compares with: the program as one would first write it.
 """
 
 import math
 from itertools import pairwise
 
+import numba
 import numpy as np
 import pymunk
 
-from epuckhebb.sim import epuck, light, noise
-from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, START, boxes
+from epuckhebb.sim import light, random
+from epuckhebb.sim.maze import boxes
+from epuckhebb.sim.network import PAPER_NETWORK
 
 STEP = 0.032
-SHAPES = ((17, 7), (7, 5), (5, 8), (8, 4), (4, 2))
+WALL, ROBOT = pymunk.ShapeFilter(categories=1), pymunk.ShapeFilter(categories=2)
+_ROOM = {}
+
+
+def noise(key, step, count):
+    """Standard normal numbers of a step, from the program; its tests say that they are what they should be."""
+    if count not in _ROOM:
+        _ROOM[count] = numba.njit(random.normal_numbers(count)), np.zeros(random.room_for_noise(count))
+    fill, room = _ROOM[count]
+    fill(key, step, room)
+    return room[:count].copy()
 
 
 class Robot:
     """A robot in a pymunk space; `live` takes it through its control steps."""
 
-    def __init__(self, genome, scenario, side, hebbian, gain=1.0, noise_level=1.0, key=0, start=START, remembered=None):
+    def __init__(  # noqa: PLR0913
+        self,
+        genes,
+        scenario,
+        side,
+        controller,
+        *,
+        network=PAPER_NETWORK,
+        gain=1.0,
+        noise_level=1.0,
+        key=0,
+        start=None,
+        baseline=None,
+        signs=None,
+    ):
+        self.kind, self.side, self.gain, self.noise_level = scenario.robot, side, gain, noise_level
+        self.key, self.step_number = np.uint64(key), 0
         self.space = pymunk.Space()
         self.space.damping, self.space.collision_slop, self.space.iterations = 0, 1e-4, 10
-        for left, right, bottom, top in boxes(scenario.obstacles, scenario.layout).tolist():
-            corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
-            wall = pymunk.Poly(self.space.static_body, corners)
-            wall.friction, wall.filter = 0, pymunk.ShapeFilter(categories=1)
-            self.space.add(wall)
-        self.body = pymunk.Body(epuck.MASS, epuck.INERTIA)
+        start = scenario.maze.start if start is None else start
+        self.body = pymunk.Body(self.kind.mass_kg, self.kind.inertia_kg_m2)
         self.body.position, self.body.angle = (start.x, start.y), start.heading
-        disc = pymunk.Circle(self.body, epuck.RADIUS)
-        disc.friction, disc.filter = 0, pymunk.ShapeFilter(categories=2)
+        disc = pymunk.Circle(self.body, self.kind.radius_m)
+        disc.friction, disc.filter = 0, ROBOT
+        self.changes = [(round(change["at_s"] / STEP), change) for change in scenario.changes]
+        self.walls, self.wanted = None, None
+        self.be_in(scenario)
+        self.put_walls()
         self.space.add(self.body, disc)
 
-        cuts = np.cumsum([n * m for n, m in SHAPES])[:-1]
-        genome = np.clip(genome, -2, 2)
-        self.genes = [part.reshape(shape) for part, shape in zip(np.split(genome, cuts), SHAPES, strict=True)]
-        self.weights = [part.copy() for part in self.genes]
-        self.traces = [np.zeros(shape) for shape in SHAPES]
-        self.hebbian, self.gain, self.noise_level, self.key = hebbian, gain, noise_level, np.uint64(key)
-        self.scenario, self.lamp_on, self.goal = scenario, side == "right", GOALS[side]
-        self.numbers = np.zeros(16)
-        self.junction, self.undirected, self.step_number = 0.0, 0.0, 0
-        self.remembered, self.recent, self.arrived, self.away, self.surprised = remembered, None, False, 0.0, 0.0
+        self.shapes = list(pairwise([*network.layers]))
+        self.shapes[0] = (network.layers[0] + 1, network.layers[1])
+        self.genes = self.by_layer(np.clip(genes[: sum(n * m for n, m in self.shapes)], -2, 2))
+        self.signs = self.by_layer(np.ones(sum(g.size for g in self.genes)) if signs is None else signs)
+        self.controller, self.rule, self.adaptation = controller, controller.rule, controller.adaptation
+        self.be_born()
+        self.junction, self.undirected = 0.0, 0.0
+        self.baseline, self.recent, self.arrived, self.away, self.late = baseline, None, False, 0.0, 0.0
+        self.change_signal = math.nan
+
+    def by_layer(self, values):
+        cuts = np.cumsum([n * m for n, m in self.shapes])[:-1]
+        return [part.reshape(shape) for part, shape in zip(np.split(values, cuts), self.shapes, strict=True)]
+
+    def be_born(self):
+        """The weights are the genes, and nothing is kept."""
+        self.weights = [g.copy() for g in self.genes]
+        self.kept = [{name: np.zeros(shape) for name in ("trace", "pre", "post", "square")} for shape in self.shapes]
+
+    def be_in(self, world):
+        """Live in this world; its walls come with `put_walls`."""
+        self.world, self.goal = world, np.array(world.goals_now[self.side])
+        self.wanted = boxes(world.maze, world.obstacles, world.layout).tolist()
+
+    def put_walls(self):
+        if self.wanted == self.walls:
+            return
+        x, y = self.body.position
+        for left, right, bottom, top in self.wanted:
+            away = math.hypot(max(left - x, 0, x - right), max(bottom - y, 0, y - top))
+            if self.walls and [left, right, bottom, top] not in self.walls and away < self.kind.radius_m:
+                return  # not where the robot stands
+        self.space.remove(*self.space.static_body.shapes)
+        for left, right, bottom, top in self.wanted:
+            corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
+            wall = pymunk.Poly(self.space.static_body, corners)
+            wall.friction, wall.filter = 0, WALL
+            self.space.add(wall)
+        self.walls = self.wanted
+
+    def change(self):
+        """The world changes when it is time."""
+        for step, change in self.changes:
+            if step == self.step_number:
+                new = {key: value for key, value in change.items() if key != "at_s"}
+                told = {name: getattr(self.world, name) for name in self.world.__dataclass_fields__}
+                if "lamp" in new:
+                    new["lamp"] = light.Lamp(**{**vars(told["lamp"]), **new["lamp"]})
+                if "goals" in new:
+                    new["goals"] = {**self.world.goals_now, **new["goals"]}
+                self.be_in(type(self.world)(**{**told, "changes": (), **new}))
+        self.put_walls()
 
     def step(self):
         """One control step: sense, act, score, learn, move. Returns what happened."""
+        self.change()
         x, y = self.body.position
         heading = self.body.angle
         readings = self.sense(x, y, heading)
         activations = self.act(readings)
         left, right = activations[-1]
-        if y > 0.10 and (x > 0.08 if self.goal[0] > 0 else x < -0.08):
+        arm = self.world.maze.arms[self.side]
+        if arm.left < x < arm.right and arm.bottom < y < arm.top:
             self.junction = 1.0
         forward = min(1.0, max(0.0, (left + right) / 1.5))
         spin = max(0.0, 1 - abs(right - left) / 2)
-        avoid = 1 - max(readings[8:]) ** 3
+        avoid = 1 - max(readings[self.kind.lights :]) ** 3
         combined = (forward + 2 * avoid + spin + self.junction) / 5
         self.undirected += (forward + 2 * avoid + spin) / 5
         self.step_number += 1
         fitness = self.live_fitness(readings, left, right, combined, math.dist((x, y), self.goal))
-        need = self.need(readings, fitness, (x, y)) if self.hebbian.surprise else 1.0
-        rate = self.hebbian.N * need * max(self.hebbian.floor, fitness)
+        need = self.need(readings, fitness, (x, y)) if self.adaptation.needs_baseline else 1.0
+        rate = self.rule.N * need * max(self.rule.floor, fitness)
         if need == 0:
-            self.weights, self.traces = [g.copy() for g in self.genes], [0 * g for g in self.genes]
-        elif self.hebbian.N > 0:
+            self.be_born()
+        elif self.rule.N > 0:
             self.learn(activations, rate)
         change = sum(np.abs(w - g).sum() for w, g in zip(self.weights, self.genes, strict=True))
         self.move(left, right, heading)
         return x, y, heading, readings, left, right, combined, fitness, rate, change
 
     def sense(self, x, y, heading):
-        if self.noise_level > 0:
-            noise.normal_numbers(self.key, self.step_number, self.numbers)
-        cos, sin = math.cos(heading), math.sin(heading)
-        place_x = x + cos * epuck.PLACE_X - sin * epuck.PLACE_Y
-        place_y = y + sin * epuck.PLACE_X + cos * epuck.PLACE_Y
-        look_x, look_y = np.cos(heading + epuck.AZIMUTH), np.sin(heading + epuck.AZIMUTH)
-
-        irradiance = 1 + light.SUN_IRRADIANCE * self.scenario.light * np.maximum(
+        kind = self.kind
+        numbers = noise(self.key, self.step_number, kind.inputs) if self.noise_level > 0 else np.zeros(kind.inputs)
+        place_x, place_y, look_x, look_y = self.placed(kind.light_places, x, y, heading)
+        irradiance = 1 + light.SUN_IRRADIANCE * self.world.light * np.maximum(
             0, look_x * light.SUN_X + look_y * light.SUN_Y
         )
-        if self.lamp_on:
-            lamp = self.scenario.lamp
+        if self.side == "right":
+            lamp = self.world.lamp
             to_x, to_y = lamp.x_m - place_x, lamp.y_m - place_y
             away = np.hypot(to_x, to_y)
             cosine = np.maximum(0, (look_x * to_x + look_y * to_y) / away)
-            irradiance += (np.arccos(to_x / away) <= lamp.beam_rad) * lamp.intensity * cosine / away**2
-        dark = np.clip(2 - irradiance, 0, 1) * (1 + self.noise_level * 0.01 * self.numbers[:8])
+            off_axis = np.arctan2(-to_y, -to_x) - math.atan2(lamp.towards_y, lamp.towards_x)
+            lit = np.abs((off_axis + np.pi) % (2 * np.pi) - np.pi) <= lamp.beam_rad
+            irradiance += lit * lamp.intensity * cosine / away**2
+        dark = np.clip(2 - irradiance, 0, 1) * (1 + self.noise_level * 0.01 * numbers[: kind.lights])
 
-        distance = np.full(8, epuck.REACH)
-        for i in range(8):
-            start = (place_x[i], place_y[i])
-            end = (place_x[i] + look_x[i] * epuck.REACH, place_y[i] + look_y[i] * epuck.REACH)
-            hit = self.space.segment_query_first(start, end, 0, pymunk.ShapeFilter(mask=1))
+        distance = np.full(kind.distances, np.inf)
+        places = zip(*self.placed(kind.distance_places, x, y, heading), strict=True)
+        for i, (place_x, place_y, look_x, look_y) in enumerate(places):
+            end = (place_x + look_x * kind.reach_m, place_y + look_y * kind.reach_m)
+            hit = self.space.segment_query_first((place_x, place_y), end, 0, pymunk.ShapeFilter(mask=1))
             if hit is not None:
-                distance[i] = hit.alpha * epuck.REACH
-        apparent = distance * epuck.APPARENT_DISTANCE
-        value = np.interp(apparent, epuck.INFRARED[:, 0], epuck.INFRARED[:, 1])
-        fraction = np.interp(apparent, epuck.INFRARED[:, 0], epuck.INFRARED[:, 2])
-        echo = value * (1 + self.noise_level * fraction * self.numbers[8:])
-        readings = np.clip(np.concatenate([dark, echo / 2000]), 0, 1)
-        if self.scenario.dead_sensor is not None:
-            readings[[self.scenario.dead_sensor, 8 + self.scenario.dead_sensor]] = 1, 0
+                distance[i] = hit.alpha * kind.reach_m
+        curve = np.array(kind.distance_curve)
+        apparent = np.minimum(distance * kind.stretch, curve[-1, 0])
+        value = np.interp(apparent, curve[:, 0], curve[:, 1])
+        fraction = np.interp(apparent, curve[:, 0], curve[:, 2])
+        echo = value * (1 + self.noise_level * fraction * numbers[kind.lights :])
+        readings = np.clip(np.concatenate([dark, echo / kind.full_scale]), 0, 1)
+        if self.world.dead_sensor is not None:
+            if self.world.dead_sensor < kind.lights:
+                readings[self.world.dead_sensor] = 1
+            if self.world.dead_sensor < kind.distances:
+                readings[kind.lights + self.world.dead_sensor] = 0
         return readings
+
+    def placed(self, places, x, y, heading):
+        """Where sensors are in the maze, and the way they look."""
+        cos, sin = math.cos(heading), math.sin(heading)
+        own_x, own_y, azimuth = np.array(places).T
+        angle = heading + np.radians(azimuth)
+        return x + cos * own_x - sin * own_y, y + sin * own_x + cos * own_y, np.cos(angle), np.sin(angle)
 
     def act(self, readings):
         activations = [np.append(readings, 1.0)]
@@ -113,7 +195,7 @@ class Robot:
         return activations
 
     def live_fitness(self, readings, left, right, combined, distance):
-        signal = self.hebbian.signal.name
+        signal = self.rule.signal.name
         if signal == "behaviour":
             return combined
         if signal == "final":
@@ -127,44 +209,61 @@ class Robot:
         return (forward + 2 * (1 - max(readings[3:11]) ** 3) + spin + follow) / 6
 
     def need(self, readings, fitness, place):
-        now, rule, memory = (self.step_number - 1) * STEP, self.hebbian, self.remembered
+        now, over, baseline = (self.step_number - 1) * STEP, self.adaptation, self.baseline
         felt = np.append(readings, fitness)
         self.recent = felt if self.recent is None else self.recent + STEP / (5 + STEP) * (felt - self.recent)
-        at_goal = math.dist(place, self.goal) < GOAL_RADIUS
+        at_goal = math.dist(place, self.goal) < self.world.maze.goal_radius_m
         self.arrived, self.away = self.arrived or at_goal, 0.0 if at_goal else self.away + STEP
-        if rule.surprise.name == "lateness":
-            surprise = self.away / (max(5.0, memory.away) if self.arrived else memory.time_to_goal)
-        elif rule.surprise.name == "shortfall":
-            surprise = memory.fitness[min(int(now), len(memory.fitness) - 1)] - self.recent[16]
+        if over.change_signal == "lateness":
+            signal = self.away / (max(5.0, baseline.away_s) if self.arrived else baseline.time_to_goal_s)
+        elif over.change_signal == "shortfall":
+            signal = baseline.fitness[min(int(now), len(baseline.fitness) - 1)] - self.recent[-1]
         else:
-            unlike = np.abs(self.recent[:16] - memory.reading_mean) / (memory.reading_spread + 0.01)
-            surprise = unlike.mean(axis=1).min()
-        self.surprise = surprise
-        over = surprise - rule.tolerance
-        need = 0.0 if at_goal or not over > 0 else min(1.0, over / rule.ramp) if rule.ramp else 1.0
-        self.surprised = self.surprised + STEP if need else 0.0
-        rests = rule.spell_s and self.surprised % (rule.spell_s + rule.rest_s) >= rule.spell_s
+            unlike = np.abs(self.recent[:-1] - baseline.reading_mean) / (baseline.reading_spread + 0.01)
+            signal = unlike.mean(axis=1).min()
+        self.change_signal = signal
+        too_much = signal - over.threshold
+        need = 0.0 if at_goal or not too_much > 0 else min(1.0, too_much * over.slope)
+        self.late = self.late + STEP if need else 0.0
+        rests = over.active_s and self.late % (over.active_s + over.rest_s) >= over.active_s
         return 0.0 if rests else need
 
     def learn(self, activations, rate):
-        rule = self.hebbian
-        for layer, (pre, post) in enumerate(pairwise(activations)):
-            correlation = np.outer(pre, post)
-            self.traces[layer] = rule.trace_decay * self.traces[layer] + rule.trace_update * correlation
-            self.weights[layer] = np.clip(self.weights[layer] + rate * self.traces[layer], -rule.w_max, rule.w_max)
+        w_max = self.rule.w_max
+        for k, (pre, post) in enumerate(pairwise(activations)):
+            direction = getattr(self, type(self.rule).__name__.lower())(k, pre[:, None], post[None, :], self.kept[k])
+            self.weights[k] = np.clip(self.weights[k] + rate * self.signs[k] * direction, -w_max, w_max)
+
+    def paper(self, layer, pre, post, kept):  # noqa: ARG002
+        kept["trace"] = self.rule.trace_decay * kept["trace"] + self.rule.trace_update * (pre * post)
+        return kept["trace"]
+
+    def oja(self, layer, pre, post, kept):  # noqa: ARG002
+        return pre * post - post**2 * self.weights[layer]
+
+    def bcm(self, layer, pre, post, kept):  # noqa: ARG002
+        kept["square"] = kept["square"] + STEP / self.rule.threshold_time_s * (post**2 - kept["square"])
+        return pre * post * (post - kept["square"])
+
+    def differential(self, layer, pre, post, kept):  # noqa: ARG002
+        share = STEP / self.rule.trace_time_s
+        kept["pre"] = kept["pre"] + share * (pre - kept["pre"])
+        kept["post"] = kept["post"] + share * (post - kept["post"])
+        return kept["pre"] * post - pre * kept["post"]
 
     def move(self, left, right, heading):
-        left, right = left * self.scenario.left_wheel, right * self.scenario.right_wheel
-        speed = self.gain * epuck.WHEEL_RADIUS * (left + right) / 2
-        turn = self.gain * epuck.WHEEL_RADIUS * (right - left) / epuck.AXLE
-        push = epuck.MASS * speed / STEP
+        kind = self.kind
+        left, right = left * self.world.left_wheel, right * self.world.right_wheel
+        speed = self.gain * kind.wheel_radius_m * (left + right) / 2
+        turn = self.gain * kind.wheel_radius_m * (right - left) / kind.axle_m
+        push = kind.mass_kg * speed / STEP
         self.body.force = (push * math.cos(heading), push * math.sin(heading))
-        self.body.torque = epuck.INERTIA * turn / STEP
+        self.body.torque = kind.inertia_kg_m2 * turn / STEP
         self.space.step(STEP)
 
 
 def live(robot, steps):
-    """A whole lifetime: the metrics of `epuckhebb.sim.lifetime.Outcome`, in the same order, and the steps."""
+    """A whole lifetime: the metrics of `epuckhebb.sim.block.Outcome`, in the same order, and the steps."""
     told, path, arrived, changes, behaviour, contacts = [], 0.0, math.nan, 0.0, 0.0, 0
     for step in range(steps):
         happened = robot.step()
@@ -172,10 +271,11 @@ def live(robot, steps):
         told.append(happened)
         path += math.dist((x, y), robot.body.position)
         distance = math.dist(robot.body.position, robot.goal)
-        if math.isnan(arrived) and distance < GOAL_RADIUS:
+        near = distance < robot.world.maze.goal_radius_m
+        if math.isnan(arrived) and near:
             arrived = (step + 1) * STEP
         changes += change
         behaviour += combined
-        contacts += max(readings[8:]) > 0.8
+        contacts += max(readings[robot.kind.lights :]) > 0.8
     reward = 1 - min(1, (1.7 * distance) ** 3)
-    return (arrived, path, distance, behaviour / steps, reward, changes / steps, change, contacts / steps, steps), told
+    return (arrived, path, distance, behaviour / steps, reward, changes / steps, change, contacts / steps, near), told

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim import fitness
 from epuckhebb.sim.adaptation.adaptation import gate_numbers
-from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, no_baseline
+from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, check_baseline, no_baseline
 from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, plan_of
 from epuckhebb.sim.lifetime import (
     Birth,
@@ -134,6 +135,8 @@ def _live_in_one_space(
         )
     phases: list[_Phase] = []
     for step, world in scenario.phases:
+        if step >= lifetime.steps:
+            break  # it changes after the end
         walls = boxes(world.maze, world.obstacles, world.layout)
         same = phases and np.array_equal(phases[-1].walls, walls)
         space = phases[-1].space if same else PymunkSpace(walls, world.robot)
@@ -168,12 +171,21 @@ def _kind(controller: Controller, network: Network, robot: Robot, spare: type[Ru
     one kernel less to compile.
     """
     rule, adaptation = controller.rule, controller.adaptation
+    if rule.signal is Signal.light_code and (robot.lights, robot.distances) != LIGHT_CODE_SENSORS:
+        raise ValueError(
+            f"hebbian.signal=light_code is of the published program, whose robot has 8 light and 8 distance sensors; "
+            f"robot {robot.name} has {robot.lights} and {robot.distances}"
+        )
     compiled_for = spare if controller.is_ga_alone and not spare.evolved else type(rule)
     numbers = rule.numbers() if compiled_for is type(rule) else dict.fromkeys(compiled_for.settings(), 0.0)
     return _Kind(
         live=kernel_of(compiled_for, adaptation.change_signal, network, robot),
         plasticity=Plasticity(
-            float(rule.N), float(rule.floor), int(rule.signal), tuple(numbers.values()), gate_numbers(adaptation)
+            float(rule.N) if compiled_for is type(rule) else 0.0,
+            float(rule.floor),
+            int(rule.signal),
+            tuple(numbers.values()),
+            gate_numbers(adaptation),
         ),
         plan=plan_of(network, type(rule)),
         kept=kept_at_birth(compiled_for, network),
@@ -184,6 +196,8 @@ def _kind(controller: Controller, network: Network, robot: Robot, spare: type[Ru
 
 def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Lifetime) -> tuple[Outcome, Samples]:
     first, rule = phases[0].scenario, type(who.controller.rule)
+    if who.baseline is not None:
+        check_baseline(who.baseline, first.robot.inputs)
     parts = kind.plan.split(who.genes)
     birth = Birth(
         weights_at_birth(parts[WEIGHTS]),
@@ -195,12 +209,12 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
     record_every = lifetime.record_every if who.record else 0
     samples = empty_samples(-(-lifetime.steps // record_every) if record_every else 0, who.network)
 
-    def live_until(step: int, phase: _Phase) -> None:
+    def live_until(step: int, phase: _Phase, space: PymunkSpace) -> None:
         try:
             kind.live(
                 life,
                 birth,
-                phase.space.handles,
+                space.handles,
                 lights(phase.scenario.light, phase.scenario.lamp, lamp_on=who.side == "right"),
                 _trial(phase.scenario, who.side),
                 kind.plasticity,
@@ -208,7 +222,7 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
                 float(lifetime.gain_rad_s),
                 float(lifetime.noise),
                 who.key,
-                min(step, lifetime.steps),
+                step,
                 record_every,
                 samples,
             )
@@ -216,22 +230,24 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
             raise RuleError(_explained(rule, error)) from error
         _check(who, life, phase.scenario, lifetime)
 
-    for number, phase in enumerate(phases):
-        if number == 0:
-            phase.space.place_robot(first.maze.start if who.start is None else who.start)
-        elif phase.space is not phases[number - 1].space:
-            before = phases[number - 1]
-            while _is_in_the_way(before.space, phase) and life.tally["step"][0] < lifetime.steps:
-                live_until(int(life.tally["step"][0]) + 1, before)  # new walls appear where the robot is not
-            phase.space.take_over(before.space)
-        live_until(phases[number + 1].step if number + 1 < len(phases) else lifetime.steps, phase)
+    space = phases[0].space
+    space.place_robot(first.maze.start if who.start is None else who.start)
+    for phase, until in zip(phases, [*(later.step for later in phases[1:]), lifetime.steps], strict=True):
+        while space is not phase.space and (now := int(life.tally["step"][0])) < until:
+            if _is_in_the_way(space, phase):
+                live_until(now + 1, phase, space)  # new walls appear where the robot is not
+            else:
+                phase.space.take_over(space)
+                space = phase.space
+        live_until(until, phase, space)
     return _outcome(life, lifetime, phases[-1].scenario.maze.goal_radius_m), samples
 
 
 def _is_in_the_way(space: PymunkSpace, phase: _Phase) -> bool:
-    """Whether the robot of a space stands where walls of the next phase would be."""
+    """Whether the robot of a space stands where walls of a phase would be that are not in its space."""
     x, y = space.handles.state[:2].tolist()
-    return gap(x, y, phase.walls) < phase.scenario.robot.radius_m
+    known = (phase.walls[:, None] == space.handles.walls).all(axis=2).any(axis=1)
+    return gap(x, y, phase.walls[~known]) < phase.scenario.robot.radius_m
 
 
 def _trial(scenario: Scenario, side: Side) -> Trial:
@@ -242,7 +258,7 @@ def _trial(scenario: Scenario, side: Side) -> Trial:
         float(maze.goal_radius_m),
         Region(*map(float, maze.arms[side])),
         float(maze.arena_m),
-        -1 if scenario.dead_sensor is None else scenario.dead_sensor,
+        -1 if scenario.dead_sensor is None else int(scenario.dead_sensor),
         float(scenario.left_wheel),
         float(scenario.right_wheel),
     )
@@ -251,13 +267,14 @@ def _trial(scenario: Scenario, side: Side) -> Trial:
 def _check(who: Individual, life: Life, scenario: Scenario, lifetime: Lifetime) -> None:
     """Refuse to go on with a life that makes no sense any more."""
     where = f"on a {who.side} trial of scenario {scenario.name}, controller {who.controller.name},"
-    when = f"at step {life.tally['step'][0]} of {lifetime.steps}"
+    step, lost = int(life.tally["step"][0]), bool(life.tally["lost"][0])
+    when = f"at step {step - lost} of {lifetime.steps}"
     if not (np.isfinite(life.weights).all() and np.isfinite(life.kept.view(np.float64)).all()):
         raise LostRobotError(
             f"{where} the rule {type(who.controller.rule).__name__} made weights, or what synapses keep, infinite or "
             f"nan; noticed {when}"
         )
-    if life.tally["lost"][0]:
+    if lost:
         raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")
 
 
@@ -303,4 +320,4 @@ def load_kernel(
         network=net,
         key=np.uint64(0),
     )
-    live_block([unborn], world, Lifetime(duration_s=STEP_S))
+    live_block([unborn], world, Lifetime(duration_s=STEP_S, gain_rad_s=min(1.0, world.robot.motor_limit_rad_s)))

@@ -14,6 +14,7 @@ import os
 import sys
 import types
 from collections.abc import Callable
+from enum import Enum
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -24,7 +25,7 @@ from numba.extending import register_jitable
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
-_PACKAGE = __name__.partition(".")[0]
+_LIBRARIES = {*sys.stdlib_module_names, "numpy", "numba", "scipy"}  # they are told apart by their versions
 _building_block: Any = register_jitable(forceinline=True, **_OPTIONS)
 _njit: Any = numba.njit
 
@@ -64,47 +65,55 @@ def digest(function: Callable[..., Any]) -> str:
 
     What counts is the bytecode and the values that global names and closures have now, not the text of a file.
     """
-    content = hashlib.sha256(f"numba {numba.__version__} python {sys.version_info[:2]}".encode())
-    seen: set[int] = set()
+    content = hashlib.sha256(f"numba {numba.__version__} numpy {np.__version__} python {sys.version_info[:2]}".encode())
+    numbered: dict[int, int] = {}
 
     def take(value: object) -> None:
+        content.update(repr(sorted(getattr(value, "targetoptions", {}).items())).encode())
         value = getattr(value, "py_func", value)
         if isinstance(value, types.ModuleType):
             content.update(value.__name__.encode())
         elif isinstance(value, types.FunctionType):
-            if id(value) not in seen:
-                seen.add(id(value))
+            new = id(value) not in numbered
+            content.update(f"function {numbered.setdefault(id(value), len(numbered))}".encode())
+            if new:
                 take_function(value)
         elif isinstance(value, np.ndarray):
             content.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
-        elif isinstance(value, tuple | list) and not isinstance(value, str):
-            content.update(f"{len(value)}(".encode())
+        elif isinstance(value, tuple | list):
+            content.update(f"{len(value)}{getattr(value, '_fields', '')}(".encode())
             for item in value:
                 take(item)
         elif isinstance(value, type):
             content.update(f"{value.__module__}.{value.__qualname__}{getattr(value, '_fields', '')}".encode())
+            content.update(repr(list(value) if issubclass(value, Enum) else "").encode())
         else:
             content.update(repr(value).encode())
 
     def take_function(python: types.FunctionType) -> None:
-        take_code(python.__code__)
+        take_code(python.__code__, python.__doc__)
         take(python.__defaults__ or ())
+        names = _names(python.__code__)
         for cell in python.__closure__ or ():
-            take(cell.cell_contents)
-        for name in sorted(_names(python.__code__) & python.__globals__.keys()):
+            take_named(cell.cell_contents, names)
+        for name in sorted(names & python.__globals__.keys()):
             content.update(name.encode())
-            value = python.__globals__[name]
-            take(value)
-            if isinstance(value, types.ModuleType) and value.__name__.startswith(_PACKAGE):
-                for attribute in sorted(_names(python.__code__) & vars(value).keys()):
-                    take(vars(value)[attribute])
+            take_named(python.__globals__[name], names)
 
-    def take_code(code: types.CodeType) -> None:
+    def take_named(value: object, names: set[str]) -> None:
+        """Take a value; of a module that is not a known library, what of it may be meant too."""
+        take(value)
+        if isinstance(value, types.ModuleType) and value.__name__.partition(".")[0] not in _LIBRARIES:
+            for name in sorted(names & vars(value).keys()):
+                content.update(name.encode())
+                take_named(vars(value)[name], names - {name})
+
+    def take_code(code: types.CodeType, docstring: str | None = None) -> None:
         content.update(code.co_code + repr((code.co_names, code.co_varnames, code.co_freevars)).encode())
         for constant in code.co_consts:
             if isinstance(constant, types.CodeType):
                 take_code(constant)
-            elif not isinstance(constant, str):  # docstrings say nothing about the result
+            elif not (isinstance(constant, str) and constant == docstring):  # it says nothing about the result
                 take(constant)
 
     take(function)

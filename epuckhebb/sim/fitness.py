@@ -35,6 +35,8 @@ class Signal(IntEnum):
 HISTORY_STEPS = 2 * 250 / STEP_S
 HISTORY_MEAN = 0.50
 
+LIGHT_CODE_SENSORS = (8, 8)  # light and distance sensors of the robot that `light_code` is written for
+
 _BEHAVIOUR, _FINAL, _LIFETIME_MEAN = int(Signal.behaviour), int(Signal.final), int(Signal.lifetime_mean)
 
 

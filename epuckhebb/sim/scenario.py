@@ -62,7 +62,7 @@ class Scenario:
         if self.layout and not self.maze.niches:
             raise ValueError(f"scenario.layout = {self.layout} needs niches, and maze {self.maze.name} has none")
         sensors = self.robot.sensor_numbers
-        if self.dead_sensor is not None and not 0 <= self.dead_sensor < sensors:
+        if self.dead_sensor is not None and self.dead_sensor not in range(sensors):
             raise ValueError(f"scenario.dead_sensor must be null or 0 to {sensors - 1}, got {self.dead_sensor}")
         for wheel in ("left_wheel", "right_wheel"):
             if not 0 <= getattr(self, wheel) <= 1:

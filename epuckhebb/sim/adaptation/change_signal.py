@@ -51,6 +51,22 @@ def no_baseline(inputs: int) -> BaselineOfSide:
     return BaselineOfSide(np.nan, 0.0, np.zeros(1), np.zeros((2, inputs)), np.ones((2, inputs)))
 
 
+def check_baseline(baseline: BaselineOfSide, inputs: int) -> None:
+    """Refuse a baseline that is not of a robot with so many readings.
+
+    Raises:
+        ValueError: it is not.
+    """
+    for name in ("reading_mean", "reading_spread"):
+        if getattr(baseline, name).shape != (2, inputs):
+            raise ValueError(
+                f"a baseline of a robot with {inputs} readings has a {name} of shape (2, {inputs}), got "
+                f"{getattr(baseline, name).shape}: it is of another robot"
+            )
+    if len(baseline.fitness) == 0:
+        raise ValueError("a baseline remembers the live fitness of one second or more, got none")
+
+
 ChangeSignal = Callable[[Now, BaselineOfSide], float]
 
 

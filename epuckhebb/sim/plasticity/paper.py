@@ -15,7 +15,7 @@ from epuckhebb.sim.plasticity.rule import Rule
 
 @dataclass(frozen=True, kw_only=True)
 class Paper(Rule):
-    """Hebbian plasticity with a trace. trace_decay: how long it lasts. trace_update: how fast it takes up what is new."""
+    """Hebbian plasticity with a trace. trace_decay: how long it lasts. trace_update: how fast it takes up the new."""
 
     kept: ClassVar = {"trace": 0.0}
 

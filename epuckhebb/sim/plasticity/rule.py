@@ -15,6 +15,7 @@ from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.control import Sign
 
 QUANTITIES = ("correlation", "pre", "post", "weight", "kept", "by")
+TAKEN = (*QUANTITIES, "weights")  # names that nothing else can have; `weights` are those of the network
 
 
 class Evolved(NamedTuple):
@@ -138,12 +139,17 @@ def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
     """How many genes each evolved parameter of a rule takes.
 
     Raises:
-        ValueError: one is evolved per something else than network, layer or synapse.
+        ValueError: one is evolved per something else than network, layer or synapse, or has the name of something
+            else.
     """
     per = {"network": 1, "layer": len(network.post), "synapse": network.synapses}
     for name, evolved in rule.evolved.items():
         if evolved.per not in per:
             raise ValueError(f"rule {rule.__name__}: {name} is evolved per {evolved.per}, not one of {', '.join(per)}")
+        if name in TAKEN:
+            raise ValueError(
+                f"rule {rule.__name__}: what is evolved cannot be called {name}, which means something else"
+            )
     return {name: per[evolved.per] for name, evolved in rule.evolved.items()}
 
 
