@@ -210,7 +210,18 @@ def run(verb: str, job: Callable[[DictConfig], None], arguments: list[str]) -> l
         folders.append(Path(HydraConfig.get().runtime.output_dir))
 
     if "--multirun" not in arguments:
-        call(verb, noted, arguments, stamp)
+        refused: list[ConfigError | JobFailedError] = []
+
+        @functools.wraps(job)
+        def told_once(cfg: DictConfig) -> None:
+            try:
+                noted(cfg)
+            except (ConfigError, JobFailedError) as error:  # what leaves a job, Hydra tells in its own words first
+                refused.append(error)
+
+        call(verb, told_once, arguments, stamp)
+        if refused:
+            raise refused[0]
         return folders
     if not any(argument.startswith(_SWEEP_DIR) for argument in arguments):
         # In words, not as an environment variable: workers that a launcher keeps from an earlier call have the old one.

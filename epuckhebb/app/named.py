@@ -48,7 +48,10 @@ def completed(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Pat
         for name, settings in (cfg.get("compare") or {}).items():
             if isinstance(settings, DictConfig) and isinstance(settings.get("adaptation"), str):
                 settings.adaptation = _adaptation(settings.adaptation, f"compare.{name}.adaptation", folders)
-        cfg.changed = _changed(cfg, str(choices.get("scenario")), folders)
+        try:
+            cfg.changed = _changed(cfg, str(choices.get("scenario")), folders)
+        except (ValueError, OmegaConfBaseException) as error:
+            raise ConfigError(str(error).splitlines()[0]) from error
     return cfg
 
 

@@ -11,6 +11,7 @@ same bits whatever runs beside it. `error_model="numpy"` only says that 1 / 0 is
 
 import hashlib
 import os
+import re
 import sys
 import types
 from collections.abc import Callable
@@ -25,6 +26,7 @@ from numba.extending import register_jitable
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+_ADDRESS = re.compile(r" at 0x[0-9a-f]+")  # where an object is in memory says nothing of what it is
 _LIBRARIES = {*sys.stdlib_module_names, "numpy", "numba", "scipy"}  # they are told apart by their versions
 _building_block: Any = register_jitable(forceinline=True, **_OPTIONS)
 _njit: Any = numba.njit
@@ -73,6 +75,8 @@ def digest(function: Callable[..., Any]) -> str:
         value = getattr(value, "py_func", value)
         if isinstance(value, types.ModuleType):
             content.update(value.__name__.encode())
+        elif isinstance(value, types.FunctionType) and str(value.__module__).partition(".")[0] in _LIBRARIES:
+            content.update(f"{value.__module__}.{value.__qualname__}".encode())
         elif isinstance(value, types.FunctionType):
             new = id(value) not in numbered
             content.update(f"function {numbered.setdefault(id(value), len(numbered))}".encode())
@@ -88,7 +92,7 @@ def digest(function: Callable[..., Any]) -> str:
             content.update(f"{value.__module__}.{value.__qualname__}{getattr(value, '_fields', '')}".encode())
             content.update(repr(list(value) if issubclass(value, Enum) else "").encode())
         else:
-            content.update(repr(value).encode())
+            content.update(_ADDRESS.sub("", repr(value)).encode())
 
     def take_function(python: types.FunctionType) -> None:
         take_code(python.__code__, python.__doc__)
