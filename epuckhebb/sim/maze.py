@@ -20,7 +20,7 @@ from epuckhebb.sim.random import Stream
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
 _LARGEST = 10.0  # m: the half side of the largest arena
-_GRID = 0.002  # m: in which a goal is looked for
+GRID = 0.002  # m: of the places that are looked at for a way to the goal
 _SPARE = 0.001  # m: the physics lets a robot sink into a wall by about so much
 
 
@@ -322,11 +322,7 @@ def _check_reachable(walls: bytes, maze: Maze, goals: tuple[Place, ...], radius:
             f"maze.start = {maze.start.x:g}, {maze.start.y:g} of {maze.name} is in a wall or too near one: a robot of "
             f"radius {radius:g} m has {here:.3f} m to the nearest"
         )
-    axis = np.arange(-maze.arena_m, maze.arena_m + _GRID / 2, _GRID)
-    free = _gaps(axis, axis, placed) >= radius - _SPARE
-    there = np.zeros_like(free)
-    there[tuple(np.rint((np.array(maze.start[:2]) + maze.arena_m) / _GRID).astype(int))] = True
-    reached = _flooded(free, there)
+    axis, reached = reachable(maze, placed, radius)
     for side, goal in zip(SIDES, goals, strict=True):
         near = np.hypot(axis[:, None] - goal.x, axis[None, :] - goal.y) < maze.goal_radius_m
         if not (reached & near).any():
@@ -334,6 +330,18 @@ def _check_reachable(walls: bytes, maze: Maze, goals: tuple[Place, ...], radius:
                 f"the goal of the {side}, {goal.x:g}, {goal.y:g}, cannot be reached in maze {maze.name}: no way from "
                 f"the start is wide enough for a robot of radius {radius:g} m"
             )
+
+
+def reachable(maze: Maze, walls: NDArray[np.float64], radius: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Where the middle of a robot of this radius [m] can get to from the start, among these walls (boxes, 4).
+
+    Returns the places of a grid along X, which are those along Y too [m], and (x, y) whether each can be reached.
+    """
+    axis = np.arange(-maze.arena_m, maze.arena_m + GRID / 2, GRID)
+    free = _gaps(axis, axis, walls) >= radius - _SPARE
+    there = np.zeros_like(free)
+    there[tuple(np.rint((np.array(maze.start[:2]) + maze.arena_m) / GRID).astype(int))] = True
+    return axis, _flooded(free, there)
 
 
 def _gaps(x: NDArray[np.float64], y: NDArray[np.float64], walls: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,14 +8,18 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter
 from numpy.typing import NDArray
 
 from epuckhebb.sim.controller import CONTROLS, GA
 from epuckhebb.sim.lifetime import Samples
+from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer, weights_at_birth
+from epuckhebb.sim.robot import EPUCK, Robot
 from epuckhebb.study import rescue
-from epuckhebb.study.figures import SIDE_COLOUR, to_png
+from epuckhebb.study.figures import SIDE_COLOUR, plain, to_png
 
 _SCENARIO_STYLE = {
     "base": ("#0072B2", "o", "-"),
@@ -103,17 +107,20 @@ def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> bytes:
     return to_png(figure)
 
 
-def weight_change(conditions: Mapping[str, Mapping[str, Samples]], against: str, title: str) -> bytes:
+def weight_change(
+    conditions: Mapping[str, Mapping[str, Samples]], against: str, title: str, robot: Robot = EPUCK
+) -> bytes:
     """A PNG, a panel for each condition: change of the weights between samples against what was felt.
 
     conditions: name -> side -> samples of one lifetime. against: `fitness`, `light` or `proximity` (mean readings).
+    robot: who felt it.
     """
     figure = Figure(figsize=(4.4 * len(conditions), 3.8), layout="constrained")
     panels = figure.subplots(1, len(conditions), squeeze=False, sharey=True)[0]
     for axes, (name, sides) in zip(panels, conditions.items(), strict=True):
         for (side, samples), marker in zip(sides.items(), ("o", "^"), strict=True):
             axes.scatter(
-                _felt(samples, against)[1:],
+                _felt(samples, against, robot.lights)[1:],
                 np.abs(np.diff(samples.weights, axis=0)).sum(axis=1),
                 s=9,
                 marker=marker,
@@ -122,13 +129,15 @@ def weight_change(conditions: Mapping[str, Mapping[str, Samples]], against: str,
                 linewidths=0,
                 label=side,
             )
-        axes.set(title=f"{name} (n = {len(samples.time) - 1} samples a side)", xlabel=_FELT[against], yscale="log")
+        axes.set(
+            title=plain(f"{name} (n = {len(samples.time) - 1} samples a side)"), xlabel=_FELT[against], yscale="log"
+        )
         axes.title.set_fontsize(10)
         axes.spines[["top", "right"]].set_visible(False)
         axes.yaxis.set_minor_formatter(NullFormatter())
     panels[0].set_ylabel("weight change between samples, sum |ΔW|")
     panels[0].legend(frameon=False, fontsize=9, markerscale=2)
-    figure.suptitle(title, fontsize=10)
+    figure.suptitle(plain(title), fontsize=10)
     return to_png(figure)
 
 
@@ -139,41 +148,56 @@ _FELT = {
 }
 
 
-def _felt(samples: Samples, against: str) -> NDArray[np.float64]:
+def _felt(samples: Samples, against: str, lights: int) -> NDArray[np.float64]:
     if against == "fitness":
         return samples.fitness
     felt: NDArray[np.float64] = (
-        samples.sensors[:, :8].mean(axis=1) if against == "light" else samples.sensors[:, 8:].max(axis=1)
+        samples.sensors[:, :lights].mean(axis=1) if against == "light" else samples.sensors[:, lights:].max(axis=1)
     )
     return felt
 
 
-def network(genome: NDArray[np.float64], samples: Mapping[str, Samples], title: str) -> bytes:
-    """A PNG: the network at the end of each lifetime, its connections coloured by how much plasticity changed them."""
-    changes = {side: own.weights[-1].astype(float) - np.clip(genome, -2, 2) for side, own in samples.items()}
+def network(
+    genes: NDArray[np.float64],
+    samples: Mapping[str, Samples],
+    title: str,
+    network: Network = PAPER_NETWORK,
+    robot: Robot = EPUCK,
+) -> bytes:
+    """A PNG: the network at the end of each lifetime, its connections coloured by how much plasticity changed them.
+
+    genes: the network's weights come first. samples: side -> lifetime. robot: whose sensors name the inputs; they are
+    numbered if it has not as many.
+    """
+    birth = weights_at_birth(genes[: network.synapses])
+    changes = {side: own.weights[-1].astype(float) - birth for side, own in samples.items()}
     scale = max(float(np.abs(change).max()) for change in changes.values()) or 1.0
-    figure = Figure(figsize=(6.2 * len(samples), 4.8), layout="constrained")
+    rows = network.inputs + 1
+    most = max(rows, *network.post)
+    figure = Figure(figsize=(6.2 * len(samples), max(4.8, 0.17 * most + 1)), layout="constrained")
+    ends = _synapse_ends(network)
+    size = min(52.0, 52.0 * (32 / most) ** 2)
+    if network.inputs == robot.inputs:
+        names = [f"ls{i}" for i in range(robot.lights)] + [f"ps{i}" for i in range(robot.distances)] + ["bias"]
+    else:
+        names = [f"input {i}" for i in range(network.inputs)] + ["bias"]
     for axes, (side, change) in zip(figure.subplots(1, len(samples), squeeze=False)[0], changes.items(), strict=True):
         order = np.argsort(np.abs(change))  # the strongest on top
-        place = _gene_ends()
-        for gene in order:
-            (x0, y0), (x1, y1) = place[gene]
-            strength = abs(change[gene]) / scale
-            colour = "#D55E00" if change[gene] > 0 else "#0072B2"
-            axes.plot([x0, x1], [y0, y1], color=colour, alpha=0.08 + 0.85 * strength, linewidth=0.4 + 2.6 * strength)
-        for layer, count in enumerate((PRE[0], *POST)):
-            axes.scatter([layer] * count, _heights(count), s=52, color="white", edgecolor="black", zorder=3)
-        axes.set_xticks(
-            range(len(LAYERS)), ["sensors\nand bias", *(f"{n} neurons" for n in POST[:-1]), "wheels"], fontsize=8
-        )
+        strength = np.abs(change[order]) / scale
+        colours = np.array([to_rgba("#D55E00"), to_rgba("#0072B2")])[(change[order] <= 0).astype(int)]
+        colours[:, 3] = 0.08 + 0.85 * strength
+        axes.add_collection(LineCollection(list(ends[order]), colors=colours, linewidths=0.4 + 2.6 * strength))
+        for layer, count in enumerate((rows, *network.post)):
+            heights = _heights(count, most)
+            axes.scatter([layer] * count, heights, s=size, color="white", edgecolor="black", zorder=3)
+        hidden = [f"{n} neuron{'s' if n > 1 else ''}" for n in network.post[:-1]]
+        axes.set_xticks(range(len(network.layers)), ["sensors\nand bias", *hidden, "wheels"], fontsize=8)
         axes.yaxis.set_major_locator(FixedLocator([]))
         axes.spines[:].set_visible(False)
         axes.set_title(f"{side}: stronger (red) or weaker (blue) by up to {scale:.2g}", fontsize=10)
-        for name, height in zip(
-            [f"ls{i}" for i in range(8)] + [f"ps{i}" for i in range(8)] + ["bias"], _heights(17), strict=True
-        ):
+        for name, height in zip(names, _heights(rows, most), strict=True):
             axes.annotate(name, (0, height), (-10, 0), textcoords="offset points", ha="right", va="center", fontsize=7)
-    figure.suptitle(title, fontsize=10)
+    figure.suptitle(plain(title), fontsize=10)
     return to_png(figure)
 
 
@@ -206,7 +230,7 @@ def rescue_over_all(over_all: pd.DataFrame) -> bytes:
             )
         axes.axvline(0.05, color=_HARMED, linewidth=0.8, linestyle=":")
         axes.annotate("5 %", (0.05, 0.6), (2, -8), textcoords="offset points", fontsize=7, color=_HARMED)
-        names = [rescue.label(row.controller, row.N) for row in own.itertuples()]
+        names = [plain(rescue.label(row.controller, row.N)) for row in own.itertuples()]
         axes.set_yticks(places, names, fontsize=8)
         axes.set(xlim=(-0.02, 1.02), ylim=(0.5 - len(own), 0.6), xlabel="share of trials")
         axes.set_title(f"{experiment} experiment", fontsize=10)
@@ -217,15 +241,20 @@ def rescue_over_all(over_all: pd.DataFrame) -> bytes:
     return to_png(drawn)
 
 
-def _heights(count: int) -> NDArray[np.float64]:
-    heights: NDArray[np.float64] = -(np.arange(count, dtype=np.float64) - (count - 1) / 2) * (16 / max(count, 9))
-    return heights
+def _heights(count: int, most: int) -> NDArray[np.float64]:
+    """Where the neurons of a layer stand: small layers twice as far apart as the largest, of `most` neurons."""
+    heights: NDArray[np.float64] = -(np.arange(count, dtype=np.float64) - (count - 1) / 2)
+    return heights * ((most - 1) / max(count, (most + 1) // 2))
 
 
-def _gene_ends() -> list[tuple[tuple[float, float], tuple[float, float]]]:
-    """Where each of the 234 connections begins and ends in the drawing."""
-    ends: list[tuple[tuple[float, float], tuple[float, float]]] = []
-    for layer in range(len(FIRST_GENE)):
-        pre, post = _heights(PRE[layer]), _heights(POST[layer])
-        ends += [((float(layer), y0), (layer + 1.0, y1)) for y0 in pre for y1 in post]
-    return ends
+def _synapse_ends(network: Network) -> NDArray[np.float64]:
+    """Where each connection begins and ends in the drawing: (synapses, 2 ends, x and y)."""
+    most = max(network.inputs + 1, *network.post)
+    of_layers = []
+    for layer, places in enumerate(by_layer(network, np.zeros(network.synapses))):
+        pre, post = (_heights(count, most) for count in places.shape)
+        ends = np.empty((*places.shape, 2, 2))
+        ends[..., 0, 0], ends[..., 1, 0] = layer, layer + 1
+        ends[..., 0, 1], ends[..., 1, 1] = pre[:, None], post[None, :]
+        of_layers.append(ends.reshape(-1, 2, 2))
+    return np.concatenate(of_layers)

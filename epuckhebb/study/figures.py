@@ -1,89 +1,216 @@
 """Figures of the maze and of what robots did in it."""
 
 import io
+import textwrap
+from collections.abc import Iterable
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 from PIL import Image
 
-from epuckhebb.sim.controller import GA, HEBBIAN
-from epuckhebb.sim.epuck import RADIUS
-from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, SIDES, START, WALLS, Side, boxes
+from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
+from epuckhebb.sim.maze import SIDES, Side, boxes
+from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.study.evaluate import Traces
+from epuckhebb.study.floor import view
+from epuckhebb.study.moments import arrival, begins, told_when
 
 SIDE_COLOUR = {"left": "#0072B2", "right": "#D55E00"}  # blue and red as in the paper, apart for the colour-blind too
-_WALL, _OBSTACLE, _LAMP = "#4d4d4d", "#b07d62", "#E69F00"
+_WALL, _OBSTACLE, _LAMP, _CHANGE = "#4d4d4d", "#b07d62", "#E69F00", "#222222"
+_TITLES = {
+    GA: "GA alone",
+    HEBBIAN: "GA with Hebbian plasticity",
+    CONTROLS[Sign.anti]: "GA with anti-Hebbian plasticity",
+    CONTROLS[Sign.shuffled]: "GA with Hebbian plasticity, shuffled signs",
+}
+_T = TypeVar("_T")
+_PANEL, _HIGH, _LOW = 4.8, 5.6, 1.6  # inches: width of a panel, greatest and least height of its axes
+_TOP, _BOTTOM, _LINE = 0.6, 0.78, 0.19  # inches: above the axes, below them, and a line of text
 
 
 def trajectories(traces: Traces, scenario: Scenario, title: str) -> bytes:
     """A PNG with one maze for each controller: both trials' paths, where they began, and how they ended."""
     controllers = list(dict.fromkeys(traces.controller))
-    figure = Figure(figsize=(4.8 * len(controllers), 4.6))
-    figure.subplots_adjust(left=0.135 / len(controllers), right=0.985, bottom=0.17, top=0.87, wspace=0.16)
+    left, right, bottom, top = view(scenario)
+    axes_height = min(_HIGH, max(_LOW, 4.0 * (top - bottom) / (right - left)))
+    wide = max(_PANEL * len(controllers), 6.4 if scenario.changes else _PANEL)
+    lines = _lines(scenario, wide)
+    height, below = axes_height + _TOP + _BOTTOM + _LINE * len(lines), _BOTTOM + _LINE * len(lines)
+    figure = Figure(figsize=(wide, height))
+    figure.subplots_adjust(left=0.65 / wide, right=0.985, bottom=below / height, top=1 - _TOP / height, wspace=0.16)
     panels = figure.subplots(1, len(controllers), squeeze=False)[0]
     for axes, controller in zip(panels, controllers, strict=True):
         draw_maze(axes, scenario)
         for lifetime, side in enumerate(traces.side):
             if traces.controller[lifetime] == controller:
-                _draw_path(axes, traces.samples.pose[lifetime], "left" if side == "left" else "right")
-        axes.set_title(controller_title(controller), fontsize=11)
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, fontsize=9, frameon=False)
-    figure.suptitle(title, fontsize=11 if len(controllers) > 1 else 8)
+                time, pose = traces.samples.time[lifetime], traces.samples.pose[lifetime]
+                _draw_path(axes, time, pose, scenario, "left" if side == "left" else "right")
+        axes.set_title(plain(controller_title(controller)), fontsize=11)
+    size = 7.5 if any(len(told) > 24 for axes in panels for told in axes.get_legend_handles_labels()[1]) else 9
+    for axes in panels:
+        axes.legend(
+            loc="upper center",
+            bbox_to_anchor=(0.5, -0.44 / axes_height),
+            ncols=2,
+            fontsize=size,
+            frameon=False,
+            columnspacing=1.5,
+        )
+    _write(figure, lines)
+    figure.suptitle(plain(title), fontsize=11 if len(controllers) > 1 else 8)
     return to_png(figure)
 
 
 def maze(scenario: Scenario) -> bytes:
     """A PNG of the maze with the robot at its start."""
-    figure = Figure(figsize=(5.4, 4.8), layout="constrained")
+    left, right, bottom, top = view(scenario)
+    lines = _lines(scenario, 5.4)
+    height = min(_HIGH, max(_LOW, 4.0 * (top - bottom) / (right - left))) + 0.8 + _LINE * len(lines)
+    below = _LINE * len(lines) / height
+    figure = Figure(figsize=(5.4, height), layout=ConstrainedLayoutEngine(rect=(0, below, 1, 1 - below)))
     axes = figure.subplots()
     draw_maze(axes, scenario)
-    axes.add_patch(Circle((START.x, START.y), RADIUS, facecolor="#009E73", edgecolor="black", zorder=3))
-    axes.plot([START.x, START.x], [START.y, START.y + RADIUS], color="black", zorder=4)
+    x, y, heading = scenario.maze.start
+    ahead = scenario.robot.radius_m * np.array([np.cos(heading), np.sin(heading)])
+    axes.add_patch(Circle((x, y), scenario.robot.radius_m, facecolor="#009E73", edgecolor="black", zorder=3))
+    axes.plot([x, x + ahead[0]], [y, y + ahead[1]], color="black", zorder=4)
     for side in SIDES:
-        axes.annotate(f"goal\n({side})", GOALS[side], ha="center", va="center", fontsize=8)
+        axes.annotate(f"goal\n({side})", scenario.goals_now[side], ha="center", va="center", fontsize=8)
+    _write(figure, lines)
     return to_png(figure)
 
 
 def controller_title(controller: str) -> str:
     """What stands above a controller's panel."""
-    return {GA: "GA alone", HEBBIAN: "GA with Hebbian plasticity"}.get(controller, f"GA with plasticity “{controller}”")
+    return _TITLES.get(controller, f"GA with plasticity “{controller}”")
 
 
-def draw_maze(axes: Axes, scenario: Scenario) -> None:
-    """Walls, obstacles, lamp and goals, to scale [m]."""
-    for box, (left, right, bottom, top) in enumerate(boxes(scenario.obstacles, scenario.layout).tolist()):
-        is_wall = box < len(WALLS)
-        axes.add_patch(
-            Rectangle(
-                (left, bottom),
-                right - left,
-                top - bottom,
-                facecolor=_WALL if is_wall else _OBSTACLE,
-                linewidth=0,
-                zorder=1.5 if is_wall else 1.0,
-            )
-        )
+def plain(text: str) -> str:
+    """The text as matplotlib shows it to the letter, not as mathematics between dollar signs."""
+    return text.replace("$", r"\$")
+
+
+def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
+    """Walls, obstacles, lamp and goals, to scale [m]; returns them.
+
+    Obstacles that come or go in mid-life are lighter, with a dashed edge; goals and lamps that come have the number
+    of the change.
+    """
+    worlds = [world for _, world in scenario.phases]
+    drawn: list[Artist] = [_box(axes, box, _WALL, 1.5) for box in boxes(scenario.maze).tolist()]
+    for obstacle, always in _obstacles(worlds):
+        drawn.append(_box(axes, obstacle, _OBSTACLE, 1.0))
+        if not always:
+            lighter = to_rgba(_OBSTACLE, 0.35)
+            drawn[-1].set(facecolor=lighter, linewidth=1.0, linestyle=(0, (3, 2)), edgecolor=_OBSTACLE, zorder=0.9)
     for side in SIDES:
-        axes.add_patch(Circle(GOALS[side], GOAL_RADIUS, fill=False, linestyle=":", edgecolor=SIDE_COLOUR[side]))
-    axes.plot(scenario.lamp.x_m, scenario.lamp.y_m, marker="*", markersize=11, color=_LAMP, markeredgewidth=0)
-    axes.annotate(
-        "lamp (on: go right)", (scenario.lamp.x_m, scenario.lamp.y_m), (9, -3), textcoords="offset points", fontsize=8
-    )
-    axes.set(xlim=(-0.46, 0.46), ylim=(-0.46, 0.3), aspect="equal", xlabel="X (m)", ylabel="Y (m)")
+        places = _numbered(world.goals_now[side] for world in worlds)
+        for number, place in places:
+            line = ":" if len(places) == 1 else "--"
+            radius = scenario.maze.goal_radius_m
+            drawn.append(axes.add_patch(Circle(place, radius, fill=False, linestyle=line, edgecolor=SIDE_COLOUR[side])))
+            if number:
+                drawn.append(_label(axes, f"◆{number}", place, (0, -3), SIDE_COLOUR[side], "center"))
+    edges = view(scenario)
+    lamps = _numbered((world.lamp.x_m, world.lamp.y_m, world.lamp.towards_x, world.lamp.towards_y) for world in worlds)
+    for number, (x, y, towards_x, towards_y) in lamps:
+        drawn += axes.plot(x, y, marker="*", markersize=11, color=_LAMP, markeredgewidth=0)
+        shines = np.array([towards_x, towards_y]) / np.hypot(towards_x, towards_y)
+        from_it, to = (np.array([x, y]) + share * (edges[1] - edges[0]) * shines for share in (0.018, 0.04))
+        drawn += axes.plot([from_it[0], to[0]], [from_it[1], to[1]], color=_LAMP, linewidth=1.6)
+        on_the_right = shines[0] < 0.1 and x < edges[0] + 0.7 * (edges[1] - edges[0])  # where there is more room
+        name = f"◆{number} lamp" if number else "lamp (on: go right)"
+        drawn.append(
+            _label(axes, name, (x, y), (9 if on_the_right else -9, -3), "black", "left" if on_the_right else "right")
+        )
+    axes.set(xlim=edges[:2], ylim=edges[2:], aspect="equal", xlabel="X (m)", ylabel="Y (m)")
     axes.spines[["top", "right"]].set_visible(False)
+    return drawn
 
 
-def _draw_path(axes: Axes, pose: NDArray[np.float64], side: Side) -> None:
-    goal = np.array(GOALS[side])
-    arrived = np.hypot(*(pose[-1, :2] - goal)) < GOAL_RADIUS
-    label = f"{side}: {'at the goal' if arrived else 'did not arrive'}"
+class _Obstacle(NamedTuple):
+    edges: tuple[float, ...]
+    always: bool
+
+
+def _obstacles(worlds: list[Scenario]) -> list[_Obstacle]:
+    """All obstacles that ever are in these worlds, and whether they are in all of them."""
+    there = []
+    for world in worlds:
+        walls = len(world.maze.walls)
+        there.append([tuple(edges) for edges in boxes(world.maze, world.obstacles, world.layout)[walls:].tolist()])
+    ever = dict.fromkeys(edges for obstacles in there for edges in obstacles)
+    return [_Obstacle(edges, all(edges in obstacles for obstacles in there)) for edges in ever]
+
+
+def _numbered(values: Iterable[_T]) -> list[tuple[int, _T]]:
+    """Each value that differs from those before it, with the number of the change that brought it; 0 for the first."""
+    first: dict[_T, int] = {}
+    for number, value in enumerate(values):
+        first.setdefault(value, number)
+    return [(number, value) for value, number in first.items()]
+
+
+def _box(axes: Axes, edges: Iterable[float], colour: str, zorder: float) -> Rectangle:
+    left, right, bottom, top = edges
+    box = Rectangle((left, bottom), right - left, top - bottom, facecolor=colour, linewidth=0, zorder=zorder)
+    axes.add_patch(box)
+    return box
+
+
+def _label(
+    axes: Axes, text: str, place: tuple[float, float], offset: tuple[float, float], colour: str, ha: str
+) -> Artist:
+    return axes.annotate(text, place, offset, textcoords="offset points", fontsize=8, color=colour, ha=ha)
+
+
+def _draw_path(
+    axes: Axes, time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario, side: Side
+) -> None:
+    label = f"{side}: {arrival(time, pose, scenario, side).told}"
+    radius, start = scenario.robot.radius_m, scenario.maze.start
     axes.plot(pose[:, 0], pose[:, 1], color=SIDE_COLOUR[side], linewidth=1.4, label=label)
-    axes.add_patch(Circle((pose[-1, 0], pose[-1, 1]), RADIUS, fill=False, edgecolor=SIDE_COLOUR[side], linewidth=1.2))
-    axes.plot(START.x, START.y, marker="o", markersize=4, color="black")
+    axes.add_patch(Circle((pose[-1, 0], pose[-1, 1]), radius, fill=False, edgecolor=SIDE_COLOUR[side], linewidth=1.2))
+    axes.plot(start.x, start.y, marker="o", markersize=4, color="black")
+    near: list[tuple[float, float, list[str]]] = []  # changes that found the robot at about the same place
+    for number, (since, _) in enumerate(begins(scenario, time, pose)):
+        if number and since is not None:
+            x, y = (float(np.interp(since, time, pose[:, axis])) for axis in (0, 1))
+            axes.plot(x, y, marker="D", markersize=5.5, color=SIDE_COLOUR[side], markeredgecolor="white", zorder=3)
+            same = next((numbers for x0, y0, numbers in near if np.hypot(x - x0, y - y0) < radius), None)
+            if same is None:
+                near.append((x, y, [str(number)]))
+            else:
+                same.append(str(number))
+    for x, y, numbers in near:
+        offset, ha = ((6, 5), "left") if side == "right" else ((-6, 5), "right")
+        _label(axes, ", ".join(numbers), (x, y), offset, _CHANGE, ha).set_zorder(4)
+
+
+def _lines(scenario: Scenario, inches: float) -> list[str]:
+    """What changes in mid-life, in lines that fit so many inches."""
+    lines: list[str] = []
+    for number, change in enumerate(scenario.changes):
+        told = f"◆{number + 1} {told_when(change)}"
+        if lines and len(lines[-1]) + len(told) < 13 * inches:
+            lines[-1] += f"    {told}"
+        else:
+            lines += textwrap.wrap(told, round(13 * inches))
+    return lines
+
+
+def _write(figure: Figure, lines: list[str]) -> None:
+    """Lines of text at the bottom of a figure."""
+    if lines:
+        figure.text(0.5, 0.07 / figure.get_figheight(), plain("\n".join(lines)), ha="center", va="bottom", fontsize=8.5)
 
 
 def to_png(figure: Figure) -> bytes:

@@ -8,17 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 from PIL import Image
 
-from epuckhebb.sim.epuck import RADIUS
 from epuckhebb.sim.maze import Side
+from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.study.evaluate import Traces
-from epuckhebb.study.figures import SIDE_COLOUR, controller_title, draw_maze
+from epuckhebb.study.figures import SIDE_COLOUR, controller_title, draw_maze, plain
+from epuckhebb.study.floor import view
+from epuckhebb.study.moments import told_when
 
 _SPEED = 8  # s of a lifetime in a second of film
 _REST_S = 10.0  # s of lifetime shown after the last robot came to rest
@@ -31,7 +34,12 @@ def gif(traces: Traces, scenario: Scenario, title: str, track: Track = iter) -> 
     """An animated GIF that repeats. track: wraps the moments to be drawn, to show progress."""
     frames_per_second = 12.5  # GIF counts in hundredths of a second
     frames = (Image.fromarray(frame) for frame in _frames(traces, scenario, title, track, frames_per_second))
-    palette = _palette(next(_frames(traces, scenario, title, lambda moments: moments[-1:], 1.0)))
+    ends = [step * STEP_S for step, _ in scenario.phases[1:]] + [np.inf]
+
+    def last_of_each_world(moments: Sequence[float]) -> list[float]:
+        return sorted({moments[max(0, int(np.searchsorted(moments, end)) - 1)] for end in ends})
+
+    palette = _palette(np.concatenate(list(_frames(traces, scenario, title, last_of_each_world, 1.0))))
     first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
     buffer = io.BytesIO()
     first.save(
@@ -47,7 +55,7 @@ def gif(traces: Traces, scenario: Scenario, title: str, track: Track = iter) -> 
 
 
 def _palette(frame: NDArray[np.uint8]) -> Image.Image:
-    """One palette for all frames: the commonest colours of the last one, which has them all.
+    """One palette for all frames: the commonest colours of the last ones of each world, which have them all.
 
     They keep a distance of 8 levels, because Pillow looks colours up no finer than that; so white stays white.
     """
@@ -91,32 +99,44 @@ def _frames(
     canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
     panels = dict(zip(controllers, figure.subplots(1, len(controllers), squeeze=False)[0], strict=True))
     for controller, axes in panels.items():
-        draw_maze(axes, scenario)
-        axes.set_title(controller_title(controller), fontsize=11)
-    heading = figure.suptitle(f"{title}\n0 s", fontsize=9)
+        axes.set_title(plain(controller_title(controller)), fontsize=11)
+    heading = figure.suptitle("", fontsize=9)
+    robot = scenario.robot
     moving: list[tuple[Any, Any, Any]] = []
     for controller, name in zip(traces.controller, traces.side, strict=True):
         side: Side = "left" if name == "left" else "right"
         axes = panels[controller]
         (trail,) = axes.plot([], [], color=SIDE_COLOUR[side], linewidth=1.4, animated=True)
         (nose,) = axes.plot([], [], color="white", linewidth=2.5, animated=True)
-        body = axes.add_patch(Circle((0, 0), RADIUS, color=SIDE_COLOUR[side], alpha=0.85, animated=True))
+        body = axes.add_patch(Circle((0, 0), robot.radius_m, color=SIDE_COLOUR[side], alpha=0.85, animated=True))
         moving.append((trail, body, nose))
     heading.set_animated(True)
-    # What does not move is drawn once.
-    canvas.draw()
-    still = canvas.copy_from_bbox(figure.bbox)
+    left, right, bottom, top = view(scenario)
     time, pose = traces.samples.time[0], traces.samples.pose
+    phases = [(step * STEP_S, world) for step, world in scenario.phases]
+    still: Any = None
+    shown, drawn = -1, list[Artist]()
     for now in track(np.arange(0.0, _end(time, pose), _SPEED / frames_per_second).tolist()):
+        phase = sum(since <= now for since, _ in phases) - 1
+        if phase != shown:  # what does not move is drawn once for each world
+            for artist in drawn:
+                artist.remove()
+            drawn = [artist for axes in panels.values() for artist in draw_maze(axes, phases[phase][1])]
+            for axes in panels.values():
+                axes.set(xlim=(left, right), ylim=(bottom, top))
+            changed = f"   ◆{phase} {told_when(scenario.changes[phase - 1])}" if phase else ""
+            heading.set_text(plain(f"{title}\n0 s"))
+            canvas.draw()
+            still, shown = canvas.copy_from_bbox(figure.bbox), phase
         canvas.restore_region(still)
-        heading.set_text(f"{title}\n{now:.0f} s")
+        heading.set_text(plain(f"{title}\n{now:.0f} s{changed}"))
         heading.draw(canvas.get_renderer())
         for (trail, body, nose), path in zip(moving, pose, strict=True):
             x, y, heading_now = (np.interp(now, time, column) for column in path.T)
             past = path[: np.searchsorted(time, now)]
             trail.set_data([*past[:, 0], x], [*past[:, 1], y])
             body.center = (x, y)
-            ahead = np.array([0.2, 0.9]) * RADIUS
+            ahead = np.array([0.2, 0.9]) * robot.radius_m
             nose.set_data(x + ahead * np.cos(heading_now), y + ahead * np.sin(heading_now))
             for artist in (trail, body, nose):
                 artist.axes.draw_artist(artist)

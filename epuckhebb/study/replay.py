@@ -13,46 +13,45 @@ import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.controller import GA, HEBBIAN, LAYERS, weights_at_birth
-from epuckhebb.sim.epuck import AZIMUTH, PLACE_X, PLACE_Y, RADIUS, REACH, STEP_S, WHEEL_RADIUS
+from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
 from epuckhebb.sim.lifetime import CONTACT, Samples
-from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, SIDES, START, WALLS, Side, boxes
+from epuckhebb.sim.maze import SIDES, Side, boxes
+from epuckhebb.sim.network import PAPER_NETWORK, Network, weights_at_birth
+from epuckhebb.sim.robot import STEP_S, Place, Robot
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.study.evaluate import Traces
 from epuckhebb.study.figures import controller_title
+from epuckhebb.study.floor import floor, view
+from epuckhebb.study.moments import Arrival, arrival, begins, told
+
+__all__ = ["Arrival", "arrival", "outcome", "page"]
 
 _MOST_SAMPLES = 1000  # of a lifetime; more are thinned out, and the page draws straight lines between them
 _LARGEST = 32767  # of a 16-bit integer
-_VIEW = (-0.456, 0.464, -0.456, 0.276)  # left, right, bottom, top [m]: the T, without the empty yard beyond it
 _WHO = {GA: "without plasticity", HEBBIAN: "with plasticity"}
-_NOTE = {
-    GA: "its connections stay as they were at birth",
-    HEBBIAN: "its connections change while it drives",
-}
+_NOTE = {GA: "its connections stay as they were at birth"}
+_NOTE_OF_OTHERS = "its connections change while it drives"
+_WAYS = ((8, "front"), (31, "front {}"), (68, "{}, ahead"), (112, "{}"), (172, "back {}"), (180, "back"))  # degrees
 
 
-class Arrival(NamedTuple):
-    """How a lifetime went: first time within 5 cm of the goal [s] or None, and the distance to it at the end [m]."""
-
-    time: float | None
-    final_distance: float
-
-    @property
-    def stayed(self) -> bool:
-        """Whether the robot was at the goal at the last sample."""
-        return self.final_distance < GOAL_RADIUS
-
-
-def page(traces: Traces, genome: NDArray[np.float64], scenario: Scenario, title: str, *, gain_rad_s: float) -> str:
+def page(
+    traces: Traces,
+    genes: NDArray[np.float64],
+    scenario: Scenario,
+    title: str,
+    *,
+    gain_rad_s: float,
+    network: Network = PAPER_NETWORK,
+) -> str:
     """The HTML text of the page.
 
-    genome: (234,), what the lifetimes began with. title: a line that says which run this is. gain_rad_s: wheel speed
-    [rad/s] of a network output of 1.
+    genes: what the lifetimes began with; the network's weights come first. title: a line that says which run this is.
+    gain_rad_s: wheel speed [rad/s] of a network output of 1. network: what the genes are for.
     """
     template = Path(__file__).with_suffix(".html").read_text(encoding="utf-8")
     style, script = (
@@ -63,23 +62,11 @@ def page(traces: Traces, genome: NDArray[np.float64], scenario: Scenario, title:
         "policy": f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
         "base-uri 'none'; form-action 'none'",
         "title": html.escape(title),
-        "data": json.dumps(_content(traces, genome, scenario, gain_rad_s), separators=(",", ":")).replace(
-            "<", "\\u003c"
-        ),
+        "data": json.dumps(
+            _content(traces, genes, scenario, gain_rad_s, network), separators=(",", ":"), allow_nan=False
+        ).replace("<", "\\u003c"),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda place: filling[place[1]], template)
-
-
-def arrival(time: NDArray[np.float64], pose: NDArray[np.float64], side: Side) -> Arrival:
-    """When and whether a robot arrived. time: (samples,) [s]. pose: (samples, 3) x, y [m], heading [rad]."""
-    distance = np.hypot(*(pose[:, :2] - GOALS[side]).T)
-    inside = np.flatnonzero(distance < GOAL_RADIUS)
-    if not len(inside):
-        return Arrival(None, float(distance[-1]))
-    k = max(1, int(inside[0]))
-    # Between two samples the robot drives straight on, near enough to find the step; metrics count its end.
-    crossed = np.interp(-GOAL_RADIUS, -distance[k - 1 : k + 1], time[k - 1 : k + 1])
-    return Arrival(math.ceil(crossed / STEP_S) * STEP_S, float(distance[-1]))
 
 
 def outcome(side: Side, controllers: Sequence[str], arrivals: Sequence[Arrival]) -> str:
@@ -106,7 +93,8 @@ def outcome(side: Side, controllers: Sequence[str], arrivals: Sequence[Arrival])
 
 
 def _who(controller: str) -> str:
-    return _WHO.get(controller, f"with “{controller}”")
+    known = controller if controller in CONTROLS.values() else f"“{controller}”"
+    return _WHO.get(controller, f"with {known}")
 
 
 def _told(who: str, arrived: Arrival) -> str:
@@ -118,63 +106,117 @@ def _told(who: str, arrived: Arrival) -> str:
     return f"{who}it was there after {arrived.time:.1f} s but drove on and {away}"
 
 
-def _content(traces: Traces, genome: NDArray[np.float64], scenario: Scenario, gain_rad_s: float) -> dict[str, Any]:
+def _content(
+    traces: Traces, genes: NDArray[np.float64], scenario: Scenario, gain_rad_s: float, network: Network
+) -> dict[str, Any]:
     controllers = list(dict.fromkeys(traces.controller))
     lifetime = {of: k for k, of in reversed(list(enumerate(zip(traces.controller, traces.side, strict=True))))}
     sides = [side for side in SIDES if side in traces.side]
     time = traces.samples.time[0]
     every = math.ceil(len(time) / _MOST_SAMPLES)
     interval = float(time[1] - time[0]) * every if len(time) > 1 else STEP_S
-    birth = weights_at_birth(genome).astype(np.float32)
+    birth = weights_at_birth(genes[: network.synapses]).astype(np.float32)
     lives, outcomes = {}, {}
     for side in sides:
         of_side = [Samples(*(array[lifetime[name, side]] for array in traces.samples)) for name in controllers]
-        arrivals = [arrival(samples.time, samples.pose, side) for samples in of_side]
+        arrivals = [arrival(samples.time, samples.pose, scenario, side) for samples in of_side]
         outcomes[side] = outcome(side, controllers, arrivals)
         lives[side] = [
-            {"arrival": arrived.time, "stayed": arrived.stayed, **_embedded(samples, birth, every)}
+            {
+                "arrival": arrived.time,
+                "stayed": arrived.stayed,
+                "begins": [since for since, _ in begins(scenario, samples.time, samples.pose)],
+                **_embedded(samples, birth, every),
+            }
             for samples, arrived in zip(of_side, arrivals, strict=True)
         ]
-    walls, obstacles = np.split(boxes(scenario.obstacles, scenario.layout), [len(WALLS)])
+    robot, maze = scenario.robot, scenario.maze
+    hebbian = {HEBBIAN, *CONTROLS.values()}
     return {
         "sides": sides,
         "controllers": [
-            {"title": controller_title(name), "note": _NOTE.get(name, _NOTE[HEBBIAN])} for name in controllers
+            {"title": controller_title(name), "note": _NOTE.get(name, _NOTE_OF_OTHERS)} for name in controllers
         ],
+        "hebbian": all(name in hebbian for name in controllers if name != GA),
         "outcomes": outcomes,
         "samples": len(time[::every]),
         "interval": interval,  # s between samples
         "steps": round(interval / STEP_S),  # of 32 ms between samples
-        "speed": 100 * gain_rad_s * WHEEL_RADIUS,  # cm/s of a wheel at a network output of 1
-        "layers": LAYERS,
+        "speed": 100 * gain_rad_s * robot.wheel_radius_m,  # cm/s of a wheel at a network output of 1
+        "layers": network.layers,
+        "inputs": _inputs(robot),
         "birth": [round(weight, 7) for weight in birth.tolist()],
         "robot": {
-            "radius": RADIUS,
-            "reach": REACH,
+            "radius": robot.radius_m,
+            "reach": min(robot.reach_m, robot.distance_curve[-1].distance / robot.stretch),
             "contact": CONTACT,
-            "sensors": np.column_stack([PLACE_X, PLACE_Y, AZIMUTH]).tolist(),
+            "lights": _placed(robot.light_places),
+            "distances": _placed(robot.distance_places),
         },
         "maze": {
-            "view": _VIEW,
-            "floor": _floor(),
-            "walls": walls.tolist(),
-            "obstacles": obstacles.tolist(),
-            "start": START[:2],
-            "goals": GOALS,
-            "goalRadius": GOAL_RADIUS,
-            "lamp": [scenario.lamp.x_m, scenario.lamp.y_m, scenario.lamp.beam_rad],
+            "view": view(scenario),
+            "floor": np.round(floor(scenario), 6).tolist(),
+            "walls": boxes(maze).tolist(),
+            "start": maze.start[:2],
+            "goalRadius": maze.goal_radius_m,
         },
+        "worlds": [_world(world) for _, world in scenario.phases],
+        "changes": [{"at": float(change["at_s"]), "told": told(change)} for change in scenario.changes],
         "lives": lives,
     }
 
 
-def _floor() -> list[list[float]]:
-    """Where a robot can be, as boxes left, right, bottom, top [m]: the crossbar and the stem."""
-    edges = boxes(0)
-    far, near, stem_left, stem_right, outer_left, outer_right, behind = edges[[0, 1, 3, 4, 5, 6, 8]]
+def _world(world: Scenario) -> dict[str, Any]:
+    """What can change in mid-life, as it is in this world."""
+    lamp = world.lamp
+    faults = [] if world.dead_sensor is None else [f"sensor {world.dead_sensor} blind"]
+    faults += [
+        f"{side} wheel at {100 * turns:g} %"
+        for side, turns in (("left", world.left_wheel), ("right", world.right_wheel))
+        if turns < 1
+    ]
+    return {
+        "obstacles": boxes(world.maze, world.obstacles, world.layout)[len(world.maze.walls) :].tolist(),
+        "goals": {side: list(map(float, goal)) for side, goal in world.goals_now.items()},
+        "light": float(world.light),
+        "lamp": {
+            "x": lamp.x_m,
+            "y": lamp.y_m,
+            "towards": math.atan2(lamp.towards_y, lamp.towards_x),
+            "beam": lamp.beam_rad,
+            "intensity": lamp.intensity,
+        },
+        "dead": world.dead_sensor,
+        "faults": ", ".join(faults),
+    }
+
+
+def _placed(places: Sequence[Place]) -> list[list[float]]:
+    """Sensors as x, y [m] and azimuth [rad], in the robot's frame."""
+    return [[place.x, place.y, math.radians(place.azimuth)] for place in places]
+
+
+def _inputs(robot: Robot) -> list[str]:
+    """What the network's inputs are, in words: light sensors, then distance sensors, each by the way it looks."""
     return [
-        [outer_left[1], outer_right[0], near[3], far[2]],
-        [stem_left[1], stem_right[0], behind[3], near[3]],
+        f"{kind}, {way}"
+        for kind, places in (("light", robot.light_places), ("proximity", robot.distance_places))
+        for way in _ways(places)
+    ]
+
+
+def _ways(places: Sequence[Place]) -> list[str]:
+    """The ways in which sensors look, in words; in degrees too if words alone do not tell them apart."""
+    ways = []
+    for place in places:
+        azimuth = (place.azimuth + 180) % 360 - 180
+        way = next(way for limit, way in _WAYS if abs(azimuth) <= limit)
+        ways.append(way.format("left" if azimuth > 0 else "right"))
+    if len(set(ways)) == len(ways):
+        return ways
+    return [
+        f"number {number}, {way} ({place.azimuth:.0f}°)"
+        for number, (way, place) in enumerate(zip(ways, places, strict=True))
     ]
 
 
@@ -188,7 +230,7 @@ def _embedded(samples: Samples, birth: NDArray[np.float32], every: int) -> dict[
         "left": samples.motors[:, 0],
         "right": samples.motors[:, 1],
         "fitness": samples.fitness,
-        "surprise": np.nan_to_num(samples.surprise),
+        "changeSignal": np.nan_to_num(samples.change_signal),
         "rate": samples.rate,
         "weightChange": samples.weight_change,
         "change": samples.weights - birth,

@@ -1,0 +1,102 @@
+"""When things came about for a recorded robot: its world changed, it arrived at its goal."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.maze import Side, boxes
+from epuckhebb.sim.robot import STEP_S
+from epuckhebb.sim.scenario import Scenario
+
+
+class Arrival(NamedTuple):
+    """How a lifetime went, as to the goal, which is the goal of the moment if goals move.
+
+    time: when the robot was at the goal first [s], None if never. final_distance: from the goal at the end [m].
+    stayed: whether it was at the goal at the last sample.
+    """
+
+    time: float | None
+    final_distance: float
+    stayed: bool
+
+    @property
+    def told(self) -> str:
+        """In a few words."""
+        return "at the goal" if self.stayed else "did not arrive" if self.time is None else "was at the goal, drove on"
+
+
+def told(change: Mapping[str, Any]) -> str:
+    """What a change of a scenario changes, as it would be typed: `light=1, obstacles=4`."""
+    return ", ".join(part for key, value in change.items() if key != "at_s" for part in _parts(key, value))
+
+
+def told_when(change: Mapping[str, Any]) -> str:
+    """What a change of a scenario changes, and when: `60 s: light=1`."""
+    return f"{change['at_s']:g} s: {told(change)}"
+
+
+def _parts(key: str, value: Any) -> list[str]:
+    if isinstance(value, Mapping):
+        return [part for name, item in value.items() for part in _parts(f"{key}.{name}", item)]
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [f"{key}={','.join(map(_number, value))}"]
+    return [f"{key}={_number(value)}"]
+
+
+def _number(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else "null" if value is None else str(value)
+
+
+def begins(
+    scenario: Scenario, time: NDArray[np.float64], pose: NDArray[np.float64]
+) -> list[tuple[float | None, Scenario]]:
+    """When each phase of a scenario began for one robot [s], None if not before its record ends, and its world.
+
+    time: (samples,) [s]. pose: (samples, 3) x, y [m], heading [rad]. Walls that would come where the robot stands wait
+    until it has gone, and all later changes wait for them.
+    """
+    told: list[tuple[float | None, Scenario]] = []
+    walls, last = np.empty((0, 4)), 0.0
+    for step, world in scenario.phases:
+        before, walls = walls, boxes(world.maze, world.obstacles, world.layout)
+        since = max(step * STEP_S, last)
+        if told and not np.array_equal(before, walls):
+            moments = np.arange(round(since / STEP_S), round(float(time[-1]) / STEP_S) + 1) * STEP_S
+            x, y = (np.interp(moments, time, pose[:, axis]) for axis in (0, 1))
+            free = moments[_gaps(x, y, walls) >= world.robot.radius_m]
+            since = float(free[0]) if len(free) else math.inf
+        last = since
+        told.append((since if since <= time[-1] else None, world))
+    return told
+
+
+def _gaps(x: NDArray[np.float64], y: NDArray[np.float64], walls: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance from each of some points to the nearest wall [m]."""
+    beside = np.maximum(np.maximum(walls[:, 0] - x[:, None], x[:, None] - walls[:, 1]), 0.0)
+    before = np.maximum(np.maximum(walls[:, 2] - y[:, None], y[:, None] - walls[:, 3]), 0.0)
+    nearest: NDArray[np.float64] = np.hypot(beside, before).min(axis=1)
+    return nearest
+
+
+def arrival(time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario, side: Side) -> Arrival:
+    """When and whether a robot arrived. time: (samples,) [s]. pose: (samples, 3) x, y [m], heading [rad]."""
+    phases = [(since, world) for since, world in begins(scenario, time, pose) if since is not None]
+    radius = scenario.maze.goal_radius_m
+    arrived: float | None = None
+    for number, (since, world) in enumerate(phases):
+        until = phases[number + 1][0] if number + 1 < len(phases) else float(time[-1])
+        moments = np.concatenate([[since], time[(time > since) & (time < until)], [until]])
+        x, y = (np.interp(moments, time, pose[:, axis]) for axis in (0, 1))
+        goal = world.goals_now[side]
+        distance = np.hypot(x - goal.x, y - goal.y)
+        inside = np.flatnonzero(distance < radius)
+        if arrived is None and len(inside):
+            k = int(inside[0])
+            # Between two samples the robot drives straight on, near enough to find the step; metrics count its end.
+            crossed = np.interp(-radius, -distance[k - 1 : k + 1], moments[k - 1 : k + 1]) if k else since
+            arrived = max(math.ceil(crossed / STEP_S - 1e-6), math.floor(since / STEP_S + 1e-6) + 1) * STEP_S
+    return Arrival(arrived, float(distance[-1]), bool(distance[-1] < radius))
