@@ -58,25 +58,26 @@ def composed(verb: str, overrides: list[str], config_dir: str | None = None, *, 
     return _with_names(*_composed(verb, overrides, config_dir), with_hydra=with_hydra)
 
 
-def _composed(verb: str, overrides: list[str], config_dir: str | None) -> tuple[DictConfig, DictConfig]:
-    """A configuration as Hydra composes it, and what Hydra keeps for itself."""
+def _composed(verb: str, overrides: list[str], config_dir: str | None) -> tuple[DictConfig, DictConfig, list[Path]]:
+    """A configuration as Hydra composes it, what Hydra keeps for itself, and where it looked for files."""
     more = [f'hydra.searchpath=["file://{Path(config_dir).absolute()}"]'] if config_dir else []
     GlobalHydra.instance().clear()
     try:
         with initialize_config_dir(str(data_folder("conf")), **_VERSION_BASE):
             cfg = compose(verb, [*overrides, *more], return_hydra_config=True)
             loader = GlobalHydra.instance().config_loader()
-            sources = [source.path for source in loader.get_sources() if source.scheme() == "file"]
+            folders = [Path(source.path) for source in loader.get_sources() if source.scheme() == "file"]
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(explain(error)) from error
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
         hydras = cfg.pop("hydra")
-        hydras.searched = sources
-    return cfg, hydras
+    return cfg, hydras, folders
 
 
-def _with_names(cfg: DictConfig, hydras: DictConfig, *, with_hydra: bool = False) -> DictConfig:
-    completed(cfg, hydras.runtime.choices, [Path(source) for source in hydras.searched])
+def _with_names(
+    cfg: DictConfig, hydras: DictConfig, folders: list[Path], *, with_hydra: bool = False
+) -> DictConfig:
+    completed(cfg, hydras.runtime.choices, folders)
     if with_hydra:
         with flag_override(cfg, ["struct", "readonly"], [False, False]):
             cfg.hydra = hydras
@@ -117,7 +118,7 @@ def combinations(
     """
 
     @functools.cache
-    def prepared(overrides: tuple[str, ...]) -> tuple[DictConfig, DictConfig]:
+    def prepared(overrides: tuple[str, ...]) -> tuple[DictConfig, DictConfig, list[Path]]:
         return _composed(verb, [*fixed, *overrides], config_dir)
 
     @functools.cache
@@ -128,7 +129,7 @@ def combinations(
     values = {key for key in choices if _VALUE_KEY.fullmatch(key) and key not in groups(verb)}
     for overrides in itertools.product(*choices.values()):
         told = list(zip(choices, overrides, strict=True))
-        raw, hydras = prepared(tuple(override for key, override in told if key not in values))
+        raw, hydras, folders = prepared(tuple(override for key, override in told if key not in values))
         cfg = copy.deepcopy(raw)
         try:
             for key, override in told:
@@ -136,7 +137,7 @@ def combinations(
                     OmegaConf.update(cfg, *parsed(override))
         except OmegaConfBaseException:
             cfg = _composed(verb, [*fixed, *overrides], config_dir)[0]
-        yield list(overrides), _with_names(cfg, hydras)
+        yield list(overrides), _with_names(cfg, hydras, folders)
 
 
 def alternatives(overrides: list[str]) -> dict[str, list[str]]:
