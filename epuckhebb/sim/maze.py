@@ -1,19 +1,20 @@
 """A maze as data, seen from above: walls, where the robot starts, its goals and the arms that lead there.
 
 X points to the robot's right and Y ahead of it at the start of the paper's maze, in metres. All walls are boxes with
-sides along the axes. The paper's T-maze is here; others are files of `conf/maze/` with the keys that `Maze` has.
+sides along the axes. The paper's T-maze is here; others are files of `conf/maze/` with the keys that `Maze` has, and
+`maze_from` makes a maze of what such a file holds.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim import random
+from epuckhebb.sim import mapping, random
 from epuckhebb.sim.random import Stream
 
 Side = Literal["left", "right"]
@@ -178,6 +179,79 @@ T_MAZE = Maze(
     arms={"left": Region(right=-0.08, bottom=0.10), "right": Region(left=0.08, bottom=0.10)},
     arena_m=0.5,
 )
+
+
+_REQUIRED = ("name", "walls", "start", "goals", "arms")
+_OPTIONAL = ("obstacles", "obstacle_counts", "niches", "goal_radius_m", "arena_m")
+_LAMP = "lamp"  # a maze file may say where its lamp is; the scenario takes it from there
+
+
+def maze_from(told: Mapping[str, Any], where: str = "maze") -> Maze:
+    """A maze from plain mappings, as a file of `conf/maze/` holds it; `where` is its key in messages.
+
+    Keys are those of `Maze`: boxes and goals by name with a key for each number, `start.heading_deg` in degrees,
+    bounds of arms that are left out infinite, niches a list of mappings. A key `lamp` is left to the scenario.
+
+    Raises:
+        ValueError: a key is missing or not known, or a value is not what the maze needs.
+    """
+    found = mapping.keys(where, told, _REQUIRED, _OPTIONAL, ignored=[_LAMP])
+    start = mapping.keys(f"{where}.start", found["start"], ("x", "y", "heading_deg"))
+    x, y, heading_deg = (mapping.number(f"{where}.start.{key}", start[key]) for key in ("x", "y", "heading_deg"))
+    values: dict[str, Any] = {
+        "name": mapping.text(f"{where}.name", found["name"]),
+        "walls": _boxes_from(f"{where}.walls", found["walls"]),
+        "start": Pose(x, y, math.radians(heading_deg)),
+        "goals": {
+            side: Place(**_numbers(f"{where}.goals.{side}", place, Place._fields))
+            for side, place in mapping.keys(f"{where}.goals", found["goals"], SIDES).items()
+        },
+        "arms": {
+            side: _region_from(f"{where}.arms.{side}", region)
+            for side, region in mapping.keys(f"{where}.arms", found["arms"], SIDES).items()
+        },
+    }
+    for key in ("goal_radius_m", "arena_m"):
+        if key in found:
+            values[key] = mapping.number(f"{where}.{key}", found[key])
+    if "obstacles" in found:
+        values["obstacles"] = _boxes_from(f"{where}.obstacles", found["obstacles"])
+    if "obstacle_counts" in found:
+        key = f"{where}.obstacle_counts"
+        counts = mapping.items(key, found["obstacle_counts"])
+        values["obstacle_counts"] = tuple(mapping.whole(f"{key}[{n}]", count) for n, count in enumerate(counts))
+    if "niches" in found:
+        key = f"{where}.niches"
+        niches = mapping.items(key, found["niches"])
+        values["niches"] = tuple(_niche_from(f"{key}[{n}]", niche) for n, niche in enumerate(niches))
+    return Maze(**values)
+
+
+def _numbers(where: str, told: object, names: tuple[str, ...]) -> dict[str, float]:
+    """A finite number for each of the names."""
+    found = mapping.keys(where, told, names)
+    return {name: mapping.number(f"{where}.{name}", found[name]) for name in names}
+
+
+def _boxes_from(where: str, told: object) -> dict[str, Box]:
+    return {
+        name: Box(**_numbers(f"{where}.{name}", box, Box._fields)) for name, box in mapping.mapping(where, told).items()
+    }
+
+
+def _region_from(where: str, told: object) -> Region:
+    found = mapping.keys(where, told, (), Region._fields)
+    return Region(**{name: mapping.bound(f"{where}.{name}", value) for name, value in found.items()})
+
+
+def _niche_from(where: str, told: object) -> Niche:
+    found = mapping.keys(where, told, ("along", "walls", "between", "length", "depth"), ("both",))
+    values: dict[str, Any] = {"along": mapping.text(f"{where}.along", found["along"])}
+    for key in ("walls", "between", "length", "depth"):
+        values[key] = tuple(mapping.row(f"{where}.{key}", found[key], ("from", "to")))
+    if "both" in found:
+        values["both"] = mapping.number(f"{where}.both", found["both"])
+    return Niche(**values)
 
 
 def random_obstacles(maze: Maze, layout: int) -> list[Box]:

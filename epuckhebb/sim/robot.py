@@ -2,19 +2,20 @@
 
 The e-puck has eight places on its rim that feel both infra-red echoes and ambient light; its numbers are those of
 Webots' model (version 1), which was calibrated on a real one. Robot frame: x forward, y left, in metres; angles
-anticlockwise from x. The robots of `conf/robot/` have the keys that `Robot` has here.
+anticlockwise from x. The robots of `conf/robot/` have the keys that `Robot` has here, and `robot_from` makes a robot
+of what such a file holds.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim import light
+from epuckhebb.sim import light, mapping
 from epuckhebb.sim.compiled import compiled
 
 STEP_S = 0.032  # one control step: sensing, acting, learning and physics
@@ -157,6 +158,33 @@ class Robot:
 
 
 EPUCK = Robot()
+
+
+def robot_from(told: Mapping[str, Any], where: str = "robot") -> Robot:
+    """A robot from plain mappings, as a file of `conf/robot/` holds it; `where` is its key in messages.
+
+    Keys are those of `Robot`, all of them; places are lists of x, y [m] and azimuth [degrees], rows of the curve lists
+    of distance [m], value and noise.
+
+    Raises:
+        ValueError: a key is missing or not known, or a value is not what the robot needs.
+    """
+    found = mapping.keys(where, told, [key.name for key in fields(Robot)])
+    rows: dict[str, type[Place] | type[CurvePoint]] = {
+        "light_places": Place,
+        "distance_places": Place,
+        "distance_curve": CurvePoint,
+    }
+    values: dict[str, Any] = {"name": mapping.text(f"{where}.name", found.pop("name"))}
+    for key, value in found.items():
+        if key in rows:
+            kind = rows[key]
+            listed = enumerate(mapping.items(f"{where}.{key}", value))
+            values[key] = tuple(kind(*mapping.row(f"{where}.{key}[{n}]", row, kind._fields)) for n, row in listed)
+        else:
+            values[key] = mapping.number(f"{where}.{key}", value)
+    return Robot(**values)
+
 
 _Rays = NDArray[np.float64]
 
