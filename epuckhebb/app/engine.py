@@ -194,7 +194,7 @@ def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str]
         _write_jobs(study, {"name": name, "command": study.command, "fail_fast": fail_fast}, jobs)
         try:
             with counting(len(missing), lambda: count(folder, missing, f"{UNFINISHED}/{stamp}_*")):
-                hydra_bridge.call("evaluate", study_job, _arguments(folder, missing, launcher, stamp), stamp)
+                hydra_bridge.call("job", study_job, _arguments(folder, missing, launcher, stamp), stamp)
         except (ConfigError, JobFailedError) as error:
             trouble = str(error)
     remaining = {job.run for job in todo(folder, jobs)}
@@ -250,7 +250,7 @@ def _check_unchanged(cfg: DictConfig, run: str) -> None:
 
 
 def _write_jobs(study: RunFolder, told: dict[str, Any], jobs: Sequence[Job]) -> None:
-    """Write what the jobs read: one configuration each, which Hydra composes by its name, and the list of them all."""
+    """Write what the jobs read: a whole configuration each, which Hydra takes by its name, and the list of them all."""
     for job in jobs:
         text = f"# @package _global_\n{OmegaConf.to_yaml(job.cfg, resolve=True)}"
         study.write(f"{_CONFIGS}/job/{job.run}.yaml", text)

@@ -227,8 +227,9 @@ def _paper_table(metrics: pd.DataFrame) -> Table:
     rates = metrics.N[metrics.N > 0].unique()
     rate = f", N = {', '.join(f'{N:g}' for N in rates)}" if len(rates) else ""
     repeats = metrics.repeat.nunique()
+    changed = f" ({told})" if isinstance(told := first.get("changed"), str) else ""  # runs of version 0.1 have none
     shown = Table(
-        title=f"{first.scenario}: genome {first.genome}{rate}, "
+        title=f"{first.scenario}{changed}: genome {first.genome}{rate}, "
         f"mean of {repeats} lifetime{'s' if repeats > 1 else ''} a side (seed {first.seed})",
         title_justify="left",
         title_style="bold",
