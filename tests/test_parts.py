@@ -205,10 +205,8 @@ def test_in_a_sweep_and_changed_it_makes_new_jobs():
     assert len(list(Path("out").glob("job_*"))) == 4
 
 
-@pytest.mark.parametrize("launcher", ["basic", "joblib", pytest.param("submitit_local", marks=pytest.mark.slow)])
-def test_under_a_launcher(here, launcher):
-    if launcher == "submitit_local":
-        pytest.importorskip("submitit")
+@pytest.mark.parametrize("launcher", ["basic", "joblib"])
+def test_in_a_multirun(here, launcher):
     words = ["-m", "hebbian.N=0.0001,0.0002", "hebbian.rule=my_rules.py:oja", f"hydra/launcher={launcher}"]
     done("evaluate", *words, *BRIEF, "hydra.sweep.dir=out")
     rows = pd.concat([metrics(here / "out" / str(job)) for job in (0, 1)])
@@ -222,6 +220,33 @@ def test_an_object_from_python():
     assert list(rows.controller.unique()) == ["GA", "oja"]
     named = epuckhebb.evaluate(epuckhebb.load(), "scenario=base", *BRIEF, *OJA, "hebbian.decay=2")
     pd.testing.assert_frame_equal(rows, named)
+    late = epuckhebb.evaluate(epuckhebb.load(), "adaptation=late", *BRIEF, hebbian=rule(N=0.0001))
+    assert list(late.controller.unique()) == ["GA", "late"]
+    assert (late.weight_change_mean == 0).all()  # two seconds are not late
+
+
+@pytest.mark.usefixtures("here")
+def test_what_a_rule_evolves_goes_with_the_champion():
+    """In a file and in Python; a champion that lacks it is refused."""
+    text = MY_RULES.replace("import Rule", "import Rule\nfrom epuckhebb.sim.plasticity.rule import Evolved")
+    text = text.replace("decay: float = 1.0", 'evolved = {"push": Evolved(per="layer")}').replace("by.decay", "push")
+    Path("evolving.py").write_text(text.replace("weight, by", "weight, push"))
+    own = ["hebbian.rule=evolving.py:oja", "hebbian.N=0.0001"]
+    done("evolve", *own, *SMALL_GA, "hydra.run.dir=evolved")
+    genome = files.load_genome("evolved", "obstacles")
+    assert genome.plan.told() == "234 weights, 5 push"
+    assert "234 weights, 5 push" in done("show", "evolved").stdout
+    done("evaluate", "genome=evolved", *own, *BRIEF, "hydra.run.dir=out")
+    rows = epuckhebb.evaluate(genome.genes, *own, *BRIEF)
+    written = metrics("out")
+    measured = ["controller", "weight_change_mean", "path_length_m", "fitness"]
+    pd.testing.assert_frame_equal(rows[measured], written[measured])
+    assert (rows.weight_change_mean[rows.controller == "oja"] > 0).all()
+    champion, _ = epuckhebb.evolve(*own, *SMALL_GA)
+    np.testing.assert_array_equal(champion, genome.genes)
+    refused = call("evaluate", *own, *BRIEF)
+    assert refused.exit_code == 2
+    assert "takes push from the genome" in refused.stderr
 
 
 # Mistakes
@@ -401,6 +426,16 @@ def test_what_changed_is_told_wherever_the_scenario_is(here):
     assert "base (left_wheel=0.8)" in (run / "replay.html").read_text()
     assert "base (left_wheel=0.8)" in done("show", str(run)).stdout.replace("\n", " ")
     assert "same bytes" in done("rerun", str(run)).stdout
+
+
+@pytest.mark.usefixtures("here")
+def test_a_sweep_in_another_maze_with_another_rule():
+    """Nothing of the usual maze and rule is left in a job."""
+    words = ["sweep", "obstacles", "scenario=base", "maze=double_t", "hebbian=differential", *BRIEF]
+    done(*words, "hydra/launcher=basic", "hydra.sweep.dir=out")
+    rows = pd.read_csv("out/sweep.csv")
+    assert set(rows.changed) == {"maze=double_t"}
+    assert set(rows.controller) == {"GA", "differential"}
 
 
 @pytest.mark.usefixtures("here")
