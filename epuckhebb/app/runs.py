@@ -9,6 +9,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -34,6 +35,8 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 _PACKAGES = ("epuckhebb", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
 _STATUS, _PROVENANCE = "status.json", "provenance.json"
 _OVERRIDES, _CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
+_HALF = re.compile(r"\..+\.\d+\.tmp")  # what `write_whole` writes beside a file
+_ATTEMPT = re.compile(r"\d{8}-\d{6}-[0-9a-f]{8}_\d+|stop")  # what `engine.launch` leaves in `unfinished/`
 _NOUN = {"evaluate": "run", "evolve": "run", "reproduce": "reproduction"}
 
 
@@ -115,6 +118,8 @@ class RunFolder:
         """
         try:
             path.mkdir(parents=True, exist_ok=True)
+            if not (path / _STATUS).exists():
+                _refuse_foreign(path)
             with (path / _STATUS).open("x"):
                 pass
         except FileExistsError:
@@ -154,6 +159,7 @@ class RunFolder:
         told = provenance(verb, cfg, arguments) | facts
         try:
             path.mkdir(parents=True, exist_ok=True)
+            _refuse_foreign(path, verb)
             held = hold(path)
         except BlockingIOError:
             raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
@@ -228,12 +234,39 @@ class RunFolder:
         self.write(_STATUS, as_json({"schema": SCHEMA, "state": state, "started": self._started, **more}))
 
 
+def _refuse_foreign(path: Path, verb: str | None = None) -> None:
+    """Refuse a folder with anything in it that is not of this program; of a verb, if one is given.
+
+    Raises:
+        ConfigError: Somebody else's files are in it, or a run of another verb.
+    """
+    foreign = sorted(entry.name for entry in path.iterdir() if not _is_begun(entry.name))
+    if not foreign:
+        return
+    whose = None
+    with suppress(ConfigError):
+        whose = read(path).get("verb")
+    if verb is None or whose != verb:
+        what = f"a run of `epuckhebb {whose}`" if whose else f"files that are not of this program ({foreign[0]}, ...)"
+        raise ConfigError(f"{path} holds {what}; nothing there is touched. Give a folder that is new or empty")
+
+
+def _is_begun(name: str) -> bool:
+    """Whether a file is one of those with which a folder of this program begins, whole or half written."""
+    return name in (_STATUS, _PROVENANCE, ".hydra") or _HALF.fullmatch(name) is not None
+
+
 def _throw_away(path: Path) -> None:
-    """Remove what was left half done by processes that were killed, but for runs that are still at work."""
+    """Remove what was left half done by processes that were killed, but for runs that are still at work.
+
+    Only what bears a name of ours is removed.
+    """
     for half in path.rglob(".*.tmp"):
-        if UNFINISHED not in half.relative_to(path).parts:
+        if UNFINISHED not in half.relative_to(path).parts and _HALF.fullmatch(half.name):
             half.unlink(missing_ok=True)
     for attempt in (path / UNFINISHED).glob("*"):
+        if not _ATTEMPT.fullmatch(attempt.name):
+            continue
         if not attempt.is_dir():
             attempt.unlink()
             continue
