@@ -33,7 +33,7 @@ def noise(key, step, count):
 class Robot:
     """A robot in a pymunk space; `live` takes it through its control steps."""
 
-    def __init__(  # noqa: PLR0913
+    def __init__(
         self,
         genes,
         scenario,
