@@ -73,6 +73,8 @@ def digest(function: Callable[..., Any]) -> str:
         value = getattr(value, "py_func", value)
         if isinstance(value, types.ModuleType):
             content.update(value.__name__.encode())
+        elif isinstance(value, types.FunctionType) and _is_of_a_library(value.__module__):
+            content.update(f"{value.__module__}.{value.__qualname__}".encode())
         elif isinstance(value, types.FunctionType):
             new = id(value) not in numbered
             content.update(f"function {numbered.setdefault(id(value), len(numbered))}".encode())
@@ -103,7 +105,7 @@ def digest(function: Callable[..., Any]) -> str:
     def take_named(value: object, names: set[str]) -> None:
         """Take a value; of a module that is not a known library, what of it may be meant too."""
         take(value)
-        if isinstance(value, types.ModuleType) and value.__name__.partition(".")[0] not in _LIBRARIES:
+        if isinstance(value, types.ModuleType) and not _is_of_a_library(value.__name__):
             for name in sorted(names & vars(value).keys()):
                 content.update(name.encode())
                 take_named(vars(value)[name], names - {name})
@@ -118,6 +120,10 @@ def digest(function: Callable[..., Any]) -> str:
 
     take(function)
     return content.hexdigest()[:16]
+
+
+def _is_of_a_library(module: str | None) -> bool:
+    return (module or "").partition(".")[0] in _LIBRARIES
 
 
 def _names(code: types.CodeType) -> set[str]:
