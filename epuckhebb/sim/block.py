@@ -304,11 +304,13 @@ def _outcome(life: Life, lifetime: Lifetime, goal_radius: float) -> Outcome:
 
 
 def _explained(rule: type[Rule], error: NumbaError) -> str:
-    """Why a rule does not compile, in ten lines at most, with the file and line if numba tells them."""
-    lines = [line.rstrip() for line in str(error).splitlines() if line.strip()]
-    own = inspect.getsourcefile(rule.synapse)
-    told = [line for line in lines if own and own in line][-1:] + [line for line in lines if "File" not in line][:8]
-    return "\n".join([f"rule {rule.__name__} of {own} does not compile:", *dict.fromkeys(told)][:_MESSAGE_LINES])
+    """Why a rule does not compile, in ten lines at most: what numba says last of the function farthest in."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    causes = [number for number, line in enumerate(lines) if line.startswith("Rejected as")]
+    told = [line for line in lines[causes[-1] + 1 if causes else 0 :] if "Failed in nopython mode" not in line]
+    told = told[: next((number for number, line in enumerate(told) if line.startswith("During: Pass")), None)]
+    heading = f"rule {rule.__name__} of {inspect.getsourcefile(rule.synapse)} does not compile:"
+    return "\n".join([heading, *dict.fromkeys(told)][:_MESSAGE_LINES])
 
 
 def load_kernel(

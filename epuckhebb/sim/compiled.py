@@ -75,7 +75,7 @@ def digest(function: Callable[..., Any]) -> str:
         value = getattr(value, "py_func", value)
         if isinstance(value, types.ModuleType):
             content.update(value.__name__.encode())
-        elif isinstance(value, types.FunctionType) and str(value.__module__).partition(".")[0] in _LIBRARIES:
+        elif isinstance(value, types.FunctionType) and _is_of_a_library(value.__module__):
             content.update(f"{value.__module__}.{value.__qualname__}".encode())
         elif isinstance(value, types.FunctionType):
             new = id(value) not in numbered
@@ -107,7 +107,7 @@ def digest(function: Callable[..., Any]) -> str:
     def take_named(value: object, names: set[str]) -> None:
         """Take a value; of a module that is not a known library, what of it may be meant too."""
         take(value)
-        if isinstance(value, types.ModuleType) and value.__name__.partition(".")[0] not in _LIBRARIES:
+        if isinstance(value, types.ModuleType) and not _is_of_a_library(value.__name__):
             for name in sorted(names & vars(value).keys()):
                 content.update(name.encode())
                 take_named(vars(value)[name], names - {name})
@@ -122,6 +122,10 @@ def digest(function: Callable[..., Any]) -> str:
 
     take(function)
     return content.hexdigest()[:16]
+
+
+def _is_of_a_library(module: str | None) -> bool:
+    return (module or "").partition(".")[0] in _LIBRARIES
 
 
 def _names(code: types.CodeType) -> set[str]:

@@ -30,8 +30,8 @@ def effective_rate(rate: float, need: float, fitness: float, floor: float) -> fl
 
 @compiled
 def next_weight(weight: float, rate: float, direction: float, w_max: float) -> float:
-    """W' = clip(W + N_e D, -W_max, W_max), with N_e or -N_e as the rate."""
-    return min(w_max, max(-w_max, weight + rate * direction))
+    """W' = clip(W + N_e D, -W_max, W_max), with N_e or -N_e as the rate; nan stays nan, whence the order."""
+    return min(max(weight + rate * direction, -w_max), w_max)
 
 
 Fill = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
