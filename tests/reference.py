@@ -57,7 +57,7 @@ class Robot:
         self.body.position, self.body.angle = (start.x, start.y), start.heading
         disc = pymunk.Circle(self.body, self.kind.radius_m)
         disc.friction, disc.filter = 0, ROBOT
-        self.changes = [(round(change["at_s"] / STEP), change) for change in scenario.changes]
+        self.changes = [(math.ceil(change["at_s"] / STEP - 1e-9), change) for change in scenario.changes]
         self.walls, self.wanted, self.placed_walls = None, None, []
         self.be_in(scenario)
         self.put_walls()

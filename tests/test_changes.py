@@ -1,5 +1,7 @@
 """A world that changes while a robot lives in it."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -61,7 +63,7 @@ EFFECTS = [
 @pytest.mark.parametrize(("change", "seen_in", "later", "side"), EFFECTS)
 @pytest.mark.parametrize("at_s", [0.016, 0.017, 1.0, 4.8])
 def test_a_change_takes_effect_at_its_step_and_not_before(lived, constant, change, seen_in, later, side, at_s):
-    step = round(at_s / STEP_S)
+    step = math.ceil(at_s / STEP_S)
     told = {"start": IN_THE_STEM, "controller": LEARNING, "noise": 0}
     still = constant(0.01, 0.01)
     _, plain = lived(still, side, scenario=Scenario(), **told)
@@ -97,7 +99,7 @@ def test_new_walls_wait_until_the_robot_is_clear_of_them(lived, constant, right)
     told = {"start": Pose(0.02, 0.0, np.pi / 2), "gain_rad_s": 2.0, "noise": 0, "seconds": 12}
     _, alone = lived(constant(0.9, right), **told)
     _, samples = lived(constant(0.9, right), scenario=world, **told)
-    step = round(0.5 / STEP_S)
+    step = math.ceil(0.5 / STEP_S)
     assert gap(*alone.pose[step, :2], new) < EPUCK.radius_m  # in the way
     assert (samples.sensors[step, :8] != alone.sensors[step, :8]).any()  # the light does not wait
     distances = np.array([gap(x, y, new) for x, y, _ in samples.pose])
@@ -167,6 +169,6 @@ def test_impossible_changes_are_refused(changes, message):
 def test_phases_add_up():
     world = changed({"at_s": 1.0, "light": 1.0}, {"at_s": 2.0, "lamp": {"x_m": 0.05}}, {"at_s": 3.0, "light": 0.3})
     steps, worlds = zip(*world.phases, strict=True)
-    assert steps == (0, 31, 62, 94)
+    assert steps == (0, 32, 63, 94)
     assert [(w.light, w.lamp.x_m) for w in worlds] == [(0.1, 0.1), (1.0, 0.1), (1.0, 0.05), (0.3, 0.05)]
     assert not any(w.changes for w in worlds)

@@ -201,7 +201,7 @@ def test_page_holds_the_world_of_each_moment(genes):
     assert [held["lamp"]["towards"] for held in worlds] == pytest.approx([math.pi, math.pi, math.pi / 2, math.pi / 2])
     assert worlds[2]["faults"] == "sensor 3 blind, left wheel at 70 %"
     assert [held["goals"]["right"] for held in worlds] == [[0.36, 0.155]] * 3 + [[0.1, 0.155]]
-    assert data["lives"]["left"][0]["begins"] == pytest.approx([0, 0.992, 1.984, 3.008])
+    assert data["lives"]["left"][0]["begins"] == pytest.approx([0, 1.024, 2.016, 3.008])
 
 
 def test_a_change_is_told_as_it_would_be_typed():

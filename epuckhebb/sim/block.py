@@ -34,7 +34,7 @@ from epuckhebb.sim.lifetime import (
     room_for,
 )
 from epuckhebb.sim.light import lights
-from epuckhebb.sim.maze import Pose, Region, Side, boxes, gap
+from epuckhebb.sim.maze import Pose, Region, Side, added, boxes, gap
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, PAPER_NETWORK, Network, weights_at_birth
 from epuckhebb.sim.physics import PymunkSpace
 from epuckhebb.sim.plasticity.rule import NoRule, Rule, coefficients, kept_at_birth
@@ -253,8 +253,7 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
 def _is_in_the_way(space: PymunkSpace, phase: _Phase) -> bool:
     """Whether the robot of a space stands where walls of a phase would be that are not in its space."""
     x, y = space.handles.state[:2].tolist()
-    known = (phase.walls[:, None] == space.handles.walls).all(axis=2).any(axis=1)
-    return gap(x, y, phase.walls[~known]) < phase.scenario.robot.radius_m
+    return gap(x, y, added(space.handles.walls, phase.walls)) < phase.scenario.robot.radius_m
 
 
 def _trial(scenario: Scenario, side: Side) -> Trial:

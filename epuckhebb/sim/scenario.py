@@ -101,7 +101,8 @@ class Scenario:
         """The world as it is from each control step on, until the next; without changes, itself from step 0 on."""
         told = [(0, replace(self, changes=()) if self.changes else self)]
         for change in self.changes:
-            told.append((round(change["at_s"] / STEP_S), _changed(told[-1][1], change)))
+            first = math.ceil(change["at_s"] / STEP_S - 1e-9)  # the first step that is not before the change
+            told.append((first, _changed(told[-1][1], change)))
         return told
 
     def changed_from(self, named: "Scenario", maze: Maze = T_MAZE, robot: Robot = EPUCK) -> str:
