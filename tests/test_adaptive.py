@@ -1,4 +1,4 @@
-"""Adaptive plasticity as a user meets it: evaluate, compare, show, sweep, and each mistake."""
+"""An adaptation as a user meets it: evaluate, compare, show, sweep, and each mistake."""
 
 import json
 
@@ -10,9 +10,12 @@ from typer.testing import CliRunner
 import epuckhebb
 from epuckhebb.app import files
 from epuckhebb.app.cli import app
+from epuckhebb.app.config import EvaluateConfig, typed
 from epuckhebb.app.evaluate import training_world
-from epuckhebb.sim.memory import remember
-from epuckhebb.study.evaluate import GA_ALONE
+from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.sim.adaptation.baseline import remember
+from epuckhebb.sim.controller import GA
+from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.study.rescue import FIGURE
 
 BRIEF = ["lifetime.duration_s=3", "lifetime.record_every=0", "repeats=2"]
@@ -32,54 +35,58 @@ def call(*words):
 @pytest.mark.parametrize("scenario", ["4obstacles", "lowlight"])
 def test_needs_no_other_setting(here, scenario):
     told = json.loads(
-        call("evaluate", "hebbian=adaptive", f"scenario={scenario}", *BRIEF, "lifetime.record_every=8", "--json").stdout
+        call("evaluate", "adaptation=late", f"scenario={scenario}", *BRIEF, "lifetime.record_every=8", "--json").stdout
     )
     metrics = pd.DataFrame(told["runs"][0]["metrics"])
-    assert list(metrics.controller.unique()) == [GA_ALONE, "adaptive"]
+    assert list(metrics.controller.unique()) == [GA, "late"]
     assert (metrics.weight_change_mean == 0).all()  # three seconds are not late
     with np.load(next((here / "runs").rglob("traces.npz"))) as file:
         traces = dict(file)
-    late = traces["surprise"][[name == "adaptive" for name in traces["controller"]]]
+    late = traces["change_signal"][[name == "late" for name in traces["controller"]]]
     assert (np.diff(late, axis=1) > 0).all()
-    assert np.isnan(traces["surprise"][[name == GA_ALONE for name in traces["controller"]]]).all()
+    assert np.isnan(traces["change_signal"][[name == GA for name in traces["controller"]]]).all()
 
 
 def test_the_bundled_champions_remember():
+    """They are of version 0.1, which said nothing of robots and networks."""
+    usual = typed(composed("evaluate", []), EvaluateConfig)
     for experiment in ("light", "obstacles"):
+        home = training_world(experiment, usual.maze, usual.robot)
         for where in ("reference", "reference_1", "reference_140"):
             genome = files.load_genome(where, experiment)
-            again = remember(genome.genes, training_world(experiment))
-            for name, value in vars(genome.memory).items():
+            assert (genome.network, genome.robot, genome.plan.told()) == (PAPER_NETWORK, "epuck", "234 weights")
+            again = remember(genome.weights, home)
+            for name, value in vars(genome.baseline).items():
                 np.testing.assert_array_equal(value, getattr(again, name), err_msg=f"{where} {name}")
 
 
 @pytest.mark.usefixtures("here")
 def test_a_champion_keeps_what_it_remembers_and_show_tells():
     assert call("evolve", *TINY, "hydra.run.dir=run").exit_code == 0
-    memory = files.load_genome("run", "obstacles").memory
-    assert (memory.experiment, memory.scenario, memory.gain_rad_s) == ("obstacles", "base", 1.0)
+    baseline = files.load_genome("run", "obstacles").baseline
+    assert (baseline.experiment, baseline.scenario, baseline.gain_rad_s) == ("obstacles", "base", 1.0)
     shown = call("show", "run").stdout
-    assert "Memory of base at 1 rad/s" in shown
-    assert f"{memory.reading_mean[1, 3]:.2f} ± {memory.reading_spread[1, 3]:.2f}" in shown
+    assert "Baseline: base at 1 rad/s" in shown
+    assert f"{baseline.reading_mean[1, 3]:.2f} ± {baseline.reading_spread[1, 3]:.2f}" in shown
 
 
 @pytest.mark.usefixtures("here")
 def test_older_champions_live_again_and_say_so():
     np.save("old.npy", files.load_genome("reference_20", "obstacles").genes)
-    result = call("evaluate", "hebbian=adaptive", "genome=old.npy", *BRIEF)
+    result = call("evaluate", "adaptation=late", "genome=old.npy", *BRIEF)
     assert result.exit_code == 0, result.output
-    assert "genome=old has no memory: it lives 10 lifetimes a side in base first, at 1 rad/s." in result.stderr
-    result = call("evaluate", "hebbian=adaptive", "genome=reference_20", "lifetime.gain_rad_s=4", *BRIEF)
+    assert "genome=old has no baseline: it lives 10 lifetimes a side in base first, at 1 rad/s." in result.stderr
+    result = call("evaluate", "adaptation=late", "genome=reference_20", "lifetime.gain_rad_s=4", *BRIEF)
     assert "remembers a pace of 1 rad/s: it lives 10 lifetimes a side in base first, at 4 rad/s." in result.stderr
     paper = call("evaluate", "genome=old.npy", *BRIEF)
-    assert "memory" not in paper.output  # the paper's rule asks for none
+    assert "baseline" not in paper.output  # the paper's rule asks for none
 
 
 @pytest.mark.usefixtures("here")
 def test_compared_plasticities_share_the_lifetimes():
     result = call("evaluate", "+compare={fast: {N: 0.01}, wrong: {N: 0.01, sign: shuffled}}", *BRIEF, "--json")
     metrics = pd.DataFrame(json.loads(result.stdout)["runs"][0]["metrics"])
-    assert list(metrics.controller.unique()) == [GA_ALONE, "Hebbian", "fast", "wrong"]
+    assert list(metrics.controller.unique()) == [GA, "Hebbian", "fast", "wrong"]
     alone = call("evaluate", "hebbian.N=0.01", *BRIEF, "--json")
     fast = metrics[metrics.controller == "fast"].drop(columns="controller").reset_index(drop=True)
     own = pd.DataFrame(json.loads(alone.stdout)["runs"][0]["metrics"])
@@ -88,22 +95,31 @@ def test_compared_plasticities_share_the_lifetimes():
 
 
 def test_from_python():
-    rows = epuckhebb.evaluate(epuckhebb.load("reference_101"), "hebbian=adaptive_novelty", *BRIEF)
-    assert list(rows.controller.unique()) == [GA_ALONE, "adaptive_novelty"]
+    rows = epuckhebb.evaluate(epuckhebb.load("reference_101"), "adaptation=novelty", *BRIEF)
+    assert list(rows.controller.unique()) == [GA, "novelty"]
 
 
 BAD = {
-    "a signal that is not one": (["hebbian.surprise=boredom"], "surprise", "lateness"),
+    "a signal that is not one": (
+        ["adaptation.change_signal=boredom"],
+        "adaptation.change_signal",
+        "lateness",
+        "boredom",
+    ),
     "compared: not a key": (["+compare.a={M: 1}"], "compare.a", "M"),
     "compared: not a rate": (["+compare.a={N: -1}"], "compare.a", "N must be 0 or more"),
     "compared: a name that is taken": (["+compare.GA={N: 1}"], "compare.GA", "taken"),
-    "another experiment": (["hebbian=adaptive", "genome=light.npz"], "remembers highlight", "experiment"),
-    "never arrived": (["hebbian=adaptive", "genome=zeros.npy"], "surprise=lateness", "reached neither goal in base"),
-    "a memory that is broken": (["hebbian=adaptive", "genome=broken.npz"], "memory", "cannot read"),
+    "another experiment": (["adaptation=late", "genome=light.npz"], "remembers highlight", "experiment"),
+    "never arrived": (
+        ["adaptation=late", "genome=zeros.npy"],
+        "adaptation.change_signal=lateness",
+        "reached neither goal in base",
+    ),
+    "a baseline that is broken": (["adaptation=late", "genome=broken.npz"], "baseline", "cannot read"),
     "no such reference champion": (["genome=reference_77"], "reference_77", "1 to 20, 101 to 140"),
     "blind where it has no eye": (["scenario.dead_sensor=8"], "scenario.dead_sensor", "0 to 7"),
     "a wheel that is too strong": (["scenario.left_wheel=1.5"], "scenario.left_wheel", "[0, 1]"),
-    "a layout that is none": (["scenario.layout=-1"], "scenario.layout", "0 (as in the paper) or more"),
+    "a layout that is none": (["scenario.layout=-1"], "scenario.layout", "0 (as in the maze) or more"),
 }
 
 
@@ -111,7 +127,7 @@ BAD = {
 def test_mistakes_get_one_message_and_leave_nothing(here, mistake):
     words, *told = BAD[mistake]
     champion = files.load_genome("reference", "light")
-    (here / "light.npz").write_bytes(files.champion_file(1.0, champion.genes, "light", 1, 99, champion.memory))
+    (here / "light.npz").write_bytes(files.champion_file(champion, 1.0, "light", 1, 99))
     np.save("zeros.npy", np.zeros(234))
     np.savez("broken.npz", genome=np.zeros(234), memory_away_s=np.zeros(3))
     result = call("evaluate", *words, *BRIEF)
@@ -124,7 +140,7 @@ def test_mistakes_get_one_message_and_leave_nothing(here, mistake):
 
 SMALL_STUDY = """
 # @package _global_
-defaults: [{override /hebbian: adaptive}]
+defaults: [{override /adaptation: late}]
 compare: {always: {N: 0.002}}
 hydra: {sweeper: {params: {scenario: "base,2obstacles", genome: "reference_1,reference_2"}}}
 """
@@ -139,11 +155,11 @@ def test_a_sweep_over_champions_and_worlds_tells_of_rescue_and_harm(here):
     assert "Rescue and harm" in result.stdout
     each = pd.read_csv(here / "out" / "rescue_and_harm.csv")
     assert each[["scenario", "controller"]].to_numpy().tolist() == [
-        [scenario, controller] for controller in ("adaptive", "always") for scenario in ("base", "2obstacles")
+        [scenario, controller] for controller in ("late", "always") for scenario in ("base", "2obstacles")
     ]
     kept = pd.read_csv(here / "out" / "retention.csv")
     assert kept[["controller", "masters"]].to_numpy().tolist() == [
-        [controller, masters] for controller in ("GA", "adaptive", "always") for masters in ("any", "both")
+        [controller, masters] for controller in ("GA", "late", "always") for masters in ("any", "both")
     ]
     report = (here / "out" / "report.md").read_text()
     assert "reference_1" in report

@@ -44,7 +44,9 @@ def test_bash(here):
     a_run(here / "runs" / "evolve" / "one")
     assert bash("swe") == ["sweep"]
     assert bash("evaluate", "scenario", "=", "lo") == ["lowlight"]
-    assert set(bash("evaluate", "-m", "hebbian", "=")) >= {"none", "paper", "adaptive"}
+    assert set(bash("evaluate", "-m", "hebbian", "=")) >= {"none", "paper", "oja"}
+    assert set(bash("evaluate", "adaptation", "=")) == {"none", "late", "late_steady", "shortfall", "novelty"}
+    assert set(bash("evaluate", "robot", "=")) == {"epuck", "epuck_lidar"}
     assert set(bash("evaluate", "scen")) >= {"scenario=base", "scenario.light="}
     assert bash("show", "runs/") == ["runs/evolve/one"]
 
@@ -73,6 +75,8 @@ def test_keys_and_values(here):
         *("hebbian.trace_decay=", "hebbian.trace_decay=0.95"),
         *("hebbian.trace_update=", "hebbian.trace_update=0.05"),
     ]
+    assert data.complete_override("evaluate", "adaptation.th") == ["adaptation.threshold=", "adaptation.threshold=0.0"]
+    assert data.complete_override("evaluate", "maze=t") == ["maze=t_maze", "maze=t_maze_wide"]
     assert data.complete_override("evaluate", "genome=r") == ["genome=reference", "genome=runs/evolve/one"]
     assert data.complete_override("evolve", "ga=") == ["ga=as_coded", "ga=textbook"]
     assert data.complete_override("evolve", "resume=") == ["resume=runs/evolve/one"]
@@ -95,5 +99,6 @@ def test_every_key_is_offered(verb):
 
     composed_verb = "evaluate" if verb == "sweep" else verb
     keys = set(below(OmegaConf.to_container(composed(composed_verb, []))))
+    keys -= {"scenario.name", "hebbian.name", "adaptation.name"}  # a file's name, which the program fills in
     offered = {offer.partition("=")[0] for offer in data.complete_override(verb, "")}
     assert keys <= offered

@@ -20,9 +20,13 @@ def test_every_choice_of_every_group_composes(verb, group, choice):
 
 def test_defaults_are_the_papers():
     evaluate = typed(composed("evaluate", []), EvaluateConfig)
-    assert (evaluate.hebbian.N, evaluate.lifetime.duration_s, evaluate.lifetime.gain_rad_s) == (0.000015, 250, 1)
+    assert (evaluate.controllers[0].rule.N, evaluate.lifetime.duration_s, evaluate.lifetime.gain_rad_s) == (
+        0.000015,
+        250,
+        1,
+    )
     light = typed(composed("evaluate", ["scenario=lowlight"]), EvaluateConfig)
-    assert (light.hebbian.N, light.lifetime.duration_s, light.scenario.lamp.y_m) == (0.002, 200, -0.3)
+    assert (light.controllers[0].rule.N, light.lifetime.duration_s, light.scenario.lamp.y_m) == (0.002, 200, -0.3)
     evolve = typed(composed("evolve", []), EvolveConfig)
     assert (evolve.ga.population, evolve.ga.generations, evolve.ga.elites, evolve.ga.loops) == (50, 30, 6, 3)
     assert (evolve.lifetime.duration_s, evolve.lifetime.gain_rad_s) == (60, 4)

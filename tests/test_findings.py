@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from epuckhebb.app.data import data_folder
+from epuckhebb.sim.controller import GA, HEBBIAN
 from epuckhebb.study import findings, published, rescue
-from epuckhebb.study.evaluate import GA_ALONE, HEBBIAN
 from epuckhebb.study.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson, wilson_by_champion
 
 
@@ -168,18 +168,18 @@ EACH = findings.trials(
     lifetimes(
         {
             # a: mastered on both sides; 4 obstacles break the left, plasticity rescues it and harms the right
-            ("a", "base", GA_ALONE, 0.0): (3, 2),
+            ("a", "base", GA, 0.0): (3, 2),
             ("a", "base", HEBBIAN, N): (3, 3),
-            ("a", "2obstacles", GA_ALONE, 0.0): (3, 3),
+            ("a", "2obstacles", GA, 0.0): (3, 3),
             ("a", "2obstacles", HEBBIAN, N): (3, 3),
-            ("a", "4obstacles", GA_ALONE, 0.0): (1, 3),
+            ("a", "4obstacles", GA, 0.0): (1, 3),
             ("a", "4obstacles", HEBBIAN, N): (2, 0),
             # b: the right is not mastered, so nothing of it can be broken; the left is broken and stays so
-            ("b", "base", GA_ALONE, 0.0): (3, 1),
+            ("b", "base", GA, 0.0): (3, 1),
             ("b", "base", HEBBIAN, N): (0, 3),
-            ("b", "2obstacles", GA_ALONE, 0.0): (3, 0),
+            ("b", "2obstacles", GA, 0.0): (3, 0),
             ("b", "2obstacles", HEBBIAN, N): (3, 3),
-            ("b", "4obstacles", GA_ALONE, 0.0): (0, 0),
+            ("b", "4obstacles", GA, 0.0): (0, 0),
             ("b", "4obstacles", HEBBIAN, N): (0, 3),
         }
     )
@@ -189,8 +189,8 @@ EACH = findings.trials(
 def test_a_trial_succeeds_if_most_of_its_repeats_do():
     own = EACH[(EACH.genome == "a") & (EACH.scenario == "4obstacles")].set_index(["controller", "side"])
     assert own.succeeds.to_dict() == {
-        (GA_ALONE, "left"): False,
-        (GA_ALONE, "right"): True,
+        (GA, "left"): False,
+        (GA, "right"): True,
         (HEBBIAN, "left"): True,
         (HEBBIAN, "right"): False,
     }
@@ -226,7 +226,7 @@ def one_sided():
     """Champion l always turns left: it masters the left everywhere. Champion m masters both, and less when changed."""
     outcomes = {}
     for scenario, m in (("base", (3, 3)), ("2obstacles", (3, 0)), ("4obstacles", (0, 0))):
-        outcomes |= {("l", scenario, GA_ALONE, 0.0): (3, 0), ("m", scenario, GA_ALONE, 0.0): m}
+        outcomes |= {("l", scenario, GA, 0.0): (3, 0), ("m", scenario, GA, 0.0): m}
         outcomes |= {("l", scenario, HEBBIAN, N): (3, 0), ("m", scenario, HEBBIAN, N): (0, 3)}
     return findings.trials(lifetimes(outcomes))
 
@@ -234,13 +234,13 @@ def one_sided():
 def test_retention_tells_one_sided_champions_apart():
     found = findings.retention(one_sided()).set_index(["controller", "masters"])
     columns = ["champions", "trials", "retained"]
-    assert found.loc[(GA_ALONE, "any"), columns].tolist() == [2, 6, 3]  # l: 2 of 2, m: 1 of 4
-    assert found.loc[(GA_ALONE, "both"), columns].tolist() == [1, 4, 1]
+    assert found.loc[(GA, "any"), columns].tolist() == [2, 6, 3]  # l: 2 of 2, m: 1 of 4
+    assert found.loc[(GA, "both"), columns].tolist() == [1, 4, 1]
     assert found.loc[(HEBBIAN, "any"), columns].tolist() == [2, 6, 4]
     assert found.loc[(HEBBIAN, "both"), columns].tolist() == [1, 4, 2]
-    assert found.share[GA_ALONE, "both"] == 0.25
-    assert tuple(found.loc[(GA_ALONE, "any"), ["low", "high"]]) == (0.25, 1.0)
-    assert width(found.loc[(GA_ALONE, "both"), ["low", "high"]]) == pytest.approx(wilson(0, 1)[1])  # one champion
+    assert found.share[GA, "both"] == 0.25
+    assert tuple(found.loc[(GA, "any"), ["low", "high"]]) == (0.25, 1.0)
+    assert width(found.loc[(GA, "both"), ["low", "high"]]) == pytest.approx(wilson(0, 1)[1])  # one champion
     page = rescue.retention_table(found.reset_index())
     assert "| GA | 3 of 6: 0.50 [0.25, 1.00], 2 champions | 1 of 4: 0.25 [0.05, 0.85], 1 champion |" in page
 
@@ -248,8 +248,8 @@ def test_retention_tells_one_sided_champions_apart():
 def test_retention_where_nothing_is_mastered():
     each = one_sided()
     found = findings.retention(each[each.genome == "l"]).set_index(["controller", "masters"])
-    assert found.trials[GA_ALONE, "both"] == 0
-    assert math.isnan(found.share[GA_ALONE, "both"])
+    assert found.trials[GA, "both"] == 0
+    assert math.isnan(found.share[GA, "both"])
     assert "| GA | 2 of 2: 1.00 [0.21, 1.00], 1 champion | 0 of 0 |" in rescue.retention_table(found.reset_index())
 
 
@@ -262,9 +262,9 @@ def test_bootstrap_ratio_weighs_champions_by_their_trials():
 
 def test_success_counts_champions():
     found = findings.success(EACH).set_index(["scenario", "controller", "side"])
-    assert tuple(found.loc[("base", GA_ALONE, "right"), ["successes", "n"]]) == (1, 2)
-    assert tuple(found.loc[("base", GA_ALONE, "right"), ["low", "high"]]) == wilson(1, 2)
-    assert tuple(found.loc[("base", GA_ALONE, "both"), ["successes", "n"]]) == (1, 2)
+    assert tuple(found.loc[("base", GA, "right"), ["successes", "n"]]) == (1, 2)
+    assert tuple(found.loc[("base", GA, "right"), ["low", "high"]]) == wilson(1, 2)
+    assert tuple(found.loc[("base", GA, "both"), ["successes", "n"]]) == (1, 2)
 
 
 def test_claims_by_hand():
@@ -333,7 +333,7 @@ def test_published_values_are_the_papers(paper):
     cell = values[(values.scenario == "4obstacles") & (values.controller == HEBBIAN) & (values.side == "right")]
     assert cell.set_index("metric").published["time_to_goal_s"] == 161.25
     said = published.published_success(paper).set_index(["scenario", "controller", "side"]).success
-    assert said["lowlight", GA_ALONE, "left"] == 0
+    assert said["lowlight", GA, "left"] == 0
     assert said["highlight", HEBBIAN, "right"] == 0
 
 
@@ -346,7 +346,7 @@ def test_a_missing_published_value_is_named(paper):
 def test_comparison_puts_ours_beside_theirs(paper):
     values = published.published_values(paper)
     found = published.compare(values, EACH, {"obstacles": "a"}).set_index(["scenario", "controller", "side", "metric"])
-    cell = found.loc[("base", GA_ALONE, "left", "time_to_goal_s")]
+    cell = found.loc[("base", GA, "left", "time_to_goal_s")]
     assert (cell.ours, cell.published, cell.n) == (100.0, 213.82, 2)
     assert cell.relative_deviation == pytest.approx(100 / 213.82 - 1)
     text = published.to_markdown(found.reset_index(), of_all=False)

@@ -9,18 +9,25 @@ from pathlib import Path
 import pytest
 
 import epuckhebb
+from epuckhebb.app.parts import rule_names
 
 PACKAGE = Path(epuckhebb.__file__).parent
 LAYERS = ["sim", "evolution", "study", "app"]
-INSIDE_SIM = {
-    "world": {"epuck", "maze", "compiled"},
-    "controller": {"compiled"},
-    "noise": {"compiled"},
-    "streams": set(),
-    "maze": {"compiled", "streams"},
+INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
+    "compiled": set(),
+    "mapping": set(),
+    "random": {"compiled"},
     "light": {"compiled"},
-    "epuck": {"light", "compiled"},
-    "surprise": {"epuck", "controller", "compiled"},
+    "maze": {"mapping", "random"},
+    "robot": {"compiled", "light", "mapping"},
+    "network": {"compiled"},
+    "fitness": {"compiled", "robot"},
+    "physics": {"compiled", "maze", "robot"},
+    "scenario": {"light", "maze", "robot"},
+    "genome": {"network", "plasticity"},
+    "controller": {"adaptation", "plasticity"},
+    "plasticity": {"compiled", "fitness", "network", "robot"},
+    "adaptation/change_signals": {"compiled"},
 }
 
 
@@ -98,16 +105,32 @@ def test_imports_run_downward(layer):
             assert not any(name == other or name.startswith(f"{other}.") for other in above), f"{file.name}: {name}"
 
 
-@pytest.mark.parametrize("module", sorted(INSIDE_SIM))
-def test_imports_inside_sim(module):
-    names = {name.split(".")[2] for name in imported(PACKAGE / "sim" / f"{module}.py") if "epuckhebb.sim." in name}
-    assert names <= INSIDE_SIM[module]
+@pytest.mark.parametrize("part", sorted(INSIDE_SIM))
+def test_imports_inside_sim(part):
+    place = PACKAGE / "sim" / part
+    for file in place.glob("*.py") if place.is_dir() else [place.with_suffix(".py")]:
+        names = {name.split(".")[2] for name in imported(file) if "epuckhebb.sim." in name}
+        assert names <= INSIDE_SIM[part] | {part.partition("/")[0]}, file
+
+
+def rules():
+    return [f"epuckhebb.sim.plasticity.{name}" for name in rule_names()]
+
+
+def test_a_rule_is_one_file_that_no_other_has_to_know():
+    """But for the paper's, from which the others are told apart."""
+    assert len(rules()) >= 4
+    for rule in rules():
+        assert GRAPH[rule] <= {"epuckhebb.sim.plasticity.rule", "epuckhebb.sim.robot"}, rule
+        users = sorted(module for module, needs in GRAPH.items() if rule in needs)
+        assert users == [] or rule.endswith(".paper"), users
+    assert not any(".change_signals." in name for needs in GRAPH.values() for name in needs)
 
 
 @pytest.mark.parametrize("package", ["pymunk", "llvmlite"])
-def test_physics_is_in_world_alone(package):
+def test_physics_is_in_one_file(package):
     users = {file.name for file in PACKAGE.rglob("*.py") if package in {n.split(".")[0] for n in imported(file)}}
-    assert users == {"world.py"}
+    assert users == {"physics.py"}
 
 
 def test_what_an_evaluation_tells_needs_no_statistics():

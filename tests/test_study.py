@@ -3,18 +3,24 @@
 import numpy as np
 import pytest
 
+from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.lifetime import Lifetime
-from epuckhebb.sim.plasticity import Hebbian
+from epuckhebb.sim.plasticity.paper import Paper
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.study import figures, tables
 from epuckhebb.study.evaluate import COLUMNS, evaluate
 
 BRIEF = Lifetime(duration_s=40, gain_rad_s=4, record_every=10)
+MEASURED = list(COLUMNS[COLUMNS.index("success") : COLUMNS.index("changed")])
+
+
+def hebbian(rate, name="Hebbian"):
+    return Controller(name=name, rule=Paper(N=rate))
 
 
 @pytest.fixture(scope="module")
 def evaluated(genomes):
-    return evaluate(genomes[1], Scenario(), [Hebbian(N=0.002)], BRIEF, repeats=3, seed=4, name="one")
+    return evaluate(genomes[1], Scenario(), [hebbian(0.002)], BRIEF, repeats=3, seed=4, name="one")
 
 
 def test_a_row_for_every_lifetime(evaluated):
@@ -26,16 +32,28 @@ def test_a_row_for_every_lifetime(evaluated):
     assert (rows.average_speed_m_s == rows.path_length_m / 40).all()
 
 
-def test_twins_hear_the_same_noise(genomes):
-    rows, _ = evaluate(genomes[1], Scenario(), [Hebbian(N=0.0)], BRIEF, repeats=3, seed=4)
-    measured = list(COLUMNS[COLUMNS.index("success") :])
-    ga, twin = (rows[rows.controller == name][measured].to_numpy() for name in ("GA", "Hebbian"))
-    np.testing.assert_array_equal(ga, twin)
+def test_paired_controls_hear_the_same_noise(genomes):
+    rows, _ = evaluate(genomes[1], Scenario(), [hebbian(0.0)], BRIEF, repeats=3, seed=4)
+    ga, paired = (rows[rows.controller == name][MEASURED].to_numpy() for name in ("GA", "Hebbian"))
+    np.testing.assert_array_equal(ga, paired)
+
+
+def test_controllers_of_the_same_name_are_told_apart_by_their_rate_or_refused(genomes):
+    rows, _ = evaluate(genomes[1], Scenario(), [hebbian(0.001), hebbian(0.002)], BRIEF, repeats=1, seed=4)
+    assert list(rows.groupby(["controller", "N"]).size()) == [2, 2, 2]
+    with pytest.raises(ValueError, match="the same name and N"):
+        evaluate(genomes[1], Scenario(), [hebbian(0.001), hebbian(0.001)], BRIEF, repeats=1, seed=4)
+
+
+def test_what_changed_is_in_every_row(genomes, evaluated):
+    assert set(evaluated[0].changed) == {""}
+    rows, _ = evaluate(genomes[1], Scenario(), [], BRIEF, repeats=1, seed=4, changed="light=1")
+    assert set(rows.changed) == {"light=1"}
 
 
 def test_repeats_differ_and_do_not_depend_on_how_many_there_are(genomes, evaluated):
     rows, _ = evaluated
-    more, _ = evaluate(genomes[1], Scenario(), [Hebbian(N=0.002)], BRIEF, repeats=5, seed=4, threads=2, name="one")
+    more, _ = evaluate(genomes[1], Scenario(), [hebbian(0.002)], BRIEF, repeats=5, seed=4, threads=2, name="one")
     assert rows.path_length_m.nunique() == len(rows)
     kept = more[more.repeat < 3].reset_index(drop=True)
     assert kept.to_csv() == rows.to_csv()

@@ -335,6 +335,7 @@ def _run(
     flags += ["--cfg", cfg] if cfg else []
     flags += ["--config-dir", config_dir] if config_dir else []
     _begin(quiet)
+    hydra_bridge.check_words(verb, arguments)
     if not cfg:
         hydra_bridge.check(verb, arguments, config_dir, asked, multirun=multirun)
     runs = hydra_bridge.run(verb, job, [*arguments, *flags])

@@ -5,6 +5,7 @@ that a user can bring (a rule, a maze, a robot) are open here, and checked when 
 """
 
 import difflib
+import functools
 import math
 import os
 from collections.abc import Iterator
@@ -20,7 +21,7 @@ from yaml import YAMLError
 
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.parts import check_pace, check_signal, compared, controller_from, network_for, scenario_from
-from epuckhebb.evolution.ga import GA as Algorithm
+from epuckhebb.evolution.ga import GA as Algorithm  # noqa: N811
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.fitness import Signal
@@ -204,7 +205,7 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
     Raises:
         ConfigError: A key is unknown or a value is outside its range; the message names the key.
     """
-    known = list(_keys_below(OmegaConf.structured(schema), ""))
+    known = _known_keys(schema.__name__)
     for key in _keys_below(cfg, ""):
         if key not in known and not key.startswith(tuple(f"{open_}." for open_ in OPEN)):
             near = near_keys(key, known)
@@ -218,6 +219,12 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
     if not isinstance(config, schema):
         raise ConfigError("the configuration is not one of this verb")
     return config
+
+
+@functools.cache
+def _known_keys(schema: str) -> list[str]:
+    kind = next(kind for kind in SCHEMAS.values() if kind.__name__ == schema)
+    return list(_keys_below(OmegaConf.structured(kind), ""))
 
 
 def near_keys(key: str, known: list[str]) -> str:

@@ -104,7 +104,8 @@ def _keys(verb: str) -> Iterator[tuple[str, Any]]:
     for group in groups(verb):
         file = data_folder("conf") / group / f"{chosen.get(group)}.yaml"
         if group != "experiment" and file.is_file():
-            yield from below(yaml.safe_load(file.read_text()), f"{group}.")
+            values = yaml.safe_load(file.read_text())
+            yield from below(values.get(group, values), f"{group}.")  # a file may bring other groups, beside its own
 
 
 def _runs(verb: str) -> list[str]:

@@ -58,7 +58,8 @@ def fit(genome: Genome, config: EvaluateConfig) -> None:
     if genome.robot != robot.name or genome.network.inputs != robot.inputs:
         raise ConfigError(
             f"genome={genome.name} is for robot {genome.robot} and a network of layers {genome.network}; robot "
-            f"{robot.name} has {robot.inputs} readings. Give robot={genome.robot}, or a champion evolved for {robot.name}"
+            f"{robot.name} has {robot.inputs} readings. Give robot={genome.robot}, or a champion evolved for "
+            f"{robot.name}"
         )
     for controller in config.controllers:
         missing = [name for name in controller.rule.evolved if name not in genome.plan.split(genome.genes)]

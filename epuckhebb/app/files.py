@@ -7,7 +7,7 @@ import hashlib
 import io
 import json
 import re
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -52,7 +52,7 @@ class Genome:
     network: Network = PAPER_NETWORK
     robot: str = EPUCK.name
     lights: int = EPUCK.lights
-    plan: GenomePlan = plan_of(PAPER_NETWORK)
+    plan: GenomePlan = field(default_factory=lambda: plan_of(PAPER_NETWORK))
     baseline: Baseline | None = None
 
     @property

@@ -32,7 +32,7 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.app.config import SCHEMAS, near_keys, thread_count
 from epuckhebb.app.data import data_folder, groups
 from epuckhebb.app.errors import ConfigError, JobFailedError
-from epuckhebb.app.named import completed, world_name
+from epuckhebb.app.named import NAMED, completed, world_name
 
 IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
 _STAMP = "EPUCKHEBB_STAMP"  # environment variable that conf/ names run folders with
@@ -60,6 +60,7 @@ def composed(verb: str, overrides: list[str], config_dir: str | None = None, *, 
 
 def _composed(verb: str, overrides: list[str], config_dir: str | None) -> tuple[DictConfig, DictConfig, list[Path]]:
     """A configuration as Hydra composes it, what Hydra keeps for itself, and where it looked for files."""
+    check_words(verb, overrides)
     more = [f'hydra.searchpath=["file://{Path(config_dir).absolute()}"]'] if config_dir else []
     GlobalHydra.instance().clear()
     try:
@@ -114,17 +115,19 @@ def combinations(
     Raises:
         ConfigError: An override cannot be used.
     """
+    values = {key for key in choices if _VALUE_KEY.fullmatch(key) and key not in groups(verb)}
+    are_named = not any(key.partition(".")[0] in NAMED for key in values)  # whatever these values are
 
     @functools.cache
     def prepared(overrides: tuple[str, ...]) -> tuple[DictConfig, DictConfig, list[Path]]:
-        return _composed(verb, [*fixed, *overrides], config_dir)
+        raw, hydras, folders = _composed(verb, [*fixed, *overrides], config_dir)
+        return _with_names(raw, hydras, folders) if are_named else raw, hydras, folders
 
     @functools.cache
     def parsed(override: str) -> tuple[str, Any]:
         one = OverridesParser.create().parse_override(override)
         return one.key_or_group, one.value()
 
-    values = {key for key in choices if _VALUE_KEY.fullmatch(key) and key not in groups(verb)}
     for overrides in itertools.product(*choices.values()):
         told = list(zip(choices, overrides, strict=True))
         raw, hydras, folders = prepared(tuple(override for key, override in told if key not in values))
@@ -155,6 +158,28 @@ def alternatives(overrides: list[str]) -> dict[str, list[str]]:
         return {override.get_key_element(): choices(override) for override in parsed}
     except HydraException as error:
         raise ConfigError(explain(error)) from error
+
+
+def check_words(verb: str, words: list[str]) -> None:
+    """Refuse a group that is given something else than a name, which Hydra ends with a traceback, and `changed`.
+
+    Raises:
+        ConfigError: There is such a word; the message says what is allowed.
+    """
+    try:
+        overrides = OverridesParser.create().parse_overrides([word for word in words if not word.startswith("-")])
+    except HydraException:
+        return  # Hydra will say what is wrong with it
+    known = groups(verb)
+    for override in overrides:
+        key = override.key_or_group
+        if key == "changed":
+            raise ConfigError("changed is filled in by the program, with what differs from the named scenario")
+        value = None if override.is_sweep_override() else override.value()
+        is_name = override.is_delete() or override.is_sweep_override() or isinstance(value, str | list)
+        if not is_name and (key in known or "/" in key):
+            allowed = f"one of {', '.join(known[key])}" if key in known else "the name of a file"
+            raise ConfigError(f"{override.input_line}: {key} must be {allowed}")
 
 
 def check(

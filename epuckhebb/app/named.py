@@ -5,6 +5,7 @@ looked for them; here the names are filled in, and a value that is not that of t
 `changed`, which tables, folders and pages show. A configuration that has been completed is left as it is.
 """
 
+import functools
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ from epuckhebb.sim.maze import T_MAZE
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import Scenario
 
+NAMED = ("maze", "robot", "scenario", "hebbian", "adaptation", "compare", "changed")  # all that this file fills in
 _GROUPS = ("maze", "robot", "scenario", "hebbian")
 _LONGEST = 80  # characters of a world in the name of a folder
 
@@ -121,6 +123,14 @@ def scenario_of(choice: str, folders: Sequence[Path], maze: dict[str, Any], robo
     return scenario_from(OmegaConf.to_object(whole.scenario), maze, robot)
 
 
+@functools.lru_cache(maxsize=256)
+def _read(text: str) -> DictConfig:
+    """A file of `conf/`; the jobs of a sweep ask for the same few again and again."""
+    own = OmegaConf.create(text)
+    assert isinstance(own, DictConfig)
+    return own
+
+
 def _file(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None:
     """A file of a group with what it takes over from others of its group, as Hydra puts them together."""
     path = next(
@@ -129,8 +139,7 @@ def _file(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None
     if path is None:
         return None
     try:
-        own = OmegaConf.load(path)
-        assert isinstance(own, DictConfig)
+        own = _read(path.read_text()).copy()
         entries = list(own.pop("defaults", []))
         if "_self_" not in entries:
             entries.insert(0, "_self_")

@@ -198,7 +198,7 @@ def controller_from(hebbian: Mapping[str, Any], adaptation: Adaptation, key: str
     return Controller(name=name, rule=rule, adaptation=adaptation)
 
 
-def compared(name: str, settings: Any, paper_N: float) -> Controller:
+def compared(name: str, settings: Any, paper_N: float) -> Controller:  # noqa: N803
     """The controller that stands below `compare`: settings are what differs from the paper's rule.
 
     They may have `adaptation`, a mapping with the keys of the group (its name has been looked up before).
@@ -227,8 +227,8 @@ def compared(name: str, settings: Any, paper_N: float) -> Controller:
             rule=rule_from(rule_settings, key),
             adaptation=Adaptation(**{**over, "name": name}) if over else Adaptation(),
         )
-    except TypeError as error:
-        raise ConfigError(f"{key}.adaptation: {error}") from error
+    except (ValueError, TypeError) as error:
+        raise error if isinstance(error, ConfigError) else ConfigError(f"{key}: {error}") from error
 
 
 def scenario_from(scenario: Any, maze: Mapping[str, Any], robot: Mapping[str, Any]) -> Scenario:
@@ -239,9 +239,13 @@ def scenario_from(scenario: Any, maze: Mapping[str, Any], robot: Mapping[str, An
     """
     values = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     in_maze, of_kind = maze_from(maze), robot_from(robot)
+    for number, change in enumerate(values["changes"]):
+        if not isinstance(change, Mapping):
+            raise ConfigError(f"scenario.changes[{number}] must be as {{at_s: 60, light: 1.0}}, got {change}")
     values["changes"] = tuple(map(dict, values["changes"]))
     if values["goals"] is not None:
-        values["goals"] = _goals(values["goals"], in_maze)
+        goals = _goals(values["goals"], in_maze)
+        values["goals"] = None if goals == in_maze.goals else goals
     return Scenario(**values, maze=in_maze, robot=of_kind)
 
 
@@ -270,7 +274,8 @@ def network_for(robot: Robot, layers: tuple[int, ...] | None) -> Network:
     network = Network((robot.inputs, *HIDDEN, OUTPUTS) if layers is None else layers)
     if network.inputs != robot.inputs:
         raise ValueError(
-            f"network.layers must begin with {robot.inputs}, the readings of robot {robot.name}, got {list(network.layers)}"
+            f"network.layers must begin with {robot.inputs}, the readings of robot {robot.name}, "
+            f"got {list(network.layers)}"
         )
     return network
 
