@@ -302,7 +302,8 @@ def obstacles_of(maze: Maze, layout: int) -> list[Box]:
 def added(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
     """The boxes of `after` (boxes, 4) that are not among those of `before`."""
     known = (after[:, None] == before).all(axis=2).any(axis=1)
-    return after[~known]
+    new: NDArray[np.float64] = after[~known]
+    return new
 
 
 def gap(x: float, y: float, walls: NDArray[np.float64]) -> float:

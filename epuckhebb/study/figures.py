@@ -193,8 +193,8 @@ def _draw_path(
                 same.append(str(number))
     for x, y, numbers in near:
         offset, ha = ((6, 5), "left") if side == "right" else ((-6, 5), "right")
-        label = _label(axes, ", ".join(numbers), (x, y), offset, _CHANGE, ha)
-        label.set(zorder=4, path_effects=[withStroke(linewidth=2, foreground="white")])
+        mark = _label(axes, ", ".join(numbers), (x, y), offset, _CHANGE, ha)
+        mark.set(zorder=4, path_effects=[withStroke(linewidth=2, foreground="white")])
 
 
 def _lines(scenario: Scenario, inches: float) -> list[str]:
