@@ -90,3 +90,12 @@ def test_a_folder_that_was_only_just_begun_is_taken(tmp_path):
     (tmp_path / "other" / "letter.txt").write_text("dear")
     with pytest.raises(ConfigError, match="nothing there is touched"):
         RunFolder.going_on(tmp_path / "other", "sweep", None, [], {})
+
+
+def test_without_the_compiler_nothing_runs(run, monkeypatch, tmp_path):
+    """It would live without physics, and say that it had finished."""
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    told = run("evaluate", *SMALL)
+    assert told.exit_code == USAGE
+    assert "NUMBA_DISABLE_JIT is set" in told.output
+    assert not list(tmp_path.iterdir())

@@ -3,6 +3,7 @@
 import atexit
 import gc
 import json
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
@@ -100,6 +101,9 @@ def _say_error(message: str) -> None:
 @contextmanager
 def _told() -> Iterator[None]:
     """Turn errors into one message and an exit code."""
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        _say_error("NUMBA_DISABLE_JIT is set, and without compiled code there is no physics; unset it and start again")
+        raise typer.Exit(USAGE)
     try:
         with interruptible():
             yield

@@ -28,6 +28,10 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")  # where an object is in memory says nothing of what it is
 _LIBRARIES = {*sys.stdlib_module_names, "numpy", "numba", "scipy"}  # they are told apart by their versions
+if numba.config.DISABLE_JIT:
+    raise RuntimeError(
+        "NUMBA_DISABLE_JIT is set, and without compiled code there is no physics here; unset it and start again"
+    )
 _building_block: Any = register_jitable(forceinline=True, **_OPTIONS)
 _njit: Any = numba.njit
 
