@@ -104,8 +104,8 @@ class Outcome:
 
 
 def is_whole(result: Path) -> bool:
-    """Whether a result is there: a file, or a run that is finished."""
-    return result.is_file() or runs.status_of(result).get("state") == "finished"
+    """Whether a result is there: a file, or a run that is finished and whose tables are as they were then."""
+    return result.is_file() or runs.is_whole(result)
 
 
 @contextmanager
@@ -148,13 +148,23 @@ def carry_out(folder: Path, verb: str, cfg: DictConfig, arguments: list[str], ta
 
 
 def identity(cfg: DictConfig) -> str:
-    """The name of the run that a configuration leads to with the genome, the rules and the science of this moment.
+    """The name of the run that a configuration leads to with all that its results depend on at this moment.
+
+    That is the genome, what it remembers if that is used, rules of the user, the science, and the packages that
+    compute.
 
     Raises:
         ConfigError: A value or the genome cannot be used.
     """
-    rules = {str(file): sha256_of(file) for file in own_rules(cfg)}
-    parts = [settings(cfg), asked(cfg)[1].sha256, runs.science_version(), *([rules] if rules else [])]
+    config, genome = asked(cfg)
+    parts = {
+        "settings": settings(cfg),
+        "genome": genome.sha256,
+        "baseline": genome.baseline_sha256 if any(c.adaptation.needs_baseline for c in config.controllers) else "",
+        "rules": {str(file): sha256_of(file) for file in own_rules(cfg)},
+        "science": runs.science_version(),
+        "packages": runs.versions(runs.NUMERIC),
+    }
     return f"job_{digest(parts)[:12]}"
 
 

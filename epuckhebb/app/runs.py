@@ -14,7 +14,7 @@ import shutil
 import subprocess
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache
@@ -32,6 +32,7 @@ from epuckhebb.app.errors import ConfigError, JobFailedError
 SCHEMA = 1  # of provenance.json and status.json
 UNFINISHED = "unfinished"  # folder of a study, in which each attempt at a run has a folder of its own
 _PACKAGE = Path(__file__).resolve().parents[1]
+NUMERIC = ("numba", "numpy", "pymunk")  # the packages on which digits may depend
 _PACKAGES = ("epuckhebb", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
 _STATUS, _PROVENANCE = "status.json", "provenance.json"
 _OVERRIDES, _CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
@@ -101,6 +102,7 @@ class RunFolder:
         self.path, self.command, self.failure = path, list(told["command"]), ""
         self.left_behind: Callable[[], str] = lambda: ""
         self._held, self._started = held, _now()
+        self._tables: dict[str, str] = {}  # name -> SHA-256 of the tables written
 
     @classmethod
     def new(cls, path: Path, verb: str, cfg: DictConfig, arguments: list[str], facts: dict[str, Any]) -> "RunFolder":
@@ -180,8 +182,11 @@ class RunFolder:
         return run
 
     def write(self, name: str, content: bytes | str) -> None:
-        """Write a file in the folder: whole, or not at all."""
-        write_whole(self.path / name, content.encode() if isinstance(content, str) else content)
+        """Write a file in the folder: whole, or not at all; of a table, keep what its content was."""
+        written = content.encode() if isinstance(content, str) else content
+        write_whole(self.path / name, written)
+        if name.endswith(".csv"):
+            self._tables[name] = hashlib.sha256(written).hexdigest()
 
     def __enter__(self) -> "RunFolder":
         """The folder itself."""
@@ -228,9 +233,10 @@ class RunFolder:
         return told
 
     def _close(self, state: str, **more: str) -> None:
-        self._write_status(state, finished=_now(), **{key: value for key, value in more.items() if value})
+        told = {key: value for key, value in more.items() if value}
+        self._write_status(state, finished=_now(), **told, tables=self._tables)
 
-    def _write_status(self, state: str, **more: str) -> None:
+    def _write_status(self, state: str, **more: Any) -> None:
         self.write(_STATUS, as_json({"schema": SCHEMA, "state": state, "started": self._started, **more}))
 
 
@@ -301,6 +307,18 @@ def status_of(path: Path) -> dict[str, Any]:
         return {}
 
 
+def is_whole(path: Path) -> bool:
+    """Whether a run is finished and its tables are what they were when it was: not cut, changed or lost since."""
+    status = status_of(path)
+    try:
+        return status.get("state") == "finished" and all(
+            hashlib.sha256((path / name).read_bytes()).hexdigest() == sha256
+            for name, sha256 in status.get("tables", {}).items()
+        )
+    except (OSError, AttributeError):
+        return False
+
+
 def provenance(verb: str, cfg: DictConfig | None, arguments: list[str]) -> dict[str, Any]:
     """Who ran what, with what, where."""
     return {
@@ -310,7 +328,7 @@ def provenance(verb: str, cfg: DictConfig | None, arguments: list[str]) -> dict[
         "overrides": arguments,
         **({} if cfg is None else {"seed": cfg.seed}),
         "code": _code_version(),
-        "packages": {name: version(name) for name in _PACKAGES},
+        "packages": versions(_PACKAGES),
         "python": platform.python_version(),
         "platform": platform.platform(),
         "cores": os.cpu_count(),
@@ -332,6 +350,11 @@ def _code_version() -> dict[str, Any]:
         known["commit"] = git("rev-parse", "HEAD")
         known["dirty"] = bool(git("status", "--porcelain", "--", str(_PACKAGE)))
     return known
+
+
+def versions(packages: Sequence[str]) -> dict[str, str]:
+    """The versions of packages that are installed."""
+    return {name: version(name) for name in packages}
 
 
 @cache

@@ -28,7 +28,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")  # where an object is in memory says nothing of what it is
 _LIBRARIES = {*sys.stdlib_module_names, "numpy", "numba", "scipy"}  # they are told apart by their versions
-if numba.config.DISABLE_JIT:
+_settings: Any = numba.config
+if _settings.DISABLE_JIT:
     raise RuntimeError(
         "NUMBA_DISABLE_JIT is set, and without compiled code there is no physics here; unset it and start again"
     )
@@ -58,12 +59,11 @@ def kernel(function: Function, **parts: object) -> Function:
     folder = _cache_folder(name)
     if folder is None:
         return cast(Function, _njit(**_OPTIONS)(made))
-    settings: Any = numba.config
-    before, settings.CACHE_DIR = settings.CACHE_DIR, str(folder)
+    before, _settings.CACHE_DIR = _settings.CACHE_DIR, str(folder)
     try:
         return cast(Function, _njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(made))
     finally:
-        settings.CACHE_DIR = before
+        _settings.CACHE_DIR = before
 
 
 def digest(function: Callable[..., Any]) -> str:
