@@ -61,9 +61,34 @@ def kernel(function: Function, **parts: object) -> Function:
         return cast(Function, _njit(**_OPTIONS)(made))
     before, _settings.CACHE_DIR = _settings.CACHE_DIR, str(folder)
     try:
-        return cast(Function, _njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(made))
+        dispatcher = _njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(made)
+        _compile_where_loading_fails(dispatcher._cache)
+        return cast(Function, dispatcher)
     finally:
         _settings.CACHE_DIR = before
+
+
+def _compile_where_loading_fails(cache: Any) -> None:
+    """Let a cache file that cannot be loaded, damaged or of a module that is gone, be as if it were not there."""
+    load = cache.load_overload
+
+    def load_or_none(signature: object, target: object) -> object:
+        try:
+            return load(signature, target)
+        except Exception:  # what unpickling damaged bytes may raise has no end
+            cache.flush()
+            return None
+
+    cache.load_overload = load_or_none
+
+
+def in_module(function: Function, name: str) -> Function:
+    """A copy of a function that belongs to another module: a cached kernel must not need the user's file by name."""
+    copy = types.FunctionType(
+        function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__
+    )
+    copy.__module__ = name
+    return cast(Function, copy)
 
 
 def digest(function: Callable[..., Any]) -> str:
