@@ -32,6 +32,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.app import hydra_bridge, runs
+from epuckhebb.app.config import read_config
 from epuckhebb.app.errors import ConfigError, JobFailedError
 from epuckhebb.app.evaluate import asked, evaluate_into, own_rules
 from epuckhebb.app.parts import sha256_of
@@ -237,6 +238,7 @@ def study_job(cfg: DictConfig) -> None:
         attempt.rmdir()
         return
     told = json.loads((folder / _LIST).read_text())
+    cfg = read_config(folder / _CONFIGS / "job" / f"{run}.yaml", "evaluate")  # whole; Hydra adds defaults below it
     facts = {"command": told["command"], "sweep": told["name"]}
     try:
         _check_unchanged(cfg, run)

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
 from epuckhebb.sim import fitness
@@ -233,7 +232,7 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
                 record_every,
                 samples,
             )
-        except NumbaError as error:
+        except Exception as error:  # machine code raises nothing, so it comes from compiling
             raise RuleError(_explained(rule, error)) from error
         _check(who, life, phase.scenario, lifetime)
 
@@ -302,7 +301,7 @@ def _outcome(life: Life, lifetime: Lifetime, goal_radius: float) -> Outcome:
     )
 
 
-def _explained(rule: type[Rule], error: NumbaError) -> str:
+def _explained(rule: type[Rule], error: Exception) -> str:
     """Why a rule does not compile, in ten lines at most: what numba says last of the function farthest in."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     causes = [number for number, line in enumerate(lines) if line.startswith("Rejected as")]
