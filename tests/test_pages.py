@@ -51,7 +51,6 @@ def test_the_commands_of_a_page_run(page):
 
 
 @pytest.mark.usefixtures("checkout")
-@pytest.mark.xfail(strict=True, reason="a job of a sweep takes the settings of the paper's rule up again")
 def test_a_sweep_with_the_rule_of_the_example():
     words = [
         "hebbian.rule=examples/own_rule/my_rules.py:Gated",
