@@ -6,17 +6,22 @@ import time
 from epuckhebb.app import cli
 from epuckhebb.app import evolve as verb
 from epuckhebb.evolution.evolve import evolve
-from epuckhebb.sim import lifetime
+from epuckhebb.sim import block
 
 inside, generations = [], []
 
 
-def timed_live(*arguments):
-    began = time.thread_time()
-    try:
-        return live(*arguments)
-    finally:
-        inside.append(time.thread_time() - began)
+def timed_kernel_of(*parts):
+    live = kernel_of(*parts)
+
+    def timed_live(*arguments):
+        began = time.thread_time()
+        try:
+            return live(*arguments)
+        finally:
+            inside.append(time.thread_time() - began)
+
+    return timed_live
 
 
 def timed_evolve(*arguments, **named):
@@ -27,7 +32,7 @@ def timed_evolve(*arguments, **named):
         began = time.process_time()
 
 
-lifetime.load_kernel()
-live, lifetime.live, verb.evolve = lifetime.live, timed_live, timed_evolve
+block.load_kernel()
+kernel_of, block.kernel_of, verb.evolve = block.kernel_of, timed_kernel_of, timed_evolve
 cli.app(["evolve", "--quiet", *sys.argv[1:]], standalone_mode=False)
 print(*(f"{100 * sum(inside) / whole:.0f}" for whole in (time.process_time(), sum(generations))))

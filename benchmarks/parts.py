@@ -8,38 +8,37 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from step import GENES
 
-import epuckhebb
-from epuckhebb.sim import light, maze
-from epuckhebb.sim.controller import GENES, NEURONS, forward, weights_at_birth
-from epuckhebb.sim.epuck import cast, sense, sensor_rays
-from epuckhebb.sim.noise import normal_numbers
-from epuckhebb.sim.plasticity import CHANGE_ROOM, Hebbian, learn, rule
-from epuckhebb.sim.world import World, move
+from epuckhebb.sim import light
+from epuckhebb.sim.maze import T_MAZE, Pose, boxes
+from epuckhebb.sim.network import PAPER_NETWORK, forward_pass, weights_at_birth
+from epuckhebb.sim.physics import PymunkSpace, mover
+from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.plasticity.rule import kept_at_birth
+from epuckhebb.sim.plasticity.update import update_of
+from epuckhebb.sim.plasticity.weight_change import room
+from epuckhebb.sim.random import normal_numbers
+from epuckhebb.sim.robot import EPUCK, sense_room, senses
 
 LOOPS, REPEATS = 100_000, 7
 loop: Any = njit(nogil=True, error_model="numpy")
+sense, draw_noise, forward, move = senses(EPUCK), normal_numbers(16), forward_pass(PAPER_NETWORK), mover(EPUCK)
+learn = update_of(Paper, PAPER_NETWORK)
 
 
 @loop
-def rays_loop(n, rays, walls, distance):
+def senses_loop(n, walls, lit, numbers, room, activation):
     for k in range(n):
         heading, y = 1.57 + k * 1e-6, -0.35 + k * 5e-6
-        sensor_rays(0.007, y, math.cos(heading), math.sin(heading), rays)
-        cast(0.007, y, rays, walls, distance)
-
-
-@loop
-def sense_loop(n, rays, distance, lit, numbers, activation):
-    for _ in range(n):
-        sense(rays, distance, lit, numbers, 1.0, activation)
+        sense(0.007, y, math.cos(heading), math.sin(heading), walls, lit, numbers, 1.0, room, activation)
 
 
 @loop
 def noise_loop(n, key, numbers):
     summed = 0.0
     for k in range(n):
-        normal_numbers(key, k, numbers)
+        draw_noise(key, k, numbers)
         summed += numbers[k % 16]
     return summed
 
@@ -52,13 +51,13 @@ def network_loop(n, weights, activation, drive):
 
 
 @loop
-def plasticity_loop(n, weights, trace, genes, activation, by, signs, correlation, change):
+def plasticity_loop(n, weights, kept, genes, coefficients, activation, signs, numbers, room, change):
     for _ in range(n):
-        learn(weights, trace, genes, activation, 1e-9, by, signs, correlation, change)
+        learn(weights, kept, genes, coefficients, activation, 1e-9, signs, numbers, room, change)
 
 
 @loop
-def world_loop(n, handles, speed):
+def physics_loop(n, handles, speed):
     for _ in range(n):
         heading = handles.state[2]
         move(handles, math.cos(heading), math.sin(heading), speed, speed)
@@ -66,23 +65,32 @@ def world_loop(n, handles, speed):
 
 def measure() -> list[tuple[str, str]]:
     """Name and median time of each part."""
-    walls, lit = maze.boxes(0), light.lights(0.1, light.Lamp(), True)
-    rays, distance, numbers, activation = np.empty((6, 8)), np.empty(8), np.zeros(16), np.full(NEURONS, 0.3)
-    genes, by = weights_at_birth(epuckhebb.load("reference")), rule(Hebbian(N=1e-5))
-    trace, signs, room, change = np.zeros(GENES), np.ones(GENES), np.empty(GENES), np.empty(CHANGE_ROOM)
-    still, wall, corner = (World(walls) for _ in range(3))
-    still.place_robot(maze.START)
-    wall.place_robot(maze.Pose(0.007, 0.16, math.pi / 2))
-    corner.place_robot(maze.Pose(-0.375, 0.17, 3 * math.pi / 4))
+    walls, lit, network = boxes(T_MAZE), light.lights(0.1, light.Lamp(), True), PAPER_NETWORK
+    numbers, activation = np.zeros(16), np.full(network.neurons, 0.3)
+    genes, settings = weights_at_birth(np.load(GENES)["genome"]), tuple(Paper(N=1e-5).numbers().values())
+    plasticity = (
+        genes.copy(),
+        kept_at_birth(Paper, network),
+        genes,
+        np.empty((0, network.synapses)),
+        activation,
+        np.ones(network.synapses),
+        settings,
+        np.empty((3, network.synapses)),
+        np.empty(room(network)),
+    )
+    still, wall, corner = (PymunkSpace(walls, EPUCK) for _ in range(3))
+    still.place_robot(T_MAZE.start)
+    wall.place_robot(Pose(0.007, 0.16, math.pi / 2))
+    corner.place_robot(Pose(-0.375, 0.17, 3 * math.pi / 4))
     return [
-        ("rays", _time(rays_loop, rays, walls, distance)),
-        ("light and infra-red", _time(sense_loop, rays, distance, lit, numbers, activation)),
+        ("rays, light and infra-red", _time(senses_loop, walls, lit, numbers, sense_room(EPUCK), activation)),
         ("noise", _time(noise_loop, np.uint64(7), numbers)),
         ("network", _time(network_loop, genes, activation, np.empty(8))),
-        ("plasticity", _time(plasticity_loop, genes.copy(), trace, genes, activation, by, signs, room, change)),
-        ("world, away from walls", _time(world_loop, still.handles, 0.0)),
-        ("world, against a wall", _time(world_loop, wall.handles, 1.0)),
-        ("world, in a corner", _time(world_loop, corner.handles, 1.0)),
+        ("plasticity", _time(plasticity_loop, *plasticity)),
+        ("physics, away from walls", _time(physics_loop, still.handles, 0.0)),
+        ("physics, against a wall", _time(physics_loop, wall.handles, 1.0)),
+        ("physics, in a corner", _time(physics_loop, corner.handles, 1.0)),
     ]
 
 

@@ -4,9 +4,9 @@ import time
 from collections.abc import Callable
 from statistics import median
 
-from step import LIFETIME, SCENARIO, lives, microseconds
+from step import LIFETIME, SCENARIO, individuals, microseconds
 
-from epuckhebb.sim.lifetime import live_block
+from epuckhebb.sim.block import live_block
 
 REPEATS = 3
 
@@ -23,7 +23,7 @@ def measure() -> list[tuple[str, str]]:
 
 
 def _once(robots: int, threads: int, clock: Callable[[], float] = time.perf_counter) -> float:
-    block = lives(robots)
+    block = individuals(robots)
 
     def run() -> int:
         live_block(block, SCENARIO, LIFETIME, threads)

@@ -11,26 +11,44 @@ from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 
-import epuckhebb
-from epuckhebb.sim.lifetime import Life, Lifetime, live_block
+import numpy as np
+
+from epuckhebb.sim.block import Individual, live_block
+from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.plasticity import Hebbian
+from epuckhebb.sim.plasticity.bcm import BCM
+from epuckhebb.sim.plasticity.differential import Differential
+from epuckhebb.sim.plasticity.oja import Oja
+from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.plasticity.rule import Rule
+from epuckhebb.sim.random import Stream, key
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.streams import Stream, key
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import reference
 
 REPEATS = 7
 PLAIN_STEPS = 1500
-SCENARIO, HEBBIAN, LIFETIME = Scenario(), Hebbian(N=0.000015), Lifetime(duration_s=60, gain_rad_s=4.0)
+SCENARIO, LIFETIME = Scenario(), Lifetime(duration_s=60, gain_rad_s=4.0)
+GENES = Path(__file__).parents[1] / "runs" / "reference" / "champion_obstacles.npz"
 
 
-def lives(count: int, hebbian: Hebbian = HEBBIAN) -> list[Life]:
+def by(rule: type[Rule]) -> Controller:
+    """A controller with this rule, at the paper's rate."""
+    return Controller(name="Hebbian", rule=rule(N=0.000015))
+
+
+HEBBIAN = by(Paper)
+
+
+def individuals(count: int, controller: Controller = HEBBIAN) -> list[Individual]:
     """So many lifetimes of the bundled champion, each with its own noise, left and right in turn."""
-    genome = epuckhebb.load("reference")
+    genes = np.load(GENES)["genome"]
     return [
-        Life(genome=genome, side=SIDES[robot % 2], hebbian=hebbian, key=key(1, Stream.evaluation_noise, robot))
+        Individual(
+            genes=genes, side=SIDES[robot % 2], controller=controller, key=key(1, Stream.evaluation_noise, robot)
+        )
         for robot in range(count)
     ]
 
@@ -44,30 +62,40 @@ def microseconds(run: Callable[[], int], clock: Callable[[], float] = time.proce
 
 def measure() -> list[tuple[str, str]]:
     """A step of each engine, measured in turn; CPU time, medians, and the median of the ratios pair by pair."""
-    block, without = lives(50), lives(50, Hebbian(N=0.0))
+    block, without = individuals(50), individuals(50, GA_ALONE)
+    others = {rule.__name__: individuals(50, by(rule)) for rule in (Oja, BCM, Differential)}
 
-    def ours(robots: list[Life]) -> int:
+    def ours(robots: list[Individual]) -> int:
         live_block(robots, SCENARIO, LIFETIME)
         return len(robots) * LIFETIME.steps
 
     def plain() -> int:
         for side in SIDES:
-            robot = reference.Robot(block[0].genome, SCENARIO, side, HEBBIAN, LIFETIME.gain_rad_s, key=block[0].key)
+            robot = reference.Robot(
+                block[0].genes, SCENARIO, side, HEBBIAN, gain=LIFETIME.gain_rad_s, key=int(block[0].key)
+            )
             for _ in range(PLAIN_STEPS):
                 robot.step()
         return len(SIDES) * PLAIN_STEPS
 
-    ours(block[:2])
+    for robots in (block, without, *others.values()):
+        ours(robots[:2])
     times = [
-        (microseconds(lambda: ours(block)), microseconds(lambda: ours(without)), microseconds(plain))
+        (
+            microseconds(lambda: ours(block)),
+            microseconds(lambda: ours(without)),
+            microseconds(plain),
+            *(microseconds(lambda robots=robots: ours(robots)) for robots in others.values()),
+        )
         for _ in range(REPEATS)
     ]
-    fast, fixed, slow = (median(column) for column in zip(*times, strict=True))
+    fast, fixed, slow, *rest = (median(column) for column in zip(*times, strict=True))
     return [
         ("plain pymunk + NumPy, plasticity on", f"{slow:.1f} us"),
         ("epuckhebb, block of 50, plasticity on", f"{fast:.2f} us"),
+        *((f"the same, rule {name}", f"{figure:.2f} us") for name, figure in zip(others, rest, strict=True)),
         ("epuckhebb, block of 50, N = 0", f"{fixed:.2f} us"),
-        ("ratio, plasticity on", f"{median(p / f for f, _, p in times):.0f}"),
+        ("ratio, plasticity on", f"{median(p / f for f, _, p, *_ in times):.0f}"),
     ]
 
 

@@ -19,23 +19,23 @@ the program around it, conf/ its settings.
 from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
-__all__ = ["Rule", "evaluate", "evolve", "load"]
+__all__ = ["Evolved", "Rule", "evaluate", "evolve", "load"]
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
     from numpy.typing import NDArray
 
-    from epuckhebb.sim.plasticity.rule import Rule
+    from epuckhebb.sim.plasticity.rule import Evolved, Rule
 
 
-def __getattr__(name: str) -> "type[Rule]":
-    """`epuckhebb.Rule`, the class of which plasticity rules are made; loaded when it is asked for."""
-    if name != "Rule":
+def __getattr__(name: str) -> object:
+    """`epuckhebb.Rule`, of which plasticity rules are made, and `Evolved`, what of them is; loaded when asked for."""
+    if name not in ("Evolved", "Rule"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from epuckhebb.sim.plasticity.rule import Rule
+    from epuckhebb.sim.plasticity import rule
 
-    return Rule
+    return getattr(rule, name)
 
 
 def load(where: str = "reference", experiment: str = "obstacles") -> "NDArray[np.float64]":

@@ -33,7 +33,7 @@ def noise(key, step, count):
 class Robot:
     """A robot in a pymunk space; `live` takes it through its control steps."""
 
-    def __init__(  # noqa: PLR0913
+    def __init__(
         self,
         genes,
         scenario,
@@ -57,8 +57,8 @@ class Robot:
         self.body.position, self.body.angle = (start.x, start.y), start.heading
         disc = pymunk.Circle(self.body, self.kind.radius_m)
         disc.friction, disc.filter = 0, ROBOT
-        self.changes = [(round(change["at_s"] / STEP), change) for change in scenario.changes]
-        self.walls, self.wanted = None, None
+        self.changes = [(math.ceil(change["at_s"] / STEP - 1e-9), change) for change in scenario.changes]
+        self.walls, self.wanted, self.placed_walls = None, None, []
         self.be_in(scenario)
         self.put_walls()
         self.space.add(self.body, disc)
@@ -95,12 +95,14 @@ class Robot:
             away = math.hypot(max(left - x, 0, x - right), max(bottom - y, 0, y - top))
             if self.walls and [left, right, bottom, top] not in self.walls and away < self.kind.radius_m:
                 return  # not where the robot stands
-        self.space.remove(*self.space.static_body.shapes)
+        self.space.remove(*self.placed_walls)
+        self.placed_walls = []
         for left, right, bottom, top in self.wanted:
             corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
             wall = pymunk.Poly(self.space.static_body, corners)
             wall.friction, wall.filter = 0, WALL
             self.space.add(wall)
+            self.placed_walls.append(wall)
         self.walls = self.wanted
 
     def change(self):

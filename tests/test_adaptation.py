@@ -1,119 +1,171 @@
-"""Surprise, memory and what follows: no plasticity where nothing has changed."""
+"""Signals of change, the baseline and what follows: no plasticity where nothing has changed."""
 
 import math
 
 import numpy as np
 import pytest
-import reference
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuckhebb.sim import surprise as signals
-from epuckhebb.sim.epuck import MOTOR_LIMIT, STEP_S, WHEEL_RADIUS
+from epuckhebb.sim.adaptation.adaptation import Adaptation, change_signals
+from epuckhebb.sim.adaptation.baseline import REPEATS, remember
+from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, Now, keep_recent, no_baseline
+from epuckhebb.sim.adaptation.change_signals.lateness import change_signal as lateness
+from epuckhebb.sim.adaptation.change_signals.novelty import change_signal as novelty
+from epuckhebb.sim.adaptation.change_signals.shortfall import change_signal as shortfall
+from epuckhebb.sim.adaptation.gate import need, resting
+from epuckhebb.sim.block import Individual, live_block
+from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.lifetime import Life, Lifetime, live_block
-from epuckhebb.sim.maze import GOAL_RADIUS, GOALS, SIDES
-from epuckhebb.sim.memory import REPEATS, remember
-from epuckhebb.sim.plasticity import Hebbian, Sign
+from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.maze import SIDES, T_MAZE
+from epuckhebb.sim.plasticity.control import Sign, signs
+from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.robot import EPUCK, STEP_S
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.surprise import Remembered, Surprise
 
 FAST = {"gain_rad_s": 4.0, "record_every": 1}
+NOTHING = no_baseline(16)
+
+
+def controller(N=0.0, signal=Signal.behaviour, sign=Sign.hebbian, **adaptation):
+    return Controller(name="x", rule=Paper(N=N, signal=signal, sign=sign), adaptation=Adaptation(**adaptation))
 
 
 @pytest.fixture(scope="module")
 def master(genomes):
     """A genome that reaches the left goal in the base world, and what it remembers at four times the pace."""
     for genome in genomes:
-        memory = remember(genome, Scenario(), 4.0)
-        if memory.success[0] == 1:
-            return genome, memory
+        baseline = remember(genome, Scenario(), 4.0)
+        if baseline.success[0] == 1:
+            return genome, baseline
     raise AssertionError("none of the checked genomes reaches the left goal")
 
 
-def live(genome, hebbian, memory=None, scenario=None, side="left", seconds=62, key=5):
-    more = {} if memory is None else {"remembered": memory.of(side)}
-    life = Life(genome=genome, side=side, hebbian=hebbian, key=np.uint64(key), record=True, **more)
-    return live_block([life], scenario or Scenario(), Lifetime(duration_s=seconds, **FAST))[0]
+def live(genome, controller, baseline=None, scenario=None, side="left", seconds=62, key=5):
+    individual = Individual(
+        genes=genome,
+        side=side,
+        controller=controller,
+        key=np.uint64(key),
+        record=True,
+        baseline=None if baseline is None else baseline.of(side),
+    )
+    return live_block([individual], scenario or Scenario(), Lifetime(duration_s=seconds, **FAST))[0]
+
+
+def now(time_s=0.0, away_s=0.0, arrived=False, recent=None):
+    return Now(time_s, away_s, arrived, np.zeros(17) if recent is None else recent)
+
+
+def test_the_signals_are_the_files_there_are():
+    assert change_signals() == ("lateness", "novelty", "shortfall")
 
 
 def test_lateness_compares_with_the_way_there_and_then_with_excursions():
-    assert signals.lateness(60.0, False, 50.0, 20.0) == 1.2
-    assert signals.lateness(30.0, True, 50.0, 20.0) == 1.5
-    assert signals.lateness(4.0, True, 50.0, 0.0) == 0.8  # five seconds away are not worth noticing
+    def late(away, arrived, time_to_goal, longest):
+        return lateness(
+            now(away_s=away, arrived=arrived), NOTHING._replace(time_to_goal_s=time_to_goal, away_s=longest)
+        )
+
+    assert late(60.0, False, 50.0, 20.0) == 1.2
+    assert late(30.0, True, 50.0, 20.0) == 1.5
+    assert late(4.0, True, 50.0, 0.0) == 0.8  # five seconds away are not worth noticing
     for arrived in (False, True):
-        assert math.isnan(signals.lateness(60.0, arrived, math.nan, 0.0))
+        assert math.isnan(late(60.0, arrived, math.nan, 0.0))
 
 
 def test_shortfall_is_what_is_missing_at_this_time_of_life():
-    remembered = np.array([0.4, 0.6])
-    assert signals.shortfall(0.9, 0.3, remembered) == pytest.approx(0.1)
-    assert signals.shortfall(1.0, 0.3, remembered) == pytest.approx(0.3)
-    assert signals.shortfall(99.0, 0.7, remembered) == pytest.approx(-0.1)
+    def short(time, recent):
+        return shortfall(
+            now(time, recent=np.append(np.zeros(16), recent)), NOTHING._replace(fitness=np.array([0.4, 0.6]))
+        )
+
+    assert short(0.9, 0.3) == pytest.approx(0.1)
+    assert short(1.0, 0.3) == pytest.approx(0.3)
+    assert short(99.0, 0.7) == pytest.approx(-0.1)
 
 
-def test_novelty_counts_spreads_from_the_likelier_memory():
-    mean, spread = np.array([np.full(16, 0.2), np.full(16, 0.8)]), np.full((2, 16), 0.09)
-    assert signals.novelty(np.full(17, 0.7), mean, spread) == pytest.approx(1.0)
-    assert signals.novelty(np.full(17, 0.2), mean, spread) == pytest.approx(0.0)
+@pytest.mark.parametrize("inputs", [16, 32])
+def test_novelty_counts_spreads_from_the_likelier_baseline(inputs):
+    mean, spread = np.array([np.full(inputs, 0.2), np.full(inputs, 0.8)]), np.full((2, inputs), 0.09)
+    baseline = BaselineOfSide(1.0, 0.0, np.zeros(1), mean, spread)
+    assert novelty(now(recent=np.full(inputs + 1, 0.7)), baseline) == pytest.approx(1.0)
+    assert novelty(now(recent=np.full(inputs + 1, 0.2)), baseline) == pytest.approx(0.0)
 
 
-@given(st.floats(-10, 10), st.floats(-5, 5), st.floats(0, 5))
-def test_need_is_nothing_within_tolerance_and_grows_to_one(signal, tolerance, ramp):
-    need = signals.need(signal, tolerance, ramp)
-    assert 0 <= need <= 1
-    assert (need == 0) == (signal <= tolerance) or need == pytest.approx(0)
-    if signal >= tolerance + ramp and signal > tolerance:
-        assert need == pytest.approx(1.0, abs=1e-6)
-    assert signals.need(math.nan, tolerance, ramp) == 0
+def test_recent_means_begin_with_the_first_step_and_follow():
+    recent = np.full(3, 7.0)
+    keep_recent(recent, np.array([0.2, 0.4]), 0.6, 0)
+    np.testing.assert_allclose(recent, [0.2, 0.4, 0.6], rtol=1e-14)
+    keep_recent(recent, np.array([1.2, 0.4]), 0.6, 1)
+    np.testing.assert_allclose(recent, [0.2 + 0.032 / 5.032, 0.4, 0.6], rtol=1e-14)
+
+
+@given(st.floats(-10, 10), st.floats(-5, 5), st.one_of(st.floats(0.2, 1e9), st.just(math.inf)))
+def test_need_is_nothing_up_to_the_threshold_and_grows_to_one(signal, threshold, slope):
+    g = need(signal, threshold, slope)
+    assert 0 <= g <= 1
+    assert (g == 0) == (signal <= threshold) or g == pytest.approx(0)
+    if signal >= threshold + 1 / slope and signal > threshold:
+        assert g == pytest.approx(1.0, abs=1e-6)
+    assert need(math.nan, threshold, slope) == 0
 
 
 def test_spells_and_rests_take_turns():
-    resting = [signals.resting(second, 2.0, 3.0) for second in range(8)]
-    assert resting == [False, False, True, True, True, False, False, True]
-    assert not signals.resting(1e9, 0.0, 0.0)
+    rests = [resting(second, 2.0, 3.0) for second in range(8)]
+    assert rests == [False, False, True, True, True, False, False, True]
+    assert not resting(1e9, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("signal", list(Signal))
 @pytest.mark.parametrize("sign", [Sign.hebbian, Sign.anti])
 def test_always_in_need_is_the_papers_rule_bit_for_bit(genomes, signal, sign):
     paper = {"N": 0.002, "signal": signal, "sign": sign}
-    never_content = {"surprise": Surprise.novelty, "tolerance": -1.0}  # novelty is never negative, so g = 1
-    nothing = Remembered(math.nan, 0.0, np.zeros(1), np.zeros((2, 16)), np.ones((2, 16)))
+    never_content = {"change_signal": "novelty", "threshold": -1.0}  # novelty is never negative, so g = 1
+    of_updates = signs(sign, 234, np.random.default_rng(0))
     for genome in genomes[:3]:
-        lives = [
-            Life(genome=genome, side="right", hebbian=Hebbian(**paper, **more), key=np.uint64(3), remembered=nothing)
+        individuals = [
+            Individual(
+                genes=genome,
+                side="right",
+                controller=controller(**paper, **more),
+                key=np.uint64(3),
+                baseline=NOTHING,
+                signs=of_updates,
+                record=True,
+            )
             for more in ({}, never_content)
         ]
-        lives = [Life(**{**vars(life), "record": True}) for life in lives]
-        (one, by_paper), (other, by_need) = live_block(lives, Scenario(obstacles=4), Lifetime(duration_s=8, **FAST))
+        told = Scenario(obstacles=4), Lifetime(duration_s=8, **FAST)
+        (one, by_paper), (other, by_need) = live_block(individuals, *told)
         assert math.isnan(one.time_to_goal)  # at the goal there is no need
         assert np.array(one).tobytes() == np.array(other).tobytes()
-        for name in set(by_paper._fields) - {"surprise"}:
+        for name in set(by_paper._fields) - {"change_signal"}:
             assert getattr(by_paper, name).tobytes() == getattr(by_need, name).tobytes(), name
         assert by_paper.weight_change[-1] > 0
 
 
 def test_nothing_changed_nothing_learnt(master):
-    genome, memory = master
-    eager = Hebbian(N=0.01, surprise=Surprise.lateness, tolerance=1.0001)
+    genome, baseline = master
+    eager = controller(0.01, change_signal="lateness", threshold=1.0001)
     for key in range(3):
-        outcome, samples = live(genome, eager, memory, key=key)
-        without, alone = live(genome, Hebbian(), key=key)
-        if outcome.time_to_goal <= memory.time_to_goal_s[0]:
+        outcome, samples = live(genome, eager, baseline, key=key)
+        without, alone = live(genome, GA_ALONE, key=key)
+        if outcome.time_to_goal <= baseline.time_to_goal_s[0]:
             assert samples.pose.tobytes() == alone.pose.tobytes()
             assert outcome.weight_change_mean == without.weight_change_mean == 0
 
 
 def test_late_is_plastic_and_the_goal_makes_forget(master):
-    genome, memory = master
-    soon = Hebbian(N=1e-4, surprise=Surprise.lateness, tolerance=0.5)
-    _, samples = live(genome, soon, memory)
-    goal = np.array(GOALS["left"])
-    at_goal = np.hypot(*(samples.pose[:, :2] - goal).T) < GOAL_RADIUS
+    genome, baseline = master
+    soon = controller(1e-4, change_signal="lateness", threshold=0.5)
+    _, samples = live(genome, soon, baseline)
+    goal = np.array(T_MAZE.goals["left"])
+    at_goal = np.hypot(*(samples.pose[:, :2] - goal).T) < T_MAZE.goal_radius_m
     assert at_goal.any()
     before = ~np.logical_or.accumulate(at_goal)
-    late = before & (samples.surprise > 0.5)
+    late = before & (samples.change_signal > 0.5)
     assert (samples.rate[late] > 0).all()
     assert (samples.rate[before & ~late] == 0).all()
     assert samples.weight_change[late].max() > 0
@@ -122,87 +174,103 @@ def test_late_is_plastic_and_the_goal_makes_forget(master):
     assert (samples.weights[at_goal] == birth).all()
 
 
+@pytest.mark.parametrize(("change_signal", "threshold"), [("lateness", 0.3), ("shortfall", 0.02), ("novelty", 0.6)])
 @pytest.mark.parametrize(
-    ("surprise", "tolerance"), [(Surprise.lateness, 0.3), (Surprise.shortfall, 0.02), (Surprise.novelty, 0.6)]
+    "fault",
+    [
+        {},
+        {"dead_sensor": 0},
+        {"left_wheel": 0.9},
+        {"obstacles": 4, "layout": 2},
+        {"changes": ({"at_s": 5, "light": 1.0}, {"at_s": 9, "right_wheel": 0.8})},
+    ],
 )
-@pytest.mark.parametrize("fault", [{}, {"dead_sensor": 0}, {"left_wheel": 0.9}, {"obstacles": 4, "layout": 2}])
-def test_agrees_with_the_oracle(master, surprise, tolerance, fault):
-    genome, memory = master
-    scenario = Scenario(**fault)
-    hebbian = Hebbian(N=0.001, surprise=surprise, tolerance=tolerance, ramp=0.2, spell_s=2, rest_s=1)
-    outcome, samples = live(genome, hebbian, memory, scenario, side="right", seconds=16)
-    robot = reference.Robot(genome, scenario, "right", hebbian, gain=4, key=np.uint64(5), remembered=memory.of("right"))
-    expected, steps = reference.live(robot, 500)
-    np.testing.assert_allclose(samples.pose, [s[:3] for s in steps], rtol=0, atol=1e-7)
-    np.testing.assert_allclose(samples.sensors, [s[3] for s in steps], rtol=0, atol=1e-6)
-    np.testing.assert_allclose(samples.rate, [s[8] for s in steps], rtol=0, atol=1e-8)
-    np.testing.assert_allclose(samples.weight_change, [s[9] for s in steps], rtol=1e-5, atol=1e-9)
-    np.testing.assert_allclose(outcome, expected, rtol=1e-6, atol=1e-7)
-    assert samples.surprise[-1] == pytest.approx(robot.surprise, abs=1e-6)
+def test_agrees_with_the_oracle(master, beside_the_oracle, change_signal, threshold, fault):
+    genome, baseline = master
+    gated = controller(0.001, change_signal=change_signal, threshold=threshold, slope=5.0, active_s=2, rest_s=1)
+    told = {"seconds": 16, "baseline": baseline.of("right"), "key": 5}
+    _, samples, robot = beside_the_oracle(genome, "right", Scenario(**fault), gated, **told)
+    assert samples.change_signal[-1] == pytest.approx(robot.change_signal, abs=1e-8)
 
 
-def test_motor_noise_shakes_only_the_surprised(master):
-    genome, memory = master
-    calm = Hebbian(surprise=Surprise.lateness, tolerance=2.0, motor_noise=2.0)
-    shaken = Hebbian(surprise=Surprise.lateness, tolerance=0.2, motor_noise=2.0)
-    _, alone = live(genome, Hebbian(), seconds=20)
-    assert live(genome, calm, memory, seconds=20)[1].pose.tobytes() == alone.pose.tobytes()
-    _, samples = live(genome, shaken, memory, seconds=20)
+def test_signals_agree_with_the_oracle_on_a_robot_with_24_rays(lidar, wide, beside_the_oracle):
+    network, genes = wide
+    world = Scenario(robot=lidar)
+    baseline = remember(genes, world, 4.0, network=network)
+    assert baseline.reading_mean.shape == (2, 32)
+    gated = controller(0.001, change_signal="novelty", threshold=0.6, slope=2.0, active_s=4, rest_s=2)
+    told = {"seconds": 60, "baseline": baseline.of("right"), "network": network}
+    outcome, samples, robot = beside_the_oracle(genes, "right", Scenario(robot=lidar, light=1.0), gated, **told)
+    assert samples.change_signal[-1] == pytest.approx(robot.change_signal, abs=1e-8)
+    assert outcome.weight_change_mean > 0
+
+
+def test_motor_noise_shakes_only_who_is_late(master):
+    genome, baseline = master
+    calm = controller(change_signal="lateness", threshold=2.0, motor_noise=2.0)
+    shaken = controller(change_signal="lateness", threshold=0.2, motor_noise=2.0)
+    _, alone = live(genome, GA_ALONE, seconds=20)
+    assert live(genome, calm, baseline, seconds=20)[1].pose.tobytes() == alone.pose.tobytes()
+    _, samples = live(genome, shaken, baseline, seconds=20)
     parts = np.flatnonzero((samples.pose != alone.pose).any(axis=1))[0]
-    assert samples.surprise[parts - 3] <= 0.2 <= samples.surprise[parts]
+    assert samples.change_signal[parts - 3] <= 0.2 <= samples.change_signal[parts]
     assert samples.weight_change.max() == 0
 
 
 def test_shaken_wheels_turn_no_faster_than_the_motors_can(master):
-    genome, memory = master
-    wild = Hebbian(surprise=Surprise.lateness, tolerance=0.0, motor_noise=1000.0)
-    _, samples = live(genome, wild, memory, seconds=10)
+    genome, baseline = master
+    wild = controller(change_signal="lateness", threshold=0.0, motor_noise=1000.0)
+    _, samples = live(genome, wild, baseline, seconds=10)
     driven = np.hypot(*np.diff(samples.pose[:, :2], axis=0).T)
-    assert 0.9 < driven.max() / (MOTOR_LIMIT * WHEEL_RADIUS * STEP_S) < 1.001
+    assert 0.9 < driven.max() / (EPUCK.motor_limit_rad_s * EPUCK.wheel_radius_m * STEP_S) < 1.001
 
 
-def test_memory_is_of_the_lives_it_was_made_of(master):
-    genome, memory = master
+def test_baseline_is_of_the_lives_it_was_made_of(master):
+    genome, baseline = master
     again = remember(genome, Scenario(), 4.0, threads=2)
-    for name, value in vars(memory).items():
+    for name, value in vars(baseline).items():
         np.testing.assert_array_equal(value, getattr(again, name))
-    assert memory.success.shape == (2,)
-    assert 0 < memory.time_to_goal_s[0] < 62.5
-    assert memory.fitness.shape == (2, 63)
-    assert ((memory.fitness >= 0) & (memory.fitness <= 1)).all()
-    assert ((memory.reading_mean >= 0) & (memory.reading_mean <= 1)).all()
-    lit, unlit = memory.reading_mean[1, :8].mean(), memory.reading_mean[0, :8].mean()
+    assert baseline.success.shape == (2,)
+    assert 0 < baseline.time_to_goal_s[0] < 62.5
+    assert baseline.fitness.shape == (2, 63)
+    assert ((baseline.fitness >= 0) & (baseline.fitness <= 1)).all()
+    assert ((baseline.reading_mean >= 0) & (baseline.reading_mean <= 1)).all()
+    lit, unlit = baseline.reading_mean[1, :8].mean(), baseline.reading_mean[0, :8].mean()
     assert lit < unlit  # low when bright
     assert REPEATS == 10
 
 
 def test_a_champion_that_never_arrives_is_never_late():
-    memory = remember(np.zeros(234), Scenario(), 4.0)
-    assert np.isnan(memory.time_to_goal_s).all()
-    assert (memory.away_s == 0).all()
-    hebbian = Hebbian(N=0.1, surprise=Surprise.lateness)
-    outcome, samples = live(np.zeros(234), hebbian, memory, seconds=10)
+    baseline = remember(np.zeros(234), Scenario(), 4.0)
+    assert np.isnan(baseline.time_to_goal_s).all()
+    assert (baseline.away_s == 0).all()
+    late = controller(0.1, change_signal="lateness")
+    outcome, samples = live(np.zeros(234), late, baseline, seconds=10)
     assert outcome.weight_change_final == 0
-    assert np.isnan(samples.surprise).all()
+    assert np.isnan(samples.change_signal).all()
 
 
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"tolerance": math.nan}, "hebbian.tolerance must be a finite number"),
-        ({"ramp": -1.0}, "hebbian.ramp must be 0 or more"),
-        ({"rest_s": 3.0}, "needs hebbian.spell_s"),
-        ({"motor_noise": 1.0}, "needs hebbian.surprise"),
+        ({"change_signal": "surprise"}, "one of none, lateness, novelty, shortfall, got 'surprise'"),
+        ({"threshold": math.nan}, "adaptation.threshold must be a finite number"),
+        ({"slope": 0.0}, "adaptation.slope must be more than 0"),
+        ({"slope": -1.0}, "adaptation.slope must be more than 0"),
+        ({"motor_noise": -1.0}, "adaptation.motor_noise must be 0 or more"),
+        ({"change_signal": "lateness", "rest_s": 3.0}, "needs adaptation.active_s"),
+        ({"motor_noise": 1.0}, "adaptation.motor_noise does nothing without a signal of change"),
+        ({"threshold": 1.0}, "adaptation.threshold does nothing without"),
     ],
 )
 def test_what_cannot_be_is_refused(settings, message):
     with pytest.raises(ValueError, match=message):
-        Hebbian(**settings)
+        Adaptation(**settings)
 
 
 def test_the_sides_remember_apart(master):
-    _, memory = master
+    _, baseline = master
     for k, side in enumerate(SIDES):
-        own = memory.of(side)
-        assert own.away == memory.away_s[k]
-        np.testing.assert_array_equal(own.fitness, memory.fitness[k])
+        own = baseline.of(side)
+        assert own.away_s == baseline.away_s[k]
+        np.testing.assert_array_equal(own.fitness, baseline.fitness[k])

@@ -1,6 +1,6 @@
 """The bits of today: metrics of bundled champions in every scenario with every controller, and two tiny evolutions.
 
-A change that must not change results leaves this file's numbers alone. `--regenerate` writes them anew; whoever does that
+A change that must not change results leaves its golden files alone. `--regenerate` writes them anew; whoever does that
 says in the changelog which results are others now.
 """
 

@@ -8,7 +8,12 @@ from hypothesis import strategies as st
 
 from epuckhebb.evolution.evolve import evolve, history_row
 from epuckhebb.evolution.ga import GA, Crossover, Selection, crossover, initial, mutate, next_generation, select
+from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.sim.plasticity.control import Sign
+from epuckhebb.sim.plasticity.paper import Paper
 from epuckhebb.sim.scenario import Scenario
 
 AS_CODED = {
@@ -18,6 +23,8 @@ AS_CODED = {
     "mutation_rate": 0.01,
 }
 SHORT = Lifetime(duration_s=6, gain_rad_s=4)
+PLAN = plan_of(PAPER_NETWORK)
+LIMIT = np.ones(PLAN.genes)
 TINY = GA(population=6, generations=6, elites=2, loops=1)
 
 
@@ -28,8 +35,8 @@ def rng(seed=0):
 @given(seed=st.integers(0, 2**32 - 1), elites=st.integers(0, 12), coded=st.booleans())
 def test_elites_survive_and_genes_stay_within_their_limit(seed, elites, coded):
     ga = GA(population=12, elites=elites, **(AS_CODED if coded else {}))
-    population, fitness = initial(rng(seed), 12), rng(seed + 1).random(12)
-    offspring = next_generation(rng(seed), population, fitness, ga)
+    population, fitness = initial(rng(seed), 12, PLAN), rng(seed + 1).random(12)
+    offspring = next_generation(rng(seed), population, fitness, ga, PLAN)
     best = population[np.argsort(-fitness)][:elites]
     np.testing.assert_array_equal(offspring[:elites], best)
     assert offspring.shape == population.shape
@@ -50,12 +57,12 @@ def test_middle_crossover_joins_two_halves():
 @pytest.mark.parametrize(("rate", "expected"), [(0.05, 11.7), (0.01, 2.34), (0.0, 0.0)])
 def test_mutation_changes_the_stated_share_of_genes(rate, expected):
     generator = rng()
-    changed = [np.count_nonzero(mutate(generator, np.zeros(234), GA(mutation_rate=rate))) for _ in range(2000)]
+    changed = [np.count_nonzero(mutate(generator, np.zeros(234), GA(mutation_rate=rate), LIMIT)) for _ in range(2000)]
     assert np.mean(changed) == pytest.approx(expected, abs=0.3)
 
 
 def test_mutation_is_uniform_within_its_range():
-    changes = np.concatenate([mutate(rng(k), np.zeros(234), GA(mutation_rate=1.0)) for k in range(100)])
+    changes = np.concatenate([mutate(rng(k), np.zeros(234), GA(mutation_rate=1.0), LIMIT) for k in range(100)])
     assert np.abs(changes).max() <= 1
     assert np.abs(changes).mean() == pytest.approx(0.5, abs=0.01)
 
@@ -72,8 +79,8 @@ def test_tournaments_favour_the_best(selection, best):
 
 
 def test_as_coded_clones_three_slots_in_ten():
-    population, fitness = initial(rng(), 1000), np.arange(1000.0)
-    offspring = next_generation(rng(1), population, fitness, GA(population=1000, elites=0, **AS_CODED))
+    population, fitness = initial(rng(), 1000, PLAN), np.arange(1000.0)
+    offspring = next_generation(rng(1), population, fitness, GA(population=1000, elites=0, **AS_CODED), PLAN)
     unchanged = (offspring == population[::-1]).all(axis=1).mean()
     assert unchanged == pytest.approx(0.3, abs=0.05)
 
@@ -94,6 +101,20 @@ def test_three_generations_and_three_more_equal_six():
         np.testing.assert_array_equal(one.champion, other.champion)
         np.testing.assert_array_equal(one.population, other.population)
         assert one.rng_state == other.rng_state
+
+
+def test_controllers_that_learn_and_other_networks_evolve_too():
+    network = Network((16, 3, 2))
+    learning = Controller(name="x", rule=Paper(N=0.01, sign=Sign.shuffled))
+    plain, learnt = (
+        list(evolve(TINY, Scenario(), SHORT, seed=5, network=network, controller=controller))
+        for controller in (GA_ALONE, learning)
+    )
+    assert plain[-1].champion.shape == (network.synapses,)
+    np.testing.assert_array_equal(plain[0].champion.shape, learnt[0].champion.shape)
+    assert (plain[0].fitness != learnt[0].fitness).any()
+    with pytest.raises(ValueError, match="must begin with 16, the readings of robot epuck, got 4"):
+        next(evolve(TINY, Scenario(), SHORT, seed=5, network=Network((4, 2))))
 
 
 def test_starts_vary_only_when_asked_to():

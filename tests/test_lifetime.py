@@ -7,39 +7,69 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from epuckhebb.sim.adaptation.adaptation import Adaptation, gate_numbers
+from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, no_baseline
+from epuckhebb.sim.block import Individual, LostRobotError, live_block, load_kernel
+from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.lifetime import Life, Lifetime, LostRobotError, live_block
-from epuckhebb.sim.light import Lamp
-from epuckhebb.sim.maze import SIDES, Pose
-from epuckhebb.sim.plasticity import Hebbian
+from epuckhebb.sim.lifetime import Birth, Lifetime, Plasticity, Trial, born, empty_samples, kernel_of
+from epuckhebb.sim.light import Lamp, lights
+from epuckhebb.sim.maze import SIDES, Pose, boxes
+from epuckhebb.sim.network import PAPER_NETWORK, Network, weights_at_birth
+from epuckhebb.sim.physics import PymunkSpace
+from epuckhebb.sim.plasticity.bcm import BCM
+from epuckhebb.sim.plasticity.control import Sign, signs
+from epuckhebb.sim.plasticity.differential import Differential
+from epuckhebb.sim.plasticity.oja import Oja
+from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.plasticity.rule import NoRule, kept_at_birth
+from epuckhebb.sim.robot import EPUCK, Robot
 from epuckhebb.sim.scenario import Scenario
 
 DATA = Path(__file__).parent / "data"
 LAMPS = {"wide": Lamp(), "narrow": Lamp(y_m=-0.3, beam_rad=0.8)}
+RULES = {rule: rule(N=0.0005) for rule in (Paper, Oja, BCM, Differential)}
+
+
+def learning(N=0.002, **settings):
+    return Controller(name="Hebbian", rule=Paper(N=N, **settings))
 
 
 @pytest.mark.parametrize("signal", list(Signal))
 @pytest.mark.parametrize("side", SIDES)
-def test_agrees_with_the_oracle_step_by_step(genomes, side, signal):
-    scenario, hebbian = Scenario(obstacles=4), Hebbian(N=0.002, signal=signal)
-    life = Life(genome=genomes[1], side=side, hebbian=hebbian, key=np.uint64(9), record=True)
-    lifetime = Lifetime(duration_s=30, gain_rad_s=4, record_every=1)
-    outcome, samples = live_block([life], scenario, lifetime)[0]
+def test_agrees_with_the_oracle_step_by_step(genomes, beside_the_oracle, side, signal):
+    beside_the_oracle(genomes[1], side, Scenario(obstacles=4), learning(signal=signal))
 
-    robot = reference.Robot(genomes[1], scenario, side, hebbian, gain=4, key=np.uint64(9))
-    expected, steps = reference.live(robot, lifetime.steps)
 
-    np.testing.assert_allclose(samples.pose, [s[:3] for s in steps], rtol=0, atol=1e-8)
-    np.testing.assert_allclose(samples.sensors, [s[3] for s in steps], rtol=0, atol=1e-6)
-    np.testing.assert_allclose(samples.motors, [s[4:6] for s in steps], rtol=0, atol=1e-6)
-    np.testing.assert_allclose(samples.fitness, [s[7] for s in steps], rtol=0, atol=1e-6)
-    np.testing.assert_allclose(samples.rate, [s[8] for s in steps], rtol=1e-5, atol=0)
-    np.testing.assert_allclose(samples.weight_change, [s[9] for s in steps], rtol=1e-5, atol=1e-12)
-    np.testing.assert_allclose(outcome, expected, rtol=1e-6, atol=1e-8)
+@pytest.mark.parametrize("sign", list(Sign))
+@pytest.mark.parametrize("rule", list(RULES))
+def test_every_rule_and_sign_agrees_with_the_oracle(genomes, beside_the_oracle, rule, sign):
+    of_updates = signs(sign, 234, np.random.default_rng(4))
+    controller = Controller(name="x", rule=RULES[rule])
+    outcome, *_ = beside_the_oracle(genomes[2], "right", None, controller, seconds=60, signs=of_updates)
+    assert outcome.weight_change_mean > 0.01
+
+
+@pytest.mark.parametrize("sign", [Sign.hebbian, Sign.shuffled])
+@pytest.mark.parametrize("rule", list(RULES))
+def test_rules_agree_with_the_oracle_on_a_robot_with_24_rays(lidar, wide, beside_the_oracle, rule, sign):
+    network, genes = wide
+    scenario = Scenario(robot=lidar, dead_sensor=11, lamp=Lamp(towards_x=-1.0, towards_y=0.7, beam_rad=1.2))
+    controller = Controller(name="x", rule=RULES[rule])
+    of_updates = signs(sign, network.synapses, np.random.default_rng(4))
+    outcome, *_ = beside_the_oracle(genes, "right", scenario, controller, network, 60, signs=of_updates)
+    assert outcome.weight_change_mean > 0.01
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_small_network_agrees_with_the_oracle(beside_the_oracle, side):
+    network = Network((16, 3, 2))
+    genes = np.random.default_rng(130).uniform(-1, 1, network.synapses)
+    scenario = Scenario(obstacles=4, layout=7, left_wheel=0.9, light=1.0)
+    beside_the_oracle(genes, side, scenario, learning(), network, 100)
 
 
 @pytest.mark.parametrize("side", SIDES)
@@ -60,10 +90,10 @@ def test_agrees_with_the_prototype_over_whole_lifetimes(genomes):
         first = group.iloc[0]
         scenario = Scenario(name=name, light=float(first.light), obstacles=int(first.obstacles), lamp=LAMPS[first.lamp])
         lives = [
-            Life(
-                genome=genomes[row.genome],
+            Individual(
+                genes=genomes[row.genome],
                 side=row.side,
-                hebbian=Hebbian(N=row.N, signal=Signal[row.signal or "behaviour"]),
+                controller=learning(row.N, signal=Signal[row.signal or "behaviour"]),
                 key=np.uint64(0),
             )
             for row in group.itertuples()
@@ -87,20 +117,102 @@ def test_agrees_with_the_prototype_over_whole_lifetimes(genomes):
 
 
 def test_alone_in_a_block_and_on_any_threads_the_bits_are_the_same(genomes):
-    lives = [
-        Life(genome=genome, side=side, hebbian=Hebbian(N=N), key=np.uint64(k))
+    controllers = [GA_ALONE, learning(1.5e-5), learning(0.002), Controller(name="x", rule=RULES[Oja])]
+    individuals = [
+        Individual(genes=genome, side=side, controller=controller, key=np.uint64(k))
         for k, genome in enumerate(genomes)
         for side in SIDES
-        for N in (0.0, 1.5e-5, 0.002)
+        for controller in controllers
     ]
     scenario, lifetime = Scenario(obstacles=4), Lifetime(duration_s=40, gain_rad_s=4)
-    together = [outcome for outcome, _ in live_block(lives, scenario, lifetime)]
+    together = [outcome for outcome, _ in live_block(individuals, scenario, lifetime)]
     for threads in (2, 3, 16):
-        assert _bits([o for o, _ in live_block(lives, scenario, lifetime, threads)]) == _bits(together)
-    alone = [live_block([life], scenario, lifetime)[0][0] for life in lives]
+        assert _bits([o for o, _ in live_block(individuals, scenario, lifetime, threads)]) == _bits(together)
+    alone = [live_block([individual], scenario, lifetime)[0][0] for individual in individuals]
     assert _bits(alone) == _bits(together)
-    backwards = [outcome for outcome, _ in live_block(lives[::-1], scenario, lifetime)][::-1]
+    backwards = [outcome for outcome, _ in live_block(individuals[::-1], scenario, lifetime)][::-1]
     assert _bits(backwards) == _bits(together)
+
+
+@pytest.mark.parametrize("rule", [*RULES, NoRule])
+def test_who_does_not_learn_has_the_same_bits_with_every_rule(genomes, lived, rule):
+    outcome, samples = lived(genomes[2], controller=Controller(name="x", rule=rule()))
+    alone, of_alone = lived(genomes[2], controller=GA_ALONE)
+    assert _bits(outcome) == _bits(alone)
+    assert _bits(samples.pose) == _bits(of_alone.pose)
+    assert (samples.weights == genomes[2].astype(np.float32)).all()
+
+
+def test_no_rule_learns_nothing_whatever_its_rate_and_whoever_lives_beside_it(genomes):
+    idle = Controller(rule=NoRule(N=0.5))
+    individuals = [
+        Individual(genes=genomes[0], side="left", controller=controller, key=np.uint64(1))
+        for controller in (idle, learning(), GA_ALONE)
+    ]
+    (nothing, _), _, (alone, _) = live_block(individuals, Scenario(), Lifetime(duration_s=8))
+    assert nothing.weight_change_mean == 0
+    assert _bits(nothing) == _bits(alone)
+
+
+def test_the_opposite_of_the_opposite_sign_is_the_rules_own(genomes, lived):
+    once = signs(Sign.anti, 234, np.random.default_rng(0))
+    plain, anti, back = (lived(genomes[0], N=0.002, signs=of) for of in (None, once, -once))
+    assert _bits(plain[0]) == _bits(back[0]) != _bits(anti[0])
+    assert _bits(plain[1].weights) == _bits(back[1].weights)
+
+
+class Paused:
+    """A life that is lived piece by piece through the kernel, as a program of its own would."""
+
+    def __init__(self, genes, side, rule, change_signal, baseline, robot, network, adaptation):
+        world = Scenario(robot=robot)
+        self.birth = Birth(
+            weights_at_birth(genes),
+            kept_at_birth(type(rule), network),
+            np.empty((0, network.synapses)),
+            np.ones_like(genes),
+        )
+        self.life = born(self.birth, network, robot)
+        self.space = PymunkSpace(boxes(world.maze), robot)
+        self.space.place_robot(world.maze.start)
+        self.kernel = kernel_of(type(rule), change_signal, network, robot)
+        maze, goal = world.maze, world.maze.goals[side]
+        self.samples = empty_samples(250, network)
+        trial = Trial(goal.x, goal.y, maze.goal_radius_m, maze.arms[side], maze.arena_m, -1, 1.0, 1.0)
+        numbers = tuple(rule.numbers().values())
+        by = Plasticity(rule.N, rule.floor, int(rule.signal), numbers, gate_numbers(adaptation))
+        self.told = (lights(world.light, world.lamp, side == "right"), trial, by, baseline, 4.0, 1.0, np.uint64(1))
+
+    def live_until(self, step):
+        self.kernel(self.life, self.birth, self.space.handles, *self.told, step, 1, self.samples)
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    rule=st.sampled_from(list(RULES)),
+    change_signal=st.sampled_from(["none", "novelty"]),
+    stops=st.lists(st.integers(0, 250), max_size=4).map(sorted),
+    side=st.sampled_from(SIDES),
+)
+def test_a_life_that_is_paused_goes_on_to_the_same_bits(genomes, lived, rule, change_signal, stops, side):
+    if change_signal == "novelty":
+        rule, given = Paper, {"threshold": 0.2, "active_s": 1, "rest_s": 1, "motor_noise": 1}
+    else:
+        given = {}
+    adaptation = Adaptation(change_signal=change_signal, **given)
+    nothing = no_baseline(16)
+    controller = Controller(name="x", rule=RULES[rule], adaptation=adaptation)
+    outcome, samples = lived(genomes[0], side, controller=controller, gain_rad_s=4, baseline=nothing)
+    paused = Paused(genomes[0], side, RULES[rule], change_signal, nothing, EPUCK, PAPER_NETWORK, adaptation)
+    for step in [*stops, 250]:
+        paused.live_until(step)
+    for name in samples._fields:
+        assert getattr(samples, name).tobytes() == getattr(paused.samples, name).tobytes(), name
+    tally = paused.life.tally[0]
+    assert tally["step"] == 250
+    assert (tally["path_length"], tally["goal_distance"]) == (outcome.path_length, outcome.final_distance)
+    assert tally["behaviour_sum"] / 250 == outcome.behaviour
+    assert tally["weight_change_sum"] / 250 == outcome.weight_change_mean
 
 
 def _bits(outcomes):
@@ -108,13 +220,18 @@ def _bits(outcomes):
 
 
 @settings(deadline=None, max_examples=25)
-@given(seed=st.integers(0, 2**32 - 1), side=st.sampled_from(SIDES), N=st.sampled_from([0.0, 1e-5, 0.002, 1.0, 1e6]))
-def test_weights_stay_in_bounds_and_the_genome_survives(lived, seed, side, N):
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    side=st.sampled_from(SIDES),
+    N=st.sampled_from([0.0, 1e-5, 0.002, 1.0, 1e6]),
+    w_max=st.sampled_from([2.0, 1.0, 5.0]),
+)
+def test_weights_stay_in_bounds_and_the_genome_survives(lived, seed, side, N, w_max):
     genome = np.random.default_rng(seed).uniform(-1, 1, 234)
     before = genome.copy()
-    outcome, samples = lived(genome, side, N=N, seconds=3)
+    outcome, samples = lived(genome, side, N=N, seconds=3, w_max=w_max)
     assert (genome == before).all()
-    assert np.abs(samples.weights).max() <= 2
+    assert np.abs(samples.weights).max() <= w_max
     assert np.isfinite(samples.pose).all()
     if N == 0:
         assert (samples.weights == before.astype(np.float32)).all()
@@ -154,9 +271,48 @@ def test_samples_are_every_so_many_steps(genomes, lived):
 
 def test_a_robot_that_is_lost_fails_loudly(genomes):
     for start in (Pose(math.nan, 0.0, 0.0), Pose(0.0, 0.0, math.inf), Pose(0.6, 0.0, 0.0)):
-        life = Life(genome=genomes[0], side="left", hebbian=Hebbian(), key=np.uint64(0), start=start)
-        with pytest.raises(LostRobotError, match=r"left trial of scenario base .* at step 0 of 250"):
-            live_block([life], Scenario(), Lifetime(duration_s=8))
+        individual = Individual(genes=genomes[0], side="left", key=np.uint64(0), start=start)
+        with pytest.raises(LostRobotError, match=r"left trial of scenario base, controller GA, .* at step 0 of 250"):
+            live_block([individual], Scenario(), Lifetime(duration_s=8))
+
+
+def refused(message, genes=234, scenario=None, error=ValueError, **more):
+    individual = Individual(genes=np.zeros(genes), side="left", key=np.uint64(0), **more)
+    with pytest.raises(error, match=message):
+        live_block([individual], scenario or Scenario(), Lifetime(duration_s=8))
+
+
+def test_sizes_that_do_not_fit_are_refused_with_their_numbers(lidar):
+    refused(r"234 weights has 234 genes, got 238", 238)
+    refused(r"234 weights has 234 genes, got 0", 0)
+    refused(r"16-7-5-8-4-2 has 234 weights, got 234 genes and 233 signs", signs=np.ones(233))
+    refused(r"must begin with 16, the readings of robot epuck, got 12", 26, network=Network((12, 2)))
+    refused(r"must begin with 32, the readings of robot lidar, got 16", scenario=Scenario(robot=lidar))
+    refused(r"16 readings has a reading_mean of shape \(2, 16\), got \(2, 32\)", baseline=no_baseline(32))
+    silent = BaselineOfSide(math.nan, 0.0, np.zeros(0), np.zeros((2, 16)), np.ones((2, 16)))
+    refused("one second or more", baseline=silent)
+    coded = Controller(name="x", rule=Paper(signal=Signal.light_code))
+    refused(
+        r"light_code .* 8 light and 8 distance sensors; robot lidar has 8 and 24",
+        Network((32, 2)).synapses,
+        Scenario(robot=lidar),
+        network=Network((32, 2)),
+        controller=coded,
+    )
+
+
+@pytest.mark.parametrize("layers", [(16,), (16, 5), (16, 0, 2), (16, 3.5, 2), (), (16, 90000, 2)])
+def test_impossible_networks_are_refused(layers):
+    with pytest.raises(ValueError, match=r"network\.layers"):
+        Network(layers)
+
+
+def test_a_pace_that_the_motors_do_not_reach_is_refused(genomes):
+    slow = Robot(name="slow", motor_limit_rad_s=0.5)
+    refused(r"gain_rad_s must .* at most 0.5, the fastest of robot slow, got 1", scenario=Scenario(robot=slow))
+    with pytest.raises(ValueError, match=r"gain_rad_s must .* at most 6.28, .* robot epuck, got 6.3"):
+        live_block([Individual(genes=genomes[0], side="left", key=np.uint64(0))], Scenario(), Lifetime(gain_rad_s=6.3))
+    load_kernel(scenario=Scenario(robot=Robot(name="a little slow", motor_limit_rad_s=0.9)))
 
 
 @pytest.mark.parametrize(
@@ -165,7 +321,6 @@ def test_a_robot_that_is_lost_fails_loudly(genomes):
         ("duration_s", 0.0),
         ("duration_s", math.inf),
         ("gain_rad_s", 0.0),
-        ("gain_rad_s", 6.3),
         ("gain_rad_s", math.nan),
         ("noise", -1.0),
         ("record_every", -1),
@@ -178,7 +333,15 @@ def test_impossible_lifetimes_are_refused_by_name(key, value):
 
 @pytest.mark.parametrize(
     ("key", "value", "allowed"),
-    [("obstacles", 3, "0, 2, 4"), ("light", math.nan, "0 or more"), ("experiment", "x", "light, obstacles")],
+    [
+        ("obstacles", 3, "0, 2, 4"),
+        ("dead_sensor", 8, "0 to 7"),
+        ("dead_sensor", 1.5, "0 to 7"),
+        ("layout", -1, "0"),
+        ("left_wheel", 1.1, "0, 1"),
+        ("light", math.nan, "0 or more"),
+        ("experiment", "x", "light, obstacles"),
+    ],
 )
 def test_impossible_scenarios_are_refused_by_name(key, value, allowed):
     with pytest.raises(ValueError, match=rf"scenario\.{key} must .*{allowed}"):

@@ -3,39 +3,47 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuckhebb.sim import controller
-from epuckhebb.sim.controller import BIAS, FIRST_GENE, FIRST_NEURON, GENES, NEURONS, POST, PRE, forward, tanh
+from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer, forward_pass, tanh, weights_at_birth
+
+NETWORKS = [PAPER_NETWORK, Network((16, 3, 2)), Network((32, 7, 5, 8, 4, 2)), Network((2, 2))]
 
 
 def test_layout_adds_up():
-    assert GENES == 234
-    assert sum(controller.LAYERS) + 1 == NEURONS
-    assert tuple(np.cumsum([0] + [n * m for n, m in zip(PRE, POST, strict=True)])[:-1]) == FIRST_GENE
-    assert tuple(np.cumsum([0, *PRE])) == FIRST_NEURON
+    assert PAPER_NETWORK.layers == (16, 7, 5, 8, 4, 2)
+    assert PAPER_NETWORK.synapses == 234
+    assert str(PAPER_NETWORK) == "16-7-5-8-4-2"
+    for network in NETWORKS:
+        assert sum(network.layers) + 1 == network.neurons
+        assert network.wheels == network.neurons - 2
+        assert tuple(np.cumsum([0] + [n * m for n, m in network.shapes])[:-1]) == network.first_synapse
+        assert tuple(np.cumsum([0, *network.pre])) == network.first_neuron
+        assert [layer.shape for layer in by_layer(network, np.zeros(network.synapses))] == network.shapes
 
 
-def test_forward_is_tanh_of_x_times_w_layer_by_layer():
-    rng = np.random.default_rng(1)
-    weights, activation = rng.uniform(-2, 2, GENES), np.zeros(NEURONS)
-    activation[:16], activation[BIAS] = rng.random(16), 1.0
-    forward(weights, activation, np.empty(8))
-    x = np.append(activation[:16], 1.0)
-    for layer, shape in enumerate(zip(PRE, POST, strict=True)):
-        gene = FIRST_GENE[layer]
+@pytest.mark.parametrize("network", NETWORKS, ids=str)
+def test_forward_is_tanh_of_x_times_w_layer_by_layer(network):
+    rng, inputs = np.random.default_rng(1), network.inputs
+    weights, activation = rng.uniform(-2, 2, network.synapses), np.zeros(network.neurons)
+    activation[:inputs], activation[network.bias] = rng.random(inputs), 1.0
+    forward_pass(network)(weights, activation, np.empty(max(network.post)))
+    x = np.append(activation[:inputs], 1.0)
+    for layer, shape in enumerate(network.shapes):
+        gene = network.first_synapse[layer]
         x = np.tanh(x @ weights[gene : gene + shape[0] * shape[1]].reshape(shape))
-        np.testing.assert_allclose(activation[FIRST_NEURON[layer + 1] :][: shape[1]], x, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(activation[network.first_neuron[layer + 1] :][: shape[1]], x, rtol=0, atol=1e-14)
 
 
 def test_a_bias_weight_acts_without_any_light_or_wall():
-    weights, activation = np.zeros(GENES), np.zeros(NEURONS)
-    activation[BIAS] = 1.0
-    weights[BIAS * POST[0]] = 0.5  # from the bias to the first hidden neuron: the last row of the first layer
-    forward(weights, activation, np.empty(8))
-    assert activation[FIRST_NEURON[1]] == tanh(0.5)
-    assert not activation[FIRST_NEURON[1] + 1 :].any()
+    weights, activation = np.zeros(PAPER_NETWORK.synapses), np.zeros(PAPER_NETWORK.neurons)
+    activation[PAPER_NETWORK.bias] = 1.0
+    weights[PAPER_NETWORK.bias * PAPER_NETWORK.post[0]] = 0.5  # to the first hidden neuron: the last row of its layer
+    forward_pass(PAPER_NETWORK)(weights, activation, np.empty(8))
+    assert activation[PAPER_NETWORK.first_neuron[1]] == tanh(0.5)
+    assert not activation[PAPER_NETWORK.first_neuron[1] + 1 :].any()
 
 
 @given(st.floats(-1e300, 1e300))
@@ -46,8 +54,8 @@ def test_tanh_is_accurate_odd_and_bounded(x):
 
 
 def test_weights_at_birth_are_a_clipped_copy():
-    genome = np.linspace(-3, 3, GENES)
-    weights = controller.weights_at_birth(genome)
+    genome = np.linspace(-3, 3, 234)
+    weights = weights_at_birth(genome)
     assert weights.max() == 2
     weights[:] = 0
     assert genome[0] == -3

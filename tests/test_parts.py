@@ -419,7 +419,7 @@ def test_what_differs_from_the_named_scenario_is_told(words, changed):
 def test_what_changed_is_told_wherever_the_scenario_is(here):
     done("evaluate", "scenario.left_wheel=0.8", *SHORT)
     (run,) = (here / "runs" / "evaluate").iterdir()
-    assert run.name.endswith("_base+left_wheel=0.8_seed1")
+    assert run.name.endswith("_base+left_wheel-0.8_seed1")
     assert set(metrics(run).changed) == {"left_wheel=0.8"}
     assert set(metrics(run).scenario) == {"base"}
     done("replay", str(run))

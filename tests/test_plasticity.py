@@ -1,21 +1,23 @@
-"""The paper's equations, with its own worked examples."""
+"""The paper's equations, with its own worked examples, and three steps of every rule by hand."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuckhebb.sim.controller import FIRST_GENE, FIRST_NEURON, GENES, NEURONS, POST, PRE
-from epuckhebb.sim.plasticity import (
-    CHANGE_ROOM,
-    Hebbian,
-    correlate,
-    effective_rate,
-    learn,
-    next_trace,
-    next_weight,
-    rule,
-)
+from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.sim.plasticity.bcm import BCM
+from epuckhebb.sim.plasticity.control import Sign, signs
+from epuckhebb.sim.plasticity.differential import Differential
+from epuckhebb.sim.plasticity.oja import Oja
+from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.plasticity.rule import NoRule, Rule
+from epuckhebb.sim.plasticity.update import effective_rate, next_weight, update_of
+from epuckhebb.sim.plasticity.weight_change import room, total_of
+
+RULES = (Paper, Oja, BCM, Differential)
 
 
 @pytest.mark.parametrize(("fitness", "expected"), [(0.1, 0.0004), (0.9, 0.0018), (0.2, 0.0004), (-1.0, 0.0004)])
@@ -23,63 +25,172 @@ def test_effective_rate_as_in_the_papers_examples(fitness, expected):
     assert effective_rate(0.002, 1.0, fitness, 0.2) == pytest.approx(expected, rel=1e-15)
 
 
+def traced(trace, correlation):
+    return Paper.synapse(
+        correlation, SimpleNamespace(trace=trace), SimpleNamespace(trace_decay=0.95, trace_update=0.05)
+    )
+
+
 def test_trace_keeps_95_percent_and_takes_up_5():
-    assert next_trace(1.0, 0.0, 0.95, 0.05) == 0.95
-    assert next_trace(0.0, 1.0, 0.95, 0.05) == 0.05
+    assert traced(1.0, 0.0) == 0.95
+    assert traced(0.0, 1.0) == 0.05
 
 
 def test_trace_of_a_steady_correlation_converges_to_it():
     trace = 0.0
     for _ in range(400):
-        trace = next_trace(trace, -0.3, 0.95, 0.05)
+        trace = traced(trace, -0.3)
     assert trace == pytest.approx(-0.3, rel=1e-6)
 
 
-def test_weight_is_clipped_at_w_max():
+def kept(rule):
+    return SimpleNamespace(**rule.kept)
+
+
+def by(rule, **values):
+    return SimpleNamespace(**rule(**values).numbers())
+
+
+def test_three_steps_of_the_papers_rule():
+    state, numbers = kept(Paper), by(Paper)
+    assert Paper.synapse(0.4, state, numbers) == pytest.approx(0.02)
+    assert Paper.synapse(-1.0, state, numbers) == pytest.approx(-0.031)  # 0.95 x 0.02 - 0.05
+    assert Paper.synapse(0.0, state, numbers) == pytest.approx(-0.02945)
+    assert state.trace == pytest.approx(-0.02945)
+
+
+def test_three_steps_of_ojas_rule():
+    assert Oja.synapse(0.5 * 0.8, 0.8, 1.5) == pytest.approx(0.4 - 0.64 * 1.5)
+    assert Oja.synapse(-0.2 * 0.8, 0.8, -1.5) == pytest.approx(-0.16 + 0.96)
+    assert Oja.synapse(0.6 * 0.5, 0.5, 0.6 / 0.5) == pytest.approx(0.0)  # at rest where w = x_j / x_i
+
+
+def test_three_steps_of_the_bcm_rule():
+    state, numbers = kept(BCM), by(BCM, threshold_time_s=0.064)  # half of the way in each step
+    assert BCM.synapse(0.5 * 0.8, 0.8, state, numbers) == pytest.approx(0.4 * (0.8 - 0.32))
+    assert BCM.synapse(0.5 * 0.2, 0.2, state, numbers) == pytest.approx(0.1 * (0.2 - 0.18))  # (0.32 + 0.04) / 2
+    assert BCM.synapse(0.5 * -0.4, -0.4, state, numbers) == pytest.approx(-0.2 * (-0.4 - 0.17))
+    assert state.threshold == pytest.approx(0.17)
+
+
+def test_three_steps_of_the_differential_rule():
+    state, numbers = kept(Differential), by(Differential, trace_time_s=0.064)
+    assert Differential.synapse(1.0, 0.0, state, numbers) == pytest.approx(0.0)  # pre alone
+    assert Differential.synapse(0.0, 1.0, state, numbers) == pytest.approx(0.25)  # then post: strengthens
+    assert Differential.synapse(1.0, 0.0, state, numbers) == pytest.approx(-0.25)  # then pre after post: weakens
+    assert (state.trace_pre, state.trace_post) == pytest.approx((0.625, 0.25))
+
+
+@pytest.mark.parametrize("rule", [BCM, Differential])
+def test_time_constants_shorter_than_a_step_are_refused(rule):
+    (name,) = set(rule.settings()) - set(Rule.settings())
+    with pytest.raises(ValueError, match=rf"hebbian\.{name} must be at least one step, 0.032 s, got 0.03"):
+        rule(**{name: 0.03})
+
+
+def test_weight_is_clipped_at_w_max_and_nan_is_not_hidden():
     assert next_weight(1.9999, 1.0, 0.5, 2.0) == 2.0
     assert next_weight(-1.9999, 1.0, -0.5, 2.0) == -2.0
+    assert next_weight(0.5, -1.0, 0.25, 2.0) == 0.25
+    assert np.isnan(next_weight(0.5, 1.0, np.nan, 2.0))
 
 
-def test_correlation_is_the_outer_product_of_each_layer():
-    activation = np.random.default_rng(0).normal(size=NEURONS)
-    correlation = np.empty(GENES)
-    correlate(activation, correlation)
-    for layer, (pre, post) in enumerate(zip(PRE, POST, strict=True)):
-        first, gene = FIRST_NEURON[layer], FIRST_GENE[layer]
-        outer = np.outer(activation[first : first + pre], activation[FIRST_NEURON[layer + 1] :][:post])
-        np.testing.assert_array_equal(correlation[gene : gene + pre * post], outer.ravel())
+class Told(Rule):
+    """Says what it is given."""
+
+    @staticmethod
+    def synapse(correlation, pre, post, weight):
+        return correlation + 10.0 * pre + 100.0 * post + 1000.0 * weight
+
+
+@pytest.mark.parametrize("network", [PAPER_NETWORK, Network((3, 4, 2))], ids=str)
+def test_every_synapse_is_told_of_its_two_neurons(network):
+    activation = np.random.default_rng(0).normal(size=network.neurons)
+    genes = np.random.default_rng(1).normal(size=network.synapses)
+    weights = genes.copy()
+    updated(Told, network, weights, genes, activation, rate=1.0, w_max=1e9)
+    for layer, (pre, post) in enumerate(network.shapes):
+        first, gene = network.first_neuron[layer], network.first_synapse[layer]
+        x, y = activation[first : first + pre, None], activation[network.first_neuron[layer + 1] :][None, :post]
+        here = slice(gene, gene + pre * post)
+        expected = (x * y + 10 * x + 100 * y).ravel() + 1001 * genes[here]
+        np.testing.assert_allclose(weights[here], expected, rtol=1e-12)
+
+
+def all_kept(rule, network):
+    return [kept(rule) for _ in range(network.synapses)]
+
+
+def updated(rule, network, weights, genes, activation, rate, w_max, all_of=None, of_updates=None):
+    """One update of all weights; the weight change."""
+    return update_of(rule, network)(
+        weights,
+        all_kept(rule, network) if all_of is None else all_of,
+        genes,
+        np.empty((0, network.synapses)),
+        activation,
+        rate,
+        np.ones(network.synapses) if of_updates is None else of_updates,
+        tuple(rule(N=1.0, w_max=w_max).numbers().values()),
+        np.empty((3, network.synapses)),
+        np.full(room(network), 7.0),
+    )
 
 
 @settings(deadline=None, max_examples=40)
 @given(
+    rule=st.sampled_from(RULES),
     seed=st.integers(0, 2**32 - 1),
     rate=st.floats(0, 1e6),
     w_max=st.floats(1e-3, 10),
+    sign=st.sampled_from(list(Sign)),
 )
-def test_weights_stay_within_bounds_and_change_is_the_sum_of_differences(seed, rate, w_max):
-    rng = np.random.default_rng(seed)
-    genes = np.clip(rng.uniform(-2, 2, GENES), -w_max, w_max)
-    weights, trace = genes.copy(), rng.normal(size=GENES)
-    by = rule(Hebbian(N=1.0, w_max=w_max))
-    change = learn(
-        weights,
-        trace,
-        genes,
-        np.tanh(rng.normal(size=NEURONS)),
-        rate,
-        by,
-        np.ones(GENES),
-        np.empty(GENES),
-        np.full(CHANGE_ROOM, 7.0),
-    )
-    assert np.abs(weights).max() <= w_max
-    assert change == pytest.approx(np.abs(weights - genes).sum(), rel=1e-12, abs=1e-300)
+def test_weights_stay_within_bounds_and_change_is_the_sum_of_differences(rule, seed, rate, w_max, sign):
+    rng, network = np.random.default_rng(seed), Network((16, 3, 2))
+    genes = np.clip(rng.uniform(-2, 2, network.synapses), -w_max, w_max)
+    weights, all_of = genes.copy(), all_kept(rule, network)
+    activation, of_updates = np.tanh(rng.normal(size=network.neurons)), signs(sign, network.synapses, rng)
+    for _ in range(2):
+        change = updated(rule, network, weights, genes, activation, rate, w_max, all_of, of_updates)
+        assert np.abs(weights).max() <= w_max
+        assert change == pytest.approx(np.abs(weights - genes).sum(), rel=1e-12, abs=1e-300)
+    if rate == 0:
+        assert weights.tobytes() == genes.tobytes()
 
 
+@pytest.mark.parametrize("layers", [(2, 2), (3, 2), (16, 2), (16, 3, 2), (16, 7, 5, 8, 4, 2), (40, 9, 2)])
+def test_the_weight_change_adds_up_in_networks_of_all_sizes(layers):
+    network = Network(layers)
+    values = np.full(room(network), np.nan)
+    values[: network.synapses] = 2.0 ** np.arange(network.synapses).clip(max=40)
+    expected = values[: network.synapses].sum()
+    assert total_of(network)(values) == expected
+
+
+def test_signs_of_the_controls():
+    rng = np.random.default_rng(3)
+    assert set(signs(Sign.hebbian, 234, rng)) == {1.0}
+    assert set(signs(Sign.anti, 234, rng)) == {-1.0}
+    shuffled = signs(Sign.shuffled, 234, rng)
+    assert set(shuffled) == {-1.0, 1.0}
+    assert 80 < (shuffled == 1).sum() < 154
+
+
+def test_no_rule_goes_nowhere():
+    assert NoRule.synapse() == 0.0
+
+
+@pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("N", -1.0), ("N", float("nan")), ("floor", -0.1), ("trace_decay", 1.1), ("trace_update", -0.1), ("w_max", 0.0)],
+    [("N", -1.0), ("N", float("nan")), ("floor", -0.1), ("w_max", 0.0), ("w_max", float("inf"))],
 )
-def test_impossible_rules_are_refused_by_name(key, value):
+def test_impossible_rules_are_refused_by_name(rule, key, value):
     with pytest.raises(ValueError, match=rf"hebbian\.{key} must .*{value}"):
-        Hebbian(**{key: value})
+        rule(**{key: value})
+
+
+@pytest.mark.parametrize(("key", "value"), [("trace_decay", 1.1), ("trace_update", -0.1)])
+def test_impossible_traces_are_refused_by_name(key, value):
+    with pytest.raises(ValueError, match=rf"hebbian\.{key} must .*{value}"):
+        Paper(**{key: value})

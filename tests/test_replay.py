@@ -1,65 +1,60 @@
-"""The page that replays a run, its films, and what the command line says when there is nothing to replay."""
+"""The page that replays recorded lifetimes, and how long its films are."""
 
 import base64
-import contextlib
 import hashlib
-import io
 import json
+import math
 import re
-import shutil
-import webbrowser
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
-from PIL import Image
-from typer.testing import CliRunner
 
-from epuckhebb.app.cli import app
-from epuckhebb.app.replay import recording, write_page
-from epuckhebb.sim.controller import weights_at_birth
+from epuckhebb.sim.controller import GA, HEBBIAN, Controller
 from epuckhebb.sim.lifetime import Lifetime
-from epuckhebb.sim.maze import boxes
-from epuckhebb.sim.plasticity import Hebbian
+from epuckhebb.sim.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
+from epuckhebb.sim.network import Network, weights_at_birth
+from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.robot import Place as Sensor
+from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.study import movie, replay
-from epuckhebb.study.evaluate import GA_ALONE, HEBBIAN, evaluate
-from epuckhebb.study.replay import Arrival
+from epuckhebb.study.evaluate import evaluate
+from epuckhebb.study.moments import Arrival, arrival, begins, told_when
 
 COLUMNS = {"x": ("pose", 0), "y": ("pose", 1), "heading": ("pose", 2), "left": ("motors", 0), "right": ("motors", 1)}
 SAME_NAME = {"sensors": "sensors", "fitness": "fitness", "rate": "rate", "weightChange": "weight_change"}
-
-
-def call(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
 ARRIVES = Path(__file__).parents[1] / "runs/reference/champions/obstacles_seed001.npz"  # at both goals, always
+FOUR = Scenario(name="4obstacles", obstacles=4)
 
 
-def evaluated(folder, *overrides):
-    """The folder of a fresh run."""
-    with contextlib.chdir(folder):
-        result = call("evaluate", "--json", "repeats=1", *overrides)
-    assert result.exit_code == 0, result.output
-    return folder / json.loads(result.stdout)["runs"][0]["run"]
+def hebbian(rate):
+    return Controller(name=HEBBIAN, rule=Paper(N=rate))
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    return evaluated(tmp_path_factory.mktemp("run"), "scenario=4obstacles", f"genome={ARRIVES}")
+def genes():
+    return np.load(ARRIVES)["genome"]
 
 
 @pytest.fixture(scope="module")
-def short_run(tmp_path_factory):
-    return evaluated(tmp_path_factory.mktemp("short"), "lifetime.duration_s=4")
+def run(genes):
+    """(metrics, traces) of a full lifetime with and without plasticity, on each side."""
+    return evaluate(genes, FOUR, [hebbian(1.5e-5)], Lifetime(record_every=8), repeats=1, seed=1)
 
 
 @pytest.fixture(scope="module")
-def page(run):
-    write_page(recording(run), run / "replay.html")
-    return (run / "replay.html").read_text(encoding="utf-8")
+def page(run, genes):
+    return replay.page(run[1], genes, FOUR, "four obstacles", gain_rad_s=1.0)
+
+
+def filled(genes, scenario=None, controllers=(), seconds=4.0, network=None):
+    """What the page of short lifetimes holds."""
+    world, net = scenario or Scenario(), network or Network()
+    _, traces = evaluate(
+        genes, world, controllers, Lifetime(duration_s=seconds, record_every=8), repeats=1, seed=1, network=net
+    )
+    return content(replay.page(traces, genes, world, "title", gain_rad_s=1.0, network=net))
 
 
 def content(page):
@@ -90,14 +85,14 @@ def test_page_allows_only_its_own_style_and_script(page):
         assert f"{tag}-src 'sha256-{digest}'" in policy
 
 
-def test_page_holds_the_traces_to_within_half_a_step_of_quantisation(run, page):
-    traces = np.load(run / "traces.npz")
+def test_page_holds_the_traces_to_within_half_a_step_of_quantisation(run, page, genes):
+    _, traces = run
     lives = content(page)["lives"]
-    for k, (controller, side) in enumerate(zip(traces["controller"], traces["side"], strict=True)):
-        life = lives[side][[GA_ALONE, HEBBIAN].index(controller)]
-        expected = {name: traces[array][k][:, column] for name, (array, column) in COLUMNS.items()}
-        expected |= {name: traces[array][k] for name, array in SAME_NAME.items()}
-        expected["change"] = traces["weights"][k] - weights_at_birth(traces["genome"]).astype(np.float32)
+    for k, (controller, side) in enumerate(zip(traces.controller, traces.side, strict=True)):
+        life = lives[side][[GA, HEBBIAN].index(controller)]
+        expected = {name: getattr(traces.samples, array)[k][:, column] for name, (array, column) in COLUMNS.items()}
+        expected |= {name: getattr(traces.samples, array)[k] for name, array in SAME_NAME.items()}
+        expected["change"] = traces.samples.weights[k] - weights_at_birth(genes).astype(np.float32)
         for name, values in expected.items():
             if not values.any():
                 assert life[name] == {"step": 0, "numbers": ""}, name
@@ -114,7 +109,7 @@ def test_weights_of_the_robot_that_does_not_learn_take_no_room(page):
 def test_long_recordings_are_thinned_out():
     lifetime = Lifetime(duration_s=80.0, record_every=1)
     genome = np.random.default_rng(1).uniform(-1, 1, 234)
-    _, traces = evaluate(genome, Scenario(), [Hebbian(name="paper", N=1e-3)], lifetime, repeats=1, seed=1)
+    _, traces = evaluate(genome, Scenario(), [hebbian(1e-3)], lifetime, repeats=1, seed=1)
     held = content(replay.page(traces, genome, Scenario(), "title", gain_rad_s=1.0))
     assert (held["samples"], held["steps"], held["interval"]) == (834, 3, pytest.approx(0.096))
     x = held["lives"]["right"][1]["x"]
@@ -129,20 +124,156 @@ def test_a_title_cannot_become_markup():
 
 
 def test_arrival_is_the_time_to_goal_of_the_metrics(run, page):
-    metrics = pd.read_csv(run / "metrics.csv").set_index(["controller", "side"])
+    metrics = run[0].set_index(["controller", "side"])
     for side, lives in content(page)["lives"].items():
-        for controller, life in zip((GA_ALONE, HEBBIAN), lives, strict=True):
+        for controller, life in zip((GA, HEBBIAN), lives, strict=True):
             assert life["arrival"] == pytest.approx(metrics.time_to_goal_s[controller, side], abs=0.033)
+
+
+MOVED = {"left": (-0.25, 0.155), "right": (0.1, 0.155)}
+
+
+def test_arrival_counts_the_goal_of_the_moment(genes):
+    """At the goal where it is now, not where it was or will be; and so do the metrics."""
+    moving = Scenario(changes=[{"at_s": 30.0, "goals": MOVED}, {"at_s": 70.0, "goals": T_MAZE.goals}])
+    metrics, traces = evaluate(genes, moving, [], Lifetime(duration_s=120.0, record_every=8), repeats=1, seed=1)
+    assert metrics.time_to_goal_s.notna().all()
+    for k, row in enumerate(metrics.itertuples()):
+        arrived = arrival(traces.samples.time[k], traces.samples.pose[k], moving, row.side)
+        assert arrived.time == pytest.approx(row.time_to_goal_s, abs=0.033)
+        assert arrived.stayed == bool(row.success)
+
+
+def straight(x, y):
+    """Time and pose of a robot that stands at these places, a second at each."""
+    return np.arange(len(x), dtype=float), np.column_stack([x, y, np.zeros(len(x))])
+
+
+def test_a_goal_that_comes_to_the_robot_is_an_arrival():
+    world = Scenario(changes=[{"at_s": 3.0, "goals": MOVED}])
+    arrived = arrival(*straight([-0.25] * 6, [0.155] * 6), world, "left")
+    assert (arrived.time, arrived.stayed) == (pytest.approx(94 * 0.032 + 0.032), True)
+    assert arrival(*straight([-0.25] * 6, [0.155] * 6), Scenario(), "left").time is None
+
+
+def test_new_walls_wait_for_the_robot_to_move_away():
+    world = Scenario(changes=[{"at_s": 2.0, "obstacles": 4}, {"at_s": 4.0, "light": 1.0}])
+    beside = straight([-0.114] * 6 + [0.0] * 3, [0.16] * 9)  # below the obstacle of the left arm, then away
+    since = [since for since, _ in begins(world, *beside)]
+    assert since[:2] == [0.0, pytest.approx(5.5, abs=0.3)]
+    assert since[2] == since[1]  # the light waits for the walls
+    assert [since for since, _ in begins(world, *straight([-0.114] * 6, [0.16] * 6))] == [0.0, None, None]
 
 
 def test_floor_is_clear_of_walls(page):
     for left, right, bottom, top in content(page)["maze"]["floor"]:
-        for wall_left, wall_right, wall_bottom, wall_top in boxes(0):
+        for wall_left, wall_right, wall_bottom, wall_top in boxes(T_MAZE):
             overlap = min(right, wall_right) - max(left, wall_left), min(top, wall_top) - max(bottom, wall_bottom)
             assert min(overlap) < 0.0015  # the ends of the near walls jut 1 mm into the stem
 
 
-ARRIVED, LATE, AWAY, PASSED = Arrival(50.2, 0.03), Arrival(61.0, 0.04), Arrival(None, 0.26), Arrival(60.4, 0.23)
+def test_a_world_without_changes_has_one_world(page):
+    data = content(page)
+    assert len(data["worlds"]) == 1
+    assert data["changes"] == []
+    assert len(data["worlds"][0]["obstacles"]) == 4
+    assert all(life["begins"] == [0.0] for lives in data["lives"].values() for life in lives)
+
+
+def test_page_holds_the_world_of_each_moment(genes):
+    world = Scenario(
+        changes=[
+            {"at_s": 1.0, "light": 1.0, "dead_sensor": 3},
+            {"at_s": 2.0, "obstacles": 2, "lamp": {"towards_x": 0.0, "towards_y": 1.0}, "left_wheel": 0.7},
+            {"at_s": 3.0, "goals": MOVED},
+        ]
+    )
+    data = filled(genes, world)
+    assert [change["told"] for change in data["changes"]] == [
+        "light=1, dead_sensor=3",
+        "obstacles=2, lamp.towards_x=0, lamp.towards_y=1, left_wheel=0.7",
+        "goals.left=-0.25,0.155, goals.right=0.1,0.155",
+    ]
+    worlds = data["worlds"]
+    assert [held["light"] for held in worlds] == [0.1, 1.0, 1.0, 1.0]
+    assert [held["dead"] for held in worlds] == [None, 3, 3, 3]
+    assert [len(held["obstacles"]) for held in worlds] == [0, 0, 2, 2]
+    assert [held["lamp"]["towards"] for held in worlds] == pytest.approx([math.pi, math.pi, math.pi / 2, math.pi / 2])
+    assert worlds[2]["faults"] == "sensor 3 blind, left wheel at 70 %"
+    assert [held["goals"]["right"] for held in worlds] == [[0.36, 0.155]] * 3 + [[0.1, 0.155]]
+    assert data["lives"]["left"][0]["begins"] == pytest.approx([0, 1.024, 2.016, 3.008])
+
+
+def test_a_change_is_told_as_it_would_be_typed():
+    assert told_when({"at_s": 60, "light": 0.1}) == "60 s: light=0.1"
+    assert told_when({"at_s": 7.5, "dead_sensor": None, "obstacles": 4}) == "7.5 s: dead_sensor=null, obstacles=4"
+
+
+CORRIDOR = Maze(  # from the start up, then to the right
+    name="corridor",
+    walls={
+        "left": Box(0.0, 0.5, 0.1, 1.2),
+        "far": Box(0.6, 1.15, 1.3, 0.1),
+        "end": Box(1.2, 1.0, 0.1, 0.4),
+        "near": Box(0.75, 0.85, 0.9, 0.1),
+        "right": Box(0.35, 0.4, 0.1, 1.0),
+        "behind": Box(0.2, -0.1, 0.5, 0.1),
+    },
+    start=Pose(0.17, 0.1, math.pi / 2),
+    goals={"left": Place(0.17, 1.0), "right": Place(1.0, 1.0)},
+    goal_radius_m=0.08,
+    arms={"left": Region(right=0.3), "right": Region(left=0.3)},
+    arena_m=1.5,
+)
+RAYS = Robot(
+    name="rays",
+    radius_m=0.05,
+    light_places=(Sensor(0.03, 0.0, 0.0),),
+    distance_places=tuple(Sensor(0.0, 0.0, 15.0 * number) for number in range(24)),
+    reach_m=0.2,
+    stretch=0.5,
+)
+
+
+def test_any_maze_robot_and_network():
+    network = Network((25, 7, 5, 8, 4, 2))
+    genes = np.random.default_rng(1).uniform(-1, 1, network.synapses)
+    world = Scenario(maze=CORRIDOR, robot=RAYS)
+    data = filled(genes, world, [hebbian(1e-3)], network=network)
+    assert data["layers"] == [25, 7, 5, 8, 4, 2]
+    assert len(data["birth"]) == network.synapses
+    assert len(unpacked(data["lives"]["left"][1]["change"])) == data["samples"] * network.synapses
+    robot, maze = data["robot"], data["maze"]
+    assert (robot["radius"], len(robot["lights"]), len(robot["distances"])) == (0.05, 1, 24)
+    assert robot["reach"] == pytest.approx(0.14)  # where its curve ends
+    assert robot["distances"][6] == pytest.approx([0, 0, math.pi / 2])
+    assert data["inputs"][0] == "light, front"
+    assert len(set(data["inputs"])) == 25
+    assert maze["start"] == [0.17, 0.1]
+    assert maze["goalRadius"] == 0.08
+    covered = np.array(maze["floor"])
+    assert covered[:, 0].min() == pytest.approx(0.05, abs=0.002)
+    assert covered[:, 1].max() == pytest.approx(1.15, abs=0.002)
+    assert covered[:, 3].max() == pytest.approx(1.1, abs=0.002)
+    area = ((covered[:, 1] - covered[:, 0]) * (covered[:, 3] - covered[:, 2])).sum()
+    assert area == pytest.approx(0.25 * 0.95 + 1.1 * 0.2, rel=0.02)
+
+
+def test_sensors_of_the_epuck_have_the_names_of_their_places(page):
+    ways = ["front right", "right, ahead", "right", "back right", "back left", "left", "left, ahead", "front left"]
+    assert content(page)["inputs"] == [f"{kind}, {way}" for kind in ("light", "proximity") for way in ways]
+
+
+def test_nothing_of_the_network_is_taken_from_genes_of_the_rule(genes):
+    assert len(filled(genes, seconds=1.0)["birth"]) == 234
+    world, net = Scenario(), Network()
+    _, traces = evaluate(genes, world, [], Lifetime(duration_s=1.0, record_every=8), repeats=1, seed=1)
+    longer = np.append(genes, [9.0, 9.0])
+    assert len(content(replay.page(traces, longer, world, "", gain_rad_s=1.0, network=net))["birth"]) == 234
+
+
+ARRIVED, LATE = Arrival(50.2, 0.03, stayed=True), Arrival(61.0, 0.04, stayed=True)
+AWAY, PASSED = Arrival(None, 0.26, stayed=False), Arrival(60.4, 0.23, stayed=False)
 
 
 @pytest.mark.parametrize(
@@ -177,155 +308,25 @@ ARRIVED, LATE, AWAY, PASSED = Arrival(50.2, 0.03), Arrival(61.0, 0.04), Arrival(
     ],
 )
 def test_outcome_is_one_plain_sentence(arrivals, sentence):
-    assert replay.outcome("left", [GA_ALONE, HEBBIAN][: len(arrivals)], arrivals) == sentence
+    assert replay.outcome("left", [GA, HEBBIAN][: len(arrivals)], arrivals) == sentence
 
 
 def test_outcome_names_controllers_it_does_not_know():
-    sentence = replay.outcome("right", [GA_ALONE, HEBBIAN, "Shuffled"], [ARRIVED, LATE, AWAY])
+    sentence = replay.outcome("right", [GA, HEBBIAN, "Shuffled"], [ARRIVED, LATE, AWAY])
     assert sentence == (
         "Only the robot without plasticity and the one with plasticity reached the goal on the right and stayed "
         "there, after 50.2 s and 61.0 s; with “Shuffled” it ended 26 cm away."
     )
 
 
-def test_a_run_without_plasticity_has_one_robot(tmp_path):
-    run = evaluated(tmp_path, "hebbian=none", "lifetime.duration_s=2")
-    assert call("replay", run).exit_code == 0
-    held = content((run / "replay.html").read_text(encoding="utf-8"))
-    assert [controller["title"] for controller in held["controllers"]] == ["GA alone"]
-
-
-def test_page_is_written_into_the_run_and_its_path_is_printed(short_run):
-    result = call("replay", short_run)
-    assert result.exit_code == 0
-    assert result.stdout.strip() == str(short_run / "replay.html")
-    assert not list(short_run.glob(".*.tmp"))
-
-
-def test_output_leaves_the_run_alone(short_run, tmp_path):
-    before = sorted(short_run.iterdir())
-    assert call("replay", short_run, "--output", tmp_path / "page.html").exit_code == 0
-    assert (tmp_path / "page.html").is_file()
-    assert sorted(short_run.iterdir()) == before
-
-
-def test_gif_shows_the_lifetime(short_run, tmp_path):
-    result = call("replay", short_run, "--gif", tmp_path / "film.gif")
-    assert result.exit_code == 0, result.output
-    with Image.open(tmp_path / "film.gif") as film:
-        assert film.n_frames == 7  # 4 s, eight times as fast, at 12.5 frames a second
-        assert film.size == (960, 448)
-        film.seek(0)
-        first = np.asarray(film.convert("RGB"))
-        film.seek(film.n_frames - 1)
-        last = np.asarray(film.convert("RGB"))
-    assert tuple(first[-1, -1]) == (255, 255, 255)
-    assert (first != last).any()
+def test_outcome_knows_the_controls():
+    sentence = replay.outcome("right", [GA, "shuffled signs"], [AWAY, LATE])
+    assert sentence.startswith("Only the robot with shuffled signs reached the goal on the right")
 
 
 def test_gif_ends_a_while_after_the_robots_came_to_rest(run):
-    recorded = recording(run)
+    _, traces = run
     moments = []
-    frames = movie._frames(
-        recorded.traces, recorded.config.scenario, "", lambda wanted: moments.extend(wanted) or wanted, 1.0
-    )
+    frames = movie._frames(traces, FOUR, "", lambda wanted: moments.extend(wanted) or wanted, 1.0)
     next(frames)
     assert 70 < moments[-1] < 90  # the last of the four arrives after 62 s; the lifetime goes on to 250 s
-
-
-def test_mp4(short_run, tmp_path):
-    pytest.importorskip("imageio_ffmpeg")
-    assert call("replay", short_run, "--mp4", tmp_path / "film.mp4").exit_code == 0
-    assert (tmp_path / "film.mp4").read_bytes()[4:8] == b"ftyp"
-
-
-def test_mp4_without_ffmpeg_says_what_to_install(short_run, tmp_path, monkeypatch):
-    monkeypatch.setattr(movie, "can_make_mp4", lambda: False)
-    result = call("replay", short_run, "--mp4", tmp_path / "film.mp4", "--output", tmp_path / "page.html")
-    assert result.exit_code == 2
-    assert 'pip install "epuckhebb[video]"' in result.output
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_run_that_recorded_nothing_says_how_to_record(tmp_path):
-    run = evaluated(tmp_path, "scenario=2obstacles", "lifetime.duration_s=2", "lifetime.record_every=0")
-    result = call("replay", run)
-    assert result.exit_code == 2
-    assert "epuckhebb evaluate repeats=1 scenario=2obstacles lifetime.duration_s=2 lifetime.record_every=8" in (
-        result.output
-    )
-
-
-def test_not_a_run_folder(tmp_path):
-    for path in (tmp_path, tmp_path / "nothing"):
-        result = call("replay", path)
-        assert result.exit_code == 2
-        assert "run folder" in result.output
-
-
-def test_a_run_of_evolve_points_to_evaluate(tmp_path):
-    (tmp_path / "provenance.json").write_text('{"verb": "evolve"}')
-    (tmp_path / "status.json").write_text('{"state": "finished"}')
-    result = call("replay", tmp_path)
-    assert result.exit_code == 2
-    assert f"epuckhebb evaluate genome={tmp_path}" in result.output
-
-
-@pytest.mark.parametrize("harm", ["missing", "not an archive", "incomplete"])
-def test_traces_that_cannot_be_read(short_run, tmp_path, harm):
-    run = shutil.copytree(short_run, tmp_path / "run")
-    traces = run / "traces.npz"
-    if harm == "missing":
-        traces.unlink()
-    elif harm == "not an archive":
-        traces.write_bytes(b"PK\x03\x04 no more")
-    else:
-        buffer = io.BytesIO()
-        np.savez(buffer, time=np.zeros((4, 1)))
-        traces.write_bytes(buffer.getvalue())
-    result = call("replay", run)
-    assert result.exit_code == 2
-    assert "traces.npz cannot be read (the run is finished)" in result.output
-
-
-def test_a_place_that_cannot_be_written(short_run, tmp_path):
-    (tmp_path / "no").write_text("a file where a folder would have to be")
-    result = call("replay", short_run, "--output", tmp_path / "no" / "page.html")
-    assert result.exit_code == 2
-    assert "cannot write" in result.output
-
-
-@pytest.fixture
-def opened(monkeypatch):
-    addresses = []
-    monkeypatch.setattr(webbrowser, "open", lambda address: addresses.append(address) or True)
-    return addresses
-
-
-def test_replay_open(short_run, opened):
-    assert call("replay", short_run, "--open").exit_code == 0
-    assert opened == [(short_run / "replay.html").resolve().as_uri()]
-
-
-def test_evaluate_open(tmp_path, opened):
-    with contextlib.chdir(tmp_path):
-        result = call("evaluate", "--open", "repeats=1", "lifetime.duration_s=1")
-    assert result.exit_code == 0, result.output
-    (page,) = tmp_path.glob("runs/evaluate/*/replay.html")
-    assert opened == [page.resolve().as_uri()]
-
-
-def test_evaluate_open_is_refused_for_a_multirun(tmp_path, opened):
-    with contextlib.chdir(tmp_path):
-        result = call("evaluate", "--open", "-m", "scenario=base,2obstacles")
-    assert result.exit_code == 2
-    assert "--open shows the page of one run" in result.output
-    assert not opened
-    assert not list(tmp_path.iterdir())
-
-
-def test_open_without_a_browser_says_so(short_run, monkeypatch):
-    monkeypatch.setattr(webbrowser, "open", lambda _: False)
-    result = call("replay", short_run, "--open")
-    assert result.exit_code == 1
-    assert "no browser could be started" in result.output

@@ -2,23 +2,53 @@
 
 import math
 
+import numba
 import numpy as np
 import pymunk
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from epuckhebb.sim import epuck, noise
+from epuckhebb.sim import random
 from epuckhebb.sim.light import Lamp, irradiance, lights, reading
-from epuckhebb.sim.maze import START, boxes
+from epuckhebb.sim.maze import T_MAZE, boxes
+from epuckhebb.sim.robot import (
+    EPUCK,
+    CurvePoint,
+    Place,
+    Robot,
+    blinding,
+    cast,
+    echo_of,
+    largest_distance_reading,
+    put_rays,
+    sense_room,
+    senses,
+)
 
-WALLS = boxes(4)
+WALLS, START = boxes(T_MAZE, 4), T_MAZE.start
+echo = echo_of(EPUCK)
+bits, normal_numbers = numba.njit(random.bits), numba.njit(random.normal_numbers(16))  # whole numbers wrap around
 
 
-def sensors(x, y, heading):
-    rays = np.empty((6, 8))
-    epuck.sensor_rays(x, y, math.cos(heading), math.sin(heading), rays)
+def placed(places):
+    azimuth = np.radians([place.azimuth for place in places])
+    return np.array([[p.x for p in places], [p.y for p in places], np.cos(azimuth), np.sin(azimuth)])
+
+
+def sensors(x, y, heading, robot=EPUCK):
+    rays = np.empty((6, robot.distances))
+    with np.errstate(divide="ignore", over="ignore"):
+        put_rays(x, y, math.cos(heading), math.sin(heading), placed(robot.distance_places), rays)
     return rays
+
+
+def felt(x, y, heading, robot=EPUCK, walls=WALLS):
+    """The rays of the distance sensors, and how far each runs."""
+    rays, distance = sensors(x, y, heading, robot), np.empty(robot.distances)
+    with np.errstate(invalid="ignore", over="ignore"):
+        cast(x, y, rays, robot.distances, walls, robot.radius_m + robot.reach_m, distance)
+    return rays, distance
 
 
 @pytest.mark.parametrize(
@@ -47,19 +77,18 @@ def test_a_sensor_outside_the_beam_does_not_see_the_lamp():
     ("apparent", "value"), [(0.0, 4095), (0.005, 2133.33), (0.0075, 1799.53), (0.03, 234.93), (0.0699999, 67.19)]
 )
 def test_echo_follows_the_table(apparent, value):
-    assert epuck.echo(apparent / epuck.APPARENT_DISTANCE)[0] == pytest.approx(value, rel=1e-5)
+    assert echo(apparent / EPUCK.stretch)[0] == pytest.approx(value, rel=1e-5)
 
 
-@pytest.mark.parametrize("distance", [epuck.REACH, 0.06, math.inf])
+@pytest.mark.parametrize("distance", [EPUCK.reach_m, 0.06, math.inf])
 def test_nothing_in_reach_gives_the_last_row(distance):
-    assert epuck.echo(distance) == (67.19, 0.04897)
+    assert echo(distance) == (67.19, 0.04897)
 
 
 def test_a_robot_centred_in_the_corridor_feels_both_sides_alike():
-    rays, distance = sensors(-0.25, 0.15990, 0.0), np.empty(8)
-    epuck.cast(-0.25, 0.15990, rays, WALLS, distance)
-    assert epuck.echo(distance[2])[0] / 2000 == pytest.approx(0.14, abs=0.005)
-    assert epuck.echo(distance[2])[0] == pytest.approx(epuck.echo(distance[5])[0], rel=0.01)
+    _, distance = felt(-0.25, 0.15990, 0.0)
+    assert echo(distance[2])[0] / 2000 == pytest.approx(0.14, abs=0.005)
+    assert echo(distance[2])[0] == pytest.approx(echo(distance[5])[0], rel=0.01)
 
 
 @pytest.fixture(scope="module")
@@ -70,27 +99,88 @@ def space():
     return space
 
 
+@pytest.mark.parametrize("kind", ["epuck", "lidar"])
 @given(x=st.floats(-0.4, 0.4), y=st.floats(-0.4, 0.4), heading=st.floats(-7, 7))
-def test_rays_agree_with_pymunk(space, x, y, heading):
-    rays, distance = sensors(x, y, heading), np.empty(8)
-    epuck.cast(x, y, rays, WALLS, distance)
-    for i in range(8):
+def test_rays_agree_with_pymunk(space, lidar, kind, x, y, heading):
+    robot = EPUCK if kind == "epuck" else lidar
+    rays, distance = felt(x, y, heading, robot)
+    for i in range(robot.distances):
         start = rays[:2, i]
         gap = space.point_query_nearest(tuple(start), 1.0, pymunk.ShapeFilter())
         assume(gap is not None and gap.distance > 1e-9)  # pymunk says nothing useful of a ray that starts in a wall
         hit = space.segment_query_first(
-            tuple(start), tuple(start + epuck.REACH * rays[2:4, i]), 0, pymunk.ShapeFilter()
+            tuple(start), tuple(start + robot.reach_m * rays[2:4, i]), 0, pymunk.ShapeFilter()
         )
         if hit is None:
-            assert distance[i] > epuck.REACH - 1e-9
+            assert distance[i] > robot.reach_m - 1e-9
         else:
-            assert distance[i] == pytest.approx(hit.alpha * epuck.REACH, abs=1e-9)
+            assert distance[i] == pytest.approx(hit.alpha * robot.reach_m, abs=1e-9)
+
+
+def sensed(robot, x, y, heading, lit, level=0.0, walls=WALLS):
+    readings, noise = np.zeros(robot.inputs), np.ones(random.room_for_noise(robot.inputs))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        senses(robot)(x, y, math.cos(heading), math.sin(heading), walls, lit, noise, level, sense_room(robot), readings)
+    return readings
+
+
+def test_both_kinds_of_sensor_are_read_where_they_are(lidar):
+    lit = lights(0.1, Lamp(), True)
+    own, ring = sensed(EPUCK, *START, lit), sensed(lidar, *START, lit)
+    assert own.shape == (16,)
+    assert ring.shape == (32,)
+    np.testing.assert_allclose(own[:8], ring[:8], rtol=0, atol=1e-15)  # its light sensors are the same
+    _, distance = felt(*START, lidar)
+    expected = np.interp(distance, [0.0, 0.1, 0.5], [1.0, 0.6, 0.0])
+    np.testing.assert_allclose(ring[8:], expected, rtol=0, atol=1e-12)
+    assert largest_distance_reading(lidar)(np.append(ring, 5.0)) == ring[8:].max()
+    assert largest_distance_reading(EPUCK)(np.append(own, 5.0)) == own[8:].max()
+
+
+def test_noise_is_a_share_of_what_is_read():
+    lit = lights(0.1, Lamp(), False)
+    still, noisy = sensed(EPUCK, *START, lit), sensed(EPUCK, *START, lit, 1.0)
+    np.testing.assert_allclose(noisy[:8], np.minimum(1.0, still[:8] * 1.01), rtol=1e-12)
+    fractions = [echo(d)[1] for d in felt(*START)[1]]
+    np.testing.assert_allclose(noisy[8:], still[8:] * (1 + np.array(fractions)), rtol=1e-12)
+
+
+def test_a_blind_place_feels_the_dark_and_no_wall(lidar):
+    for number in (0, 7):
+        readings = np.full(16, 0.5)
+        blinding(EPUCK)(readings, number)
+        assert readings[[number, 8 + number]].tolist() == [1.0, 0.0]
+        assert (np.delete(readings, [number, 8 + number]) == 0.5).all()
+    readings = np.full(32, 0.5)
+    blinding(lidar)(readings, 20)  # there is no light sensor of this number
+    assert readings[28] == 0.0
+    assert (np.delete(readings, 28) == 0.5).all()
+    blinding(lidar)(readings, -1)
+    assert (np.delete(readings, 28) == 0.5).all()
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"radius_m": 0.0}, r"robot\.radius_m must be a number above 0, got 0.0"),
+        ({"reach_m": math.inf}, r"robot\.reach_m must"),
+        ({"light_places": ()}, "one sensor or more each"),
+        ({"distance_places": (Place(0.05, 0.0, 0.0),)}, r"robot\.distance_places\[0\] must lie on the robot"),
+        ({"light_places": (Place(0.0, math.nan, 0.0),)}, r"robot\.light_places\[0\] must be three finite numbers"),
+        ({"distance_curve": (CurvePoint(0.0, 1.0, 0.0),)}, r"robot\.distance_curve must be two or more rows"),
+        ({"distance_curve": (CurvePoint(0.1, 1.0, 0.0), CurvePoint(0.2, 0.0, 0.0))}, "the first at 0"),
+        ({"distance_curve": (CurvePoint(0.0, 1.0, 0.0), CurvePoint(0.2, -1.0, 0.0))}, "finite numbers, 0 or more"),
+    ],
+)
+def test_impossible_robots_are_refused(values, message):
+    with pytest.raises(ValueError, match=message):
+        Robot(**values)
 
 
 def test_noise_is_standard_normal_and_uncorrelated():
     draws, out = [], np.empty(16)
     for step in range(20_000):
-        noise.normal_numbers(np.uint64(3), step, out)
+        normal_numbers(np.uint64(3), step, out)
         draws.append(out.copy())
     draws = np.array(draws)
     assert np.abs(draws.mean(axis=0)).max() < 4 / math.sqrt(len(draws))
@@ -102,9 +192,9 @@ def test_noise_is_standard_normal_and_uncorrelated():
 
 def test_noise_depends_on_key_and_step_alone():
     first, again, other = np.empty(16), np.empty(16), np.empty(16)
-    noise.normal_numbers(np.uint64(5), 77, first)
-    noise.normal_numbers(np.uint64(6), 77, other)
-    noise.normal_numbers(np.uint64(5), 77, again)
+    normal_numbers(np.uint64(5), 77, first)
+    normal_numbers(np.uint64(6), 77, other)
+    normal_numbers(np.uint64(5), 77, again)
     assert (first == again).all()
     assert (first != other).all()
 
@@ -112,12 +202,25 @@ def test_noise_depends_on_key_and_step_alone():
 def test_splitmix64_gives_its_published_numbers():
     # The first outputs of the reference implementation for the seed 1234567.
     expected = [6457827717110365317, 3203168211198807973, 9817491932198370423]
-    assert [int(noise.bits(np.uint64(1234567), np.uint64(n))) for n in range(3)] == expected
+    assert [int(bits(np.uint64(1234567), np.uint64(n))) for n in range(3)] == expected
 
 
 @pytest.mark.parametrize(
-    ("key", "value"), [("x_m", math.nan), ("beam_rad", 0.0), ("beam_rad", 4.0), ("intensity", -1.0)]
+    ("key", "value"),
+    [("x_m", math.nan), ("towards_y", math.inf), ("beam_rad", 0.0), ("beam_rad", 4.0), ("intensity", -1.0)],
 )
 def test_impossible_lamps_are_refused_by_name(key, value):
     with pytest.raises(ValueError, match=rf"scenario\.lamp\.{key} must"):
         Lamp(**{key: value})
+
+
+def test_a_lamp_must_shine_some_way_and_its_length_does_not_matter():
+    with pytest.raises(ValueError, match="must not both be 0"):
+        Lamp(towards_x=0.0, towards_y=0.0)
+    assert lights(0.1, Lamp(towards_x=-5.0), True) == lights(0.1, Lamp(), True)
+    behind, ahead = (irradiance(0.0, 0.0, 0.0, 1.0, lights(0.0, Lamp(0.0), True)) for Lamp in (facing(1), facing(-1)))
+    assert (behind, ahead) == (1.0, 3.0)
+
+
+def facing(towards):
+    return lambda x: Lamp(x_m=x, y_m=1.0, towards_x=0.0, towards_y=towards, beam_rad=0.5)

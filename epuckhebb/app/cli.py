@@ -3,6 +3,7 @@
 import atexit
 import gc
 import json
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
@@ -47,7 +48,7 @@ _EXAMPLES = {
         "scenario=4obstacles",
         "scenario=lowlight hebbian.N=0.002 repeats=50",
         "genome=runs/evolve/RUN scenario=2obstacles",
-        "hebbian=adaptive scenario=lowlight",
+        "adaptation=late scenario=lowlight",
         "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles hydra/launcher=joblib",
     ],
     "sweep": ["light", "n_sweep seed='range(1,6)' genome=runs/evolve/RUN --dry-run", "obstacles hydra/launcher=slurm"],
@@ -92,7 +93,7 @@ Open = Annotated[bool, typer.Option("--open", help="Write the page that replays 
 
 
 def _say_error(message: str) -> None:
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
     console.print("Error: ", style="bold red", end="")
     console.print(message, markup=False)
 
@@ -100,6 +101,9 @@ def _say_error(message: str) -> None:
 @contextmanager
 def _told() -> Iterator[None]:
     """Turn errors into one message and an exit code."""
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        _say_error("NUMBA_DISABLE_JIT is set, and without compiled code there is no physics; unset it and start again")
+        raise typer.Exit(USAGE)
     try:
         with interruptible():
             yield
@@ -360,7 +364,7 @@ def _out(as_json: bool, quiet: bool, told: Callable[[], Any], tell: Callable[[Co
     if as_json:
         typer.echo(json.dumps(told()))
     elif not quiet:
-        tell(Console())
+        tell(Console(emoji=False))
 
 
 def _begin(quiet: bool) -> None:

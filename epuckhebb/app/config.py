@@ -249,7 +249,15 @@ def stored(run: Path, verb: str) -> DictConfig:
     Raises:
         ConfigError: It cannot be read, or holds what this program does not know.
     """
-    file = run / ".hydra" / "config.yaml"
+    return read_config(run / ".hydra" / "config.yaml", verb)
+
+
+def read_config(file: Path, verb: str) -> DictConfig:
+    """A configuration that was written down whole, all names and values in it.
+
+    Raises:
+        ConfigError: It cannot be read, or holds what this program does not know.
+    """
     try:
         cfg = OmegaConf.merge(OmegaConf.structured(SCHEMAS[verb]), OmegaConf.load(file))
     except (OSError, YAMLError, OmegaConfBaseException) as error:

@@ -32,6 +32,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.app import hydra_bridge, runs
+from epuckhebb.app.config import read_config
 from epuckhebb.app.errors import ConfigError, JobFailedError
 from epuckhebb.app.evaluate import asked, evaluate_into, own_rules
 from epuckhebb.app.parts import sha256_of
@@ -104,8 +105,8 @@ class Outcome:
 
 
 def is_whole(result: Path) -> bool:
-    """Whether a result is there: a file, or a run that is finished."""
-    return result.is_file() or runs.status_of(result).get("state") == "finished"
+    """Whether a result is there: a file, or a run that is finished and whose tables are as they were then."""
+    return result.is_file() or runs.is_whole(result)
 
 
 @contextmanager
@@ -148,13 +149,23 @@ def carry_out(folder: Path, verb: str, cfg: DictConfig, arguments: list[str], ta
 
 
 def identity(cfg: DictConfig) -> str:
-    """The name of the run that a configuration leads to with the genome, the rules and the science of this moment.
+    """The name of the run that a configuration leads to with all that its results depend on at this moment.
+
+    That is the genome, what it remembers if that is used, rules of the user, the science, and the packages that
+    compute.
 
     Raises:
         ConfigError: A value or the genome cannot be used.
     """
-    rules = {str(file): sha256_of(file) for file in own_rules(cfg)}
-    parts = [settings(cfg), asked(cfg)[1].sha256, runs.science_version(), *([rules] if rules else [])]
+    config, genome = asked(cfg)
+    parts = {
+        "settings": settings(cfg),
+        "genome": genome.sha256,
+        "baseline": genome.baseline_sha256 if any(c.adaptation.needs_baseline for c in config.controllers) else "",
+        "rules": {str(file): sha256_of(file) for file in own_rules(cfg)},
+        "science": runs.science_version(),
+        "packages": runs.versions(runs.NUMERIC),
+    }
     return f"job_{digest(parts)[:12]}"
 
 
@@ -194,7 +205,7 @@ def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str]
         _write_jobs(study, {"name": name, "command": study.command, "fail_fast": fail_fast}, jobs)
         try:
             with counting(len(missing), lambda: count(folder, missing, f"{UNFINISHED}/{stamp}_*")):
-                hydra_bridge.call("job", study_job, _arguments(folder, missing, launcher, stamp), stamp)
+                hydra_bridge.call("evaluate", study_job, _arguments(folder, missing, launcher, stamp), stamp)
         except (ConfigError, JobFailedError) as error:
             trouble = str(error)
     remaining = {job.run for job in todo(folder, jobs)}
@@ -227,6 +238,7 @@ def study_job(cfg: DictConfig) -> None:
         attempt.rmdir()
         return
     told = json.loads((folder / _LIST).read_text())
+    cfg = read_config(folder / _CONFIGS / "job" / f"{run}.yaml", "evaluate")  # whole; Hydra adds defaults below it
     facts = {"command": told["command"], "sweep": told["name"]}
     try:
         _check_unchanged(cfg, run)

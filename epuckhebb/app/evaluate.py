@@ -113,6 +113,7 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
     facts = {
         "genome": genome.name,
         "genome_sha256": genome.sha256,
+        "baseline_sha256": genome.baseline_sha256,
         **({"rules": {str(file): sha256_of(file) for file in rules}} if rules else {}),
         **facts,
     }

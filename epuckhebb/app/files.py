@@ -65,6 +65,15 @@ class Genome:
         """SHA-256 of the genes as little-endian float64."""
         return hashlib.sha256(self.genes.astype("<f8").tobytes()).hexdigest()
 
+    @property
+    def baseline_sha256(self) -> str:
+        """SHA-256 of what the champion remembers; nothing if it remembers nothing."""
+        if self.baseline is None:
+            return ""
+        arrays = {name: np.asarray(value) for name, value in sorted(asdict(self.baseline).items())}
+        told = b"".join(name.encode() + array.tobytes() for name, array in arrays.items())
+        return hashlib.sha256(told).hexdigest()
+
 
 def load_genome(where: str, experiment: str, layers: tuple[int, ...] | None = None) -> Genome:
     """Load the genome that `genome=...` names.

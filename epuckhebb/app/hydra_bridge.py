@@ -223,6 +223,7 @@ def run(verb: str, job: Callable[[DictConfig], None], arguments: list[str]) -> l
         ConfigError: The arguments do not make a configuration; or the job said so.
         JobFailedError: A job failed, or the launcher of several.
     """
+    check_folders(arguments)
     stamp = new_stamp()
     folders: list[Path] = []
 
@@ -252,6 +253,18 @@ def run(verb: str, job: Callable[[DictConfig], None], arguments: list[str]) -> l
     folder = Path([argument for argument in arguments if argument.startswith(_SWEEP_DIR)][-1].partition("=")[2])
     runs = [status.parent for status in folder.glob("*/status.json")]
     return sorted(runs, key=lambda run: (not run.name.isdigit(), int(run.name) if run.name.isdigit() else 0, run.name))
+
+
+def check_folders(arguments: list[str]) -> None:
+    """Refuse an empty name of a folder, which would be the current one.
+
+    Raises:
+        ConfigError: One is empty.
+    """
+    for argument in arguments:
+        key, _, value = argument.partition("=")
+        if key in ("hydra.run.dir", "hydra.sweep.dir") and not value.strip("'\""):
+            raise ConfigError(f"{key} must name a folder, got nothing; leave it out for one below runs/")
 
 
 def call(verb: str, job: Callable[[DictConfig], None], arguments: list[str], stamp: str) -> None:

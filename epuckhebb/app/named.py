@@ -63,9 +63,8 @@ def world_name(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Pa
         known = completed(cfg, choices, folders)
     except (ValueError, OmegaConfBaseException):  # the job will tell what is wrong, and leave no folder
         return str(choices.get("scenario"))
-    changed = re.sub(r"[^\w.=-]+", "-", str(known.changed).replace(", ", "+").replace("+", "\0")).replace("\0", "+")
-    name = re.sub(r"[^\w.=-]+", "-", str(known.scenario.name))
-    return f"{name}+{changed}"[:_LONGEST].rstrip("+-") if known.changed else name
+    told = [str(known.scenario.name), *(str(known.changed).split(", ") if known.changed else [])]
+    return "+".join(re.sub(r"[^\w.]+", "-", part) for part in told)[:_LONGEST].rstrip("+-")
 
 
 def _own_rules(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> None:
@@ -82,6 +81,11 @@ def _own_rules(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> None:
     if cfg.hebbian.get("rule") in (None, NONE, own):
         return
     kind = rule_class(str(cfg.hebbian.rule), "hebbian")
+    own_rate = kind.__dataclass_fields__["N"].default
+    if "N" not in cfg.hebbian:
+        cfg.hebbian.N = own_rate or cfg.scenario.paper_N
+    elif own_rate and cfg.hebbian._get_node("N") == chosen._get_node("N"):
+        cfg.hebbian.N = own_rate  # the rule says what rate it wants, and the user did not
     for key in [key for key in chosen if key not in {"rule", *kind.__dataclass_fields__}]:
         if cfg.hebbian._get_node(key) == chosen._get_node(key):
             del cfg.hebbian[key]

@@ -27,14 +27,14 @@ def is_quiet() -> bool:
 def say(note: str) -> None:
     """Tell the user something on standard error, unless this call is quiet."""
     if not is_quiet():
-        Console(stderr=True, highlight=False, soft_wrap=True).print(note, markup=False)
+        Console(stderr=True, highlight=False, soft_wrap=True, emoji=False).print(note, markup=False)
 
 
 class _Bar(Progress):
     """A bar of so many steps on a terminal; a context manager that leaves the terminal tidy."""
 
     def __init__(self, what: str, total: int, *, quiet: bool = False) -> None:
-        console = Console(stderr=True, highlight=False)
+        console = Console(stderr=True, highlight=False, emoji=False)
         quiet = quiet or is_quiet()
         columns = TextColumn(what), MofNCompleteColumn(), BarColumn(bar_width=20), TextColumn("{task.description}")
         disable = quiet or not console.is_terminal

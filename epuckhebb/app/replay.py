@@ -81,7 +81,7 @@ def write_movie(recorded: Recording, target: Path, make: Callable[..., bytes]) -
     Raises:
         ConfigError: `target` cannot be written.
     """
-    show = functools.partial(track, description=target.name, console=Console(stderr=True))
+    show = functools.partial(track, description=target.name, console=Console(stderr=True, emoji=False))
     _write(target, make(recorded.traces, recorded.config.world, recorded.title, show))
 
 

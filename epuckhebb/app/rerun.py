@@ -28,6 +28,10 @@ def rerun(path: Path) -> tuple[Path, str]:
         raise ConfigError(f"{path} is {told['status']['state']}; only a finished run can be compared with")
     if told["code"].get("science") != runs.science_version():
         say("The program has changed since this run.")
+    for name, number in runs.versions(runs.NUMERIC).items():
+        before = told.get("packages", {}).get(name)
+        if before != number:
+            say(f"{name} was {before} in this run, and is {number} now; digits may differ.")
     new = Path("runs") / verb / f"{new_stamp()}_rerun_of_{path.resolve().name}"
     cfg = stored(path, verb)
     _check_rules(cfg, path, told.get("rules", {}))
@@ -39,6 +43,8 @@ def rerun(path: Path) -> tuple[Path, str]:
                 f"genome={config.genome} is not the genome of {path}: its SHA-256 is {genome.sha256[:16]}…, "
                 f"it was {told['genome_sha256'][:16]}…"
             )
+        if genome.baseline_sha256 != told.get("baseline_sha256", genome.baseline_sha256):
+            raise ConfigError(f"genome={config.genome} remembers its training world otherwise than in {path}")
         evaluate.evaluate_into(new, cfg, told["overrides"], facts, threads=thread_count(config.threads))
     else:
         again = evolve.asked(cfg)

@@ -9,11 +9,12 @@ import hashlib
 import json
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache
@@ -31,9 +32,12 @@ from epuckhebb.app.errors import ConfigError, JobFailedError
 SCHEMA = 1  # of provenance.json and status.json
 UNFINISHED = "unfinished"  # folder of a study, in which each attempt at a run has a folder of its own
 _PACKAGE = Path(__file__).resolve().parents[1]
+NUMERIC = ("numba", "numpy", "pymunk")  # the packages on which digits may depend
 _PACKAGES = ("epuckhebb", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
 _STATUS, _PROVENANCE = "status.json", "provenance.json"
 _OVERRIDES, _CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
+_HALF = re.compile(r"\..+\.\d+\.tmp")  # what `write_whole` writes beside a file
+_ATTEMPT = re.compile(r"\d{8}-\d{6}-[0-9a-f]{8}_\d+|stop")  # what `engine.launch` leaves in `unfinished/`
 _NOUN = {"evaluate": "run", "evolve": "run", "reproduce": "reproduction"}
 
 
@@ -98,6 +102,7 @@ class RunFolder:
         self.path, self.command, self.failure = path, list(told["command"]), ""
         self.left_behind: Callable[[], str] = lambda: ""
         self._held, self._started = held, _now()
+        self._tables: dict[str, str] = {}  # name -> SHA-256 of the tables written
 
     @classmethod
     def new(cls, path: Path, verb: str, cfg: DictConfig, arguments: list[str], facts: dict[str, Any]) -> "RunFolder":
@@ -115,6 +120,8 @@ class RunFolder:
         """
         try:
             path.mkdir(parents=True, exist_ok=True)
+            if not (path / _STATUS).exists():
+                _refuse_foreign(path)
             with (path / _STATUS).open("x"):
                 pass
         except FileExistsError:
@@ -154,6 +161,7 @@ class RunFolder:
         told = provenance(verb, cfg, arguments) | facts
         try:
             path.mkdir(parents=True, exist_ok=True)
+            _refuse_foreign(path, verb)
             held = hold(path)
         except BlockingIOError:
             raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
@@ -174,8 +182,11 @@ class RunFolder:
         return run
 
     def write(self, name: str, content: bytes | str) -> None:
-        """Write a file in the folder: whole, or not at all."""
-        write_whole(self.path / name, content.encode() if isinstance(content, str) else content)
+        """Write a file in the folder: whole, or not at all; of a table, keep what its content was."""
+        written = content.encode() if isinstance(content, str) else content
+        write_whole(self.path / name, written)
+        if name.endswith(".csv"):
+            self._tables[name] = hashlib.sha256(written).hexdigest()
 
     def __enter__(self) -> "RunFolder":
         """The folder itself."""
@@ -222,18 +233,46 @@ class RunFolder:
         return told
 
     def _close(self, state: str, **more: str) -> None:
-        self._write_status(state, finished=_now(), **{key: value for key, value in more.items() if value})
+        told = {key: value for key, value in more.items() if value}
+        self._write_status(state, finished=_now(), **told, tables=self._tables)
 
-    def _write_status(self, state: str, **more: str) -> None:
+    def _write_status(self, state: str, **more: Any) -> None:
         self.write(_STATUS, as_json({"schema": SCHEMA, "state": state, "started": self._started, **more}))
 
 
+def _refuse_foreign(path: Path, verb: str | None = None) -> None:
+    """Refuse a folder with anything in it that is not of this program; of a verb, if one is given.
+
+    Raises:
+        ConfigError: Somebody else's files are in it, or a run of another verb.
+    """
+    foreign = sorted(entry.name for entry in path.iterdir() if not _is_begun(entry.name))
+    if not foreign:
+        return
+    whose = None
+    with suppress(ConfigError):
+        whose = read(path).get("verb")
+    if verb is None or whose != verb:
+        what = f"a run of `epuckhebb {whose}`" if whose else f"files that are not of this program ({foreign[0]}, ...)"
+        raise ConfigError(f"{path} holds {what}; nothing there is touched. Give a folder that is new or empty")
+
+
+def _is_begun(name: str) -> bool:
+    """Whether a file is one of those with which a folder of this program begins, whole or half written."""
+    return name in (_STATUS, _PROVENANCE, ".hydra") or _HALF.fullmatch(name) is not None
+
+
 def _throw_away(path: Path) -> None:
-    """Remove what was left half done by processes that were killed, but for runs that are still at work."""
+    """Remove what was left half done by processes that were killed, but for runs that are still at work.
+
+    Only what bears a name of ours is removed.
+    """
     for half in path.rglob(".*.tmp"):
-        if UNFINISHED not in half.relative_to(path).parts:
+        if UNFINISHED not in half.relative_to(path).parts and _HALF.fullmatch(half.name):
             half.unlink(missing_ok=True)
     for attempt in (path / UNFINISHED).glob("*"):
+        if not _ATTEMPT.fullmatch(attempt.name):
+            continue
         if not attempt.is_dir():
             attempt.unlink()
             continue
@@ -268,6 +307,18 @@ def status_of(path: Path) -> dict[str, Any]:
         return {}
 
 
+def is_whole(path: Path) -> bool:
+    """Whether a run is finished and its tables are what they were when it was: not cut, changed or lost since."""
+    status = status_of(path)
+    try:
+        return status.get("state") == "finished" and all(
+            hashlib.sha256((path / name).read_bytes()).hexdigest() == sha256
+            for name, sha256 in status.get("tables", {}).items()
+        )
+    except (OSError, AttributeError):
+        return False
+
+
 def provenance(verb: str, cfg: DictConfig | None, arguments: list[str]) -> dict[str, Any]:
     """Who ran what, with what, where."""
     return {
@@ -277,7 +328,7 @@ def provenance(verb: str, cfg: DictConfig | None, arguments: list[str]) -> dict[
         "overrides": arguments,
         **({} if cfg is None else {"seed": cfg.seed}),
         "code": _code_version(),
-        "packages": {name: version(name) for name in _PACKAGES},
+        "packages": versions(_PACKAGES),
         "python": platform.python_version(),
         "platform": platform.platform(),
         "cores": os.cpu_count(),
@@ -299,6 +350,11 @@ def _code_version() -> dict[str, Any]:
         known["commit"] = git("rev-parse", "HEAD")
         known["dirty"] = bool(git("status", "--porcelain", "--", str(_PACKAGE)))
     return known
+
+
+def versions(packages: Sequence[str]) -> dict[str, str]:
+    """The versions of packages that are installed."""
+    return {name: version(name) for name in packages}
 
 
 @cache

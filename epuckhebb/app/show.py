@@ -98,6 +98,7 @@ def show(path: Path, console: Console) -> None:
         "Program": f"epuckhebb {code['version']}{commit}{science}, Python {told['python']}",
         "Packages": ", ".join(f"{name} {number}" for name, number in told["packages"].items() if name != "epuckhebb"),
         "Machine": f"{told['platform']}, {told['cores']} cores",
+        "Own rules": ", ".join(f"{file} (SHA-256 {sha256})" for file, sha256 in told.get("rules", {}).items()),
         "Genome": f"{told['genome']} (SHA-256 {told['genome_sha256']})" if "genome" in told else "",
         "Files": ", ".join(_files(path)),
     }.items():
@@ -139,11 +140,13 @@ def _read(file: Path) -> pd.DataFrame:
 
 
 def _settings(path: Path) -> Iterator[str]:
-    """The resolved configuration of a run, as it could be typed."""
+    """The resolved configuration of a run, as it could be typed; of the maze and the robot, only which they are."""
 
     def below(node: dict[str, Any], prefix: str) -> Iterator[str]:
         for key, value in node.items():
-            if isinstance(value, dict):
+            if not prefix and key in ("maze", "robot"):
+                yield f"{key}={value.get('name')}"
+            elif isinstance(value, dict):
                 yield from below(value, f"{prefix}{key}.")
             else:
                 yield f"{prefix}{key}={'null' if value is None else value}"
@@ -227,9 +230,10 @@ def _paper_table(metrics: pd.DataFrame) -> Table:
     rates = metrics.N[metrics.N > 0].unique()
     rate = f", N = {', '.join(f'{N:g}' for N in rates)}" if len(rates) else ""
     repeats = metrics.repeat.nunique()
-    changed = f" ({told})" if isinstance(told := first.get("changed"), str) else ""  # runs of version 0.1 have none
+    changed = str(first.get("changed", "nan"))  # runs of version 0.1 do not have the column
+    world = first.scenario if changed == "nan" else f"{first.scenario} ({changed})"
     shown = Table(
-        title=f"{first.scenario}{changed}: genome {first.genome}{rate}, "
+        title=f"{escape(world)}: genome {first.genome}{rate}, "
         f"mean of {repeats} lifetime{'s' if repeats > 1 else ''} a side (seed {first.seed})",
         title_justify="left",
         title_style="bold",

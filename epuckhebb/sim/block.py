@@ -4,13 +4,13 @@ No robot knows of another. A life that meets a change of its world is paused, an
 """
 
 import inspect
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
 from epuckhebb.sim import fitness
@@ -24,14 +24,16 @@ from epuckhebb.sim.lifetime import (
     Life,
     Lifetime,
     Plasticity,
+    Room,
     Samples,
     Trial,
     born,
     empty_samples,
     kernel_of,
+    room_for,
 )
 from epuckhebb.sim.light import lights
-from epuckhebb.sim.maze import Pose, Region, Side, boxes, gap
+from epuckhebb.sim.maze import Pose, Region, Side, added, boxes, gap
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, PAPER_NETWORK, Network, weights_at_birth
 from epuckhebb.sim.physics import PymunkSpace
 from epuckhebb.sim.plasticity.rule import NoRule, Rule, coefficients, kept_at_birth
@@ -162,6 +164,8 @@ class _Kind(NamedTuple):
     kept: NDArray[np.void]
     signs: NDArray[np.float64]
     baseline: BaselineOfSide
+    room: Room
+    no_samples: Samples
 
 
 def _kind(controller: Controller, network: Network, robot: Robot, spare: type[Rule]) -> _Kind:
@@ -191,6 +195,8 @@ def _kind(controller: Controller, network: Network, robot: Robot, spare: type[Ru
         kept=kept_at_birth(compiled_for, network),
         signs=np.ones(network.synapses),
         baseline=no_baseline(network.inputs),
+        room=room_for(network, robot),
+        no_samples=empty_samples(0, network),
     )
 
 
@@ -205,9 +211,9 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
         coefficients(rule, who.network, parts),
         kind.signs if who.signs is None else who.signs,
     )
-    life = born(birth, who.network, first.robot)
+    life = born(birth, who.network, first.robot, kind.room)
     record_every = lifetime.record_every if who.record else 0
-    samples = empty_samples(-(-lifetime.steps // record_every) if record_every else 0, who.network)
+    samples = empty_samples(-(-lifetime.steps // record_every), who.network) if record_every else kind.no_samples
 
     def live_until(step: int, phase: _Phase, space: PymunkSpace) -> None:
         try:
@@ -226,7 +232,7 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
                 record_every,
                 samples,
             )
-        except NumbaError as error:
+        except Exception as error:  # machine code raises nothing, so it comes from compiling
             raise RuleError(_explained(rule, error)) from error
         _check(who, life, phase.scenario, lifetime)
 
@@ -246,8 +252,7 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
 def _is_in_the_way(space: PymunkSpace, phase: _Phase) -> bool:
     """Whether the robot of a space stands where walls of a phase would be that are not in its space."""
     x, y = space.handles.state[:2].tolist()
-    known = (phase.walls[:, None] == space.handles.walls).all(axis=2).any(axis=1)
-    return gap(x, y, phase.walls[~known]) < phase.scenario.robot.radius_m
+    return gap(x, y, added(space.handles.walls, phase.walls)) < phase.scenario.robot.radius_m
 
 
 def _trial(scenario: Scenario, side: Side) -> Trial:
@@ -266,16 +271,18 @@ def _trial(scenario: Scenario, side: Side) -> Trial:
 
 def _check(who: Individual, life: Life, scenario: Scenario, lifetime: Lifetime) -> None:
     """Refuse to go on with a life that makes no sense any more."""
+    lost = bool(life.tally["lost"][0])
+    finite = math.isfinite(life.weights.sum()) and math.isfinite(life.kept.view(np.float64).sum())
+    if finite and not lost:
+        return
     where = f"on a {who.side} trial of scenario {scenario.name}, controller {who.controller.name},"
-    step, lost = int(life.tally["step"][0]), bool(life.tally["lost"][0])
-    when = f"at step {step - lost} of {lifetime.steps}"
-    if not (np.isfinite(life.weights).all() and np.isfinite(life.kept.view(np.float64)).all()):
+    when = f"at step {int(life.tally['step'][0]) - lost} of {lifetime.steps}"
+    if not finite:
         raise LostRobotError(
             f"{where} the rule {type(who.controller.rule).__name__} made weights, or what synapses keep, infinite or "
             f"nan; noticed {when}"
         )
-    if lost:
-        raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")
+    raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")
 
 
 def _outcome(life: Life, lifetime: Lifetime, goal_radius: float) -> Outcome:
@@ -294,7 +301,7 @@ def _outcome(life: Life, lifetime: Lifetime, goal_radius: float) -> Outcome:
     )
 
 
-def _explained(rule: type[Rule], error: NumbaError) -> str:
+def _explained(rule: type[Rule], error: Exception) -> str:
     """Why a rule does not compile, in ten lines at most: what numba says last of the function farthest in."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     causes = [number for number, line in enumerate(lines) if line.startswith("Rejected as")]

@@ -28,6 +28,11 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")  # where an object is in memory says nothing of what it is
 _LIBRARIES = {*sys.stdlib_module_names, "numpy", "numba", "scipy"}  # they are told apart by their versions
+_settings: Any = numba.config
+if _settings.DISABLE_JIT:
+    raise RuntimeError(
+        "NUMBA_DISABLE_JIT is set, and without compiled code there is no physics here; unset it and start again"
+    )
 _building_block: Any = register_jitable(forceinline=True, **_OPTIONS)
 _njit: Any = numba.njit
 
@@ -54,12 +59,36 @@ def kernel(function: Function, **parts: object) -> Function:
     folder = _cache_folder(name)
     if folder is None:
         return cast(Function, _njit(**_OPTIONS)(made))
-    settings: Any = numba.config
-    before, settings.CACHE_DIR = settings.CACHE_DIR, str(folder)
+    before, _settings.CACHE_DIR = _settings.CACHE_DIR, str(folder)
     try:
-        return cast(Function, _njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(made))
+        dispatcher = _njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(made)
+        _compile_where_loading_fails(dispatcher._cache)
+        return cast(Function, dispatcher)
     finally:
-        settings.CACHE_DIR = before
+        _settings.CACHE_DIR = before
+
+
+def _compile_where_loading_fails(cache: Any) -> None:
+    """Let a cache file that cannot be loaded, damaged or of a module that is gone, be as if it were not there."""
+    load = cache.load_overload
+
+    def load_or_none(signature: object, target: object) -> object:
+        try:
+            return load(signature, target)
+        except Exception:  # what unpickling damaged bytes may raise has no end
+            cache.flush()
+            return None
+
+    cache.load_overload = load_or_none
+
+
+def in_module(function: Function, name: str) -> Function:
+    """A copy of a function that belongs to another module: a cached kernel must not need the user's file by name."""
+    copy = types.FunctionType(
+        function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__
+    )
+    copy.__module__ = name
+    return cast(Function, copy)
 
 
 def digest(function: Callable[..., Any]) -> str:
@@ -75,7 +104,7 @@ def digest(function: Callable[..., Any]) -> str:
         value = getattr(value, "py_func", value)
         if isinstance(value, types.ModuleType):
             content.update(value.__name__.encode())
-        elif isinstance(value, types.FunctionType) and str(value.__module__).partition(".")[0] in _LIBRARIES:
+        elif isinstance(value, types.FunctionType) and _is_of_a_library(value.__module__):
             content.update(f"{value.__module__}.{value.__qualname__}".encode())
         elif isinstance(value, types.FunctionType):
             new = id(value) not in numbered
@@ -107,7 +136,7 @@ def digest(function: Callable[..., Any]) -> str:
     def take_named(value: object, names: set[str]) -> None:
         """Take a value; of a module that is not a known library, what of it may be meant too."""
         take(value)
-        if isinstance(value, types.ModuleType) and value.__name__.partition(".")[0] not in _LIBRARIES:
+        if isinstance(value, types.ModuleType) and not _is_of_a_library(value.__name__):
             for name in sorted(names & vars(value).keys()):
                 content.update(name.encode())
                 take_named(vars(value)[name], names - {name})
@@ -122,6 +151,10 @@ def digest(function: Callable[..., Any]) -> str:
 
     take(function)
     return content.hexdigest()[:16]
+
+
+def _is_of_a_library(module: str | None) -> bool:
+    return (module or "").partition(".")[0] in _LIBRARIES
 
 
 def _names(code: types.CodeType) -> set[str]:

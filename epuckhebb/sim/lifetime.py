@@ -54,11 +54,32 @@ TALLY = np.dtype(
 )
 
 
+class Room(NamedTuple):
+    """Workspace of a step; nothing in it outlasts the step, so lives may share it, one after the other."""
+
+    senses: SenseRoom
+    noise: NDArray[np.float64]
+    drive: NDArray[np.float64]
+    synapses: NDArray[np.float64]
+    change: NDArray[np.float64]
+
+
+def room_for(network: Network, robot: Robot) -> Room:
+    """Workspace for this network and robot."""
+    return Room(
+        senses=sense_room(robot),
+        noise=np.zeros(room_for_noise(robot.inputs)),
+        drive=np.empty(max(network.post)),
+        synapses=np.empty((3, network.synapses)),
+        change=np.empty(weight_change_room(network)),
+    )
+
+
 class Life(NamedTuple):
     """All that a life carries from step to step, but for the pymunk space in which the robot stands.
 
     tally: one record of `TALLY`. weights: (synapses,). kept: (synapses,) records, what the synapses keep. activation:
-    (neurons,). over: of the adaptation. The others are workspace.
+    (neurons,). over: of the adaptation. room: workspace.
     """
 
     tally: NDArray[np.void]
@@ -66,11 +87,7 @@ class Life(NamedTuple):
     kept: NDArray[np.void]
     activation: NDArray[np.float64]
     over: AdaptationRoom
-    senses: SenseRoom
-    noise: NDArray[np.float64]
-    drive: NDArray[np.float64]
-    synapse_room: NDArray[np.float64]
-    change_room: NDArray[np.float64]
+    room: Room
 
 
 class Birth(NamedTuple):
@@ -178,12 +195,12 @@ def live(
         # Sense.
         cos, sin = math.cos(heading), math.sin(heading)
         if noise_level > 0.0:
-            draw_noise(key, step, life.noise)
-        sense(x, y, cos, sin, space.walls, lit, life.noise, noise_level, life.senses, activation)
+            draw_noise(key, step, life.room.noise)
+        sense(x, y, cos, sin, space.walls, lit, life.room.noise, noise_level, life.room.senses, activation)
         blind(activation, trial.dead_sensor)
 
         # Act.
-        forward(weights, activation, life.drive)
+        forward(weights, activation, life.room.drive)
         left, right = activation[WHEELS], activation[WHEELS + 1]
 
         # Score.
@@ -216,8 +233,8 @@ def live(
                 rate,
                 birth.signs,
                 plasticity.numbers,
-                life.synapse_room,
-                life.change_room,
+                life.room.synapses,
+                life.room.change,
             )
         tally.weight_change_sum += tally.weight_change
 
@@ -322,8 +339,8 @@ def _made(rule: type[Rule], change_signal: str, network: Network, robot: Robot) 
     )
 
 
-def born(birth: Birth, network: Network, robot: Robot) -> Life:
-    """A life before its first step.
+def born(birth: Birth, network: Network, robot: Robot, room: Room | None = None) -> Life:
+    """A life before its first step. room: workspace to use; None for some of its own.
 
     Raises:
         ValueError: the genes are not as many as the network has weights.
@@ -343,11 +360,7 @@ def born(birth: Birth, network: Network, robot: Robot) -> Life:
         kept=birth.kept.copy(),
         activation=activation,
         over=adaptation_room(robot),
-        senses=sense_room(robot),
-        noise=np.zeros(room_for_noise(robot.inputs)),
-        drive=np.empty(max(network.post)),
-        synapse_room=np.empty((3, network.synapses)),
-        change_room=np.empty(weight_change_room(network)),
+        room=room_for(network, robot) if room is None else room,
     )
 
 

@@ -299,6 +299,13 @@ def obstacles_of(maze: Maze, layout: int) -> list[Box]:
     return random_obstacles(maze, layout) if layout else list(maze.obstacles.values())
 
 
+def added(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The boxes of `after` (boxes, 4) that are not among those of `before`."""
+    known = (after[:, None] == before).all(axis=2).any(axis=1)
+    new: NDArray[np.float64] = after[~known]
+    return new
+
+
 def gap(x: float, y: float, walls: NDArray[np.float64]) -> float:
     """Distance [m] from a point to the nearest box of `walls` (boxes, 4); 0 inside one."""
     return float(_gaps(np.array([x]), np.array([y]), walls)[0, 0])

@@ -101,7 +101,8 @@ class Scenario:
         """The world as it is from each control step on, until the next; without changes, itself from step 0 on."""
         told = [(0, replace(self, changes=()) if self.changes else self)]
         for change in self.changes:
-            told.append((round(change["at_s"] / STEP_S), _changed(told[-1][1], change)))
+            first = math.ceil(change["at_s"] / STEP_S - 1e-9)  # the first step that is not before the change
+            told.append((first, _changed(told[-1][1], change)))
         return told
 
     def changed_from(self, named: "Scenario", maze: Maze = T_MAZE, robot: Robot = EPUCK) -> str:
@@ -136,11 +137,38 @@ class Scenario:
 def _changed(now: Scenario, change: Mapping[str, Any]) -> Scenario:
     """The world after a change."""
     values = {key: value for key, value in change.items() if key != "at_s"}
+    for key, value in values.items():
+        _check_kind(key, value)
     if "lamp" in values:
         values["lamp"] = replace(now.lamp, **values["lamp"])
     if values.get("goals") is not None:
         values["goals"] = {**now.goals_now, **{side: Place(*place) for side, place in values["goals"].items()}}
     return replace(now, changes=(), **values)
+
+
+def _check_kind(key: str, value: object) -> None:
+    """Refuse a new value that is not of the kind that its key has.
+
+    Raises:
+        ValueError: It is not.
+    """
+
+    def is_number(one: object) -> bool:
+        return isinstance(one, int | float) and not isinstance(one, bool)
+
+    if key in ("light", "left_wheel", "right_wheel") and not is_number(value):
+        raise ValueError(f"{key} must be a number, got {value!r}")
+    if key in ("obstacles", "layout") and (not isinstance(value, int) or isinstance(value, bool)):
+        raise ValueError(f"{key} must be a whole number, got {value!r}")
+    if key == "lamp":
+        known = [field_.name for field_ in fields(Lamp)]
+        if not (isinstance(value, Mapping) and set(value) <= set(known) and all(map(is_number, value.values()))):
+            raise ValueError(f"lamp must have numbers for any of {', '.join(known)}, got {value!r}")
+    if key == "goals" and value is not None:
+        pairs = value.values() if isinstance(value, Mapping) else [None]
+        good = all(isinstance(pair, list | tuple) and len(pair) == 2 and all(map(is_number, pair)) for pair in pairs)
+        if not (good and isinstance(value, Mapping) and set(value) <= set(SIDES)):
+            raise ValueError(f"goals must be {{left: [x, y], right: [x, y]}}, or one of them, got {value!r}")
 
 
 def _plain(value: object) -> str:

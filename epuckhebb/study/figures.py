@@ -12,6 +12,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Circle, Rectangle
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -192,7 +193,8 @@ def _draw_path(
                 same.append(str(number))
     for x, y, numbers in near:
         offset, ha = ((6, 5), "left") if side == "right" else ((-6, 5), "right")
-        _label(axes, ", ".join(numbers), (x, y), offset, _CHANGE, ha).set_zorder(4)
+        mark = _label(axes, ", ".join(numbers), (x, y), offset, _CHANGE, ha)
+        mark.set(zorder=4, path_effects=[withStroke(linewidth=2, foreground="white")])
 
 
 def _lines(scenario: Scenario, inches: float) -> list[str]:

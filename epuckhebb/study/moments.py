@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.maze import Side, boxes
+from epuckhebb.sim.maze import Side, added, boxes
 from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario
 
@@ -67,7 +67,7 @@ def begins(
         if told and not np.array_equal(before, walls):
             moments = np.arange(round(since / STEP_S), round(float(time[-1]) / STEP_S) + 1) * STEP_S
             x, y = (np.interp(moments, time, pose[:, axis]) for axis in (0, 1))
-            free = moments[_gaps(x, y, walls) >= world.robot.radius_m]
+            free = moments[_gaps(x, y, added(before, walls)) >= world.robot.radius_m]
             since = float(free[0]) if len(free) else math.inf
         last = since
         told.append((since if since <= time[-1] else None, world))
@@ -78,7 +78,7 @@ def _gaps(x: NDArray[np.float64], y: NDArray[np.float64], walls: NDArray[np.floa
     """Distance from each of some points to the nearest wall [m]."""
     beside = np.maximum(np.maximum(walls[:, 0] - x[:, None], x[:, None] - walls[:, 1]), 0.0)
     before = np.maximum(np.maximum(walls[:, 2] - y[:, None], y[:, None] - walls[:, 3]), 0.0)
-    nearest: NDArray[np.float64] = np.hypot(beside, before).min(axis=1)
+    nearest: NDArray[np.float64] = np.hypot(beside, before).min(axis=1, initial=np.inf)
     return nearest
 
 

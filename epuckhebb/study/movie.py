@@ -24,7 +24,7 @@ from epuckhebb.study.floor import view
 from epuckhebb.study.moments import told_when
 
 _SPEED = 8  # s of a lifetime in a second of film
-_REST_S = 10.0  # s of lifetime shown after the last robot came to rest
+_REST_S = 10.0  # s of lifetime shown after the last change and the last robot came to rest
 _HEIGHT, _PANEL_WIDTH, _LEAST_WIDTH, _DPI = 448, 480, 640, 100  # pixels; multiples of 16, as video codecs want
 
 Track = Callable[[Sequence[float]], Iterable[float]]
@@ -116,7 +116,8 @@ def _frames(
     phases = [(step * STEP_S, world) for step, world in scenario.phases]
     still: Any = None
     shown, drawn = -1, list[Artist]()
-    for now in track(np.arange(0.0, _end(time, pose), _SPEED / frames_per_second).tolist()):
+    end = _end(time, pose, phases[-1][0])
+    for now in track(np.arange(0.0, end, _SPEED / frames_per_second).tolist()):
         phase = sum(since <= now for since, _ in phases) - 1
         if phase != shown:  # what does not move is drawn once for each world
             for artist in drawn:
@@ -147,8 +148,8 @@ def _width(traces: Traces) -> int:
     return max(_LEAST_WIDTH, _PANEL_WIDTH * len(set(traces.controller)))
 
 
-def _end(time: NDArray[np.float64], pose: NDArray[np.float64]) -> float:
-    """A while after the last robot came to rest, that is to within 2 cm of where it ends [s]."""
+def _end(time: NDArray[np.float64], pose: NDArray[np.float64], last_change: float) -> float:
+    """A while after the last change and after the last robot came to rest, that is within 2 cm of where it ends [s]."""
     away = np.hypot(*np.moveaxis(pose[:, :, :2] - pose[:, -1:, :2], -1, 0)).max(axis=0) > 0.02
     rest = time[np.flatnonzero(away)[-1]] if away.any() else time[0]
-    return float(min(time[-1], rest + _REST_S)) + 1e-9
+    return float(min(time[-1], max(rest, last_change) + _REST_S)) + 1e-9

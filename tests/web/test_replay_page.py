@@ -4,8 +4,7 @@ Needs Chromium, which Playwright drives but does not bring along. All of the bro
 said of its speed is said of one.
 """
 
-import contextlib
-import json
+import io
 import os
 import re
 import shutil
@@ -13,10 +12,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import expect, sync_playwright
-from typer.testing import CliRunner
 
-from epuckhebb.app.cli import app
+from epuckhebb.sim.controller import GA, HEBBIAN, Controller
+from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.robot import Place, Robot
+from epuckhebb.sim.scenario import Scenario
+from epuckhebb.study import replay
+from epuckhebb.study.evaluate import evaluate
 
 CHROMIUM = os.environ.get("EPUCKHEBB_CHROMIUM") or next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
@@ -40,25 +46,63 @@ pytestmark = pytest.mark.skipif(
 ARRIVES = Path(__file__).parents[2] / "runs/reference/champions/obstacles_seed001.npz"  # at both goals, always
 
 
-def replayed(folder, *overrides):
-    """The folder of a fresh run, with its page."""
-    with contextlib.chdir(folder):
-        told = CliRunner().invoke(app, ["evaluate", "--json", "repeats=1", *overrides])
-        assert told.exit_code == 0, told.output
-        run = folder / json.loads(told.stdout)["runs"][0]["run"]
-    assert CliRunner().invoke(app, ["replay", str(run)]).exit_code == 0
-    return run
+HEBBIAN_PLASTICITY = Controller(name=HEBBIAN, rule=Paper(N=1.5e-5))
+
+
+def replayed(folder, scenario, genes=None, controllers=(HEBBIAN_PLASTICITY,), seconds=250.0, network=PAPER_NETWORK):
+    """A folder with the page of fresh lifetimes; and their traces."""
+    own = np.load(ARRIVES)["genome"] if genes is None else genes
+    lifetime = Lifetime(duration_s=seconds, record_every=8)
+    _, traces = evaluate(own, scenario, controllers, lifetime, repeats=1, seed=1, network=network)
+    page = replay.page(traces, own, scenario, "a test", gain_rad_s=1.0, network=network)
+    (folder / "replay.html").write_text(page, encoding="utf-8")
+    arrays = {"controller": traces.controller, "side": traces.side, "genome": own, **traces.samples._asdict()}
+    return folder, arrays
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    return replayed(tmp_path_factory.mktemp("run"), "scenario=4obstacles", f"genome={ARRIVES}")
+def recorded(tmp_path_factory):
+    return replayed(tmp_path_factory.mktemp("run"), Scenario(obstacles=4))
 
 
 @pytest.fixture(scope="module")
-def traces(run):
-    with np.load(run / "traces.npz") as file:
-        return dict(file)
+def run(recorded):
+    return recorded[0]
+
+
+@pytest.fixture(scope="module")
+def traces(recorded):
+    return recorded[1]
+
+
+MOVED = {"left": (-0.25, 0.155), "right": (0.25, 0.155)}
+CHANGES = [
+    {"at_s": 3.0, "light": 1.0, "left_wheel": 0.9},
+    {"at_s": 6.0, "obstacles": 4, "dead_sensor": 2},
+    {"at_s": 40.0, "goals": MOVED},
+    {"at_s": 400.0, "light": 0.1},
+]
+
+
+@pytest.fixture(scope="module")
+def changing(tmp_path_factory):
+    """A world that changes three times while the robots live, and once after that."""
+    return replayed(tmp_path_factory.mktemp("changing"), Scenario(changes=CHANGES), seconds=60.0)[0]
+
+
+@pytest.fixture(scope="module")
+def rays(tmp_path_factory):
+    """A robot with three light sensors and 24 rays."""
+    robot = Robot(
+        name="rays",
+        light_places=(Place(0.03, 0.0, 0.0), Place(0.0, 0.03, 90.0), Place(0.0, -0.03, -90.0)),
+        distance_places=tuple(Place(0.0, 0.0, 15.0 * number) for number in range(24)),
+    )
+    network = Network((27, 7, 6, 2))
+    genes = np.random.default_rng(1).uniform(-1, 1, network.synapses)
+    return replayed(
+        tmp_path_factory.mktemp("rays"), Scenario(robot=robot, obstacles=2), genes, seconds=20.0, network=network
+    )
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +161,7 @@ def lifetime(traces, controller, side):
 def compare_poses(page, traces):
     now = state(page)
     assert [robot["controller"] for robot in now["robots"]] == ["GA alone", "GA with Hebbian plasticity"]
-    for controller, robot in zip(("GA", "Hebbian"), now["robots"], strict=True):
+    for controller, robot in zip((GA, HEBBIAN), now["robots"], strict=True):
         k = lifetime(traces, controller, now["side"])
         for column, name in enumerate(("x", "y", "heading")):
             expected = np.interp(now["t"], traces["time"][k], traces["pose"][k, :, column])
@@ -218,7 +262,7 @@ def test_slider_and_charts_seek(visit, run):
 @pytest.mark.parametrize("c", [0, 1])
 def test_network_of_the_page_computes_the_recorded_wheels(visit, run, traces, side, c):
     page = visit(run, moment=f"#t=0&side={side}")
-    k = lifetime(traces, ("GA", "Hebbian")[c], side)
+    k = lifetime(traces, (GA, HEBBIAN)[c], side)
     for sample in (0, 1, 100, 500, 976):
         wheels = page.evaluate("([c, k]) => replay.activations(c, k)", [c, sample])[-2:]
         np.testing.assert_allclose(wheels, traces["motors"][k, sample], atol=1e-3)
@@ -230,7 +274,7 @@ def test_a_connection_tells_its_gene_weight_and_change(visit, run, traces):
     network.focus()
     page.keyboard.press("ArrowDown")
     page.keyboard.press("ArrowDown")
-    k, sample = lifetime(traces, "Hebbian", "left"), 500
+    k, sample = lifetime(traces, HEBBIAN, "left"), 500
     weight = traces["weights"][k, sample, 1]
     change = weight - np.float32(traces["genome"][1])
 
@@ -257,11 +301,102 @@ def test_everything_to_press_or_look_at_has_a_name(visit, run):
 
 
 def test_a_run_without_plasticity_has_one_panel(visit, tmp_path):
-    page = visit(replayed(tmp_path, "hebbian=none", "lifetime.duration_s=20"), moment="#t=10")
+    page = visit(replayed(tmp_path, Scenario(), controllers=(), seconds=20.0)[0], moment="#t=10")
     expect(page.locator("figure")).to_have_count(2)
     expect(page.get_by_label("Live fitness")).to_have_count(1)
     expect(page.get_by_label("Weight change")).to_have_count(0)
     expect(page.get_by_text("where the other robot is now")).to_be_hidden()
+    expect(page.locator("#changes")).to_be_hidden()
+
+
+def test_changes_are_told_and_lead_to_their_moments(visit, changing):
+    page = visit(changing, moment="#t=4")
+    told = page.locator("#changes span")
+    expect(told).to_have_text(
+        [
+            "◆1 at 3 s: light=1, left_wheel=0.9",
+            "◆2 at 6 s: obstacles=4, dead_sensor=2",
+            "◆3 at 40 s: goals.left=-0.25,0.155, goals.right=0.25,0.155",
+        ]
+    )
+    expect(page.locator("#changes .past")).to_have_count(1)
+    tick = page.get_by_role("button", name="Change 2 at 6 s: obstacles=4, dead_sensor=2")
+    expect(tick).to_have_attribute("title", "6 s: obstacles=4, dead_sensor=2")
+    tick.click()
+    assert state(page)["t"] == 6
+    expect(page.locator("#changes .past")).to_have_count(2)
+    expect(page.locator(".tick")).to_have_count(3)
+
+
+def test_the_world_is_that_of_the_moment(visit, changing):
+    page = visit(changing)
+    for t, number, said in (
+        (1, 0, r"cm from the goal; light 0\.1$"),
+        (4, 1, r"; light 1; left wheel at 90 %$"),
+        (30, 2, "; light 1; sensor 2 blind, left wheel at 90 %$"),
+        (55, 3, "; light 1; sensor 2 blind, left wheel at 90 %$"),
+        (1, 0, r"cm from the goal; light 0\.1$"),
+    ):
+        page.evaluate("(t) => replay.seek(t)", t)
+        assert state(page)["robots"][0]["world"] == number
+        expect(page.locator("#mazes .now").first).to_have_text(re.compile(said))
+
+
+def test_obstacles_are_drawn_when_they_are_there(visit, changing):
+    page = visit(changing, moment="#t=1", color_scheme="light")
+    assert brown(page) == 0
+    page.evaluate("replay.seek(30)")
+    page.wait_for_timeout(100)
+    assert brown(page) > 1000
+    page.evaluate("replay.seek(1)")
+    page.wait_for_timeout(100)
+    assert brown(page) == 0
+
+
+def brown(page):
+    """How many pixels of the first maze have the colour of obstacles."""
+    with Image.open(io.BytesIO(page.locator("#mazes figure").first.screenshot())) as picture:
+        return int((np.asarray(picture.convert("RGB")) == (0xB0, 0x7D, 0x62)).all(axis=2).sum())
+
+
+def test_a_change_that_waits_is_told(visit, tmp_path):
+    world = Scenario(changes=[{"at_s": 2.0, "obstacles": 4}])
+    still = replayed(tmp_path, world, np.zeros(234), controllers=(), seconds=6.0)[0]
+    page = visit(still, moment="#t=5")
+    assert state(page)["robots"][0]["world"] == 1
+    text = (still / "replay.html").read_text(encoding="utf-8")
+    waiting = re.sub(r'"begins":\[0\.0,[^]]*\]', '"begins":[0.0,null]', text)
+    (still / "replay.html").write_text(waiting, encoding="utf-8")
+    page = visit(still, moment="#t=5")
+    assert state(page)["robots"][0]["world"] == 0
+    expect(page.locator("#mazes .now").first).to_have_text(re.compile("; change 1 waits until it has moved away"))
+
+
+@pytest.mark.parametrize("c", [0, 1])
+def test_any_network_computes_the_recorded_wheels(visit, rays, c):
+    folder, traces = rays
+    page = visit(folder, moment="#t=0&side=left")
+    k = lifetime(traces, (GA, HEBBIAN)[c], "left")
+    for sample in (0, 1, 40, 77):
+        activations = page.evaluate("([c, k]) => replay.activations(c, k)", [c, sample])
+        assert len(activations) == 28 + 7 + 6 + 2
+        np.testing.assert_allclose(activations[-2:], traces["motors"][k, sample], atol=1e-3)
+    expect(page.get_by_label("its network of 43 neurons and 250 connections").first).to_be_visible()
+    expect(page.locator("#through")).to_have_text(", through two layers of neurons")
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+@pytest.mark.parametrize("which", ["changing", "rays"])
+def test_changes_and_rays_fit_desk_and_phone(visit, changing, rays, tmp_path, which, width):
+    folder = {"changing": changing, "rays": rays[0]}[which]
+    page = visit(folder, moment="#t=30&side=right", viewport={"width": width, "height": 844})
+    page.wait_for_timeout(300)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.set_viewport_size({"width": width, "height": page.evaluate("document.documentElement.scrollHeight")})
+    page.wait_for_timeout(300)
+    target = Path(SCREENSHOTS) if SCREENSHOTS else tmp_path
+    target.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=target / f"replay_{which}_{width}.png")
 
 
 @pytest.mark.parametrize("width", [390, 1280])

@@ -88,8 +88,6 @@ class Adaptation:
         return self.change_signal != NONE
 
 
-
-
 class Gate(NamedTuple):
     """The numbers of an `Adaptation`, for the kernel."""
 

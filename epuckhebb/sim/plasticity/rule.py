@@ -1,10 +1,12 @@
 """What a plasticity rule says: its settings, what each synapse keeps, what of it is evolved, and its update."""
 
+import dis
 import inspect
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from enum import Enum
+from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -117,6 +119,14 @@ def asked(rule: type[Rule]) -> tuple[str, ...]:
     Raises:
         ValueError: it asks for something that there is not.
     """
+    if rule.synapse is Rule.synapse:
+        raise ValueError(f"rule {rule.__name__} has no static method `synapse`, which says where a weight goes")
+    known = {field.name for field in fields(rule)}
+    for name, kind in inspect.get_annotations(rule).items():
+        if name not in known and "ClassVar" not in str(kind):
+            raise ValueError(
+                f"rule {rule.__name__}: {name} is no setting yet; write @dataclass(frozen=True, kw_only=True) above it"
+            )
     names = tuple(inspect.signature(rule.synapse).parameters)
     known = {*QUANTITIES, *rule.evolved}
     unknown = [name for name in names if name not in known]
@@ -125,6 +135,14 @@ def asked(rule: type[Rule]) -> tuple[str, ...]:
             f"rule {rule.__name__}: `synapse` asks for {', '.join(unknown)}; it may ask for {', '.join(QUANTITIES)}"
             + (f", and what is evolved: {', '.join(rule.evolved)}" if rule.evolved else "")
         )
+    has = {"by": rule.settings(), "kept": tuple(rule.kept)}
+    for before, then in pairwise(dis.get_instructions(rule.synapse)):
+        of_record = before.opname == "LOAD_FAST" and before.argval in has and then.opname in ("LOAD_ATTR", "STORE_ATTR")
+        if of_record and then.argval not in has[before.argval]:
+            raise ValueError(
+                f"rule {rule.__name__}: `{before.argval}` has no {then.argval}; it has "
+                f"{', '.join(has[before.argval]) or 'nothing'}"
+            )
     return names
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiled import compiled, in_module
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.rule import Rule, asked
 from epuckhebb.sim.plasticity.weight_change import total_of, weight_change
@@ -102,7 +102,7 @@ def update_of(rule: type[Rule], network: Network) -> Update:
     direction = compiled(
         eval(
             f"lambda k, weights, kept, coefficients, room, by: synapse({', '.join(told[name] for name in names)})",
-            {"synapse": compiled(rule.synapse)},
+            {"synapse": compiled(in_module(rule.synapse, __name__))},
         )
     )
     fill_pre = _filled(network, PRE) if "pre" in names else compiled(_pass)

@@ -1,0 +1,261 @@
+"""Drawn mazes, trajectories and networks: they show what the scenario and the network say."""
+
+import io
+import math
+
+import matplotlib.figure
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Rectangle
+from PIL import Image
+
+from epuckhebb.sim.controller import HEBBIAN, Controller
+from epuckhebb.sim.lifetime import Lifetime, Samples, empty_samples
+from epuckhebb.sim.light import Lamp
+from epuckhebb.sim.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
+from epuckhebb.sim.network import Network
+from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.robot import Robot
+from epuckhebb.sim.scenario import Scenario
+from epuckhebb.study import charts, figures, movie
+from epuckhebb.study.evaluate import Traces, evaluate
+from epuckhebb.study.floor import floor, view
+
+ROOM = Maze(  # a room of 0.6 m by 0.4 m, off the middle, with a wall far away that nobody can get to
+    name="room",
+    walls={
+        "left": Box(0.18, 0.3, 0.04, 0.48),
+        "right": Box(0.82, 0.3, 0.04, 0.48),
+        "near": Box(0.5, 0.08, 0.68, 0.04),
+        "far": Box(0.5, 0.52, 0.68, 0.04),
+        "elsewhere": Box(-0.8, -0.8, 0.1, 0.1),
+    },
+    obstacles={"block": Box(0.5, 0.2, 0.1, 0.1)},
+    obstacle_counts=(0, 1),
+    start=Pose(0.3, 0.2, 0.0),
+    goals={"left": Place(0.3, 0.42), "right": Place(0.7, 0.42)},
+    goal_radius_m=0.07,
+    arms={"left": Region(right=0.5), "right": Region(left=0.5)},
+    arena_m=1.0,
+)
+IN_ROOM = Scenario(maze=ROOM, lamp=Lamp(x_m=0.5, y_m=0.1, towards_x=0.0, towards_y=1.0))
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """The figures that were made, before they were turned into PNGs."""
+    made = []
+    save = Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", lambda self, *args, **more: made.append(self) or save(self, *args, **more))
+    return made
+
+
+def at_rest(place, seconds=100, controllers=("GA",)):
+    """Traces of robots that stand still at a place on both trials, a sample a second."""
+    samples = empty_samples(seconds, Network())
+    samples.time[:] = np.arange(seconds)
+    samples.pose[:, :2] = place
+    both = [name for name in controllers for _ in range(2)]
+    return Traces(
+        controller=both,
+        side=["left", "right"] * len(controllers),
+        samples=Samples(*(np.stack([array] * len(both)) for array in samples)),
+    )
+
+
+def texts(figure):
+    return [text.get_text() for text in figure.findobj(matplotlib.text.Text)]
+
+
+def rectangles(axes):
+    return [
+        (box.get_x(), box.get_x() + box.get_width(), box.get_y(), box.get_y() + box.get_height())
+        for box in axes.patches
+        if isinstance(box, Rectangle)
+    ]
+
+
+def circles(axes):
+    return [(*patch.center, patch.radius, patch.get_linestyle()) for patch in axes.patches if isinstance(patch, Circle)]
+
+
+def test_view_is_the_floor_and_the_walls_around_it():
+    assert view(Scenario()) == (-0.46, 0.46, -0.46, 0.28)
+    assert view(Scenario(obstacles=4)) == view(Scenario())
+    assert view(IN_ROOM) == (0.16, 0.84, 0.06, 0.54)
+
+
+def test_view_holds_lamps_wherever_they_go():
+    moving = Scenario(maze=ROOM, lamp=IN_ROOM.lamp, changes=[{"at_s": 5.0, "lamp": {"x_m": 0.95}}])
+    assert view(moving) == (0.16, 0.96, 0.06, 0.54)
+
+
+def test_floor_is_where_the_robot_can_be():
+    np.testing.assert_allclose(floor(IN_ROOM), [[0.2, 0.8, 0.1, 0.5]], atol=0.0015)
+    left, right, bottom, top = floor(Scenario()).T
+    assert ((right - left) * (top - bottom)).sum() == pytest.approx(0.84 * 0.105 + 0.107 * 0.53, rel=0.02)
+
+
+def test_floor_ends_where_the_robot_is_too_wide():
+    narrow = Maze(
+        name="narrow",
+        walls=dict(ROOM.walls) | {"low": Box(0.6, 0.18, 0.02, 0.17), "high": Box(0.6, 0.42, 0.02, 0.17)},
+        start=ROOM.start,
+        goals={"left": Place(0.3, 0.42), "right": Place(0.5, 0.42)},
+        arms=ROOM.arms,
+        arena_m=1.0,
+    )
+    wide = floor(Scenario(maze=narrow, robot=Robot(radius_m=0.05)))
+    assert wide[:, 1].max() < 0.66  # it can only look through the gap of 7 cm
+    assert floor(Scenario(maze=narrow, robot=Robot(radius_m=0.034)))[:, 1].max() > 0.79
+
+
+def test_maze_shows_its_walls_goals_and_robot(drawn):
+    figures.maze(IN_ROOM)
+    (axes,) = drawn[0].axes
+    np.testing.assert_allclose(rectangles(axes), boxes(ROOM))
+    assert (0.3, 0.42, 0.07, ":") in circles(axes)
+    assert (0.7, 0.42, 0.07, ":") in circles(axes)
+    assert (0.3, 0.2, IN_ROOM.robot.radius_m, "solid") in circles(axes)
+    nose = axes.lines[-1].get_xydata()
+    np.testing.assert_allclose(nose, [(0.3, 0.2), (0.337, 0.2)])  # it looks along X
+    lamp, shine = axes.lines[:2]
+    assert lamp.get_xydata().tolist() == [[0.5, 0.1]]
+    (x0, y0), (x1, y1) = shine.get_xydata()
+    assert x0 == x1 == 0.5
+    assert 0.1 < y0 < y1
+
+
+def test_obstacles_that_come_or_go_are_dashed(drawn):
+    figures.maze(Scenario(obstacles=2, changes=[{"at_s": 9.0, "obstacles": 4}]))
+    obstacles = [box for box in drawn[0].axes[0].patches if isinstance(box, Rectangle)][len(T_MAZE.walls) :]
+    assert [box.get_linestyle() != "-" and box.get_linewidth() > 0 for box in obstacles] == [False, False, True, True]
+
+
+def test_goals_that_move_are_dashed_and_numbered(drawn):
+    goals = {"left": [-0.2, 0.155]}
+    figures.maze(Scenario(changes=[{"at_s": 9.0, "light": 1.0}, {"at_s": 20.0, "goals": goals}]))
+    (axes,) = drawn[0].axes
+    assert {(-0.36, 0.155, 0.05, "--"), (-0.2, 0.155, 0.05, "--"), (0.36, 0.155, 0.05, ":")} <= set(circles(axes))
+    assert "◆2" in texts(drawn[0])
+    assert "◆1 9 s: light=1    ◆2 20 s: goals.left=-0.2,0.155" in texts(drawn[0])
+
+
+def test_changes_are_marked_on_the_path(drawn):
+    changes = [{"at_s": 30.0, "light": 1.0}, {"at_s": 60.0, "left_wheel": 0.5}, {"at_s": 200.0, "light": 0.1}]
+    figures.trajectories(at_rest((0.007, -0.35)), Scenario(changes=changes), "")
+    marks = [line for line in drawn[0].axes[0].lines if line.get_marker() == "D"]
+    assert len(marks) == 4  # two on each side; nobody lives to see the third
+    assert marks[0].get_xydata().tolist() == [[0.007, -0.35]]
+    assert texts(drawn[0]).count("1, 2") == 2  # at the same place
+    assert any("◆3 200 s: light=0.1" in text for text in texts(drawn[0]))
+
+
+@pytest.mark.parametrize(
+    ("end", "told"),
+    [((-0.36, 0.155), "left: at the goal"), ((0.0, 0.16), "left: did not arrive")],
+)
+def test_legend_says_how_it_ended(drawn, end, told):
+    figures.trajectories(at_rest(end), Scenario(), "")
+    assert told in texts(drawn[0])
+
+
+def test_legend_tells_robots_that_drove_on_from_those_that_never_came(drawn):
+    traces = at_rest((-0.36, 0.155))
+    traces.samples.pose[:, 50:, 0] = 0.0
+    figures.trajectories(traces, Scenario(), "")
+    assert {"left: was at the goal, drove on", "right: did not arrive"} <= set(texts(drawn[0]))
+
+
+def test_legend_goes_by_the_goal_of_the_moment(drawn):
+    moving = Scenario(changes=[{"at_s": 50.0, "goals": {"left": [-0.2, 0.155], "right": [-0.36, 0.155]}}])
+    figures.trajectories(at_rest((-0.36, 0.155)), moving, "")
+    assert {"left: was at the goal, drove on", "right: at the goal"} <= set(texts(drawn[0]))
+
+
+@pytest.mark.parametrize("name", ["[/x]", r"$\foo$", "$", "a_b^{c", r"\$1$"])
+def test_names_are_shown_to_the_letter(drawn, name):
+    traces = at_rest((0.0, 0.0), seconds=20, controllers=("GA", name))
+    traces.samples.weights[:] = np.random.default_rng(1).uniform(-1, 1, traces.samples.weights.shape)
+    changes = [{"at_s": 5.0, "light": 1.0}]
+    figures.trajectories(traces, Scenario(name=name, changes=changes), f"{name}, one lifetime a side")
+    movie.gif(traces, Scenario(name=name, changes=changes), name)
+    lived = {
+        "left": Samples(*(array[0] for array in traces.samples)),
+        "right": Samples(*(a[1] for a in traces.samples)),
+    }
+    charts.network(np.zeros(234), lived, name)
+    charts.weight_change({name: lived}, "light", name)
+    shown = [text._preprocess_math(text.get_text())[0] for text in drawn[0].findobj(matplotlib.text.Text)]
+    assert f"{name}, one lifetime a side" in shown
+    assert f"GA with plasticity “{name}”" in shown
+
+
+@pytest.mark.parametrize(
+    ("name", "title"),
+    [
+        ("GA", "GA alone"),
+        ("Hebbian", "GA with Hebbian plasticity"),
+        ("anti-Hebbian", "GA with anti-Hebbian plasticity"),
+        ("shuffled signs", "GA with Hebbian plasticity, shuffled signs"),
+        ("late", "GA with plasticity “late”"),
+    ],
+)
+def test_titles_of_controllers(name, title):
+    assert figures.controller_title(name) == title
+
+
+@pytest.mark.parametrize("layers", [(16, 7, 5, 8, 4, 2), (32, 7, 5, 8, 4, 2), (4, 2), (3, 40, 2)])
+def test_network_of_any_layers(drawn, layers):
+    network = Network(layers)
+    genes = np.random.default_rng(1).uniform(-1, 1, network.synapses + 3)  # three more, of a rule
+    samples = empty_samples(2, network)
+    samples.weights[-1] = genes[: network.synapses]
+    samples.weights[-1, -1] += 0.5
+    charts.network(genes, {"left": samples}, "title", network)
+    (axes,) = drawn[0].axes
+    (lines,) = (found for found in axes.collections if type(found).__name__ == "LineCollection")
+    segments = lines.get_segments()
+    assert len(segments) == network.synapses
+    neurons = [len(found.get_offsets()) for found in axes.collections if found is not lines]
+    assert neurons == [layers[0] + 1, *layers[1:]]
+    strongest = segments[-1]  # on top: from the last neuron before the wheels to the right wheel
+    assert strongest[:, 0].tolist() == [len(layers) - 2, len(layers) - 1]
+    assert len([text for text in axes.texts if text.get_text()]) == layers[0] + 1
+
+
+def test_film_shows_the_world_of_the_moment():
+    brown = np.array([0xB0, 0x7D, 0x62])
+
+    def obstacle_pixels(frame):
+        return int((np.abs(frame.astype(int) - brown).max(axis=2) < 12).sum())
+
+    world = Scenario(changes=[{"at_s": 20.0, "obstacles": 4}, {"at_s": 40.0, "obstacles": 0}])
+    traces = at_rest((0.007, -0.35), seconds=60)
+    traces.samples.pose[:, :, 1] += np.linspace(0, 0.3, 60)  # it never rests
+    with Image.open(io.BytesIO(movie.gif(traces, world, ""))) as film:
+        counts = []
+        for second in (10, 30, 50):
+            film.seek(round(second / 8 * 12.5))
+            counts.append(obstacle_pixels(np.asarray(film.convert("RGB"))))
+    assert max(counts[0], counts[2]) < 30  # edges of text are as brown
+    assert counts[1] > 1000
+
+
+def test_film_of_robots_at_rest_goes_on_to_the_last_change():
+    world = Scenario(changes=[{"at_s": 40.0, "light": 1.0}])
+    moments = []
+    next(movie._frames(at_rest((0.0, 0.0)), world, "", lambda wanted: moments.extend(wanted) or wanted, 1.0))
+    assert 40 < moments[-1] <= 50
+
+
+def test_same_trajectories_give_the_same_bytes():
+    genes = np.random.default_rng(1).uniform(-1, 1, 234)
+    world = Scenario(maze=ROOM, lamp=IN_ROOM.lamp, obstacles=1, changes=[{"at_s": 3.0, "obstacles": 0}])
+    hebbian = Controller(name=HEBBIAN, rule=Paper(N=1e-3))
+    _, traces = evaluate(genes, world, [hebbian], Lifetime(duration_s=6.0, record_every=8), repeats=1, seed=1)
+    first = figures.trajectories(traces, world, "title")
+    assert first == figures.trajectories(traces, world, "title")
+    with Image.open(io.BytesIO(first)) as picture:
+        assert math.isclose(picture.width, 2 * 4.8 * 120, abs_tol=1)

@@ -1,0 +1,141 @@
+"""Mazes: the paper's, random layouts, and those that cannot be."""
+
+import hashlib
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from epuckhebb.sim import robot as robots
+from epuckhebb.sim.lifetime import is_in
+from epuckhebb.sim.maze import (
+    SIDES,
+    T_MAZE,
+    Box,
+    Niche,
+    Place,
+    Pose,
+    Region,
+    boxes,
+    check_reachable,
+    gap,
+)
+from epuckhebb.sim.robot import EPUCK, Robot
+from epuckhebb.sim.scenario import Scenario
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", -1), ("right", 1)])
+def test_the_correct_arm_is_the_one_with_the_goal(side, sign):
+    arm = T_MAZE.arms[side]
+    assert is_in(arm, *T_MAZE.goals[side])
+    assert is_in(arm, sign * 0.09, 0.11)
+    assert not is_in(arm, -sign * 0.09, 0.11)
+    assert not is_in(arm, sign * 0.09, 0.09)
+    assert not is_in(arm, sign * 0.07, 0.11)
+
+
+def test_obstacles_leave_3_mm_on_each_side():
+    walls = boxes(T_MAZE, 4)
+    left_arm_gap = walls[0, 2] - walls[9, 3]
+    stem_gap = walls[12, 0] - walls[11, 1]
+    assert left_arm_gap == pytest.approx(0.080, abs=5e-4)
+    assert stem_gap == pytest.approx(0.080, abs=5e-4)
+
+
+def test_layouts_are_where_they_have_always_been():
+    """The hash is of the program before mazes became data; results are compared layout by layout."""
+    content = hashlib.sha256()
+    for layout in range(60):
+        for obstacles in (0, 2, 4):
+            content.update(np.ascontiguousarray(boxes(T_MAZE, obstacles, layout), "<f8").tobytes())
+    assert content.hexdigest() == "9df1825335420f5101923567069235518d308eb6b318166573bfc54144bc421e"
+
+
+@pytest.mark.parametrize("layout", range(0, 60, 7))
+def test_every_goal_of_every_layout_can_be_reached(layout):
+    for obstacles in T_MAZE.obstacle_counts:
+        check_reachable(T_MAZE, T_MAZE.goals, obstacles, layout, EPUCK.radius_m)
+
+
+def test_gap_is_the_distance_to_the_nearest_box():
+    walls = np.array([[0.0, 1.0, 0.0, 1.0], [3.0, 4.0, 0.0, 1.0]])
+    assert gap(0.5, 0.5, walls) == 0
+    assert gap(2.2, 0.5, walls) == pytest.approx(0.8)
+    assert gap(-3.0, 5.0, walls) == pytest.approx(5.0)
+    assert gap(0.0, 0.0, walls[:0]) == math.inf
+
+
+def other(**values):
+    return replace(T_MAZE, name="other", **values)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"walls": {}}, r"maze\.walls must hold one"),
+        ({"walls": {"thin": Box(0, 0, 0.1, 0.0)}}, r"maze\.walls\.thin must be x, y, width and height"),
+        ({"walls": {"lost": Box(0, math.nan, 0.1, 0.1)}}, r"maze\.walls\.lost must"),
+        ({"obstacles": {"stem_left": Box(0, 0, 0.1, 0.1)}}, r"different names, both have stem_left"),
+        ({"obstacle_counts": ()}, r"maze\.obstacle_counts must lie between 0 and the 4"),
+        ({"obstacle_counts": (0, 5)}, r"maze\.obstacle_counts must .* got \[0, 5\]"),
+        ({"goals": {"left": Place(0, 0)}}, r"maze\.goals must have one for each of left, right, got \['left'\]"),
+        ({"goals": {"left": Place(0, 0), "right": Place(0.6, 0)}}, r"maze\.goals\.right must lie in the arena"),
+        ({"goals": {"left": Place(0, math.nan), "right": Place(0, 0)}}, r"maze\.goals\.left must lie"),
+        ({"arms": {"left": Region()}}, r"maze\.arms must have"),
+        ({"arms": {"left": Region(), "right": Region(left=1, right=0)}}, r"maze\.arms\.right must have left below"),
+        ({"start": Pose(0, -0.7, 0)}, r"maze\.start must lie in the arena"),
+        ({"start": Pose(0, 0, math.inf)}, r"maze\.start\.heading"),
+        ({"arena_m": 0.0}, r"maze\.arena_m must"),
+        ({"arena_m": 11.0}, r"maze\.arena_m must be more than 0 and at most 10"),
+        ({"goal_radius_m": 0.0}, r"maze\.goal_radius_m must"),
+        ({"niches": (Niche("z", (0, 1), (0, 1), (0, 1), (0, 1)),)}, r"maze\.niches\[0\] must run along x or y"),
+        ({"niches": (Niche("x", (1, 0), (0, 1), (0, 1), (0, 1)),)}, r"maze\.niches\[0\] must"),
+    ],
+)
+def test_impossible_mazes_are_refused(values, message):
+    with pytest.raises(ValueError, match=message):
+        other(**values)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"start": Pose(0.087, -0.2, 0)}, r"maze.start = 0.087, -0.2 of other is in a wall .* has 0.000 m"),
+        ({"start": Pose(0.04, -0.2, 0)}, r"in a wall or too near one: a robot of radius 0.037 m has 0.022 m"),
+        (
+            {"goals": {"left": Place(-0.36, 0.35), "right": Place(0.36, 0.155)}},
+            r"goal of the left, .* cannot be",
+        ),
+        (
+            {"walls": {**T_MAZE.walls, "shut": Box(-0.2, 0.16, 0.02, 0.2)}},
+            r"goal of the left, .* no way",
+        ),
+        ({"walls": {**T_MAZE.walls, "narrow": Box(0.2, 0.12, 0.02, 0.06)}}, r"goal of the right"),
+    ],
+)
+def test_scenarios_in_which_no_robot_can_get_to_a_goal_are_refused(values, message):
+    with pytest.raises(ValueError, match=message):
+        Scenario(maze=other(**values))
+
+
+def test_what_a_small_robot_can_reach_a_large_one_cannot():
+    tight = other(walls={**T_MAZE.walls, "narrow": Box(0.2, 0.12, 0.02, 0.06)})
+    sensor = robots.Place(0.0, 0.0, 0.0)
+    small = Robot(name="small", radius_m=0.03, light_places=(sensor,), distance_places=(sensor,))
+    assert Scenario(maze=tight, robot=small).maze is tight
+
+
+def test_a_layout_needs_niches_and_obstacles_are_counted():
+    with pytest.raises(ValueError, match=r"scenario\.layout = 3 needs niches, and maze other has none"):
+        Scenario(maze=other(niches=()), layout=3)
+    with pytest.raises(ValueError, match=r"scenario\.obstacles must be one of 0, 1 in maze other, got 2"):
+        Scenario(maze=other(obstacle_counts=(0, 1)), obstacles=2)
+    assert Scenario(maze=other(obstacle_counts=(0, 1)), obstacles=1).obstacles == 1
+
+
+def test_mazes_are_compared_by_what_they_hold():
+    assert replace(T_MAZE) == T_MAZE
+    assert hash(replace(T_MAZE)) == hash(T_MAZE)
+    assert other() != T_MAZE
+    assert set(T_MAZE.goals) == set(SIDES)

@@ -1,0 +1,92 @@
+"""The commands in sh blocks of the pages run, the rule shown is the example, and links lead somewhere."""
+
+import re
+import shlex
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from epuckhebb.app.cli import app
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
+WITH_COMMANDS = [ROOT / "README.md", ROOT / "docs" / "parts.md", *EXAMPLES]
+BRIEF = {
+    "evaluate": ["repeats=1", "lifetime.duration_s=64", "threads=1", "-q"],  # longer than the changes of the pages
+    "evolve": ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=1", "lifetime.duration_s=1", "-q"],
+    "sweep": ["--dry-run"],
+}
+
+
+def told(page):
+    return str(page.relative_to(ROOT))
+
+
+def blocks(page, language):
+    return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture
+def checkout(tmp_path, monkeypatch):
+    """A folder with a copy of the examples, where the commands of a page are typed."""
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.usefixtures("checkout")
+@pytest.mark.parametrize("page", WITH_COMMANDS, ids=told)
+def test_the_commands_of_a_page_run(page):
+    lines = [line for block in blocks(page, "sh") for line in block.splitlines() if line]
+    assert lines
+    for line in lines:
+        program, verb, *words = shlex.split(line)
+        assert program == "epuckhebb"
+        result = CliRunner().invoke(app, [verb, *words, *BRIEF[verb]])
+        assert result.exit_code == 0, f"{line}\n{result.output}"
+
+
+@pytest.mark.usefixtures("checkout")
+def test_a_sweep_with_the_rule_of_the_example():
+    words = [
+        "hebbian.rule=examples/own_rule/my_rules.py:Gated",
+        "hebbian.N=0.0002",
+        "scenario=base",
+        *BRIEF["evaluate"],
+    ]
+    result = CliRunner().invoke(app, ["sweep", "n_sweep", *words, "hydra/launcher=basic"])
+    assert result.exit_code == 0, result.output
+
+
+def test_the_python_of_the_parts_page_runs(checkout, monkeypatch):
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(checkout))
+    (script,) = (block for block in blocks(ROOT / "docs" / "parts.md", "python") if block.startswith("import"))
+    names = {}
+    exec(script, names)
+    sys.modules.pop("my_rules")
+    assert set(names["rows"].controller) == {"GA", "gated"}
+    assert (names["rows"].query("controller == 'gated'").weight_change_mean > 0).all()
+
+
+def test_the_rule_of_the_parts_page_is_that_of_the_example_and_short():
+    text = (ROOT / "examples" / "own_rule" / "my_rules.py").read_text()
+    assert len(text.splitlines()) <= 20
+    (shown,) = (block for block in blocks(ROOT / "docs" / "parts.md", "python") if "class" in block)
+    assert shown in text
+
+
+@pytest.mark.parametrize("page", EXAMPLES, ids=told)
+def test_the_page_of_an_example_is_short(page):
+    assert len(page.read_text().splitlines()) <= 25
+
+
+@pytest.mark.parametrize("page", PAGES, ids=told)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)]+)\)", page.read_text()):
+        if "://" not in target:
+            assert (page.parent / target.partition("#")[0]).exists(), target

@@ -1,0 +1,167 @@
+"""`epuckhebb replay`: where it writes its page and its films, and what it says when there is nothing to replay."""
+
+import contextlib
+import io
+import json
+import re
+import shutil
+import webbrowser
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from epuckhebb.app.cli import app
+from epuckhebb.study import movie
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def evaluated(folder, *overrides):
+    """The folder of a fresh run."""
+    with contextlib.chdir(folder):
+        result = call("evaluate", "--json", "repeats=1", *overrides)
+    assert result.exit_code == 0, result.output
+    return folder / json.loads(result.stdout)["runs"][0]["run"]
+
+
+@pytest.fixture(scope="module")
+def short_run(tmp_path_factory):
+    return evaluated(tmp_path_factory.mktemp("short"), "lifetime.duration_s=4")
+
+
+def test_a_run_without_plasticity_has_one_robot(tmp_path):
+    run = evaluated(tmp_path, "hebbian=none", "lifetime.duration_s=2")
+    assert call("replay", run).exit_code == 0
+    page = (run / "replay.html").read_text(encoding="utf-8")
+    data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)[1])
+    assert [controller["title"] for controller in data["controllers"]] == ["GA alone"]
+
+
+def test_page_is_written_into_the_run_and_its_path_is_printed(short_run):
+    result = call("replay", short_run)
+    assert result.exit_code == 0
+    assert result.stdout.strip() == str(short_run / "replay.html")
+    assert not list(short_run.glob(".*.tmp"))
+
+
+def test_output_leaves_the_run_alone(short_run, tmp_path):
+    before = sorted(short_run.iterdir())
+    assert call("replay", short_run, "--output", tmp_path / "page.html").exit_code == 0
+    assert (tmp_path / "page.html").is_file()
+    assert sorted(short_run.iterdir()) == before
+
+
+def test_gif_shows_the_lifetime(short_run, tmp_path):
+    result = call("replay", short_run, "--gif", tmp_path / "film.gif")
+    assert result.exit_code == 0, result.output
+    with Image.open(tmp_path / "film.gif") as film:
+        assert film.n_frames == 7  # 4 s, eight times as fast, at 12.5 frames a second
+        assert film.size == (960, 448)
+        film.seek(0)
+        first = np.asarray(film.convert("RGB"))
+        film.seek(film.n_frames - 1)
+        last = np.asarray(film.convert("RGB"))
+    assert tuple(first[-1, -1]) == (255, 255, 255)
+    assert (first != last).any()
+
+
+def test_mp4(short_run, tmp_path):
+    pytest.importorskip("imageio_ffmpeg")
+    assert call("replay", short_run, "--mp4", tmp_path / "film.mp4").exit_code == 0
+    assert (tmp_path / "film.mp4").read_bytes()[4:8] == b"ftyp"
+
+
+def test_mp4_without_ffmpeg_says_what_to_install(short_run, tmp_path, monkeypatch):
+    monkeypatch.setattr(movie, "can_make_mp4", lambda: False)
+    result = call("replay", short_run, "--mp4", tmp_path / "film.mp4", "--output", tmp_path / "page.html")
+    assert result.exit_code == 2
+    assert 'pip install "epuckhebb[video]"' in result.output
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_that_recorded_nothing_says_how_to_record(tmp_path):
+    run = evaluated(tmp_path, "scenario=2obstacles", "lifetime.duration_s=2", "lifetime.record_every=0")
+    result = call("replay", run)
+    assert result.exit_code == 2
+    assert "epuckhebb evaluate repeats=1 scenario=2obstacles lifetime.duration_s=2 lifetime.record_every=8" in (
+        result.output
+    )
+
+
+def test_not_a_run_folder(tmp_path):
+    for path in (tmp_path, tmp_path / "nothing"):
+        result = call("replay", path)
+        assert result.exit_code == 2
+        assert "run folder" in result.output
+
+
+def test_a_run_of_evolve_points_to_evaluate(tmp_path):
+    (tmp_path / "provenance.json").write_text('{"verb": "evolve"}')
+    (tmp_path / "status.json").write_text('{"state": "finished"}')
+    result = call("replay", tmp_path)
+    assert result.exit_code == 2
+    assert f"epuckhebb evaluate genome={tmp_path}" in result.output
+
+
+@pytest.mark.parametrize("harm", ["missing", "not an archive", "incomplete"])
+def test_traces_that_cannot_be_read(short_run, tmp_path, harm):
+    run = shutil.copytree(short_run, tmp_path / "run")
+    traces = run / "traces.npz"
+    if harm == "missing":
+        traces.unlink()
+    elif harm == "not an archive":
+        traces.write_bytes(b"PK\x03\x04 no more")
+    else:
+        buffer = io.BytesIO()
+        np.savez(buffer, time=np.zeros((4, 1)))
+        traces.write_bytes(buffer.getvalue())
+    result = call("replay", run)
+    assert result.exit_code == 2
+    assert "traces.npz cannot be read (the run is finished)" in result.output
+
+
+def test_a_place_that_cannot_be_written(short_run, tmp_path):
+    (tmp_path / "no").write_text("a file where a folder would have to be")
+    result = call("replay", short_run, "--output", tmp_path / "no" / "page.html")
+    assert result.exit_code == 2
+    assert "cannot write" in result.output
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    addresses = []
+    monkeypatch.setattr(webbrowser, "open", lambda address: addresses.append(address) or True)
+    return addresses
+
+
+def test_replay_open(short_run, opened):
+    assert call("replay", short_run, "--open").exit_code == 0
+    assert opened == [(short_run / "replay.html").resolve().as_uri()]
+
+
+def test_evaluate_open(tmp_path, opened):
+    with contextlib.chdir(tmp_path):
+        result = call("evaluate", "--open", "repeats=1", "lifetime.duration_s=1")
+    assert result.exit_code == 0, result.output
+    (page,) = tmp_path.glob("runs/evaluate/*/replay.html")
+    assert opened == [page.resolve().as_uri()]
+
+
+def test_evaluate_open_is_refused_for_a_multirun(tmp_path, opened):
+    with contextlib.chdir(tmp_path):
+        result = call("evaluate", "--open", "-m", "scenario=base,2obstacles")
+    assert result.exit_code == 2
+    assert "--open shows the page of one run" in result.output
+    assert not opened
+    assert not list(tmp_path.iterdir())
+
+
+def test_open_without_a_browser_says_so(short_run, monkeypatch):
+    monkeypatch.setattr(webbrowser, "open", lambda _: False)
+    result = call("replay", short_run, "--open")
+    assert result.exit_code == 1
+    assert "no browser could be started" in result.output

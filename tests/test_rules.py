@@ -1,0 +1,222 @@
+"""Plasticity rules from outside the program: they live, evolve, are kept on disk, and fail with their names."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+import reference
+
+from epuckhebb.evolution.evolve import evolve
+from epuckhebb.evolution.ga import GA, initial, next_generation
+from epuckhebb.sim import lifetime
+from epuckhebb.sim.block import LostRobotError, RuleError
+from epuckhebb.sim.controller import Controller
+from epuckhebb.sim.genome import plan_of
+from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
+from epuckhebb.sim.plasticity.rule import Evolved, Rule, asked, coefficients
+from epuckhebb.sim.scenario import Scenario
+
+SMALL = Network((16, 3, 2))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Everything(Rule):
+    """A rule that uses all there is to be used."""
+
+    kept: ClassVar = {"slow": 0.5, "steps": 0.0}
+    evolved: ClassVar = {
+        "rate": Evolved("network", start=0.5, limit=0.75),
+        "bias": Evolved("layer", start=0.1),
+        "towards": Evolved("synapse", start=2.0, limit=2.0),
+    }
+
+    leak: float = 0.1
+
+    @staticmethod
+    def synapse(bias, weight, pre, by, towards, kept, post, rate):
+        kept.slow += by.leak * (pre * post - kept.slow)
+        kept.steps += 1.0
+        return rate * (kept.slow + bias) + 0.01 * (towards - weight) / kept.steps
+
+
+CONTROLLER = Controller(name="own", rule=Everything(N=0.01, leak=0.2))
+PLAN = plan_of(SMALL, Everything)
+
+
+class Oracle(reference.Robot):
+    """The same rule once more."""
+
+    def be_born(self):
+        super().be_born()
+        first = sum(g.size for g in self.genes)
+        self.rate, self.bias = self.all_genes[first], self.all_genes[first + 1 :][: len(self.shapes)]
+        self.towards = self.by_layer(self.all_genes[first + 1 + len(self.shapes) :])
+        self.slow, self.steps = [np.full(shape, 0.5) for shape in self.shapes], [0.0 for _ in self.shapes]
+
+    def everything(self, layer, pre, post, kept):  # noqa: ARG002
+        self.slow[layer] += self.rule.leak * (pre * post - self.slow[layer])
+        self.steps[layer] += 1
+        pull = 0.01 * (self.towards[layer] - self.weights[layer]) / self.steps[layer]
+        return self.rate * (self.slow[layer] + self.bias[layer]) + pull
+
+
+def test_a_rule_with_all_parts_agrees_with_the_oracle(lived):
+    genes = initial(np.random.default_rng(130), 1, PLAN)[0]
+    outcome, samples = lived(genes, controller=CONTROLLER, network=SMALL, gain_rad_s=4, seconds=60, key=9)
+    Oracle.all_genes = genes
+    oracle = Oracle(genes, Scenario(), "left", CONTROLLER, network=SMALL, gain=4, key=9)
+    expected, steps = reference.live(oracle, len(samples.time))
+    np.testing.assert_allclose(samples.pose, [s[:3] for s in steps], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(samples.weight_change, [s[9] for s in steps], rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(outcome, expected, rtol=1e-8, atol=1e-9)
+    assert outcome.weight_change_mean > 0.01
+
+
+def test_evolved_parameters_are_parts_of_the_genome():
+    assert PLAN.told() == "57 weights, 1 rate, 2 bias, 57 towards"
+    assert PLAN.genes == 57 + 1 + 2 + 57
+    population = initial(np.random.default_rng(0), 400, PLAN)
+    parts = PLAN.split(population)
+    for name, start in (("weights", 1.0), ("rate", 0.5), ("bias", 0.1), ("towards", 2.0)):
+        assert 0.95 * start < np.abs(parts[name]).max() <= start
+    ga = GA(population=400, mutation_rate=0.5, mutation_range=3.0, gene_limit=1.25)
+    later = PLAN.split(next_generation(np.random.default_rng(1), population, np.arange(400.0), ga, PLAN))
+    for name, limit in (("weights", 1.25), ("rate", 0.75), ("bias", 1.0), ("towards", 2.0)):
+        assert np.abs(later[name]).max() == limit  # mutated, as far as the limit
+    with pytest.raises(ValueError, match="57 weights, 1 rate, 2 bias, 57 towards has 117 genes, got 57"):
+        PLAN.split(np.zeros(57))
+
+
+def test_evolved_parameters_are_spread_over_the_synapses():
+    genes = np.arange(float(PLAN.genes))
+    rate, bias, towards = coefficients(Everything, SMALL, PLAN.split(genes))
+    assert set(rate) == {57.0}
+    assert [set(layer.ravel()) for layer in by_layer(SMALL, bias)] == [{58.0}, {59.0}]
+    np.testing.assert_array_equal(towards, genes[60:])
+
+
+def test_a_rule_with_parameters_evolves():
+    ga, short = GA(population=4, generations=3, elites=1, loops=1), Lifetime(duration_s=6, gain_rad_s=4)
+    told = {"network": SMALL, "controller": CONTROLLER}
+    whole = list(evolve(ga, Scenario(), short, seed=2, **told))
+    again = list(evolve(ga, Scenario(), short, seed=2, threads=2, after=whole[0], **told))
+    assert whole[-1].champion.shape == (PLAN.genes,)
+    for one, other in zip(whole[1:], again, strict=True):
+        assert one.population.tobytes() == other.population.tobytes()
+        assert one.fitness.tobytes() == other.fitness.tobytes()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simple(Rule):
+    """Small enough to be compiled twice in a test."""
+
+    @staticmethod
+    def synapse(pre):
+        return pre
+
+
+def test_a_rule_is_compiled_once_and_then_comes_from_disk(lived, monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    seen = []
+    for _ in range(2):
+        monkeypatch.setattr(lifetime, "_kernels", {})
+        network = Network((16, 2))
+        genes = np.random.default_rng(0).uniform(-1, 1, network.synapses)
+        outcome, _ = lived(genes, controller=Controller(name="x", rule=Simple(N=0.01)), network=network)
+        (made,) = lifetime._kernels.values()
+        seen.append((outcome[1:], sum(made.stats.cache_hits.values()), sum(made.stats.cache_misses.values())))
+    assert seen[0][0] == seen[1][0]
+    assert seen[0][1:] == (0, 1)
+    assert seen[1][1:] == (1, 0)
+    assert len(list(tmp_path.glob("kernel-*"))) == 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diverges(Rule):
+    """Divides by what becomes 0."""
+
+    kept: ClassVar = {"left": 3.0}
+
+    @staticmethod
+    def synapse(pre, kept):
+        kept.left -= 1.0
+        return 0.0 * pre / max(0.0, kept.left)
+
+
+def test_a_rule_that_makes_nan_is_told_by_name(lived):
+    network = Network((16, 2))
+    genes = np.random.default_rng(0).uniform(-1, 1, network.synapses)
+    controller = Controller(name="own", rule=Diverges(N=0.01))
+    with pytest.raises(LostRobotError, match=r"on a right trial of scenario base, controller own, the rule Diverges"):
+        lived(genes, "right", controller=controller, network=network)
+
+
+class Curious(Rule):
+    """Asks for too much."""
+
+    evolved: ClassVar = {"speed": Evolved()}
+
+    @staticmethod
+    def synapse(pre, speed, weather, tide):
+        return pre * speed * weather * tide
+
+
+class Selfish(Rule):
+    """Has a method that is not static."""
+
+    def synapse(self, pre):
+        return pre
+
+
+class Silent(Rule):
+    """Says nothing."""
+
+
+@pytest.mark.parametrize(
+    ("rule", "message"),
+    [
+        (Curious, "rule Curious: `synapse` asks for weather, tide; it may ask for correlation, .* is evolved: speed"),
+        (Selfish, "rule Selfish: `synapse` asks for self"),
+        (Silent, "rule Silent: `synapse` asks for _"),
+    ],
+)
+def test_a_rule_that_asks_for_what_there_is_not_is_refused(lived, rule, message):
+    with pytest.raises(ValueError, match=message):
+        asked(rule)
+    genes = np.zeros(plan_of(PAPER_NETWORK, rule).genes)
+    with pytest.raises(ValueError, match=message):
+        lived(genes, controller=Controller(name="x", rule=rule(N=1.0)))
+
+
+@pytest.mark.parametrize(
+    ("evolved", "message"),
+    [
+        ({"A": Evolved("neuron")}, "rule Own: A is evolved per neuron, not one of network, layer, synapse"),
+        ({"weights": Evolved()}, "rule Own: what is evolved cannot be called weights"),
+        ({"kept": Evolved()}, "rule Own: what is evolved cannot be called kept"),
+    ],
+)
+def test_what_cannot_be_evolved_is_refused(evolved, message):
+    own = type("Own", (Rule,), {"evolved": evolved})
+    with pytest.raises(ValueError, match=message):
+        plan_of(SMALL, own)
+
+
+class Muddled(Rule):
+    """Numba knows no method of numbers by this name."""
+
+    @staticmethod
+    def synapse(pre, post):
+        return pre.times(post)
+
+
+def test_a_rule_that_does_not_compile_is_told_in_few_lines(lived):
+    with pytest.raises(RuleError) as caught:
+        lived(np.zeros(234), controller=Controller(name="x", rule=Muddled(N=1.0)))
+    lines = str(caught.value).splitlines()
+    assert len(lines) <= 10
+    assert lines[0].startswith("rule Muddled of ")
+    assert __file__ in str(caught.value)
+    assert "times" in str(caught.value)
