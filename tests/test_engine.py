@@ -77,15 +77,18 @@ def test_one_process_at_a_time(study):
 
 
 def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work(study):
-    folder, *_ = study
-    for name in ("deep", "unfinished/killed", "unfinished/working"):
+    folder, _, task = study
+    carry_out(folder, "study", CFG, [], [task("one")])
+    killed, working = (f"unfinished/20261122-010203-0123abcd_{number}" for number in (0, 1))
+    for name in ("deep", killed, working, "unfinished/of_someone_else"):
         (folder / name).mkdir(parents=True)
         (folder / name / ".half.1.tmp").touch()
-    held = runs.hold(folder / "unfinished" / "working")
+    (folder / ".mine.tmp").touch()
+    held = runs.hold(folder / working)
     with at_work(folder, "study", None, [], []):
         left = sorted(str(file.relative_to(folder)) for file in folder.rglob(".*.tmp"))
     runs.release(held)
-    assert left == ["unfinished/working/.half.1.tmp"]
+    assert left == [".mine.tmp", f"{working}/.half.1.tmp", "unfinished/of_someone_else/.half.1.tmp"]
 
 
 def test_a_result_is_a_file_or_a_run_that_has_finished(tmp_path):

@@ -144,8 +144,8 @@ def test_only_what_is_whole_is_kept(here):
     (running / "status.json").write_text('{"schema": 1, "state": "running"}')
     (running / "metrics.csv").write_text("wrong")
     (cut / "status.json").write_text('{"sch')
-    (folder / "unfinished" / "old_0").mkdir(parents=True)
-    (folder / "unfinished" / "old_0" / "metrics.csv").write_text("half a f")
+    (folder / "unfinished" / "20261122-010203-0123abcd_0").mkdir(parents=True)
+    (folder / "unfinished" / "20261122-010203-0123abcd_0" / "metrics.csv").write_text("half a f")
     (folder / "unfinished" / "stop").touch()
     for half in (folder / ".sweep.csv.1.tmp", folder / "jobs" / "job" / ".job_1.yaml.1.tmp"):
         half.write_text("half a f")
