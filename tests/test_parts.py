@@ -209,7 +209,7 @@ def test_in_a_sweep_and_changed_it_makes_new_jobs():
 def test_in_a_multirun(here, launcher):
     rule = f"hebbian.rule={here}/my_rules.py:oja"  # workers that are kept from an earlier call stay in its folder
     words = ["-m", "hebbian.N=0.0001,0.0002", rule, f"hydra/launcher={launcher}"]
-    done("evaluate", *words, *BRIEF, "hydra.sweep.dir=out")
+    done("evaluate", *words, *BRIEF, f"hydra.sweep.dir={here}/out")
     rows = pd.concat([metrics(here / "out" / str(job)) for job in (0, 1)])
     assert list(rows[rows.controller == "oja"].N.unique()) == [0.0001, 0.0002]
 
