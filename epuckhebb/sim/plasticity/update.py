@@ -71,10 +71,11 @@ def _fill_post(
     activation: NDArray[np.float64],
     room: NDArray[np.float64],
 ) -> None:
-    """Write x_i of one layer of connections."""
-    for i in range(inputs):
-        for j in range(outputs):
-            room[POST, first + i * outputs + j] = activation[post + j]
+    """Write x_i of one layer of connections; neuron by neuron, as rows of it would be copied by calls of memcpy."""
+    for j in range(outputs):
+        value = activation[post + j]
+        for i in range(inputs):
+            room[POST, first + i * outputs + j] = value
 
 
 def _fill_correlation(
