@@ -6,6 +6,18 @@ from typer.testing import CliRunner
 
 from epuckhebb.app.cli import app
 
+MY_RULE = """\
+from dataclasses import dataclass
+
+from epuckhebb import Rule
+
+
+@dataclass(frozen=True, kw_only=True)
+class mine(Rule):
+    @staticmethod
+    def synapse(pre, post):
+        return pre - post
+"""
 THREE = ["sweep", "obstacles", "lifetime.duration_s=3", "repeats=2", "hydra.sweep.dir=out"]
 
 
@@ -17,6 +29,34 @@ def sweep_on(launcher, folder, *words):
     again = CliRunner().invoke(app, [*THREE, f"hydra/launcher={launcher}", *words])
     assert "3 done before, 0 to do" in again.stderr
     return (folder / "out" / "sweep.csv").read_bytes()
+
+
+def sweep_by_a_rule_of_ones_own_on(launcher, folder, *words):
+    (folder / "my_rules.py").write_text(MY_RULE)
+    sweep_on(launcher, folder, f"hebbian.rule={folder}/my_rules.py:mine", "hebbian.N=0.0001", *words)
+    assert set(pd.read_csv(folder / "out" / "sweep.csv").controller) == {"GA", "mine"}
+
+
+@pytest.mark.slurm
+@pytest.mark.filterwarnings("default")
+def test_a_rule_of_ones_own_on_slurm(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    sweep_by_a_rule_of_ones_own_on("slurm", tmp_path, "hydra.launcher.mem_gb=1")
+
+
+@pytest.mark.ray
+@pytest.mark.filterwarnings("default")
+def test_a_rule_of_ones_own_on_ray(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    sweep_by_a_rule_of_ones_own_on("ray_local", tmp_path)
+
+
+@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
+def test_a_rule_of_ones_own_on_this_machine(tmp_path, monkeypatch, launcher):
+    if launcher == "submitit_local":
+        pytest.importorskip("submitit")
+    monkeypatch.chdir(tmp_path)
+    sweep_by_a_rule_of_ones_own_on(launcher, tmp_path)
 
 
 @pytest.mark.slurm

@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from epuckhebb.app import reproduce, runs
 from epuckhebb.app.cli import app
+from epuckhebb.sim.network import Network
 from epuckhebb.study import findings, rescue
 
 SMALL = [
@@ -286,7 +287,7 @@ def test_one_given_genome_stands_beside_the_paper(tmp_path, monkeypatch, genomes
 BAD = {
     "no champions": (["champions=0"], ["champions must be 1 or more", "0"]),
     "no such experiment": (["sound"], ["sound", "light, obstacles, all"]),
-    "other layers": (["genome=layers.npz"], ["layers", "16, 7, 5, 8, 4, 2"]),
+    "other layers": (["genome=layers.npz"], ["layers 16-8-2", "16-7-5-8-4-2"]),
     "negative rate": (["rates=[-1]"], ["rates", "-1"]),
     "unknown key": (["champoins=3"], ["champoins"]),
 }
@@ -295,7 +296,7 @@ BAD = {
 @pytest.mark.parametrize("mistake", BAD)
 def test_a_mistake_gets_one_message_and_leaves_nothing(mistake, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    np.savez("layers.npz", genome=np.zeros(234), layers=[16, 8, 2])
+    np.savez("layers.npz", genome=np.zeros(Network((16, 8, 2)).synapses), layers=[16, 8, 2])
     words, expected = BAD[mistake]
     result = call(*words)
     assert result.exit_code == 2, result.output

@@ -262,7 +262,7 @@ def _check_unchanged(cfg: DictConfig, run: str) -> None:
 
 
 def _write_jobs(study: RunFolder, told: dict[str, Any], jobs: Sequence[Job]) -> None:
-    """Write what the jobs read: one configuration each, which Hydra composes by its name, and the list of them all."""
+    """Write what the jobs read: a whole configuration each, which Hydra takes by its name, and the list of them all."""
     for job in jobs:
         text = f"# @package _global_\n{OmegaConf.to_yaml(job.cfg, resolve=True)}"
         study.write(f"{_CONFIGS}/job/{job.run}.yaml", text)

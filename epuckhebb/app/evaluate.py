@@ -3,6 +3,7 @@
 import importlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,8 @@ from epuckhebb.app.parts import NONE, rule_file, sha256_of
 from epuckhebb.app.progress import say
 from epuckhebb.app.runs import RunFolder
 from epuckhebb.sim.adaptation.baseline import REPEATS, Baseline, remember
-from epuckhebb.sim.block import RuleError, load_kernel
-from epuckhebb.sim.controller import GA_ALONE
+from epuckhebb.sim.block import LostRobotError, RuleError, load_kernel
+from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.study import tables
@@ -76,9 +77,19 @@ def compile_for(config: EvaluateConfig, network: Network) -> None:
     Raises:
         ConfigError: A rule does not compile.
     """
+    for controller in config.controllers or [GA_ALONE]:
+        compiled_for(controller, network, config.world)
+
+
+def compiled_for(controller: Controller, network: Network, world: Scenario) -> None:
+    """Load or compile what a life with this controller needs.
+
+    Raises:
+        ConfigError: The rule does not compile.
+    """
     try:
-        for controller in config.controllers or [GA_ALONE]:
-            load_kernel(controller, network, config.world)
+        with suppress(LostRobotError):  # what one step of a network of zeros comes to says nothing of the genome's life
+            load_kernel(controller, network, world)
     except RuleError as error:
         raise ConfigError(str(error)) from error
 

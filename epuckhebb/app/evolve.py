@@ -14,14 +14,13 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.app import files, hydra_bridge, runs
 from epuckhebb.app.config import EvolveConfig, stored, thread_count, typed
 from epuckhebb.app.errors import ConfigError
-from epuckhebb.app.evaluate import own_rules
+from epuckhebb.app.evaluate import compiled_for, own_rules
 from epuckhebb.app.files import CHAMPION, CHECKPOINT, Checkpoint, Genome
 from epuckhebb.app.parts import network_for, sha256_of
 from epuckhebb.app.progress import EvolutionProgress, say
 from epuckhebb.app.runs import RunFolder
 from epuckhebb.evolution.evolve import Generation, evolve
 from epuckhebb.sim.adaptation.baseline import Baseline, remember
-from epuckhebb.sim.block import RuleError, load_kernel
 from epuckhebb.sim.genome import WEIGHTS, plan_of
 from epuckhebb.sim.network import Network
 
@@ -46,10 +45,7 @@ def asked(cfg: DictConfig) -> EvolveConfig:
         ConfigError: A value is outside its range, or a rule does not compile.
     """
     config = typed(cfg, EvolveConfig)
-    try:
-        load_kernel(config.controller, network_of(config), config.world)
-    except RuleError as error:
-        raise ConfigError(str(error)) from error
+    compiled_for(config.controller, network_of(config), config.world)
     return config
 
 

@@ -66,13 +66,11 @@ def _composed(verb: str, overrides: list[str], config_dir: str | None) -> tuple[
     try:
         with initialize_config_dir(str(data_folder("conf")), **_VERSION_BASE):
             cfg = compose(verb, [*overrides, *more], return_hydra_config=True)
-            loader = GlobalHydra.instance().config_loader()
-            folders = [Path(source.path) for source in loader.get_sources() if source.scheme() == "file"]
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(explain(error)) from error
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
         hydras = cfg.pop("hydra")
-    return cfg, hydras, folders
+    return cfg, hydras, _folders(hydras.runtime)
 
 
 def _with_names(cfg: DictConfig, hydras: DictConfig, folders: list[Path], *, with_hydra: bool = False) -> DictConfig:

@@ -72,9 +72,13 @@ def _own_rules(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> None:
     for settings in [cfg.hebbian, *(cfg.get("compare") or {}).values()]:
         file = rule_file(settings) if isinstance(settings, DictConfig) else None
         if file is not None:
-            settings.rule = f"{file.absolute()}:{str(settings.rule).rpartition(':')[2]}"
+            settings.rule = _absolute(file, settings)
     chosen = _file("hebbian", choice, folders)
-    if chosen is None or cfg.hebbian.get("rule") in (None, NONE, chosen.get("rule")):
+    if chosen is None:
+        return
+    file = rule_file(chosen)
+    own = chosen.get("rule") if file is None else _absolute(file, chosen)
+    if cfg.hebbian.get("rule") in (None, NONE, own):
         return
     kind = rule_class(str(cfg.hebbian.rule), "hebbian")
     own_rate = kind.__dataclass_fields__["N"].default
@@ -87,6 +91,10 @@ def _own_rules(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> None:
             del cfg.hebbian[key]
     if cfg.hebbian.get("name") == choice:
         cfg.hebbian.name = kind.__name__.lower()
+
+
+def _absolute(file: Path, settings: DictConfig) -> str:
+    return f"{file.absolute()}:{str(settings.rule).rpartition(':')[2]}"
 
 
 def _adaptation(choice: str, key: str, folders: Sequence[Path]) -> Any:

@@ -20,12 +20,16 @@ def evaluate(genome: NDArray[np.float64], overrides: list[str], rule: Rule | Non
     """See `epuckhebb.evaluate`."""
     config = typed(composed("evaluate", overrides), EvaluateConfig)
     network = network_for(config.world.robot, config.layers)
-    plan = plan_of(network)
-    genes = files.checked_genes(np.asarray(genome), "the given array", plan)
-    given = files.Genome(genes=genes, name="genome", network=network, robot=config.world.robot.name, plan=plan)
     if rule is not None:
-        own = Controller(name=type(rule).__name__.lower(), rule=rule)
+        over = config.adaptation
+        name = over.name if over.needs_baseline else type(rule).__name__.lower()
+        own = Controller(name=name, rule=rule, adaptation=over)
         config.controllers = [own, *(other for other in config.controllers if other.name in config.compare)]
+    plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
+    array = np.asarray(genome)
+    plan = next((plan for plan in plans if array.shape == (plan.genes,)), plans[0])
+    genes = files.checked_genes(array, "the given array", plan)
+    given = files.Genome(genes=genes, name="genome", network=network, robot=config.world.robot.name, plan=plan)
     threads = thread_count(config.threads)
     rows, _ = lives(config, given, baseline_for(given, config, threads), threads)
     return rows

@@ -242,8 +242,6 @@ def scenario_from(scenario: Any, maze: Mapping[str, Any], robot: Mapping[str, An
     for number, change in enumerate(values["changes"]):
         if not isinstance(change, Mapping):
             raise ConfigError(f"scenario.changes[{number}] must be as {{at_s: 60, light: 1.0}}, got {change}")
-    if not all(isinstance(change, Mapping) for change in values["changes"]):
-        raise ConfigError(f"scenario.changes must be a list of {{at_s: 60, light: 0.1}}, got {values['changes']}")
     values["changes"] = tuple(map(dict, values["changes"]))
     if values["goals"] is not None:
         goals = _goals(values["goals"], in_maze)

@@ -27,6 +27,8 @@ from epuckhebb.app.hydra_bridge import composed
 from epuckhebb.evolution.evolve import evolve, history_row
 from epuckhebb.sim.adaptation.baseline import remember
 from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.network import PAPER_NETWORK
+from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.study import figures, published, report, reproduction
 from epuckhebb.study.evaluate import evaluate
@@ -94,7 +96,7 @@ def reproduce(experiment: str, overrides: list[str], *, quick: bool) -> Path:
     cfg = composed("reproduce", [*(QUICK if quick else ()), *overrides])
     config = typed(cfg, ReproduceConfig)
     paper = _published()
-    given = None if config.genome is None else files.load_genome(config.genome, "obstacles")
+    given = None if config.genome is None else _given(config.genome)
     folder = _folder(experiment, cfg, given)
     experiments = EXPERIMENTS[experiment]
     champions = list(_champions(experiments, config, folder, given))
@@ -107,6 +109,21 @@ def reproduce(experiment: str, overrides: list[str], *, quick: bool) -> Path:
     tasks += [Task("tables, figures and report", None, partial(_tell, study))]
     engine.carry_out(folder, "reproduce", cfg, [experiment, *(["--quick"] if quick else []), *overrides], tasks)
     return folder
+
+
+def _given(where: str) -> Genome:
+    """The genome that takes the place of champions.
+
+    Raises:
+        ConfigError: There is none, or it is for another robot or network than the paper's.
+    """
+    genome = files.load_genome(where, "obstacles")
+    if (genome.network, genome.robot) != (PAPER_NETWORK, EPUCK.name):
+        raise ConfigError(
+            f"genome={where} is for robot {genome.robot} and a network of layers {genome.network}; the paper's are "
+            f"{EPUCK.name} and {PAPER_NETWORK}"
+        )
+    return genome
 
 
 def _published() -> Mapping[str, Any]:
