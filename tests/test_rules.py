@@ -181,7 +181,7 @@ class Silent(Rule):
     [
         (Curious, "rule Curious: `synapse` asks for weather, tide; it may ask for correlation, .* is evolved: speed"),
         (Selfish, "rule Selfish: `synapse` asks for self"),
-        (Silent, "rule Silent: `synapse` asks for _"),
+        (Silent, "rule Silent has no static method `synapse`"),
     ],
 )
 def test_a_rule_that_asks_for_what_there_is_not_is_refused(lived, rule, message):
