@@ -152,7 +152,7 @@ def test_changes_agree_with_the_oracle(genomes, beside_the_oracle):
         ([{"at_s": 1, "layout": 1.5, "obstacles": 2}], r"changes\[0\]: "),
         ([{"at_s": 1, "lamp": {"brightness": 1}}], r"changes\[0\]: .*brightness"),
         ([{"at_s": 1, "lamp": 3}], r"changes\[0\]: "),
-        ([{"at_s": 1, "goals": {"up": (0, 0)}}], r"changes\[0\]: scenario.goals must have left and right"),
+        ([{"at_s": 1, "goals": {"up": (0, 0)}}], r"changes\[0\]: goals must be {left"),
         ([{"at_s": 1, "goals": {"left": 1}}], r"changes\[0\]: "),
         ([{"at_s": 1, "goals": {"left": (-0.3, 0.3)}}], r"changes\[0\]: the goal of the left, .* cannot be reached"),
         ([{"at_s": 1, "dead_sensor": 2.5}], r"changes\[0\]: scenario.dead_sensor must be null or 0 to 7, got 2.5"),

@@ -10,11 +10,13 @@ import reference
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.ga import GA, initial, next_generation
 from epuckhebb.sim import lifetime
-from epuckhebb.sim.block import LostRobotError, RuleError
+from epuckhebb.sim.block import Individual, LostRobotError, RuleError, live_block
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
+from epuckhebb.sim.plasticity.control import Sign
+from epuckhebb.sim.plasticity.paper import Paper
 from epuckhebb.sim.plasticity.rule import Evolved, Rule, asked, coefficients
 from epuckhebb.sim.scenario import Scenario
 
@@ -179,7 +181,7 @@ class Silent(Rule):
     [
         (Curious, "rule Curious: `synapse` asks for weather, tide; it may ask for correlation, .* is evolved: speed"),
         (Selfish, "rule Selfish: `synapse` asks for self"),
-        (Silent, "rule Silent: `synapse` asks for _"),
+        (Silent, "rule Silent has no static method `synapse`"),
     ],
 )
 def test_a_rule_that_asks_for_what_there_is_not_is_refused(lived, rule, message):
@@ -220,3 +222,18 @@ def test_a_rule_that_does_not_compile_is_told_in_few_lines(lived):
     assert lines[0].startswith("rule Muddled of ")
     assert __file__ in str(caught.value)
     assert "times" in str(caught.value)
+
+
+def test_the_sign_of_a_rule_counts_without_signs_beside_it(genomes):
+    """Once it did not, and tests of `anti` lived by Hebb's rule."""
+    lifetime = Lifetime(duration_s=2, gain_rad_s=4)
+
+    def changes(sign, signs=None):
+        controller = Controller(rule=Paper(N=0.01, sign=sign))
+        who = Individual(genes=genomes[0], side="left", controller=controller, key=np.uint64(1), signs=signs)
+        return live_block([who], Scenario(), lifetime)[0][0].weight_change_final
+
+    ones = np.ones(234)
+    assert changes(Sign.anti) == changes(Sign.hebbian, -ones) != changes(Sign.hebbian) == changes(Sign.hebbian, ones)
+    with pytest.raises(ValueError, match="sign=shuffled needs the signs"):
+        changes(Sign.shuffled)

@@ -36,6 +36,7 @@ from epuckhebb.sim.light import lights
 from epuckhebb.sim.maze import Pose, Region, Side, added, boxes, gap
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, PAPER_NETWORK, Network, weights_at_birth
 from epuckhebb.sim.physics import PymunkSpace
+from epuckhebb.sim.plasticity.control import Sign, signs
 from epuckhebb.sim.plasticity.rule import NoRule, Rule, coefficients, kept_at_birth
 from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.scenario import Scenario
@@ -74,8 +75,8 @@ class Individual:
     """One who shall live: genes, the network that they are for, a side, a controller, a noise key, a start.
 
     genes: of all parts of the genome (`epuckhebb.sim.genome`), 234 in the paper. start: None where the maze has it.
-    signs: of the plastic updates, (synapses,), None for 1. baseline: what an adaptation compares with. record:
-    whether samples are kept.
+    signs: of the plastic updates, (synapses,), None for what the rule's sign says; shuffled ones must be given.
+    baseline: what an adaptation compares with. record: whether samples are kept.
     """
 
     genes: NDArray[np.float64]
@@ -162,7 +163,7 @@ class _Kind(NamedTuple):
     plasticity: Plasticity
     plan: GenomePlan
     kept: NDArray[np.void]
-    signs: NDArray[np.float64]
+    signs: NDArray[np.float64] | None
     baseline: BaselineOfSide
     room: Room
     no_samples: Samples
@@ -193,7 +194,7 @@ def _kind(controller: Controller, network: Network, robot: Robot, spare: type[Ru
         ),
         plan=plan_of(network, type(rule)),
         kept=kept_at_birth(compiled_for, network),
-        signs=np.ones(network.synapses),
+        signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
         baseline=no_baseline(network.inputs),
         room=room_for(network, robot),
         no_samples=empty_samples(0, network),
@@ -204,12 +205,15 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
     first, rule = phases[0].scenario, type(who.controller.rule)
     if who.baseline is not None:
         check_baseline(who.baseline, first.robot.inputs)
+    of_updates = kind.signs if who.signs is None else who.signs
+    if of_updates is None:
+        raise ValueError("a rule with sign=shuffled needs the signs of its updates, Individual.signs")
     parts = kind.plan.split(who.genes)
     birth = Birth(
         weights_at_birth(parts[WEIGHTS]),
         kind.kept,
         coefficients(rule, who.network, parts),
-        kind.signs if who.signs is None else who.signs,
+        of_updates,
     )
     life = born(birth, who.network, first.robot, kind.room)
     record_every = lifetime.record_every if who.record else 0

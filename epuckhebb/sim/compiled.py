@@ -14,7 +14,7 @@ import os
 import re
 import sys
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from enum import Enum
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -43,6 +43,18 @@ def compiled(function: Function) -> Function:
     Forced inlining spares a call with dozens of arguments (an array is seven) and lets constants reach the loops.
     """
     return cast(Function, _building_block(function))
+
+
+def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]], arguments: str) -> Any:
+    """A building block that calls another one in turn: with each of these constants, then with its own arguments.
+
+    It is written out, a call for each, because numbers that stand in the code become constants of the machine code,
+    and a loop over them would not; and so the function is compiled only once.
+
+    arguments: their names, separated by commas.
+    """
+    calls = [f"function({', '.join(map(str, numbers))}, {arguments})" for numbers in constants]
+    return compiled(eval(f"lambda {arguments}: ({', '.join(calls)},)", {"function": compiled(function)}))
 
 
 def kernel(function: Function, **parts: object) -> Function:

@@ -16,7 +16,7 @@ from itertools import accumulate, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiled import compiled, in_turn
 
 WEIGHT_LIMIT = 2.0  # weights are loaded clipped to +-2, the bound of plasticity in the paper
 HIDDEN = (7, 5, 8, 4)  # the paper's hidden layers
@@ -85,6 +85,14 @@ class Network:
         return list(zip(self.pre, self.post, strict=True))
 
     @cached_property
+    def connections(self) -> list[tuple[int, ...]]:
+        """Each layer of connections: its first presynaptic and postsynaptic neuron, its first synapse, its shape."""
+        return [
+            (self.first_neuron[k], self.first_neuron[k + 1], self.first_synapse[k], *shape)
+            for k, shape in enumerate(self.shapes)
+        ]
+
+    @cached_property
     def neurons(self) -> int:
         """All activations, the readings and the bias among them."""
         return self.inputs + 1 + sum(self.layers[1:])
@@ -135,42 +143,30 @@ def forward_pass(network: Network) -> Pass:
     """The function `forward(weights, activation, drive)` that passes readings through this network: y = tanh(x W).
 
     weights: (synapses,). activation: (neurons,), readings and bias given, the rest filled. drive: workspace of at
-    least the widest layer, a layer's x W. The sizes are constants in the machine code; a network is compiled as its
-    first layer followed by the rest.
+    least the widest layer, a layer's x W. The sizes are constants in the machine code.
     """
-    passes = [
-        _layer(network.first_neuron[k], network.first_neuron[k + 1], network.first_synapse[k], *shape)
-        for k, shape in enumerate(network.shapes)
-    ]
-    forward = passes[-1]
-    for layer in reversed(passes[:-1]):
-        forward = _followed(layer, forward)
+    forward: Pass = in_turn(_fire, network.connections, "weights, activation, drive")
     return forward
 
 
-def _layer(pre: int, post: int, first: int, inputs: int, outputs: int) -> Pass:
-    """The pass through one layer of connections."""
-
-    @compiled
-    def fire(weights: NDArray[np.float64], activation: NDArray[np.float64], drive: NDArray[np.float64]) -> None:
-        for j in range(outputs):
-            summed = 0.0
-            for i in range(inputs):
-                summed += activation[pre + i] * weights[first + i * outputs + j]
-            drive[j] = summed
-        for j in range(outputs):
-            activation[post + j] = tanh(drive[j])
-
-    return fire
-
-
-def _followed(layer: Pass, rest: Pass) -> Pass:
-    @compiled
-    def fire(weights: NDArray[np.float64], activation: NDArray[np.float64], drive: NDArray[np.float64]) -> None:
-        layer(weights, activation, drive)
-        rest(weights, activation, drive)
-
-    return fire
+def _fire(
+    pre: int,
+    post: int,
+    first: int,
+    inputs: int,
+    outputs: int,
+    weights: NDArray[np.float64],
+    activation: NDArray[np.float64],
+    drive: NDArray[np.float64],
+) -> None:
+    """Pass activations through one layer of connections: from neuron `pre` on to neuron `post` on."""
+    for j in range(outputs):
+        summed = 0.0
+        for i in range(inputs):
+            summed += activation[pre + i] * weights[first + i * outputs + j]
+        drive[j] = summed
+    for j in range(outputs):
+        activation[post + j] = tanh(drive[j])
 
 
 def by_layer(network: Network, values: NDArray[np.float64]) -> list[NDArray[np.float64]]:

@@ -14,8 +14,14 @@ class Sign(Enum):
     shuffled = "shuffled"  # a fixed random sign for each synapse
 
 
-def signs(sign: Sign, synapses: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """S for each synapse, (synapses,) of 1 and -1; `rng` is used for shuffled signs only."""
+def signs(sign: Sign, synapses: int, rng: np.random.Generator | None = None) -> NDArray[np.float64]:
+    """S for each synapse, (synapses,) of 1 and -1; shuffled signs need a generator.
+
+    Raises:
+        ValueError: they have none.
+    """
     if sign is Sign.shuffled:
+        if rng is None:
+            raise ValueError("shuffled signs need a random generator")
         return rng.choice([-1.0, 1.0], synapses)
     return np.full(synapses, -1.0 if sign is Sign.anti else 1.0)

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.compiled import compiled, in_module
+from epuckhebb.sim.compiled import compiled, in_module, in_turn
 from epuckhebb.sim.network import Network
-from epuckhebb.sim.plasticity.rule import Rule, asked
+from epuckhebb.sim.plasticity.rule import NoRule, Rule, asked
 from epuckhebb.sim.plasticity.weight_change import total_of, weight_change
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
@@ -43,35 +43,74 @@ def _pass(activation: NDArray[np.float64], room: NDArray[np.float64]) -> None:
 
 def _filled(network: Network, quantity: int) -> Fill:
     """The function that writes x_j, x_i or their product for every synapse into its row of the workspace."""
-    fill: Fill = compiled(_pass)
-    for k, (inputs, outputs) in reversed(list(enumerate(network.shapes))):
-        fill = _layer_filled(
-            network.first_neuron[k],
-            network.first_neuron[k + 1],
-            network.first_synapse[k],
-            inputs,
-            outputs,
-            quantity,
-            fill,
-        )
+    fill: Fill = in_turn(_FILLS[quantity], network.connections, "activation, room")
     return fill
 
 
-def _layer_filled(pre: int, post: int, first: int, inputs: int, outputs: int, quantity: int, rest: Fill) -> Fill:
-    of_pre, of_post = quantity in (PRE, CORRELATION), quantity in (POST, CORRELATION)
+def _fill_pre(
+    pre: int,
+    post: int,
+    first: int,
+    inputs: int,
+    outputs: int,
+    activation: NDArray[np.float64],
+    room: NDArray[np.float64],
+) -> None:
+    """Write x_j of one layer of connections."""
+    for i in range(inputs):
+        for j in range(outputs):
+            room[PRE, first + i * outputs + j] = activation[pre + i]
 
-    @compiled
-    def fill(activation: NDArray[np.float64], room: NDArray[np.float64]) -> None:
+
+def _fill_post(
+    pre: int,
+    post: int,
+    first: int,
+    inputs: int,
+    outputs: int,
+    activation: NDArray[np.float64],
+    room: NDArray[np.float64],
+) -> None:
+    """Write x_i of one layer of connections; neuron by neuron, as rows of it would be copied by calls of memcpy."""
+    for j in range(outputs):
+        value = activation[post + j]
         for i in range(inputs):
-            for j in range(outputs):
-                value = activation[pre + i] if of_pre else 1.0
-                room[quantity, first + i * outputs + j] = value * activation[post + j] if of_post else value
-        rest(activation, room)
-
-    return fill
+            room[POST, first + i * outputs + j] = value
 
 
+def _fill_correlation(
+    pre: int,
+    post: int,
+    first: int,
+    inputs: int,
+    outputs: int,
+    activation: NDArray[np.float64],
+    room: NDArray[np.float64],
+) -> None:
+    """Write x_j x_i of one layer of connections."""
+    for i in range(inputs):
+        for j in range(outputs):
+            room[CORRELATION, first + i * outputs + j] = activation[pre + i] * activation[post + j]
+
+
+_FILLS = {PRE: _fill_pre, POST: _fill_post, CORRELATION: _fill_correlation}
 Update = Callable[..., float]
+
+
+def _stay(
+    weights: NDArray[np.float64],
+    kept: NDArray[np.void],
+    genes: NDArray[np.float64],
+    coefficients: NDArray[np.float64],
+    activation: NDArray[np.float64],
+    rate: float,
+    signs: NDArray[np.float64],
+    numbers: tuple[float, ...],
+    room: NDArray[np.float64],
+    change: NDArray[np.float64],
+) -> float:
+    """Without a rule no weight changes."""
+    return 0.0
 
 
 def update_of(rule: type[Rule], network: Network) -> Update:
@@ -86,6 +125,8 @@ def update_of(rule: type[Rule], network: Network) -> Update:
     Raises:
         ValueError: the rule asks for something that there is not.
     """
+    if rule is NoRule:
+        return compiled(_stay)
     names = asked(rule)
     By = _namedtuple("By", rule.settings())
     evolved = {name: f"coefficients[{row}, k]" for row, name in enumerate(rule.evolved)}
