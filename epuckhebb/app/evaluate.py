@@ -21,7 +21,7 @@ from epuckhebb.app.parts import NONE, rule_file, sha256_of
 from epuckhebb.app.progress import say
 from epuckhebb.app.runs import RunFolder
 from epuckhebb.sim.adaptation.baseline import REPEATS, Baseline, remember
-from epuckhebb.sim.block import LostRobotError, RuleError, load_kernel
+from epuckhebb.sim.block import LostRobotError, load_kernel
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.scenario import TRAINED, Scenario
@@ -90,7 +90,7 @@ def compiled_for(controller: Controller, network: Network, world: Scenario) -> N
     try:
         with suppress(LostRobotError):  # what one step of a network of zeros comes to says nothing of the genome's life
             load_kernel(controller, network, world)
-    except RuleError as error:
+    except ValueError as error:  # a RuleError among them
         raise ConfigError(str(error)) from error
 
 

@@ -331,6 +331,7 @@ def load_kernel(
         side="left",
         controller=controller,
         network=net,
+        signs=np.ones(net.synapses),
         key=np.uint64(0),
     )
     live_block([unborn], world, Lifetime(duration_s=STEP_S, gain_rad_s=min(1.0, world.robot.motor_limit_rad_s)))
