@@ -21,9 +21,9 @@ from yaml import YAMLError
 
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.parts import check_pace, check_signal, compared, controller_from, network_for, scenario_from
-from epuckhebb.evolution.ga import GA as Algorithm  # noqa: N811
+from epuckhebb.evolution.ga import GA
 from epuckhebb.sim.adaptation.adaptation import Adaptation
-from epuckhebb.sim.controller import GA
+from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.light import Lamp
@@ -117,7 +117,7 @@ class EvaluateConfig(WorldConfig):
         main = controller_from(self.hebbian, self.adaptation)
         self.controllers = [] if main.is_ga_alone else [main]
         self.controllers += [compared(name, settings, self.scenario.paper_N) for name, settings in self.compare.items()]
-        names = [GA, *(controller.name for controller in self.controllers)]
+        names = [GA_ALONE.name, *(controller.name for controller in self.controllers)]
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice:
             raise ValueError(
@@ -132,7 +132,7 @@ class EvaluateConfig(WorldConfig):
 class EvolveConfig(WorldConfig):
     """All keys of `epuckhebb evolve`. controller: what drives the robots besides their genes."""
 
-    ga: Algorithm = field(default_factory=Algorithm)
+    ga: GA = field(default_factory=GA)
 
     def __post_init__(self) -> None:
         """Refuse what cannot be run.
@@ -170,7 +170,7 @@ class ReproduceConfig:
     signal: LiveFitness = LiveFitness.paper
     genome: str | None = None
     threads: int = 0
-    ga: Algorithm = field(default_factory=Algorithm)
+    ga: GA = field(default_factory=GA)
 
     def __post_init__(self) -> None:
         """Refuse what cannot be run.

@@ -198,7 +198,7 @@ def controller_from(hebbian: Mapping[str, Any], adaptation: Adaptation, key: str
     return Controller(name=name, rule=rule, adaptation=adaptation)
 
 
-def compared(name: str, settings: Any, paper_N: float) -> Controller:  # noqa: N803
+def compared(name: str, settings: Any, paper_rate: float) -> Controller:
     """The controller that stands below `compare`: settings are what differs from the paper's rule.
 
     They may have `adaptation`, a mapping with the keys of the group (its name has been looked up before).
@@ -220,7 +220,7 @@ def compared(name: str, settings: Any, paper_N: float) -> Controller:  # noqa: N
         raise ConfigError(f"{key}.adaptation.{unknown[0]} is not a setting of an adaptation")
     rule_settings = {"rule": "paper", **own}
     if rule_settings["rule"] != NONE:
-        rule_settings.setdefault("N", paper_N)
+        rule_settings.setdefault("N", paper_rate)
     try:
         return Controller(
             name=name,

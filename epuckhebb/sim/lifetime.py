@@ -153,13 +153,7 @@ class Samples(NamedTuple):
 
 
 # The parts of a life, as the paper's robot without plasticity has them; `kernel_of` puts others in their place.
-INPUTS, BIAS, WHEELS, SYNAPSES, HAS_RULE = (
-    PAPER_NETWORK.inputs,
-    PAPER_NETWORK.bias,
-    PAPER_NETWORK.wheels,
-    PAPER_NETWORK.synapses,
-    False,
-)
+WHEELS, HAS_RULE = PAPER_NETWORK.wheels, False
 sense, blind, nearest = senses(EPUCK), blinding(EPUCK), largest_distance_reading(EPUCK)
 draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
 learn = update_of(NoRule, PAPER_NETWORK)
@@ -322,10 +316,7 @@ def _made(rule: type[Rule], change_signal: str, network: Network, robot: Robot) 
     open_gate, explore = over.hooks(change_signal, robot)
     return kernel(
         live,
-        INPUTS=network.inputs,
-        BIAS=network.bias,
         WHEELS=network.wheels,
-        SYNAPSES=network.synapses,
         HAS_RULE=rule is not NoRule,
         sense=senses(robot),
         blind=blinding(robot),

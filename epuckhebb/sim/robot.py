@@ -8,7 +8,7 @@ of what such a file holds.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -37,6 +37,30 @@ class CurvePoint(NamedTuple):
     noise: float
 
 
+_E_PUCK_PLACES = (  # of its eight infra-red sensors, which feel ambient light too
+    Place(0.030, -0.010, -17.2),
+    Place(0.022, -0.025, -45.9),
+    Place(0.000, -0.031, -90.0),
+    Place(-0.030, -0.015, -151.5),
+    Place(-0.030, 0.015, 151.2),
+    Place(0.000, 0.031, 90.0),
+    Place(0.022, 0.025, 45.8),
+    Place(0.030, 0.010, 17.1),
+)
+_E_PUCK_CURVE = (
+    CurvePoint(0.000, 4095.00, 0.00200),
+    CurvePoint(0.005, 2133.33, 0.00300),
+    CurvePoint(0.010, 1465.73, 0.00700),
+    CurvePoint(0.015, 601.46, 0.04060),
+    CurvePoint(0.020, 383.84, 0.01472),
+    CurvePoint(0.030, 234.93, 0.02410),
+    CurvePoint(0.040, 158.03, 0.02870),
+    CurvePoint(0.050, 120.00, 0.04225),
+    CurvePoint(0.060, 104.09, 0.03065),
+    CurvePoint(0.070, 67.19, 0.04897),
+)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Robot:
     """The body and the senses of a robot; the defaults are the e-puck's.
@@ -58,44 +82,9 @@ class Robot:
     wheel_radius_m: float = 0.020
     axle_m: float = 0.052
     motor_limit_rad_s: float = 6.28
-    light_places: tuple[Place, ...] = field(
-        default=(
-            Place(0.030, -0.010, -17.2),
-            Place(0.022, -0.025, -45.9),
-            Place(0.000, -0.031, -90.0),
-            Place(-0.030, -0.015, -151.5),
-            Place(-0.030, 0.015, 151.2),
-            Place(0.000, 0.031, 90.0),
-            Place(0.022, 0.025, 45.8),
-            Place(0.030, 0.010, 17.1),
-        )
-    )
-    distance_places: tuple[Place, ...] = field(
-        default=(
-            Place(0.030, -0.010, -17.2),
-            Place(0.022, -0.025, -45.9),
-            Place(0.000, -0.031, -90.0),
-            Place(-0.030, -0.015, -151.5),
-            Place(-0.030, 0.015, 151.2),
-            Place(0.000, 0.031, 90.0),
-            Place(0.022, 0.025, 45.8),
-            Place(0.030, 0.010, 17.1),
-        )
-    )
-    distance_curve: tuple[CurvePoint, ...] = field(
-        default=(
-            CurvePoint(0.000, 4095.00, 0.00200),
-            CurvePoint(0.005, 2133.33, 0.00300),
-            CurvePoint(0.010, 1465.73, 0.00700),
-            CurvePoint(0.015, 601.46, 0.04060),
-            CurvePoint(0.020, 383.84, 0.01472),
-            CurvePoint(0.030, 234.93, 0.02410),
-            CurvePoint(0.040, 158.03, 0.02870),
-            CurvePoint(0.050, 120.00, 0.04225),
-            CurvePoint(0.060, 104.09, 0.03065),
-            CurvePoint(0.070, 67.19, 0.04897),
-        )
-    )
+    light_places: tuple[Place, ...] = _E_PUCK_PLACES
+    distance_places: tuple[Place, ...] = _E_PUCK_PLACES
+    distance_curve: tuple[CurvePoint, ...] = _E_PUCK_CURVE
     stretch: float = 1.25 * 1.013  # red, rough walls look 1.25 times as far; the beams rise by 9.17 degrees
     reach_m: float = 0.056
     full_scale: float = 2000.0  # as in the published controller
