@@ -19,6 +19,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
+from epuckhebb.app.earlier import of_today
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.parts import check_pace, check_signal, compared, controller_from, network_for, scenario_from
 from epuckhebb.evolution.ga import GA
@@ -259,7 +260,10 @@ def read_config(file: Path, verb: str) -> DictConfig:
         ConfigError: It cannot be read, or holds what this program does not know.
     """
     try:
-        cfg = OmegaConf.merge(OmegaConf.structured(SCHEMAS[verb]), OmegaConf.load(file))
+        held = OmegaConf.load(file)
+        if not isinstance(held, DictConfig):
+            raise ConfigError(f"{file} cannot be used: it holds no settings")
+        cfg = OmegaConf.merge(OmegaConf.structured(SCHEMAS[verb]), of_today(held))
     except (OSError, YAMLError, OmegaConfBaseException) as error:
         raise ConfigError(f"{file} cannot be used: {error}") from error
     assert isinstance(cfg, DictConfig)
