@@ -39,6 +39,7 @@ _STAMP = "EPUCKHEBB_STAMP"  # environment variable that conf/ names run folders 
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}
 _SWEEP_DIR = "hydra.sweep.dir="
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
+_RULE_FILE = re.compile(r"(?<=hebbian\.rule=)[^,:=~]+\.py(?=:)")  # a worker may have been started elsewhere
 _VALUE_KEY = re.compile(r"[\w.]+")  # of a plain override: nothing added, deleted, or put into another package
 _VERSION_BASE: dict[str, Any] = {} if IS_HYDRA_1_4 else {"version_base": "1.3"}  # from 1.4 on it is warned about
 
@@ -224,6 +225,7 @@ def run(verb: str, job: Callable[[DictConfig], None], arguments: list[str]) -> l
         JobFailedError: A job failed, or the launcher of several.
     """
     check_folders(arguments)
+    arguments = [_RULE_FILE.sub(lambda file: str(Path(file[0]).absolute()), argument) for argument in arguments]
     stamp = new_stamp()
     folders: list[Path] = []
 

@@ -115,7 +115,7 @@ class Scenario:
             mine, its = getattr(self, field_.name), getattr(named, field_.name)
             if field_.name == "lamp":
                 told += [
-                    f"lamp.{part.name}={getattr(mine, part.name)}"
+                    f"lamp.{part.name}={_plain(getattr(mine, part.name))}"
                     for part in fields(Lamp)
                     if getattr(mine, part.name) != getattr(its, part.name)
                 ]
