@@ -236,18 +236,18 @@ class Robot:
             direction = getattr(self, type(self.rule).__name__.lower())(k, pre[:, None], post[None, :], self.kept[k])
             self.weights[k] = np.clip(self.weights[k] + rate * self.signs[k] * direction, -w_max, w_max)
 
-    def paper(self, layer, pre, post, kept):  # noqa: ARG002
+    def paper(self, layer, pre, post, kept):
         kept["trace"] = self.rule.trace_decay * kept["trace"] + self.rule.trace_update * (pre * post)
         return kept["trace"]
 
-    def oja(self, layer, pre, post, kept):  # noqa: ARG002
+    def oja(self, layer, pre, post, kept):
         return pre * post - post**2 * self.weights[layer]
 
-    def bcm(self, layer, pre, post, kept):  # noqa: ARG002
+    def bcm(self, layer, pre, post, kept):
         kept["square"] = kept["square"] + STEP / self.rule.threshold_time_s * (post**2 - kept["square"])
         return pre * post * (post - kept["square"])
 
-    def differential(self, layer, pre, post, kept):  # noqa: ARG002
+    def differential(self, layer, pre, post, kept):
         share = STEP / self.rule.trace_time_s
         kept["pre"] = kept["pre"] + share * (pre - kept["pre"])
         kept["post"] = kept["post"] + share * (post - kept["post"])

@@ -1,11 +1,18 @@
 """Files of others are never touched, and files of ours that somebody has touched are not believed."""
 
+import importlib
+from pickle import UnpicklingError
+
 import pytest
 from typer.testing import CliRunner
 
+from epuckhebb.app import engine, files, runs
 from epuckhebb.app.cli import app
 from epuckhebb.app.errors import USAGE, ConfigError
+from epuckhebb.app.hydra_bridge import composed
 from epuckhebb.app.runs import RunFolder
+
+compiled = importlib.import_module("epuckhebb.sim.compiled")
 
 SMALL = ["repeats=1", "lifetime.duration_s=1", "lifetime.record_every=0"]
 SWEEP = ["sweep", "obstacles", *SMALL, "scenario=base", "hydra/launcher=basic"]
@@ -115,3 +122,30 @@ def test_a_job_whose_table_was_touched_is_done_again(run, tmp_path, harm):
     assert "0 done before, 1 to do" in again.output
     assert table.read_bytes() == whole
     assert (tmp_path / "mine" / "sweep.csv").read_bytes() == sweep
+
+
+def test_a_job_is_known_by_all_that_its_results_depend_on(monkeypatch):
+    late = composed("evaluate", ["adaptation=late", *SMALL])
+    always = composed("evaluate", SMALL)
+    before = [engine.identity(cfg) for cfg in (late, always)]
+    with monkeypatch.context() as patched:
+        patched.setattr(files.Genome, "baseline_sha256", "another")
+        assert [engine.identity(cfg) == name for cfg, name in zip((late, always), before, strict=True)] == [False, True]
+    monkeypatch.setattr(runs, "versions", lambda packages: dict.fromkeys(packages, "another"))
+    assert all(engine.identity(cfg) != name for cfg, name in zip((late, always), before, strict=True))
+
+
+def test_machine_code_that_cannot_be_loaded_is_as_if_it_were_not_there():
+    class Damaged:
+        flushed = False
+
+        def load_overload(self, signature, target):
+            raise UnpicklingError("garbage")
+
+        def flush(self):
+            self.flushed = True
+
+    cache = Damaged()
+    compiled._compile_where_loading_fails(cache)
+    assert cache.load_overload("signature", "target") is None
+    assert cache.flushed

@@ -57,7 +57,7 @@ class Oracle(reference.Robot):
         self.towards = self.by_layer(self.all_genes[first + 1 + len(self.shapes) :])
         self.slow, self.steps = [np.full(shape, 0.5) for shape in self.shapes], [0.0 for _ in self.shapes]
 
-    def everything(self, layer, pre, post, kept):  # noqa: ARG002
+    def everything(self, layer, pre, post, kept):
         self.slow[layer] += self.rule.leak * (pre * post - self.slow[layer])
         self.steps[layer] += 1
         pull = 0.01 * (self.towards[layer] - self.weights[layer]) / self.steps[layer]
