@@ -13,8 +13,9 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache
@@ -34,6 +35,7 @@ UNFINISHED = "unfinished"  # folder of a study, in which each attempt at a run h
 _PACKAGE = Path(__file__).resolve().parents[1]
 NUMERIC = ("numba", "numpy", "pymunk")  # the packages on which digits may depend
 _PACKAGES = ("epuckhebb", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
+_PATIENCE_S, _LOOK_S = 1.0, 0.05
 _STATUS, _PROVENANCE = "status.json", "provenance.json"
 _OVERRIDES, _CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
 _HALF = re.compile(r"\..+\.\d+\.tmp")  # what `write_whole` writes beside a file
@@ -56,11 +58,15 @@ def write_whole(target: Path, content: bytes) -> None:
         raise
 
 
-def hold(folder: Path) -> int | None:
+def hold(folder: Path, patience_s: float = 0.0) -> int | None:
     """Keep other processes of this program out of a folder; give the result to `release`, or just end.
 
     The system lets go of a folder when the process ends, however it ends. None comes back where the file system or
     the operating system knows no such locks; then nothing is kept out.
+
+    Args:
+        folder: The folder.
+        patience_s: For how long to try while another process holds it; one may just be looking.
 
     Raises:
         BlockingIOError: Another process holds it.
@@ -69,16 +75,20 @@ def hold(folder: Path) -> int | None:
         return None
     import fcntl
 
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(descriptor)
-        raise
-    except OSError:  # some network file systems
-        os.close(descriptor)
-        return None
-    return descriptor
+    descriptor, until = os.open(folder, os.O_RDONLY), time.monotonic() + patience_s
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() >= until:
+                os.close(descriptor)
+                raise
+            time.sleep(_LOOK_S)
+        except OSError:  # some network file systems
+            os.close(descriptor)
+            return None
+        else:
+            return descriptor
 
 
 def release(held: int | None) -> None:
@@ -132,8 +142,8 @@ class RunFolder:
             raise ConfigError(f"cannot write a run to {path}: {error.strerror}") from error
         told = provenance(verb, cfg, arguments) | facts
         run = cls(path, None, told)
-        with suppress(BlockingIOError):  # someone is just looking whether we hold it; the claim is what counts
-            run._held = hold(path)
+        with suppress(BlockingIOError):  # the claim is what counts
+            run._held = hold(path, _PATIENCE_S)
         try:
             run._begin(told, cfg, arguments)
         except OSError as error:
@@ -162,7 +172,7 @@ class RunFolder:
         try:
             path.mkdir(parents=True, exist_ok=True)
             _refuse_foreign(path, verb)
-            held = hold(path)
+            held = hold(path, _PATIENCE_S)
         except BlockingIOError:
             raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
         except OSError as error:
@@ -296,7 +306,19 @@ def read(path: Path) -> dict[str, Any]:
         raise ConfigError(
             f"{path} is not a run folder: it has no readable provenance.json and status.json ({error})"
         ) from error
+    if status.get("state") == "running" and not _is_held(path):
+        status |= {"state": "interrupted", "error": "its process ended without a word"}
     return {**told, "status": status}
+
+
+def _is_held(path: Path) -> bool:
+    """Whether a process is at work in a folder; yes, where that cannot be known."""
+    try:
+        held = hold(path)
+    except OSError:
+        return True
+    release(held)
+    return held is None
 
 
 def status_of(path: Path) -> dict[str, Any]:
@@ -352,7 +374,8 @@ def _code_version() -> dict[str, Any]:
     return known
 
 
-def versions(packages: Sequence[str]) -> dict[str, str]:
+@cache
+def versions(packages: tuple[str, ...]) -> dict[str, str]:
     """The versions of packages that are installed."""
     return {name: version(name) for name in packages}
 
