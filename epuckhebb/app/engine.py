@@ -28,7 +28,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.app import hydra_bridge, runs
@@ -231,13 +230,13 @@ def count(folder: Path, jobs: Sequence[Job], attempts: str) -> tuple[int, int]:
 
 def study_job(cfg: DictConfig) -> None:
     """Do one job of a study, in whatever process the launcher gives it."""
-    attempt = Path(HydraConfig.get().runtime.output_dir)
+    attempt = hydra_bridge.output_folder()
     folder, run = attempt.parents[1], hydra_bridge.job_overrides()[0].partition("=")[2]
     stop = attempt.parent / _STOP
     if stop.exists():
         attempt.rmdir()
         return
-    told = json.loads((folder / _LIST).read_text())
+    told = json.loads((folder / _LIST).read_text(encoding="utf-8"))
     cfg = read_config(folder / _CONFIGS / "job" / f"{run}.yaml", "evaluate")  # whole; Hydra adds defaults below it
     facts = {"command": told["command"], "sweep": told["name"]}
     try:
@@ -274,7 +273,7 @@ def _arguments(folder: Path, missing: Sequence[Job], launcher: list[str], stamp:
     return [
         f"+job={','.join(job.run for job in missing)}",
         *launcher,
-        f'hydra.sweep.dir="{folder.absolute()}"',  # a worker may have been started elsewhere
+        f"hydra.sweep.dir={hydra_bridge.quoted(str(folder.absolute()))}",  # a worker may have been started elsewhere
         f'hydra.sweep.subdir="{UNFINISHED}/{stamp}_${{hydra.job.num}}"',
         "--config-dir",
         str((folder / _CONFIGS).absolute()),

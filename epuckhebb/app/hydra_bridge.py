@@ -7,16 +7,17 @@ line of its own, so that real launchers, sweepers and `.hydra/` work; what Hydra
 import copy
 import functools
 import itertools
+import math
 import os
 import re
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr
 from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
 from secrets import token_hex
-from typing import Any
+from typing import Any, TextIO, cast
 
 import hydra
 from hydra import compose, initialize_config_dir
@@ -29,9 +30,10 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.app.config import SCHEMAS, near_keys, thread_count
+from epuckhebb.app.config import SCHEMAS, literal, near_keys, thread_count
 from epuckhebb.app.data import data_folder, groups
 from epuckhebb.app.errors import ConfigError, JobFailedError
+from epuckhebb.app.machine import path_of
 from epuckhebb.app.named import NAMED, completed, world_name
 
 IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
@@ -39,7 +41,9 @@ _STAMP = "EPUCKHEBB_STAMP"  # environment variable that conf/ names run folders 
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}
 _SWEEP_DIR = "hydra.sweep.dir="
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
-_RULE_FILE = re.compile(r"(?<=hebbian\.rule=)[^,:=~]+\.py(?=:)")  # a worker may have been started elsewhere
+_PLAIN = re.compile(r"[A-Za-z0-9_./:%@+-]+")  # what needs no quotes as the value of an override
+_HYDRAS_WORDS = "Error executing job with overrides"  # before what a job raised
+_MOST_JOBS = 100_000  # of one call
 _VALUE_KEY = re.compile(r"[\w.]+")  # of a plain override: nothing added, deleted, or put into another package
 _VERSION_BASE: dict[str, Any] = {} if IS_HYDRA_1_4 else {"version_base": "1.3"}  # from 1.4 on it is warned about
 
@@ -62,7 +66,7 @@ def composed(verb: str, overrides: list[str], config_dir: str | None = None, *, 
 def _composed(verb: str, overrides: list[str], config_dir: str | None) -> tuple[DictConfig, DictConfig, list[Path]]:
     """A configuration as Hydra composes it, what Hydra keeps for itself, and where it looked for files."""
     check_words(verb, overrides)
-    more = [f'hydra.searchpath=["file://{Path(config_dir).absolute()}"]'] if config_dir else []
+    more = [f"hydra.searchpath=[{quoted(f'file://{Path(config_dir).absolute()}')}]"] if config_dir else []
     GlobalHydra.instance().clear()
     try:
         with initialize_config_dir(str(data_folder("conf")), **_VERSION_BASE):
@@ -90,7 +94,35 @@ def named(cfg: DictConfig) -> DictConfig:
 
 def _folders(runtime: Any) -> list[Path]:
     """Where Hydra looks for files."""
-    return [Path(source.path) for source in runtime.config_sources if source.schema == "file"]
+    sources = _unresolved(runtime.config_sources)
+    return [Path(source["path"]) for source in sources if source["schema"] == "file"]
+
+
+def _unresolved(node: Any) -> Any:
+    """What Hydra notes, to the letter: a `${...}` in a folder's name refers to nothing."""
+    return OmegaConf.to_container(node, resolve=False)
+
+
+def output_folder() -> Path:
+    """The folder that Hydra has made for the job at work."""
+    return Path(_unresolved(HydraConfig.get().runtime)["output_dir"])
+
+
+def quoted(text: str) -> str:
+    """A text as the value of an override that means just this text."""
+    if _PLAIN.fullmatch(text):
+        return text
+    escaped = re.sub(r'(\\*)("|$)', lambda found: 2 * found[1] + found[2].replace('"', '\\"'), literal(text))
+    return f'"{escaped}"'
+
+
+def value_of(override: str) -> str:
+    """The text that an override gives to its key, without quotes."""
+    value = OverridesParser.create().parse_override(override).value()
+    try:
+        return str(OmegaConf.create({"value": value}).value)
+    except OmegaConfBaseException:  # it refers to what only Hydra knows
+        return str(value)
 
 
 def _world(*, _root_: DictConfig) -> str:
@@ -150,13 +182,18 @@ def alternatives(overrides: list[str]) -> dict[str, list[str]]:
     def choices(override: Override) -> list[str]:
         if not override.is_discrete_sweep():  # or only its sweeper knows what it stands for
             return [override.input_line or ""]
-        return [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
+        values = itertools.islice(override.sweep_string_iterator(), _MOST_JOBS + 1)  # a range may be endless
+        return [f"{override.get_key_element()}={value}" for value in values]
 
     try:
         parsed = OverridesParser.create().parse_overrides(overrides)
-        return {override.get_key_element(): choices(override) for override in parsed}
+        found = {override.get_key_element(): choices(override) for override in parsed}
     except HydraException as error:
         raise ConfigError(explain(error)) from error
+    if math.prod(map(len, found.values())) > _MOST_JOBS:
+        most = max(found, key=lambda key: len(found[key]))
+        raise ConfigError(f"at most {_MOST_JOBS} jobs can be asked for in one call; give {most} fewer values")
+    return found
 
 
 def check_words(verb: str, words: list[str]) -> None:
@@ -225,36 +262,35 @@ def run(verb: str, job: Callable[[DictConfig], None], arguments: list[str]) -> l
         JobFailedError: A job failed, or the launcher of several.
     """
     check_folders(arguments)
-    arguments = [_RULE_FILE.sub(lambda file: str(Path(file[0]).absolute()), argument) for argument in arguments]
+    arguments = [_with_rules_found(argument) for argument in arguments]
     stamp = new_stamp()
     folders: list[Path] = []
 
     @functools.wraps(job)
     def noted(cfg: DictConfig) -> None:
         job(cfg)
-        folders.append(Path(HydraConfig.get().runtime.output_dir))
+        folders.append(output_folder())
 
     if "--multirun" not in arguments:
-        refused: list[ConfigError | JobFailedError] = []
-
-        @functools.wraps(job)
-        def told_once(cfg: DictConfig) -> None:
-            try:
-                noted(cfg)
-            except (ConfigError, JobFailedError) as error:  # what leaves a job, Hydra tells in its own words first
-                refused.append(error)
-
-        call(verb, told_once, arguments, stamp)
-        if refused:
-            raise refused[0]
+        call(verb, noted, arguments, stamp)
         return folders
     if not any(argument.startswith(_SWEEP_DIR) for argument in arguments):
         # In words, not as an environment variable: workers that a launcher keeps from an earlier call have the old one.
         arguments = [f"{_SWEEP_DIR}{Path('runs') / verb / stamp}_multirun", *arguments]
     call(verb, job, arguments, stamp)
-    folder = Path([argument for argument in arguments if argument.startswith(_SWEEP_DIR)][-1].partition("=")[2])
+    folder = Path(value_of([argument for argument in arguments if argument.startswith(_SWEEP_DIR)][-1]))
     runs = [status.parent for status in folder.glob("*/status.json")]
     return sorted(runs, key=lambda run: (not run.name.isdigit(), int(run.name) if run.name.isdigit() else 0, run.name))
+
+
+def _with_rules_found(argument: str) -> str:
+    """An override whose rules of the user's own are found from every folder, where a worker may have been started."""
+    if not argument.startswith("hebbian.rule=") or ":" not in argument:
+        return argument
+    (rules,) = alternatives([argument]).values()
+    named = [value_of(rule).rpartition(":") for rule in rules]
+    found = [f"{path_of(file, 'hebbian.rule').absolute()}:{name}" if file else name for file, _, name in named]
+    return f"hebbian.rule={','.join(map(quoted, found))}"
 
 
 def check_folders(arguments: list[str]) -> None:
@@ -273,7 +309,7 @@ def call(verb: str, job: Callable[[DictConfig], None], arguments: list[str], sta
     """Call Hydra as its own command line would; see `run`. The folders of the runs bear the stamp."""
     options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)} if IS_HYDRA_1_4 else _VERSION_BASE
     entry = hydra.main(config_path=str(data_folder("conf")), config_name=verb, **options)(job)
-    with _as_command_line(verb, arguments, stamp):
+    with _as_command_line(verb, arguments, stamp), redirect_stderr(cast(TextIO, _WithoutHydrasWords(sys.stderr))):
         GlobalHydra.instance().clear()
         try:
             entry()
@@ -295,7 +331,7 @@ def new_stamp() -> str:
 @contextmanager
 def job_folder() -> Iterator[Path]:
     """The folder that Hydra has made for this job; if the job is refused, what is empty of it goes again."""
-    path = Path(HydraConfig.get().runtime.output_dir)
+    path = output_folder()
     try:
         yield path
     except ConfigError:
@@ -311,7 +347,7 @@ def job_folder() -> Iterator[Path]:
 
 def job_overrides() -> list[str]:
     """The overrides of this job, as they would be typed."""
-    return list(HydraConfig.get().overrides.task)
+    return list(_unresolved(HydraConfig.get().overrides.task))
 
 
 def in_multirun() -> bool:
@@ -329,6 +365,19 @@ def threads_of_job(asked: int) -> int:
         width = launcher.n_jobs if launcher.n_jobs > 0 else max(1, cores + 1 + launcher.n_jobs)
         return int(max(1, min(asked, cores // width)))
     return max(1, asked)
+
+
+class _WithoutHydrasWords:
+    """Standard error without what Hydra says before it raises what a job raised, which is told once, by us."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        return len(text) if text.startswith(_HYDRAS_WORDS) else self._stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
 
 
 @contextmanager

@@ -61,7 +61,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     folder = Path("runs") / "sweep" / f"{name}_{engine.digest([engine.settings(job.cfg) for job in jobs])[:8]}"
     for argument in hydras:
         if argument.startswith(_SWEEP_DIR):
-            folder = Path(argument.removeprefix(_SWEEP_DIR).strip("'\""))
+            folder = Path(hydra_bridge.value_of(argument))
     launcher = [argument for argument in hydras if not argument.startswith(_SWEEP_DIR)]
     return Sweep(name=name, jobs=jobs, folder=folder, arguments=[name, *arguments], launcher=launcher)
 
