@@ -55,6 +55,13 @@ def slow(session: nox.Session) -> None:
 
 
 @nox.session
+def torture(session: nox.Session) -> None:
+    """Run the torture tests: random damage, kills and command lines; `-- --torture-seed N` for others."""
+    session.install(".", *group("tests"), STABLE)
+    session.run("pytest", "-m", "torture", *session.posargs)
+
+
+@nox.session
 def slurm(session: nox.Session) -> None:
     """Run a sweep on a SLURM cluster of one node, which is installed (Debian, as root) if it is not there."""
     if not shutil.which("slurmctld"):

@@ -159,14 +159,24 @@ def evaluate(
     open_page: Open = False,
 ) -> None:
     """A genome's lifetimes in a scenario, GA alone and with plasticity."""
-    from epuckhebb.app.evaluate import asked, evaluate_job
+    from epuckhebb.app.evaluate import asked, evaluate_job, recorded_job
 
     if open_page and (multirun or cfg):
         raise ConfigError(
             "--open shows the page of one run, so it does not go with --multirun or --cfg; "
             "run `epuckhebb replay RUN --open` for one of the runs of a multirun"
         )
-    runs = _run("evaluate", evaluate_job, asked, overrides or [], multirun, cfg, config_dir, quiet, as_json)
+    runs = _run(
+        "evaluate",
+        recorded_job if open_page else evaluate_job,
+        asked,
+        overrides or [],
+        multirun,
+        cfg,
+        config_dir,
+        quiet,
+        as_json,
+    )
     if open_page:
         from epuckhebb.app.replay import recording, write_page
 

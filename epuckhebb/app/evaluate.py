@@ -38,6 +38,14 @@ def evaluate_job(cfg: DictConfig) -> None:
         evaluate_into(path, cfg, hydra_bridge.job_overrides(), {}, threads=threads)
 
 
+def recorded_job(cfg: DictConfig) -> None:
+    """Do one job of Hydra's whose lifetimes are to be watched."""
+    if not cfg.lifetime.record_every:
+        with hydra_bridge.job_folder():
+            raise ConfigError("--open shows what was recorded; give lifetime.record_every=8, or leave it out")
+    evaluate_job(cfg)
+
+
 def asked(cfg: DictConfig) -> tuple[EvaluateConfig, Genome]:
     """What a configuration asks for: its values, and the genome that it names, both checked.
 

@@ -213,7 +213,7 @@ def check_words(verb: str, words: list[str]) -> None:
             raise ConfigError("changed is filled in by the program, with what differs from the named scenario")
         value = None if override.is_sweep_override() else override.value()
         is_name = override.is_delete() or override.is_sweep_override() or isinstance(value, str | list)
-        if not is_name and (key in known or "/" in key):
+        if not is_name and (key in known or "/" in key or (data_folder("conf") / key).is_dir()):
             allowed = f"one of {', '.join(known[key])}" if key in known else "the name of a file"
             raise ConfigError(f"{override.input_line}: {key} must be {allowed}")
 
@@ -419,7 +419,10 @@ def explain(error: BaseException) -> str:
     missing = re.search(r"Could not (?:find|load) 'hydra/launcher/(submitit|ray)(?:_\w+)?'", text)
     if missing:
         text += f'\nThis launcher is a plug-in: pip install "epuckhebb[{_EXTRAS[missing[1]]}]"'
-    if "LexerNoViableAlt" in type(error).__name__ or "mismatched input" in text or "missing EQUAL" in text:
+    if "LexerNoViableAlt" in text:
+        text = text.replace("LexerNoViableAltException: ", "cannot be read: ")
+        text += """\nSigns such as ~ need quotes within quotes, for example "genome='~/champion.npz'\""""
+    elif "mismatched input" in text or "missing EQUAL" in text:
         text += "\nSettings are written KEY=VALUE, for example scenario=4obstacles or hebbian.N=0.002"
     wrong = re.search(r"Could not override '([^']+)'", text)
     if wrong and "Did you mean" not in text:

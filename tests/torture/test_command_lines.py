@@ -127,7 +127,7 @@ def setting(verb, rng):
     elif key in values:
         kinds += [[str(values[key])]]
     value = rng.choice(rng.choice(kinds))
-    if key in ENDLESS and value in HUGE or (verb, key) == ("reproduce", "genome"):
+    if (key in ENDLESS and value in HUGE) or (verb, key) == ("reproduce", "genome"):
         value = "3"
     if rng.random() < 0.25:
         value = rng.choice(["'{}'", '"{}"', "[{}]", "{},{}", "{}\\", "\\{}"]).replace("{}", value)
