@@ -15,6 +15,7 @@ import epuckhebb
 from epuckhebb.app import hydra_bridge
 from epuckhebb.app.cli import _told, app
 from epuckhebb.app.config import literal
+from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import USAGE
 from epuckhebb.app.terminal import Terminal, show_what_can_be_shown
 from epuckhebb.study import report
@@ -71,7 +72,7 @@ def test_all_verbs_work_in_an_odd_folder(run, tmp_path, monkeypatch):
     folder = tmp_path / 'it\'s "a" ${x} é\n\\'
     (folder / "conf").mkdir(parents=True)
     monkeypatch.chdir(folder)
-    champion = epuckhebb.app.files.data_folder("runs/reference") / "champion_obstacles.npz"
+    champion = data_folder("runs/reference") / "champion_obstacles.npz"
     (folder / "${seed}.npz").write_bytes(champion.read_bytes())
     genome = f"genome={hydra_bridge.quoted('${seed}.npz')}"
     for words in (
@@ -142,6 +143,14 @@ def test_a_run_is_told_in_ascii(run):
     assert done.returncode == 0, done.stderr
     assert b"Weight Change Mean" in done.stdout
     assert b"epuckhebb/app" not in done.stderr, done.stderr  # a file of ours that opens text without an encoding
+
+
+@pytest.mark.parametrize("words", [["evaluate"], ["evolve"], ["sweep", "light"]])
+def test_what_is_no_text_is_refused(run, tmp_path, words):
+    result = run(*words, "scenario.name='a\udcff'")
+    assert result.exit_code == USAGE
+    assert "no text in the encoding of this system" in result.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_text_is_read_as_utf_8():

@@ -66,7 +66,7 @@ def composed(verb: str, overrides: list[str], config_dir: str | None = None, *, 
 def _composed(verb: str, overrides: list[str], config_dir: str | None) -> tuple[DictConfig, DictConfig, list[Path]]:
     """A configuration as Hydra composes it, what Hydra keeps for itself, and where it looked for files."""
     check_words(verb, overrides)
-    more = [f"hydra.searchpath=[{quoted(f'file://{Path(config_dir).absolute()}')}]"] if config_dir else []
+    more = [f"hydra.searchpath=[{_in_quotes(f'file://{Path(config_dir).absolute()}')}]"] if config_dir else []
     GlobalHydra.instance().clear()
     try:
         with initialize_config_dir(str(data_folder("conf")), **_VERSION_BASE):
@@ -112,7 +112,11 @@ def quoted(text: str) -> str:
     """A text as the value of an override that means just this text."""
     if _PLAIN.fullmatch(text):
         return text
-    escaped = re.sub(r'(\\*)("|$)', lambda found: 2 * found[1] + found[2].replace('"', '\\"'), literal(text))
+    return _in_quotes(literal(text))
+
+
+def _in_quotes(text: str) -> str:
+    escaped = re.sub(r'(\\*)("|$)', lambda found: 2 * found[1] + found[2].replace('"', '\\"'), text)
     return f'"{escaped}"'
 
 
@@ -197,11 +201,17 @@ def alternatives(overrides: list[str]) -> dict[str, list[str]]:
 
 
 def check_words(verb: str, words: list[str]) -> None:
-    """Refuse a group that is given something else than a name, which Hydra ends with a traceback, and `changed`.
+    """Refuse what is no text, a group that is given something else than a name, and `changed`.
 
     Raises:
         ConfigError: There is such a word; the message says what is allowed.
     """
+    for word in words:
+        if any("\ud800" <= sign <= "\udfff" for sign in word):
+            raise ConfigError(
+                f"{word!r} has signs that are no text in the encoding of this system, {sys.getfilesystemencoding()}; "
+                "set PYTHONUTF8=1 if it is UTF-8"
+            )
     try:
         overrides = OverridesParser.create().parse_overrides([word for word in words if not word.startswith("-")])
     except HydraException:

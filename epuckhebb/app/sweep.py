@@ -44,6 +44,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
         if argument.startswith(("hydra/sweeper", "hydra.sweeper", "hydra.sweep.subdir")):
             raise ConfigError(f"{argument}: `sweep` lists its jobs itself; for another sweeper: evaluate --multirun")
     hydra_bridge.check_folders(hydras)
+    hydra_bridge.check_words("evaluate", arguments)
     if not any(argument.startswith("hydra/launcher=") for argument in hydras):
         hydras.insert(0, "hydra/launcher=joblib")
     named = [f"experiment={name}"]
