@@ -4,6 +4,7 @@ import atexit
 import gc
 import json
 import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
@@ -17,6 +18,7 @@ from typer.core import TyperCommand
 from epuckhebb import __version__
 from epuckhebb.app import data
 from epuckhebb.app.errors import INTERRUPTED, JOB_FAILED, USAGE, ConfigError, JobFailedError, interrupted, interruptible
+from epuckhebb.app.terminal import Terminal, fall_silent, show_what_can_be_shown
 
 app = typer.Typer(
     name="epuckhebb",
@@ -93,9 +95,9 @@ Open = Annotated[bool, typer.Option("--open", help="Write the page that replays 
 
 
 def _say_error(message: str) -> None:
-    console = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
+    console = Terminal(stderr=True)
     console.print("Error: ", style="bold red", end="")
-    console.print(message, markup=False)
+    console.print(message, markup=False, soft_wrap=True)
 
 
 @contextmanager
@@ -113,6 +115,8 @@ def _told() -> Iterator[None]:
     except KeyboardInterrupt as interruption:
         _say_error(interrupted(str(interruption)))
         raise typer.Exit(INTERRUPTED) from None
+    except BrokenPipeError:  # nobody reads what we say, and what we do is done
+        fall_silent(sys.stdout)
     except OSError as error:
         _say_error(f"{error.filename or ''}: {error.strerror or error}")
         raise typer.Exit(USAGE) from None
@@ -155,14 +159,24 @@ def evaluate(
     open_page: Open = False,
 ) -> None:
     """A genome's lifetimes in a scenario, GA alone and with plasticity."""
-    from epuckhebb.app.evaluate import asked, evaluate_job
+    from epuckhebb.app.evaluate import asked, evaluate_job, recorded_job
 
     if open_page and (multirun or cfg):
         raise ConfigError(
             "--open shows the page of one run, so it does not go with --multirun or --cfg; "
             "run `epuckhebb replay RUN --open` for one of the runs of a multirun"
         )
-    runs = _run("evaluate", evaluate_job, asked, overrides or [], multirun, cfg, config_dir, quiet, as_json)
+    runs = _run(
+        "evaluate",
+        recorded_job if open_page else evaluate_job,
+        asked,
+        overrides or [],
+        multirun,
+        cfg,
+        config_dir,
+        quiet,
+        as_json,
+    )
     if open_page:
         from epuckhebb.app.replay import recording, write_page
 
@@ -364,7 +378,7 @@ def _out(as_json: bool, quiet: bool, told: Callable[[], Any], tell: Callable[[Co
     if as_json:
         typer.echo(json.dumps(told()))
     elif not quiet:
-        tell(Console(emoji=False))
+        tell(Terminal())
 
 
 def _begin(quiet: bool) -> None:
@@ -390,6 +404,7 @@ def main() -> None:
     What the program loads at its start never becomes garbage, so it is not searched for any: not while it loads (see
     `_begin`), and not at the end. That is half a second of the three that an evaluation would take.
     """
+    show_what_can_be_shown()
     gc.disable()
     atexit.register(gc.freeze)
     app()

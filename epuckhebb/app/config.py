@@ -7,7 +7,7 @@ that a user can bring (a rule, a maze, a robot) are open here, and checked when 
 import difflib
 import functools
 import math
-import os
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -19,6 +19,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
+from epuckhebb.app import machine
 from epuckhebb.app.earlier import of_today
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.parts import check_pace, check_signal, compared, controller_from, network_for, scenario_from
@@ -28,6 +29,8 @@ from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.light import Lamp
+
+_MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
 
 
 def check_counts(seed: int, threads: int, repeats: int = 1) -> None:
@@ -40,8 +43,8 @@ def check_counts(seed: int, threads: int, repeats: int = 1) -> None:
         raise ValueError(f"seed must be 0 or more, got {seed}")
     if repeats < 1:
         raise ValueError(f"repeats must be 1 or more, got {repeats}")
-    if threads < 0:
-        raise ValueError(f"threads must be 0 (one for each core) or more, got {threads}")
+    if not 0 <= threads <= _MOST_THREADS:
+        raise ValueError(f"threads must lie between 0 (one for each core) and {_MOST_THREADS}, got {threads}")
 
 
 @dataclass(kw_only=True)
@@ -266,27 +269,39 @@ def read_config(file: Path, verb: str) -> DictConfig:
         ConfigError: It cannot be read, or holds what this program does not know.
     """
     try:
-        held = OmegaConf.load(file)
-        if not isinstance(held, DictConfig):
+        held = OmegaConf.to_container(OmegaConf.load(file))
+        if not isinstance(held, dict):
             raise ConfigError(f"{file} cannot be used: it holds no settings")
         return as_config(held, verb)
     except (OSError, YAMLError, OmegaConfBaseException) as error:
         raise ConfigError(f"{file} cannot be used: {error}") from error
 
 
-def as_config(held: Mapping[str, Any], verb: str) -> DictConfig:
-    """The configuration of a verb that these values are, all names among them.
+def as_config(held: Mapping[Any, Any], verb: str) -> DictConfig:
+    """The configuration of a verb that these plain values are, all names among them.
 
     Raises:
         OmegaConfBaseException: They hold what this program does not know.
     """
-    cfg = OmegaConf.merge(OmegaConf.structured(SCHEMAS[verb]), of_today(OmegaConf.create(dict(held))))
+    cfg = OmegaConf.merge(OmegaConf.structured(SCHEMAS[verb]), of_today(OmegaConf.create(_literally(dict(held)))))
     assert isinstance(cfg, DictConfig)
     return cfg
 
 
+def literal(text: str) -> str:
+    """A text as a configuration has to be given it, so that a `${...}` in it, of a folder's name, means nothing."""
+    return re.sub(r"(\\*)\$\{", lambda found: f"{2 * found[1]}\\${{", text)
+
+
+def _literally(told: Any) -> Any:
+    """What was written down with all values in it: no text in it refers to another."""
+    if isinstance(told, dict):
+        return {key: _literally(value) for key, value in told.items()}
+    if isinstance(told, list):
+        return [_literally(value) for value in told]
+    return literal(told) if isinstance(told, str) else told
+
+
 def thread_count(threads: int) -> int:
-    """The number of threads to use; 0 stands for one a core."""
-    if threads:
-        return threads
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """The number of threads to use; 0 stands for one for each core that this process, or its container, may use."""
+    return threads or machine.cores()

@@ -20,7 +20,7 @@ def data_folder(name: str) -> Path:
 
 def groups(verb: str) -> dict[str, list[str]]:
     """The configuration groups of a verb and their choices, as the names of the files say."""
-    defaults = _primary(verb).read_text()
+    defaults = _primary(verb).read_text(encoding="utf-8")
     return {
         folder.name: sorted(file.stem for file in folder.glob("*.yaml"))
         for folder in sorted(path for path in data_folder("conf").iterdir() if path.is_dir())
@@ -90,7 +90,7 @@ def _keys(verb: str) -> Iterator[tuple[str, Any]]:
     """The keys that are values, and their defaults."""
     import yaml
 
-    primary = yaml.safe_load(_primary(verb).read_text())
+    primary = yaml.safe_load(_primary(verb).read_text(encoding="utf-8"))
     chosen = {group: name for entry in primary["defaults"] if isinstance(entry, dict) for group, name in entry.items()}
 
     def below(node: dict[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
@@ -104,7 +104,7 @@ def _keys(verb: str) -> Iterator[tuple[str, Any]]:
     for group in groups(verb):
         file = data_folder("conf") / group / f"{chosen.get(group)}.yaml"
         if group != "experiment" and file.is_file():
-            values = yaml.safe_load(file.read_text())
+            values = yaml.safe_load(file.read_text(encoding="utf-8"))
             yield from below(values.get(group, values), f"{group}.")  # a file may bring other groups, beside its own
 
 

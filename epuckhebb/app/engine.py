@@ -29,7 +29,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from epuckhebb.app import files, hydra_bridge, runs
@@ -267,13 +266,13 @@ def count(folder: Path, jobs: Sequence[Job], attempts: str) -> tuple[int, int]:
 def study_job(cfg: DictConfig) -> None:
     """Do one job of a study, in whatever process the launcher gives it."""
     hydra_bridge.begin_job()
-    attempt = Path(HydraConfig.get().runtime.output_dir)
+    attempt = hydra_bridge.output_folder()
     folder, run = attempt.parents[1], str(cfg.job)
     stop = attempt.parent / _STOP
     if stop.exists():
         attempt.rmdir()
         return
-    told, job = (json.loads((folder / file).read_text()) for file in (_LIST, f"{_JOBS}/{run}.json"))
+    told, job = (json.loads((folder / file).read_bytes()) for file in (_LIST, f"{_JOBS}/{run}.json"))
     try:
         _check_unchanged(job["config"], run)
         config = as_config(job["config"], "evaluate")
@@ -308,7 +307,7 @@ def _arguments(folder: Path, missing: Sequence[Job], launcher: list[str], stamp:
     return [
         f"job={','.join(job.run for job in missing)}",
         *launcher,
-        f'hydra.sweep.dir="{folder.absolute()}"',  # a worker may have been started elsewhere
+        f"hydra.sweep.dir={hydra_bridge.quoted(str(folder.absolute()))}",  # a worker may have been started elsewhere
         f'hydra.sweep.subdir="{UNFINISHED}/{stamp}_${{hydra.job.num}}"',
         "--multirun",
     ]

@@ -16,17 +16,18 @@ from epuckhebb.app.config import EvaluateConfig, typed
 from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.files import Genome
+from epuckhebb.app.machine import Need, require
 from epuckhebb.app.named import scenario_of
 from epuckhebb.app.parts import NONE, rule_file, sha256_of
 from epuckhebb.app.progress import say
 from epuckhebb.app.runs import RunFolder
-from epuckhebb.sim.adaptation.baseline import REPEATS, Baseline, remember
+from epuckhebb.sim.adaptation.baseline import REPEATS, Baseline, remember, room_to_remember
 from epuckhebb.sim.block import LostRobotError, load_kernel
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.study import tables
-from epuckhebb.study.evaluate import Traces, evaluate
+from epuckhebb.study.evaluate import Traces, evaluate, room_to_evaluate
 
 
 def evaluate_job(cfg: DictConfig) -> None:
@@ -38,6 +39,14 @@ def evaluate_job(cfg: DictConfig) -> None:
         evaluate_into(path, cfg, hydra_bridge.job_overrides(), {}, threads=threads)
 
 
+def recorded_job(cfg: DictConfig) -> None:
+    """Do one job of Hydra's whose lifetimes are to be watched."""
+    if not cfg.lifetime.record_every:
+        with hydra_bridge.job_folder():
+            raise ConfigError("--open shows what was recorded; give lifetime.record_every=8, or leave it out")
+    evaluate_job(cfg)
+
+
 def asked(cfg: DictConfig) -> tuple[EvaluateConfig, Genome]:
     """What a configuration asks for: its values, and the genome that it names, both checked.
 
@@ -47,7 +56,23 @@ def asked(cfg: DictConfig) -> tuple[EvaluateConfig, Genome]:
     config = typed(cfg, EvaluateConfig)
     genome = files.load_genome(config.genome, config.world.experiment, config.layers)
     fit(genome, config)
+    require(needs(config, genome))
     return config, genome
+
+
+def needs(config: EvaluateConfig, genome: Genome) -> list[Need]:
+    """The memory that an evaluation takes."""
+    lives, records = room_to_evaluate(len(config.controllers), config.lifetime, config.repeats, genome.network)
+    needed = [
+        Need(lives, f"{config.repeats} lifetimes a side and controller", "lower repeats"),
+        Need(records, "what is recorded", "lower lifetime.duration_s, or raise lifetime.record_every"),
+    ]
+    pace = config.lifetime.gain_rad_s
+    if _change_signals(config) and (genome.baseline is None or genome.baseline.gain_rad_s != pace):
+        home = training_world(config.world.experiment, config.maze, config.robot)
+        room = room_to_remember(home.paper_duration_s, pace, genome.network)
+        needed.append(Need(room, "life in the training world at this pace", "raise lifetime.gain_rad_s"))
+    return needed
 
 
 def fit(genome: Genome, config: EvaluateConfig) -> None:
@@ -195,7 +220,7 @@ def baseline_for(
     Raises:
         ConfigError: The baseline is of another experiment, or living there again gave nothing to be late against.
     """
-    asking = {controller.adaptation.change_signal for controller in config.controllers} - {NONE}
+    asking = _change_signals(config)
     if not asking:
         return None
     baseline, experiment, pace = genome.baseline, config.world.experiment, config.lifetime.gain_rad_s
@@ -220,6 +245,11 @@ def baseline_for(
                 "shortfall"
             )
     return baseline
+
+
+def _change_signals(config: EvaluateConfig) -> set[str]:
+    """What the adaptations of a run compare with the baseline."""
+    return {controller.adaptation.change_signal for controller in config.controllers} - {NONE}
 
 
 def training_world(experiment: str, maze: dict[str, Any], robot: dict[str, Any]) -> Scenario:

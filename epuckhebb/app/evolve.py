@@ -16,11 +16,12 @@ from epuckhebb.app.config import EvolveConfig, stored, thread_count, typed
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.evaluate import compiled_for, own_rules
 from epuckhebb.app.files import CHAMPION, CHECKPOINT, Checkpoint, Genome
+from epuckhebb.app.machine import Need, path_of, require
 from epuckhebb.app.parts import network_for, sha256_of
 from epuckhebb.app.progress import EvolutionProgress, say
 from epuckhebb.app.runs import RunFolder
-from epuckhebb.evolution.evolve import Generation, evolve
-from epuckhebb.sim.adaptation.baseline import Baseline, remember
+from epuckhebb.evolution.evolve import Generation, evolve, room_to_evolve
+from epuckhebb.sim.adaptation.baseline import Baseline, remember, room_to_remember
 from epuckhebb.sim.genome import WEIGHTS, plan_of
 from epuckhebb.sim.network import Network
 
@@ -46,8 +47,19 @@ def asked(cfg: DictConfig) -> EvolveConfig:
         ConfigError: A value is outside its range, or a rule does not compile.
     """
     config = typed(cfg, EvolveConfig)
+    require(needs(config, network_of(config)))
     compiled_for(config.controller, network_of(config), config.world)
     return config
+
+
+def needs(config: EvolveConfig, network: Network) -> list[Need]:
+    """The memory that an evolution takes."""
+    room = room_to_evolve(config.ga, network, type(config.controller.rule))
+    home = room_to_remember(config.world.paper_duration_s, 1.0, network)
+    return [
+        Need(room, f"{config.ga.population} individuals", "lower ga.population, ga.loops or ga.tournament"),
+        Need(home, "what the champion remembers", "lower scenario.paper_duration_s"),
+    ]
 
 
 def network_of(config: EvolveConfig) -> Network:
@@ -143,7 +155,7 @@ def _write_generation(run: RunFolder, state: Checkpoint, config: EvolveConfig) -
 def _is_written(run: RunFolder, state: Checkpoint) -> bool:
     """Whether the other files are at the state of the checkpoint; a champion that remembers is kept as it is."""
     try:
-        history = (run.path / _HISTORY).read_text()
+        history = (run.path / _HISTORY).read_text(encoding="utf-8")
         champion = files.load_genome(str(run.path), "")
     except (OSError, ConfigError):
         return False
@@ -161,7 +173,7 @@ def resume(arguments: list[str]) -> Path:
     changes = [argument for argument in arguments if not argument.startswith(RESUME)]
     if len(named) != 1 or not named[0]:
         raise ConfigError("resume=RUN names one run folder of `epuckhebb evolve`")
-    path = Path(named[0]).expanduser()
+    path = path_of(named[0], "resume")
     told = runs.read(path)
     if told["verb"] != "evolve":
         raise ConfigError(f"resume={path} is a run of `epuckhebb {told['verb']}`; only evolutions can be resumed")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.machine import path_of
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.sim.adaptation.baseline import Baseline
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
@@ -92,7 +93,7 @@ def load_genome(where: str, experiment: str, layers: tuple[int, ...] | None = No
         return _read_genome(data_folder("runs/reference") / f"champion_{experiment}.npz", REFERENCE, layers)
     if _OF_SEED.fullmatch(where):
         return _read_genome(_champion_of_seed(where, experiment), where, layers)
-    path, name = Path(where).expanduser(), Path(where).stem
+    path, name = path_of(where, "genome"), Path(where).stem
     allowed = f"give a run folder of `epuckhebb evolve`, a .npz or .npy file, or `{REFERENCE}`"
     if path.is_dir():
         path, name = path / CHAMPION, path.resolve().name

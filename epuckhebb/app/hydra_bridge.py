@@ -7,16 +7,17 @@ line of its own, so that real launchers, sweepers and `.hydra/` work; what Hydra
 import copy
 import functools
 import itertools
+import math
 import os
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence, Set
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr
 from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
 from secrets import token_hex
-from typing import Any
+from typing import Any, TextIO, cast
 
 import hydra
 from hydra import compose, initialize_config_dir
@@ -30,9 +31,10 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.app.config import SCHEMAS, near_keys, thread_count
+from epuckhebb.app.config import SCHEMAS, literal, near_keys, thread_count
 from epuckhebb.app.data import data_folder, groups
 from epuckhebb.app.errors import ConfigError, JobFailedError, end_with
+from epuckhebb.app.machine import path_of
 from epuckhebb.app.named import NAMED, completed, world_name
 
 IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
@@ -41,7 +43,9 @@ _PARENT = "EPUCKHEBB_PARENT"  # environment variable: the process that starts wo
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}
 _SWEEP_DIR = "hydra.sweep.dir="
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
-_RULE_FILE = re.compile(r"(?<=hebbian\.rule=)[^,:=~]+\.py(?=:)")  # a worker may have been started elsewhere
+_PLAIN = re.compile(r"[A-Za-z0-9_./:%@+-]+")  # what needs no quotes as the value of an override
+_HYDRAS_WORDS = "Error executing job with overrides"  # before what a job raised
+_MOST_JOBS = 100_000  # of one call
 _VALUE_KEY = re.compile(r"[\w.]+")  # of a plain override: nothing added, deleted, or put into another package
 _REFERENCE = re.compile(r"\$\{(.*?)\}")
 _KEPT = 64  # compositions that are kept for the next combination
@@ -69,7 +73,7 @@ def composed(verb: str, overrides: list[str], config_dir: str | None = None, *, 
 def _composed(verb: str, overrides: list[str], config_dir: str | None) -> tuple[DictConfig, DictConfig, list[Path]]:
     """A configuration as Hydra composes it, what Hydra keeps for itself, and where it looked for files."""
     check_words(verb, overrides)
-    more = [f'hydra.searchpath=["file://{Path(config_dir).absolute()}"]'] if config_dir else []
+    more = [f"hydra.searchpath=[{_in_quotes(f'file://{Path(config_dir).absolute()}')}]"] if config_dir else []
     GlobalHydra.instance().clear()
     try:
         with initialize_config_dir(str(data_folder("conf")), **_VERSION_BASE):
@@ -97,7 +101,39 @@ def named(cfg: DictConfig) -> DictConfig:
 
 def _folders(runtime: Any) -> list[Path]:
     """Where Hydra looks for files."""
-    return [Path(source.path) for source in runtime.config_sources if source.schema == "file"]
+    sources = _unresolved(runtime.config_sources)
+    return [Path(source["path"]) for source in sources if source["schema"] == "file"]
+
+
+def _unresolved(node: Any) -> Any:
+    """What Hydra notes, to the letter: a `${...}` in a folder's name refers to nothing."""
+    return OmegaConf.to_container(node, resolve=False)
+
+
+def output_folder() -> Path:
+    """The folder that Hydra has made for the job at work."""
+    return Path(_unresolved(HydraConfig.get().runtime)["output_dir"])
+
+
+def quoted(text: str) -> str:
+    """A text as the value of an override that means just this text."""
+    if _PLAIN.fullmatch(text):
+        return text
+    return _in_quotes(literal(text))
+
+
+def _in_quotes(text: str) -> str:
+    escaped = re.sub(r'(\\*)("|$)', lambda found: 2 * found[1] + found[2].replace('"', '\\"'), text)
+    return f'"{escaped}"'
+
+
+def value_of(override: str) -> str:
+    """The text that an override gives to its key, without quotes."""
+    value = OverridesParser.create().parse_override(override).value()
+    try:
+        return str(OmegaConf.create({"value": value}).value)
+    except OmegaConfBaseException:  # it refers to what only Hydra knows
+        return str(value)
 
 
 def _world(*, _root_: DictConfig) -> str:
@@ -213,21 +249,32 @@ def alternatives(overrides: list[str]) -> dict[str, list[str]]:
     def choices(override: Override) -> list[str]:
         if not override.is_discrete_sweep():  # or only its sweeper knows what it stands for
             return [override.input_line or ""]
-        return [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
+        values = itertools.islice(override.sweep_string_iterator(), _MOST_JOBS + 1)  # a range may be endless
+        return [f"{override.get_key_element()}={value}" for value in values]
 
     try:
         parsed = OverridesParser.create().parse_overrides(overrides)
-        return {override.get_key_element(): choices(override) for override in parsed}
+        found = {override.get_key_element(): choices(override) for override in parsed}
     except HydraException as error:
         raise ConfigError(explain(error)) from error
+    if math.prod(map(len, found.values())) > _MOST_JOBS:
+        most = max(found, key=lambda key: len(found[key]))
+        raise ConfigError(f"at most {_MOST_JOBS} jobs can be asked for in one call; give {most} fewer values")
+    return found
 
 
 def check_words(verb: str, words: list[str]) -> None:
-    """Refuse a group that is given something else than a name, which Hydra ends with a traceback, and `changed`.
+    """Refuse what is no text, a group that is given something else than a name, and `changed`.
 
     Raises:
         ConfigError: There is such a word; the message says what is allowed.
     """
+    for word in words:
+        if any("\ud800" <= sign <= "\udfff" for sign in word):
+            raise ConfigError(
+                f"{word!r} has signs that are no text in the encoding of this system, {sys.getfilesystemencoding()}; "
+                "set PYTHONUTF8=1 if it is UTF-8"
+            )
     try:
         overrides = OverridesParser.create().parse_overrides([word for word in words if not word.startswith("-")])
     except HydraException:
@@ -239,7 +286,7 @@ def check_words(verb: str, words: list[str]) -> None:
             raise ConfigError("changed is filled in by the program, with what differs from the named scenario")
         value = None if override.is_sweep_override() else override.value()
         is_name = override.is_delete() or override.is_sweep_override() or isinstance(value, str | list)
-        if not is_name and (key in known or "/" in key):
+        if not is_name and (key in known or "/" in key or (data_folder("conf") / key).is_dir()):
             allowed = f"one of {', '.join(known[key])}" if key in known else "the name of a file"
             raise ConfigError(f"{override.input_line}: {key} must be {allowed}")
 
@@ -288,36 +335,35 @@ def run(verb: str, job: Callable[[DictConfig], None], arguments: list[str]) -> l
         JobFailedError: A job failed, or the launcher of several.
     """
     check_folders(arguments)
-    arguments = [_RULE_FILE.sub(lambda file: str(Path(file[0]).absolute()), argument) for argument in arguments]
+    arguments = [_with_rules_found(argument) for argument in arguments]
     stamp = new_stamp()
     folders: list[Path] = []
 
     @functools.wraps(job)
     def noted(cfg: DictConfig) -> None:
         job(cfg)
-        folders.append(Path(HydraConfig.get().runtime.output_dir))
+        folders.append(output_folder())
 
     if "--multirun" not in arguments:
-        refused: list[ConfigError | JobFailedError] = []
-
-        @functools.wraps(job)
-        def told_once(cfg: DictConfig) -> None:
-            try:
-                noted(cfg)
-            except (ConfigError, JobFailedError) as error:  # what leaves a job, Hydra tells in its own words first
-                refused.append(error)
-
-        call(verb, told_once, arguments, stamp)
-        if refused:
-            raise refused[0]
+        call(verb, noted, arguments, stamp)
         return folders
     if not any(argument.startswith(_SWEEP_DIR) for argument in arguments):
         # In words, not as an environment variable: workers that a launcher keeps from an earlier call have the old one.
         arguments = [f"{_SWEEP_DIR}{Path('runs') / verb / stamp}_multirun", *arguments]
     call(verb, job, arguments, stamp)
-    folder = Path([argument for argument in arguments if argument.startswith(_SWEEP_DIR)][-1].partition("=")[2])
+    folder = Path(value_of([argument for argument in arguments if argument.startswith(_SWEEP_DIR)][-1]))
     runs = [status.parent for status in folder.glob("*/status.json")]
     return sorted(runs, key=lambda run: (not run.name.isdigit(), int(run.name) if run.name.isdigit() else 0, run.name))
+
+
+def _with_rules_found(argument: str) -> str:
+    """An override whose rules of the user's own are found from every folder, where a worker may have been started."""
+    if not argument.startswith("hebbian.rule=") or ":" not in argument:
+        return argument
+    (rules,) = alternatives([argument]).values()
+    named = [value_of(rule).rpartition(":") for rule in rules]
+    found = [f"{path_of(file, 'hebbian.rule').absolute()}:{name}" if file else name for file, _, name in named]
+    return f"hebbian.rule={','.join(map(quoted, found))}"
 
 
 def check_folders(arguments: list[str]) -> None:
@@ -336,7 +382,7 @@ def call(verb: str, job: Callable[[DictConfig], None], arguments: list[str], sta
     """Call Hydra as its own command line would; see `run`. The folders of the runs bear the stamp."""
     options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)} if IS_HYDRA_1_4 else _VERSION_BASE
     entry = hydra.main(config_path=str(data_folder("conf")), config_name=verb, **options)(job)
-    with _as_command_line(verb, arguments, stamp):
+    with _as_command_line(verb, arguments, stamp), redirect_stderr(cast(TextIO, _WithoutHydrasWords(sys.stderr))):
         GlobalHydra.instance().clear()
         try:
             entry()
@@ -368,7 +414,7 @@ def new_stamp() -> str:
 @contextmanager
 def job_folder() -> Iterator[Path]:
     """The folder that Hydra has made for this job; if the job is refused, what is empty of it goes again."""
-    path = Path(HydraConfig.get().runtime.output_dir)
+    path = output_folder()
     try:
         yield path
     except ConfigError:
@@ -392,7 +438,7 @@ def begin_job() -> None:
 
 def job_overrides() -> list[str]:
     """The overrides of this job, as they would be typed."""
-    return list(HydraConfig.get().overrides.task)
+    return list(_unresolved(HydraConfig.get().overrides.task))
 
 
 def in_multirun() -> bool:
@@ -414,6 +460,19 @@ def threads_of_job(asked: int) -> int:
 
 def _is_joblib(launcher: DictConfig) -> bool:
     return str(launcher._target_).endswith("JoblibLauncher")
+
+
+class _WithoutHydrasWords:
+    """Standard error without what Hydra says before it raises what a job raised, which is told once, by us."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        return len(text) if text.startswith(_HYDRAS_WORDS) else self._stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
 
 
 @contextmanager
@@ -456,7 +515,10 @@ def explain(error: BaseException) -> str:
     missing = re.search(r"Could not (?:find|load) 'hydra/launcher/(submitit|ray)(?:_\w+)?'", text)
     if missing:
         text += f'\nThis launcher is a plug-in: pip install "epuckhebb[{_EXTRAS[missing[1]]}]"'
-    if "LexerNoViableAlt" in type(error).__name__ or "mismatched input" in text or "missing EQUAL" in text:
+    if "LexerNoViableAlt" in text:
+        text = text.replace("LexerNoViableAltException: ", "cannot be read: ")
+        text += """\nSigns such as ~ need quotes within quotes, for example "genome='~/champion.npz'\""""
+    elif "mismatched input" in text or "missing EQUAL" in text:
         text += "\nSettings are written KEY=VALUE, for example scenario=4obstacles or hebbian.N=0.002"
     wrong = re.search(r"Could not override '([^']+)'", text)
     if wrong and "Did you mean" not in text:

@@ -15,7 +15,7 @@ from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from epuckhebb.app.config import ScenarioConfig
+from epuckhebb.app.config import ScenarioConfig, literal
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.parts import NONE, rule_class, rule_file, scenario_from
 from epuckhebb.sim.maze import T_MAZE
@@ -51,7 +51,7 @@ def completed(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Pat
             if isinstance(settings, DictConfig) and isinstance(settings.get("adaptation"), str):
                 settings.adaptation = _adaptation(settings.adaptation, f"compare.{name}.adaptation", folders)
         try:
-            cfg.changed = _changed(cfg, str(choices.get("scenario")), folders)
+            cfg.changed = literal(_changed(cfg, str(choices.get("scenario")), folders))
         except (ValueError, OmegaConfBaseException) as error:
             raise ConfigError(str(error).splitlines()[0]) from error
     return cfg
@@ -72,7 +72,7 @@ def _own_rules(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> None:
     for settings in [cfg.hebbian, *(cfg.get("compare") or {}).values()]:
         file = rule_file(settings) if isinstance(settings, DictConfig) else None
         if file is not None:
-            settings.rule = _absolute(file, settings)
+            settings.rule = literal(_absolute(file, settings))
     chosen = _file("hebbian", choice, folders)
     if chosen is None:
         return
@@ -151,7 +151,7 @@ def _file(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None
     if path is None:
         return None
     try:
-        own = _read(path.read_text()).copy()
+        own = _read(path.read_text(encoding="utf-8")).copy()
         entries = list(own.pop("defaults", []))
         if "_self_" not in entries:
             entries.insert(0, "_self_")

@@ -6,8 +6,10 @@ from numpy.typing import NDArray
 
 from epuckhebb.app import files
 from epuckhebb.app.config import EvaluateConfig, EvolveConfig, thread_count, typed
-from epuckhebb.app.evaluate import baseline_for, lives
+from epuckhebb.app.evaluate import baseline_for, lives, needs
+from epuckhebb.app.evolve import needs as evolve_needs
 from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.app.machine import require
 from epuckhebb.app.parts import network_for
 from epuckhebb.evolution.evolve import evolve as generations
 from epuckhebb.evolution.evolve import history_row
@@ -30,6 +32,7 @@ def evaluate(genome: NDArray[np.float64], overrides: list[str], rule: Rule | Non
     plan = next((plan for plan in plans if array.shape == (plan.genes,)), plans[0])
     genes = files.checked_genes(array, "the given array", plan)
     given = files.Genome(genes=genes, name="genome", network=network, robot=config.world.robot.name, plan=plan)
+    require(needs(config, given))
     threads = thread_count(config.threads)
     rows, _ = lives(config, given, baseline_for(given, config, threads), threads)
     return rows
@@ -38,6 +41,8 @@ def evaluate(genome: NDArray[np.float64], overrides: list[str], rule: Rule | Non
 def evolve(overrides: list[str]) -> tuple[NDArray[np.float64], pd.DataFrame]:
     """See `epuckhebb.evolve`."""
     config = typed(composed("evolve", overrides), EvolveConfig)
+    network = network_for(config.world.robot, config.layers)
+    require(evolve_needs(config, network))
     lived = list(
         generations(
             config.ga,
@@ -45,7 +50,7 @@ def evolve(overrides: list[str]) -> tuple[NDArray[np.float64], pd.DataFrame]:
             config.lifetime,
             config.seed,
             thread_count(config.threads),
-            network=network_for(config.world.robot, config.layers),
+            network=network,
             controller=config.controller,
         )
     )

@@ -19,12 +19,13 @@ from pathlib import Path
 from typing import Any
 
 from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.machine import Need, path_of, require
 from epuckhebb.sim import plasticity
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.lifetime import Lifetime
-from epuckhebb.sim.maze import SIDES, Maze, Place, Side, maze_from
+from epuckhebb.sim.maze import SIDES, Maze, Place, Side, grid_bytes, maze_from
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.paper import Paper
@@ -100,7 +101,7 @@ def rule_class(where: str, key: str) -> type[Rule]:
             for kind in vars(module).values()
             if isinstance(kind, type) and issubclass(kind, Rule) and kind.__module__ == module.__name__
         )
-    module = _loaded(Path(file).expanduser(), f"{key}.rule={where}")
+    module = _loaded(path_of(file, f"{key}.rule"), f"{key}.rule={where}")
     kind = getattr(module, name, None)
     rules = [n for n, v in vars(module).items() if isinstance(v, type) and issubclass(v, Rule) and v is not Rule]
     if not (isinstance(kind, type) and issubclass(kind, Rule)):
@@ -118,7 +119,7 @@ def rule_class(where: str, key: str) -> type[Rule]:
 def rule_file(settings: Mapping[str, Any]) -> Path | None:
     """The file of a user's own rule; None for a rule of the program."""
     file, colon, _ = str(settings.get("rule", "")).rpartition(":")
-    return Path(file).expanduser() if colon else None
+    return path_of(file, "hebbian.rule") if colon else None
 
 
 def sha256_of(file: Path) -> str:
@@ -239,6 +240,7 @@ def scenario_from(scenario: Any, maze: Mapping[str, Any], robot: Mapping[str, An
     """
     values = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     in_maze, of_kind = maze_from(maze), robot_from(robot)
+    require([Need(grid_bytes(in_maze.arena_m), "a way to the goals of so large a maze", "lower maze.arena_m")])
     for number, change in enumerate(values["changes"]):
         if not isinstance(change, Mapping):
             raise ConfigError(f"scenario.changes[{number}] must be as {{at_s: 60, light: 1.0}}, got {change}")

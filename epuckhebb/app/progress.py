@@ -5,9 +5,9 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from epuckhebb.app.terminal import Terminal
 from epuckhebb.evolution.evolve import Generation
 
 _QUIET = "EPUCKHEBB_QUIET"  # environment variable, so that the workers of a launcher see it too
@@ -27,14 +27,14 @@ def is_quiet() -> bool:
 def say(note: str) -> None:
     """Tell the user something on standard error, unless this call is quiet."""
     if not is_quiet():
-        Console(stderr=True, highlight=False, soft_wrap=True, emoji=False).print(note, markup=False)
+        Terminal(stderr=True).print(note, markup=False, soft_wrap=True)
 
 
 class _Bar(Progress):
     """A bar of so many steps on a terminal; a context manager that leaves the terminal tidy."""
 
     def __init__(self, what: str, total: int, *, quiet: bool = False) -> None:
-        console = Console(stderr=True, highlight=False, emoji=False)
+        console = Terminal(stderr=True)
         quiet = quiet or is_quiet()
         columns = TextColumn(what), MofNCompleteColumn(), BarColumn(bar_width=20), TextColumn("{task.description}")
         disable = quiet or not console.is_terminal

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 from rich.progress import track
 
 from epuckhebb.app import files, runs
 from epuckhebb.app.config import EvaluateConfig, stored, typed
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.evaluate import caption
+from epuckhebb.app.terminal import Terminal
 from epuckhebb.sim.network import Network
 from epuckhebb.study import movie, replay
 from epuckhebb.study.evaluate import Traces
@@ -81,7 +81,7 @@ def write_movie(recorded: Recording, target: Path, make: Callable[..., bytes]) -
     Raises:
         ConfigError: `target` cannot be written.
     """
-    show = functools.partial(track, description=target.name, console=Console(stderr=True, emoji=False))
+    show = functools.partial(track, description=target.name, console=Terminal(stderr=True))
     _write(target, make(recorded.traces, recorded.config.world, recorded.title, show))
 
 

@@ -24,14 +24,17 @@ from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.evolve import champion_of
 from epuckhebb.app.files import Genome
 from epuckhebb.app.hydra_bridge import composed
-from epuckhebb.evolution.evolve import evolve, history_row
+from epuckhebb.app.machine import Need, require
+from epuckhebb.evolution.evolve import evolve, history_row, room_to_evolve
 from epuckhebb.sim.adaptation.baseline import remember
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK
+from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.study import figures, published, report, reproduction
-from epuckhebb.study.evaluate import evaluate
+from epuckhebb.study.evaluate import evaluate, room_to_evaluate
+from epuckhebb.study.tables import code
 
 EXPERIMENTS = {"light": ("light",), "obstacles": ("obstacles",), "all": ("light", "obstacles")}
 QUICK = ("champions=3", "repeats=3", "rates=[0.000015,0.002]")
@@ -95,6 +98,7 @@ def reproduce(experiment: str, overrides: list[str], *, quick: bool) -> Path:
         raise ConfigError(f"reproduce {experiment}: the experiment must be one of {', '.join(EXPERIMENTS)}")
     cfg = composed("reproduce", [*(QUICK if quick else ()), *overrides])
     config = typed(cfg, ReproduceConfig)
+    require(list(_needs(config, EXPERIMENTS[experiment])))
     paper = _published()
     given = None if config.genome is None else _given(config.genome)
     folder = _folder(experiment, cfg, given)
@@ -109,6 +113,16 @@ def reproduce(experiment: str, overrides: list[str], *, quick: bool) -> Path:
     tasks += [Task("tables, figures and report", None, partial(_tell, study))]
     engine.carry_out(folder, "reproduce", cfg, [experiment, *(["--quick"] if quick else []), *overrides], tasks)
     return folder
+
+
+def _needs(config: ReproduceConfig, experiments: tuple[str, ...]) -> Iterator[Need]:
+    """The memory that a reproduction takes."""
+    yield Need(room_to_evolve(config.ga, PAPER_NETWORK, NoRule), "a population", "lower ga.population or ga.loops")
+    for one in experiments:
+        controllers = len(reproduction.controllers(one, config.rates, config.signal.of(one)))
+        lives, _ = room_to_evaluate(controllers, Lifetime(), config.repeats, PAPER_NETWORK)
+        lives *= len(reproduction.worlds(one)) * config.champions
+        yield Need(lives, f"the lifetimes of the {one} experiment", "lower champions or repeats, or give fewer rates")
 
 
 def _given(where: str) -> Genome:
@@ -129,7 +143,7 @@ def _given(where: str) -> Genome:
 def _published() -> Mapping[str, Any]:
     path = data_folder("conf") / "paper" / "tables.yaml"
     try:
-        tables: Mapping[str, Any] = yaml.safe_load(path.read_text())
+        tables: Mapping[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
         published.published_success(tables)
     except (OSError, KeyError, TypeError, ValueError, yaml.YAMLError) as error:
         raise ConfigError(f"{path} does not hold the published tables: {error}") from error
@@ -223,7 +237,7 @@ def _findings(study: _Study) -> report.Findings:
     count = 1 if given else config.champions
     last = config.first_seed + config.champions - 1
     who = (
-        f"genome `{given.name}` (SHA-256 {given.sha256[:16]}…)"
+        f"genome {code(given.name)} (SHA-256 {given.sha256[:16]}…)"
         if given
         else f"{config.champions} champions of each experiment, evolved from seeds {config.first_seed} to {last}"
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from epuckhebb.app import evaluate, evolve, runs
-from epuckhebb.app.config import stored, thread_count
+from epuckhebb.app.config import literal, stored, thread_count
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.hydra_bridge import new_stamp
 from epuckhebb.app.parts import rule_file, sha256_of
@@ -66,7 +66,7 @@ def _check_rules(cfg: DictConfig, path: Path, rules: dict[str, str]) -> None:
         copy = path / "rules" / file.name
         if not copy.is_file() or sha256_of(copy) != rules.get(str(file)):
             raise ConfigError(f"{copy} is not the rule of this run: it is missing, or was changed since")
-        settings.rule = f"{copy.absolute()}:{str(settings.rule).rpartition(':')[2]}"
+        settings.rule = literal(f"{copy.absolute()}:{str(settings.rule).rpartition(':')[2]}")
 
 
 def _difference(one: Path, other: Path) -> str:

@@ -5,6 +5,7 @@ folder in which work goes on, an evolution that is resumed or a study, belongs t
 Files are written beside their place and renamed, so that a file that is there is whole.
 """
 
+import errno
 import hashlib
 import json
 import os
@@ -12,8 +13,6 @@ import platform
 import re
 import shutil
 import subprocess
-import sys
-import time
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
@@ -24,10 +23,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from filelock import BaseFileLock, FileLock, Timeout
 from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb import __version__
-from epuckhebb.app import errors
+from epuckhebb.app import errors, machine
 from epuckhebb.app.errors import ConfigError, JobFailedError
 
 SCHEMA = 1  # of provenance.json and status.json
@@ -35,8 +35,9 @@ UNFINISHED = "unfinished"  # folder of a study, in which each attempt at a run h
 _PACKAGE = Path(__file__).resolve().parents[1]
 NUMERIC = ("numba", "numpy", "pymunk")  # the packages on which digits may depend
 _PACKAGES = ("epuckhebb", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
-_PATIENCE_S, _LOOK_S = 1.0, 0.05
 _STATUS, _PROVENANCE = "status.json", "provenance.json"
+_LOCK = ".epuckhebb.lock"  # there while a process is at work in the folder, or after one that was killed
+_PATIENCE_S = 0.2  # with who holds a folder for the moment in which it is looked whether it is held
 _OVERRIDES, _CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
 _HALF = re.compile(r"\..+\.\d+\.tmp")  # what `write_whole` writes beside a file
 _ATTEMPT = re.compile(r"\d{8}-\d{6}-[0-9a-f]{8}_\d+|stop")  # what `engine.launch` leaves in `unfinished/`
@@ -58,43 +59,49 @@ def write_whole(target: Path, content: bytes) -> None:
         raise
 
 
-def hold(folder: Path, patience_s: float = 0.0) -> int | None:
+def hold(folder: Path) -> BaseFileLock | None:
     """Keep other processes of this program out of a folder; give the result to `release`, or just end.
 
-    The system lets go of a folder when the process ends, however it ends. None comes back where the file system or
-    the operating system knows no such locks; then nothing is kept out.
-
-    Args:
-        folder: The folder.
-        patience_s: For how long to try while another process holds it; one may just be looking.
+    The system lets go of a folder when the process ends, however it ends. None comes back where the file system knows
+    no such locks; then nothing is kept out.
 
     Raises:
         BlockingIOError: Another process holds it.
+        FileNotFoundError: There is no such folder.
+        PermissionError: It cannot be written to.
     """
-    if sys.platform == "win32":
+    lock = FileLock(folder / _LOCK, timeout=_PATIENCE_S, thread_local=False, fallback_to_soft=False)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise BlockingIOError(errno.EWOULDBLOCK, "another process is at work in it", str(folder)) from None
+    except (FileNotFoundError, PermissionError):
+        raise
+    except OSError:  # some network file systems
         return None
-    import fcntl
-
-    descriptor, until = os.open(folder, os.O_RDONLY), time.monotonic() + patience_s
-    while True:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            if time.monotonic() >= until:
-                os.close(descriptor)
-                raise
-            time.sleep(_LOOK_S)
-        except OSError:  # some network file systems
-            os.close(descriptor)
-            return None
-        else:
-            return descriptor
+    return lock
 
 
-def release(held: int | None) -> None:
+def release(held: BaseFileLock | None) -> None:
     """Let others in."""
     if held is not None:
-        os.close(held)
+        with suppress(OSError):  # Windows removes it itself, once nobody has it open
+            Path(held.lock_file).unlink()  # first: who has just opened it sees that it is gone, and does not hold it
+        held.release()
+
+
+def is_held(folder: Path) -> bool:
+    """Whether a process is at work in a folder; looking keeps nobody out, and leaves nothing there."""
+    if not (folder / _LOCK).exists():
+        return False
+    try:
+        held = hold(folder)
+    except FileNotFoundError:
+        return False
+    except (BlockingIOError, PermissionError):
+        return True
+    release(held)
+    return held is None  # it cannot be known
 
 
 class RunFolder:
@@ -107,7 +114,7 @@ class RunFolder:
         left_behind: A function that says what an interruption would leave behind, for who interrupts.
     """
 
-    def __init__(self, path: Path, held: int | None, told: dict[str, Any]) -> None:
+    def __init__(self, path: Path, held: BaseFileLock | None, told: dict[str, Any]) -> None:
         """Take what `new` or `going_on` has claimed; `told` is the provenance of this call."""
         self.path, self.command, self.failure = path, list(told["command"]), ""
         self.left_behind: Callable[[], str] = lambda: ""
@@ -142,9 +149,8 @@ class RunFolder:
             raise ConfigError(f"cannot write a run to {path}: {error.strerror}") from error
         told = provenance(verb, cfg, arguments) | facts
         run = cls(path, None, told)
-        with suppress(BlockingIOError):  # the claim is what counts
-            run._held = hold(path, _PATIENCE_S)
         try:
+            run._held = hold(path)
             run._begin(told, cfg, arguments)
         except OSError as error:
             for name in (_STATUS, _OVERRIDES, _CONFIG, _PROVENANCE):
@@ -172,7 +178,7 @@ class RunFolder:
         try:
             path.mkdir(parents=True, exist_ok=True)
             _refuse_foreign(path, verb)
-            held = hold(path, _PATIENCE_S)
+            held = hold(path)
         except BlockingIOError:
             raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
         except OSError as error:
@@ -269,7 +275,7 @@ def _refuse_foreign(path: Path, verb: str | None = None) -> None:
 
 def _is_begun(name: str) -> bool:
     """Whether a file is one of those with which a folder of this program begins, whole or half written."""
-    return name in (_STATUS, _PROVENANCE, ".hydra") or _HALF.fullmatch(name) is not None
+    return name in (_STATUS, _PROVENANCE, _LOCK, ".hydra") or _HALF.fullmatch(name) is not None
 
 
 def _throw_away(path: Path) -> None:
@@ -286,9 +292,9 @@ def _throw_away(path: Path) -> None:
         if not attempt.is_dir():
             attempt.unlink()
             continue
-        with suppress(BlockingIOError, FileNotFoundError):  # it is at work; it has just been finished
-            release(hold(attempt))
-            shutil.rmtree(attempt)
+        with suppress(FileNotFoundError):  # it has just been finished
+            if not is_held(attempt):
+                shutil.rmtree(attempt)
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -299,32 +305,26 @@ def read(path: Path) -> dict[str, Any]:
     """
     if not path.is_dir():
         raise ConfigError(f"{path} is not a folder; give a run folder, for example one below runs/evaluate/")
+    inside = next(path.glob(f"*/{_STATUS}"), None)
+    if inside is not None and not (path / _STATUS).exists():
+        raise ConfigError(f"{path} is a folder with runs in it; give one of them, for example {inside.parent}")
     try:
-        told = json.loads((path / _PROVENANCE).read_text())
-        status = json.loads((path / _STATUS).read_text())
+        told = json.loads((path / _PROVENANCE).read_text(encoding="utf-8"))
+        status = json.loads((path / _STATUS).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise ConfigError(
-            f"{path} is not a run folder: it has no readable provenance.json and status.json ({error})"
+            f"{path} is not a run folder: it has no readable provenance.json and status.json "
+            f"({(isinstance(error, OSError) and error.strerror) or error})"
         ) from error
-    if status.get("state") == "running" and not _is_held(path):
+    if status.get("state") == "running" and not is_held(path):
         status |= {"state": "interrupted", "error": "its process ended without a word"}
     return {**told, "status": status}
-
-
-def _is_held(path: Path) -> bool:
-    """Whether a process is at work in a folder; yes, where that cannot be known."""
-    try:
-        held = hold(path)
-    except OSError:
-        return True
-    release(held)
-    return held is None
 
 
 def status_of(path: Path) -> dict[str, Any]:
     """What a run says of its state; nothing if it cannot be read."""
     try:
-        return dict(json.loads((path / _STATUS).read_text()))
+        return dict(json.loads((path / _STATUS).read_text(encoding="utf-8")))
     except (OSError, ValueError):
         return {}
 
@@ -353,7 +353,7 @@ def provenance(verb: str, cfg: DictConfig | None, arguments: list[str]) -> dict[
         "packages": versions(_PACKAGES),
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "cores": os.cpu_count(),
+        "cores": machine.cores(),
     }
 
 
@@ -363,9 +363,10 @@ def _code_version() -> dict[str, Any]:
     def git(*words: str) -> str | None:
         command = ["git", "-C", str(_PACKAGE), *words]
         try:
-            return subprocess.run(command, capture_output=True, text=True, timeout=5, check=True).stdout.strip()
+            done = subprocess.run(command, capture_output=True, timeout=5, check=True)
         except (OSError, subprocess.SubprocessError):
             return None
+        return done.stdout.decode(errors="replace").strip()
 
     known: dict[str, Any] = {"version": __version__, "science": science_version(), "commit": None, "dirty": None}
     if git("ls-files", "--error-unmatch", "__init__.py") is not None:

@@ -9,8 +9,8 @@ import pandas as pd
 import yaml
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from epuckhebb.app import files, runs
 from epuckhebb.app.files import Genome
@@ -103,7 +103,7 @@ def show(path: Path, console: Console) -> None:
         "Files": ", ".join(_files(path)),
     }.items():
         if value:
-            facts.add_row(name, escape(value))
+            facts.add_row(name, Text(value))
     console.print(facts)
     _results(path, console)
 
@@ -127,11 +127,11 @@ def _line(console: Console, text: str) -> None:
 
 
 def _table(title: str, headings: Iterable[str], rows: Iterable[Iterable[Any]]) -> Table:
-    shown = Table(title=title or None, title_justify="left", title_style="bold")
+    shown = Table(title=Text(title, style="bold") if title else None, title_justify="left")
     for heading in headings:
-        shown.add_column(heading, overflow="fold")
+        shown.add_column(Text(heading), overflow="fold")
     for row in rows:
-        shown.add_row(*map(str, row))
+        shown.add_row(*(Text(str(cell)) for cell in row))
     return shown
 
 
@@ -153,7 +153,7 @@ def _settings(path: Path) -> Iterator[str]:
 
     file = path / ".hydra" / "config.yaml"
     if file.is_file():
-        yield from below(yaml.safe_load(file.read_text()), "")
+        yield from below(yaml.safe_load(file.read_text(encoding="utf-8")), "")
 
 
 def _files(path: Path) -> Iterator[str]:
@@ -232,17 +232,16 @@ def _paper_table(metrics: pd.DataFrame) -> Table:
     repeats = metrics.repeat.nunique()
     changed = str(first.get("changed", "nan"))  # runs of version 0.1 do not have the column
     world = first.scenario if changed == "nan" else f"{first.scenario} ({changed})"
-    shown = Table(
-        title=f"{escape(world)}: genome {first.genome}{rate}, "
-        f"mean of {repeats} lifetime{'s' if repeats > 1 else ''} a side (seed {first.seed})",
-        title_justify="left",
-        title_style="bold",
+    told = (
+        f"{world}: genome {first.genome}{rate}, "
+        f"mean of {repeats} lifetime{'s' if repeats > 1 else ''} a side (seed {first.seed})"
     )
+    shown = Table(title=Text(told, style="bold"), title_justify="left")
     shown.add_column("")
     for column in text.columns:
-        shown.add_column("\n".join(column), justify="right")
+        shown.add_column(Text("\n".join(column)), justify="right")
     for row, values in zip(text.index, text.to_numpy().tolist(), strict=True):
-        shown.add_row(str(row), *values)
+        shown.add_row(*map(Text, [str(row), *values]))
     return shown
 
 

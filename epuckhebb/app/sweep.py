@@ -44,6 +44,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
         if argument.startswith(("hydra/sweeper", "hydra.sweeper", "hydra.sweep.subdir")):
             raise ConfigError(f"{argument}: `sweep` lists its jobs itself; for another sweeper: evaluate --multirun")
     hydra_bridge.check_folders(hydras)
+    hydra_bridge.check_words("evaluate", arguments)
     if not any(argument.startswith("hydra/launcher=") for argument in hydras):
         hydras.insert(0, "hydra/launcher=joblib")
     named = [f"experiment={name}"]
@@ -62,7 +63,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     folder = Path("runs") / "sweep" / f"{name}_{engine.digest([identities.settings(job.config) for job in jobs])[:8]}"
     for argument in hydras:
         if argument.startswith(_SWEEP_DIR):
-            folder = Path(argument.removeprefix(_SWEEP_DIR).strip("'\""))
+            folder = Path(hydra_bridge.value_of(argument))
     launcher = [argument for argument in hydras if not argument.startswith(_SWEEP_DIR)]
     return Sweep(name=name, jobs=jobs, folder=folder, arguments=[name, *arguments], launcher=launcher)
 

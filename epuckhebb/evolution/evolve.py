@@ -21,10 +21,12 @@ from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.maze import SIDES, Pose
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.plasticity.control import signs
+from epuckhebb.sim.plasticity.rule import Rule
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.scenario import Scenario
 
 _START_SPREAD = np.array([0.005, 0.010, 0.1])  # m, m, rad at ga.start_noise = 1
+_COPIES, _LIFE_BYTES = 4.0, 1000.0  # of the genes of an individual; of one who shall live, and how it went
 _TRIALS = tuple(reversed(SIDES))  # lamp on (right) first, as in the published program
 
 
@@ -94,6 +96,12 @@ def evolve(
             seconds=time.perf_counter() - began,
         )
         population = offspring
+
+
+def room_to_evolve(ga: GA, network: Network, rule: type[Rule]) -> float:
+    """How many bytes of memory a generation takes, about."""
+    each = _COPIES * np.dtype(float).itemsize * plan_of(network, rule).genes + len(SIDES) * ga.loops * _LIFE_BYTES
+    return ga.population * each + np.dtype(float).itemsize * ga.tournament
 
 
 def _individuals(

@@ -21,6 +21,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
+import platformdirs
 from numba.extending import register_jitable
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -175,12 +176,26 @@ def _names(code: types.CodeType) -> set[str]:
     return set(code.co_names).union(*map(_names, inner))
 
 
+def _cache_root() -> Path:
+    """Where kernels are kept.
+
+    Raises:
+        RuntimeError: no home folder is known, as in some containers.
+    """
+    if named := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(named)
+    if caches := os.environ.get("XDG_CACHE_HOME"):  # on every system, as other programs of this kind do
+        return Path(caches) / "epuckhebb"
+    root = platformdirs.user_cache_path("epuckhebb", appauthor=False)
+    if not root.is_absolute():  # what some versions say without a home
+        raise RuntimeError("no home folder is known")
+    return root
+
+
 def _cache_folder(name: str) -> Path | None:
     """The folder of a kernel in `$NUMBA_CACHE_DIR` or the user's cache folder; None if it cannot be written to."""
     try:
-        user_cache = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-        root = os.environ.get("NUMBA_CACHE_DIR") or str(Path(user_cache) / "epuckhebb")
-        folder = Path(root) / f"kernel-{name}"
+        folder = _cache_root() / f"kernel-{name}"
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, RuntimeError):  # RuntimeError: no home folder is known
         return None

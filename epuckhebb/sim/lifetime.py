@@ -27,6 +27,7 @@ from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
 from epuckhebb.sim.random import normal_numbers, room_for_noise
 from epuckhebb.sim.robot import EPUCK, STEP_S, Robot, SenseRoom, blinding, largest_distance_reading, sense_room, senses
 
+_LONGEST_S = 1e9  # 31 years: more is surely a slip
 CONTACT = 0.8  # a distance reading above this counts as contact, as in the published code
 
 TALLY = np.dtype(
@@ -374,6 +375,11 @@ def empty_samples(count: int, network: Network) -> Samples:
     )
 
 
+def sample_bytes(network: Network) -> int:
+    """How many bytes of memory a sample takes."""
+    return sum(array.nbytes for array in empty_samples(1, network))
+
+
 @dataclass(kw_only=True)
 class Lifetime:
     """How a lifetime is run.
@@ -392,14 +398,20 @@ class Lifetime:
 
     def __post_init__(self) -> None:
         """Refuse lifetimes that cannot be."""
-        if not (math.isfinite(self.duration_s) and self.duration_s >= STEP_S):
-            raise ValueError(f"lifetime.duration_s must be at least one step, {STEP_S} s, got {self.duration_s}")
+        if not STEP_S <= self.duration_s <= _LONGEST_S:
+            raise ValueError(
+                f"lifetime.duration_s must be at least one step, {STEP_S} s, and at most {_LONGEST_S:g} s, "
+                f"got {self.duration_s}"
+            )
         if not (math.isfinite(self.gain_rad_s) and self.gain_rad_s > 0):
             raise ValueError(f"lifetime.gain_rad_s must be more than 0, got {self.gain_rad_s}")
         if not (math.isfinite(self.noise) and self.noise >= 0):
             raise ValueError(f"lifetime.noise must be 0 or more, got {self.noise}")
-        if self.record_every < 0:
-            raise ValueError(f"lifetime.record_every must be 0 or more, got {self.record_every}")
+        if not 0 <= self.record_every <= _LONGEST_S / STEP_S:
+            raise ValueError(
+                f"lifetime.record_every must be 0 or more, and at most the steps of {_LONGEST_S:g} s, "
+                f"got {self.record_every}"
+            )
 
     @property
     def steps(self) -> int:

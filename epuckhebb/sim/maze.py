@@ -21,6 +21,7 @@ Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
 _LARGEST = 10.0  # m: the half side of the largest arena
 GRID = 0.002  # m: of the places that are looked at for a way to the goal
+_BYTES_PER_PLACE = 46.0  # of the grid, at most at one time
 _SPARE = 0.001  # m: the physics lets a robot sink into a wall by about so much
 
 
@@ -337,6 +338,11 @@ def _check_reachable(walls: bytes, maze: Maze, goals: tuple[Place, ...], radius:
                 f"the goal of the {side}, {goal.x:g}, {goal.y:g}, cannot be reached in maze {maze.name}: no way from "
                 f"the start is wide enough for a robot of radius {radius:g} m"
             )
+
+
+def grid_bytes(arena_m: float) -> float:
+    """How many bytes of memory it takes, about, to look for a way to the goals in an arena of this half side [m]."""
+    return _BYTES_PER_PLACE * (2 * arena_m / GRID + 1) ** 2
 
 
 def reachable(maze: Maze, walls: NDArray[np.float64], radius: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

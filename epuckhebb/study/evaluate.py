@@ -17,13 +17,15 @@ from epuckhebb.sim.adaptation.baseline import Baseline
 from epuckhebb.sim.block import Individual, Outcome, live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import GenomePlan, plan_of
-from epuckhebb.sim.lifetime import Lifetime, Samples
+from epuckhebb.sim.lifetime import Lifetime, Samples, sample_bytes
 from epuckhebb.sim.maze import SIDES, Side
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.plasticity.control import signs
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.scenario import Scenario
 
+_LIFE_BYTES = 2000.0  # of one who shall live, and of the row that tells how it went
+_COPIES = 2.5  # of what is recorded: as it was lived, stacked, and in the files
 COLUMNS = (
     "genome",
     "experiment",
@@ -143,6 +145,13 @@ def evaluate(
         samples=Samples(*(np.stack(arrays) for arrays in zip(*(samples for _, samples in recorded), strict=True))),
     )
     return pd.DataFrame(rows, columns=list(COLUMNS)), traces
+
+
+def room_to_evaluate(controllers: int, lifetime: Lifetime, repeats: int, network: Network) -> tuple[float, float]:
+    """How many bytes of memory `evaluate` takes, about: for the lifetimes, and for what is recorded of the first."""
+    kinds = len(SIDES) * (1 + controllers)
+    samples = lifetime.steps / lifetime.record_every if lifetime.record_every else 0.0
+    return kinds * repeats * _LIFE_BYTES, _COPIES * kinds * samples * sample_bytes(network)
 
 
 def _metrics(outcome: Outcome, lifetime: Lifetime) -> dict[str, float]:

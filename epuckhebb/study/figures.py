@@ -3,6 +3,7 @@
 import io
 import textwrap
 from collections.abc import Iterable
+from functools import cache
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -10,6 +11,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.patheffects import withStroke
@@ -95,8 +97,15 @@ def controller_title(controller: str) -> str:
 
 
 def plain(text: str) -> str:
-    """The text as matplotlib shows it to the letter, not as mathematics between dollar signs."""
-    return text.replace("$", r"\$")
+    """The text as matplotlib shows it to the letter, not as mathematics; a `?` for each sign that its font lacks."""
+    there = _signs()
+    return "".join(sign if sign == "\n" or ord(sign) in there else "?" for sign in text).replace("$", r"\$")
+
+
+@cache
+def _signs() -> frozenset[int]:
+    """The signs of the font that figures are written in."""
+    return frozenset(get_font(findfont(FontProperties())).get_charmap())
 
 
 def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:

@@ -10,6 +10,7 @@ from epuckhebb.sim.controller import GA
 from epuckhebb.study.findings import PAPER_N
 from epuckhebb.study.tables import ROWS
 
+NEW_LINE = "<br>"  # in a cell of a table in Markdown
 CELL = ["scenario", "controller", "side"]
 _DECIMALS = {"success": 0, "time_to_goal_s": 2}
 
@@ -86,7 +87,7 @@ def _deviation(ours: float, published: float) -> float:
 def to_markdown(comparison: pd.DataFrame, *, of_all: bool) -> str:
     """A table in the paper's layout; each cell `ours (paper)`, or for all champions `median [quartiles] (paper)`."""
     columns = comparison[CELL].drop_duplicates()
-    head = ["", *(f"{c.scenario}<br>{c.controller} {c.side}" for c in columns.itertuples())]
+    head = ["", *(f"{c.scenario}{NEW_LINE}{c.controller} {c.side}" for c in columns.itertuples())]
     lines = [head, ["---", *["---:"] * len(columns)]]
     for row, metric in ROWS.items():
         of_metric = comparison[comparison.metric == metric].set_index(CELL)

@@ -6,7 +6,6 @@ samples of a lifetime, so that the four lifetimes of an evaluation take about 1.
 """
 
 import base64
-import hashlib
 import html
 import json
 import math
@@ -28,6 +27,7 @@ from epuckhebb.study.evaluate import Traces
 from epuckhebb.study.figures import controller_title
 from epuckhebb.study.floor import floor, view
 from epuckhebb.study.moments import Arrival, arrival, begins, told
+from epuckhebb.study.page import policy
 
 __all__ = ["Arrival", "arrival", "outcome", "page"]
 
@@ -58,9 +58,7 @@ def page(
         re.findall(pattern, template, re.DOTALL)[0] for pattern in ("<style>(.*?)</style>", "<script>(.*?)</script>")
     )
     filling = {
-        # Nothing may be fetched, and only this very style and script may act, whatever a title or a name says.
-        "policy": f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
-        "base-uri 'none'; form-action 'none'",
+        "policy": policy(style=style, script=script),
         "title": html.escape(title),
         "data": json.dumps(
             _content(traces, genes, scenario, gain_rad_s, network), separators=(",", ":"), allow_nan=False
@@ -244,7 +242,3 @@ def _packed(values: NDArray[np.floating[Any]]) -> dict[str, Any]:
     if step == 0.0:
         return {"step": 0.0, "numbers": ""}
     return {"step": step, "numbers": base64.b64encode(np.rint(values / step).astype("<i2").tobytes()).decode()}
-
-
-def _hash(text: str) -> str:
-    return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"

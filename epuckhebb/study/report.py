@@ -6,6 +6,7 @@ Every number comes from a table that is also written as CSV; nothing is computed
 import base64
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,9 @@ import pandas as pd
 from markdown_it import MarkdownIt
 
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
-from epuckhebb.study import published, rescue
+from epuckhebb.study import page, published, rescue
 from epuckhebb.study.findings import PAPER_N, RULE
-from epuckhebb.study.tables import markdown_table
+from epuckhebb.study.tables import code, markdown_table
 
 _STYLE = """
 :root { color-scheme: light dark; }
@@ -102,13 +103,15 @@ def summary(claims: pd.DataFrame, success: pd.DataFrame, harm: pd.DataFrame, pro
 
 def html(text: str, picture: Callable[[str], bytes]) -> str:
     """The report as one HTML page without links to anything; `picture` gives a figure's PNG by its file name."""
-    body = MarkdownIt("commonmark", {"html": True}).enable("table").render(text)
+    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    body = body.replace(escape(published.NEW_LINE), "<br>")
     body = body.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>")
     for name in dict.fromkeys(part.split('"')[0] for part in body.split('src="figures/')[1:]):
         data = base64.b64encode(picture(name)).decode()
         body = body.replace(f'src="figures/{name}"', f'src="data:image/png;base64,{data}"')
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{page.policy(style=_STYLE)}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>epuckhebb: the paper's experiment, reproduced</title>\n<style>{_STYLE}</style>\n</head>\n"
         f"<body>\n{body}</body>\n</html>\n"
@@ -133,11 +136,11 @@ def _tables(found: Findings) -> str:
         name, agreeing, cells = found.showcase[experiment]
         parts.append(f"### {group.title.iloc[0]}\n")
         if found.given:
-            parts += [f"Genome `{name}`.\n", published.to_markdown(group, of_all=False)]
+            parts += [f"Genome {code(name)}.\n", published.to_markdown(group, of_all=False)]
             parts += ["\nRelative deviation from the published value:\n", _deviations(group)]
             continue
         parts += [
-            f"Showcase: `{name}`, mean of its repeats. {found.rule} It agrees in {agreeing} of the {cells} "
+            f"Showcase: {code(name)}, mean of its repeats. {found.rule} It agrees in {agreeing} of the {cells} "
             f"cells of this experiment's tables; {found.champions} champions were searched.\n",
             published.to_markdown(group, of_all=False),
             f"\nAll {found.champions} champions, median [quartiles]:\n",

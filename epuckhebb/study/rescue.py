@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from epuckhebb.sim.scenario import TRAINED
-from epuckhebb.study.tables import markdown_table
+from epuckhebb.study.tables import markdown_table, plain
 
 FIGURE = "rescue_and_harm.png"
 MASTERS = {"any": "one side or both", "both": "both sides"}  # the values of `masters` in `findings.retention`, in words
@@ -44,7 +44,7 @@ def markdown(
     ]
     for experiment, own in over_all.groupby("experiment", sort=False):
         own_scenarios = by_scenario[by_scenario.experiment == experiment]
-        changes = ", ".join(name for name in own_scenarios.scenario.unique() if name != TRAINED[str(experiment)])
+        changes = ", ".join(plain(name) for name in own_scenarios.scenario.unique() if name != TRAINED[str(experiment)])
         parts += [
             f"## The {experiment} experiment\n",
             f"Training world: {TRAINED[str(experiment)]}; changed: {changes}.\n",
@@ -70,7 +70,7 @@ def summary(over_all: pd.DataFrame) -> str:
 
 def _over_all(own: pd.DataFrame) -> str:
     rows = [
-        [label(row.controller, row.N), count(row, "rescued", "broken"), count(row, "harmed", "sound")]
+        [plain(label(row.controller, row.N)), count(row, "rescued", "broken"), count(row, "harmed", "sound")]
         + [f"{row.home_harmed} of {row.home_mastered}"]
         for row in own.itertuples()
     ]
@@ -98,7 +98,7 @@ def retention_table(retention: pd.DataFrame, *, by_experiment: bool = False) -> 
     for (experiment, controller, rate), group in retention.groupby(["experiment", "controller", "N"], sort=False):
         own = {row.masters: row for row in group.itertuples()}
         cells = [_kept(own[masters]) if masters in own else "–" for masters in MASTERS]
-        rows.append([*([experiment] if by_experiment else []), label(controller, rate), *cells])
+        rows.append([*([experiment] if by_experiment else []), plain(label(controller, rate)), *cells])
     head = [*(["experiment"] if by_experiment else []), "plasticity"]
     return markdown_table([*head, *(f"mastered at home: {told}" for told in MASTERS.values())], rows)
 
@@ -117,5 +117,5 @@ def _by_scenario(own: pd.DataFrame) -> str:
     for (controller, rate), group in own.groupby(["controller", "N"], sort=False):
         cells = group.set_index("scenario").loc[scenarios].itertuples()
         told = [f"{row.rescued}/{row.broken}, {row.harmed}/{row.sound}" for row in cells]
-        rows.append([label(controller, rate), *told])
-    return markdown_table(["plasticity", *scenarios], rows)
+        rows.append([plain(label(controller, rate)), *told])
+    return markdown_table(["plasticity", *map(plain, scenarios)], rows)

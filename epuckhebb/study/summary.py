@@ -11,6 +11,7 @@ from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.study import charts, findings, rescue
 from epuckhebb.study.evaluate import COLUMNS
 from epuckhebb.study.statistics import wilson
+from epuckhebb.study.tables import code
 
 _OUTCOMES = COLUMNS[COLUMNS.index("success") + 1 : COLUMNS.index("changed")]  # of which the summary has the mean
 _LIFETIME = ["experiment", "scenario", "controller", "N", "genome", "side", "seed", "repeat"]  # one of all
@@ -54,7 +55,7 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str, b
     over_all, by_scenario = findings.rescue_over_all(each), findings.rescue_and_harm(each)
     retention = findings.retention(each)
     champions = int(each.groupby("experiment").genome.nunique().max())
-    seeds = f"`{each.genome.iloc[0]}` to `{each.genome.iloc[-1]}`"
+    seeds = f"{code(each.genome.iloc[0])} to {code(each.genome.iloc[-1])}"
     page = rescue.markdown(over_all, by_scenario, retention, champions, lifetimes.repeat.nunique(), seeds)
     found = {"rescue_over_all": over_all, "rescue_and_harm": by_scenario, "retention": retention}
     return found, page, charts.rescue_over_all(over_all)

@@ -1,6 +1,7 @@
 """The paper's tables: a row for each metric, a column for each controller and side."""
 
 import math
+import re
 from collections.abc import Mapping
 
 import pandas as pd
@@ -15,6 +16,8 @@ ROWS: Mapping[str, str] = {
     "Final Position Error (m)": "final_position_error_m",
     "Weight Change Mean": "weight_change_mean",
 }
+BAR = r"\|"
+_SIGNS = re.compile(r"[\\`*<>&\[\]~$#]|(?<!\w)_|_(?!\w)")  # an underscore in a word means nothing
 _DECIMALS = {"Success": 2, "Time-to-Goal (s)": 2}
 
 
@@ -51,13 +54,30 @@ def to_csv(table: pd.DataFrame) -> str:
 def to_markdown(table: pd.DataFrame) -> str:
     """The table in Markdown."""
     text = formatted(table)
-    head = ["", *(" ".join(column) for column in text.columns)]
+    head = ["", *(plain(" ".join(column)) for column in text.columns)]
     lines = [head, ["---", *["---:"] * len(text.columns)]]
     lines += [[f"**{row}**", *values] for row, values in zip(text.index, text.to_numpy().tolist(), strict=True)]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+    return _markdown(lines)
 
 
 def markdown_table(head: list[str], rows: list[list[str]]) -> str:
     """Any table in Markdown."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+    return _markdown([head, ["---"] * len(head), *rows])
+
+
+def _markdown(lines: list[list[str]]) -> str:
+    """Lines of cells; a bar in a cell does not end it."""
+    return "".join(f"| {' | '.join(cell.replace('|', BAR) for cell in line)} |\n" for line in lines)
+
+
+def plain(name: str) -> str:
+    """A name as Markdown shows it to the letter, in one line, whatever signs are in it."""
+    return _SIGNS.sub(r"\\\g<0>", " ".join(name.split()))
+
+
+def code(name: str) -> str:
+    """A name as code in Markdown, in one line, whatever signs are in it."""
+    name = " ".join(name.split()) or " "
+    fence = "`" * (1 + max(map(len, re.findall("`+", name)), default=0))
+    space = " " if "`" in name else ""
+    return f"{fence}{space}{name}{space}{fence}"

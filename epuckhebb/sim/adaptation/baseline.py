@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from epuckhebb.sim import random
 from epuckhebb.sim.adaptation.change_signal import RECENT_S, BaselineOfSide
 from epuckhebb.sim.block import Individual, live_block
-from epuckhebb.sim.lifetime import Lifetime, Samples
+from epuckhebb.sim.lifetime import Lifetime, Samples, sample_bytes
 from epuckhebb.sim.maze import SIDES, Place, Side
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.random import Stream
@@ -54,6 +54,12 @@ class Baseline:
             self.reading_mean,
             self.reading_spread,
         )
+
+
+def room_to_remember(paper_duration_s: float, gain_rad_s: float, network: Network) -> float:
+    """How many bytes of memory `remember` takes, about."""
+    samples = paper_duration_s / gain_rad_s / STEP_S / _RECORD_EVERY
+    return 1.2 * len(SIDES) * REPEATS * samples * sample_bytes(network)
 
 
 def remember(
