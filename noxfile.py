@@ -56,9 +56,9 @@ def slow(session: nox.Session) -> None:
 
 @nox.session
 def torture(session: nox.Session) -> None:
-    """Run the torture tests: random damage, kills and command lines; `-- --torture-seed N` for others."""
+    """Damage files, kill every verb, type nonsense, fill disks; another time: `nox -s torture -- --torture-seed 2`."""
     session.install(".", *group("tests"), STABLE)
-    session.run("pytest", "-m", "torture", *session.posargs)
+    session.run("pytest", "-m", "torture", "tests/torture", *session.posargs)
 
 
 @nox.session

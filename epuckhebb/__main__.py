@@ -1,6 +1,15 @@
-"""`python -m epuckhebb` is `epuckhebb`."""
+"""`python -m epuckhebb` is `epuckhebb`. Nothing heavy is imported before the program knows how to be interrupted."""
 
-from epuckhebb.app.cli import main
+from epuckhebb.app.errors import leave_when_asked
+
+
+def main() -> None:
+    """The entry point of `epuckhebb`."""
+    leave_when_asked()
+    from epuckhebb.app.cli import main as command_line
+
+    command_line()
+
 
 if __name__ == "__main__":
     main()

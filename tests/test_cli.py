@@ -1,9 +1,12 @@
 """Each verb as a user calls it, and each mistake a user can make."""
 
+import gc
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -233,3 +236,67 @@ def test_python_m_is_the_program():
     assert all(verb in told for verb in ("evolve", "evaluate", "sweep", "reproduce", "replay", "show", "rerun"))
     done = subprocess.run([sys.executable, "-m", "epuckhebb", "show", "nowhere"], capture_output=True, check=False)
     assert done.returncode == 2
+
+
+def ended_by(script, number, times=1):
+    """What a Python script says and returns that gets a signal so many times as soon as it says that it is ready."""
+    with subprocess.Popen([sys.executable, "-c", script], stdout=-1, stderr=-1, text=True) as started:
+        assert started.stdout.readline() == "ready\n"
+        for _ in range(times):
+            started.send_signal(number)
+            time.sleep(0.01)
+        return started.communicate(timeout=60)[1], started.returncode
+
+
+READY = "import time; print('ready', flush=True); time.sleep(60)"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_before_anything_has_begun(number):
+    script = f"from epuckhebb.app.errors import leave_when_asked; leave_when_asked(); {READY}"
+    assert ended_by(script, number) == ("\nError: interrupted\n", 130)
+
+
+def test_ctrl_c_five_times_while_all_is_tidied_up():
+    script = (
+        "import sys, time\n"
+        "from epuckhebb.app.errors import interruptible\n"
+        "with interruptible():\n"
+        "    try:\n"
+        f"        {READY}\n"
+        "    finally:\n"
+        "        time.sleep(0.2)\n"
+        "        sys.stderr.write('tidy')\n"
+    )
+    told, _ = ended_by(script, signal.SIGINT, times=5)
+    assert "tidy" in told
+    assert told.count("KeyboardInterrupt") == 1
+
+
+def test_what_is_told_to_ignore_a_signal_ignores_it():
+    script = (
+        "import signal\n"
+        "from epuckhebb.app.errors import interruptible, leave_when_asked\n"
+        "signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"  # as nohup does
+        "leave_when_asked()\n"
+        "with interruptible():\n"
+        "    signal.raise_signal(signal.SIGHUP)\n"
+        "    print('ready', flush=True)\n"
+        "    signal.pause()\n"
+    )
+    assert ended_by(script, signal.SIGTERM)[1] != 0
+    assert "Hangup" not in ended_by(script, signal.SIGTERM)[0]
+
+
+def test_garbage_is_collected_while_jobs_run(tmp_path, monkeypatch):
+    from epuckhebb.app import evaluate
+
+    monkeypatch.chdir(tmp_path)
+    seen = []
+    monkeypatch.setattr(evaluate, "evaluate_into", lambda *_, **__: seen.append(gc.isenabled()))
+    gc.disable()  # as `main` does
+    try:
+        CliRunner().invoke(app, ["evaluate", "-m", "seed=1,2"])
+    finally:
+        gc.enable()
+    assert seen == [True, True]

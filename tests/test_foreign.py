@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from epuckhebb.app import engine, files, runs
 from epuckhebb.app.cli import app
 from epuckhebb.app.errors import USAGE, ConfigError
-from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.app.hydra_bridge import composed, plain
 from epuckhebb.app.runs import RunFolder
 
 compiled = importlib.import_module("epuckhebb.sim.compiled")
@@ -125,14 +125,17 @@ def test_a_job_whose_table_was_touched_is_done_again(run, tmp_path, harm):
 
 
 def test_a_job_is_known_by_all_that_its_results_depend_on(monkeypatch):
-    late = composed("evaluate", ["adaptation=late", *SMALL])
-    always = composed("evaluate", SMALL)
-    before = [engine.identity(cfg) for cfg in (late, always)]
+    configs = [plain(composed("evaluate", words)) for words in (["adaptation=late", *SMALL], SMALL)]
+
+    def names():
+        return [engine.Identities().of(config) for config in configs]
+
+    before = names()
     with monkeypatch.context() as patched:
         patched.setattr(files.Genome, "baseline_sha256", "another")
-        assert [engine.identity(cfg) == name for cfg, name in zip((late, always), before, strict=True)] == [False, True]
+        assert [now == then for now, then in zip(names(), before, strict=True)] == [False, True]
     monkeypatch.setattr(runs, "versions", lambda packages: dict.fromkeys(packages, "another"))
-    assert all(engine.identity(cfg) != name for cfg, name in zip((late, always), before, strict=True))
+    assert all(now != then for now, then in zip(names(), before, strict=True))
 
 
 def test_machine_code_that_cannot_be_loaded_is_as_if_it_were_not_there():

@@ -114,7 +114,7 @@ def test_what_cannot_be_repeated(tmp_path, monkeypatch):
 
 def evaluations_at_once(count, cwd):
     assert call(*EVALUATE, f"hydra.run.dir={cwd / 'compiled'}").exit_code == 0  # else each of them compiles
-    words = ["-c", "from epuckhebb.app.cli import main; main()", *EVALUATE, "threads=1"]
+    words = ["-c", "from epuckhebb.__main__ import main; main()", *EVALUATE, "threads=1"]
     started = [
         subprocess.Popen([sys.executable, *words], cwd=cwd, stderr=subprocess.PIPE, text=True) for _ in range(count)
     ]

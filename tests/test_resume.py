@@ -82,7 +82,7 @@ def test_killed_at_every_write(six, tmp_path):
 @pytest.mark.slow
 def test_killed_at_twenty_random_moments(tmp_path):
     chance = random.Random(5)
-    program = [sys.executable, "-c", "from epuckhebb.app.cli import main; main()", "evolve"]
+    program = [sys.executable, "-c", "from epuckhebb.__main__ import main; main()", "evolve"]
     words = [*TINY, "lifetime.duration_s=60", "ga.loops=3", "ga.generations=200"]
     whole, run = tmp_path / "whole", tmp_path / "run"
     subprocess.run([*program, *words, f"hydra.run.dir={whole}"], check=True)
@@ -158,7 +158,7 @@ def test_a_run_at_work_is_left_alone(three):
 def test_ctrl_c_ends_within_two_seconds_and_the_run_goes_on(tmp_path, threads):
     words = ["evolve", "ga.generations=100000", "lifetime.duration_s=600", f"threads={threads}", "hydra.run.dir=run"]
     started = subprocess.Popen(
-        [sys.executable, "-c", "from epuckhebb.app.cli import main; main()", *words],
+        [sys.executable, "-c", "from epuckhebb.__main__ import main; main()", *words],
         cwd=tmp_path,
         stderr=subprocess.PIPE,
         text=True,

@@ -274,8 +274,8 @@ def sweep(
     from epuckhebb.app.sweep import plan, told
     from epuckhebb.app.sweep import sweep as run
 
-    _begin(quiet)
     planned = plan(name, overrides or [], config_dir)
+    _begin(quiet)
     todo = {job.run for job in engine.todo(planned.folder, planned.jobs)}
     summary = {"verb": "sweep", "folder": str(planned.folder)}
     if dry_run:

@@ -8,7 +8,7 @@ import difflib
 import functools
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
@@ -33,9 +33,16 @@ from epuckhebb.sim.light import Lamp
 _MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
 
 
-def _check_common(seed: int, threads: int) -> None:
+def check_counts(seed: int, threads: int, repeats: int = 1) -> None:
+    """Refuse numbers of these keys that cannot be.
+
+    Raises:
+        ValueError: One is outside the range named in the message.
+    """
     if seed < 0:
         raise ValueError(f"seed must be 0 or more, got {seed}")
+    if repeats < 1:
+        raise ValueError(f"repeats must be 1 or more, got {repeats}")
     if not 0 <= threads <= _MOST_THREADS:
         raise ValueError(f"threads must lie between 0 (one for each core) and {_MOST_THREADS}, got {threads}")
 
@@ -89,7 +96,7 @@ class WorldConfig:
         Raises:
             ValueError: a value is outside the range named in the message.
         """
-        _check_common(self.seed, self.threads)
+        check_counts(self.seed, self.threads)
         self.world = scenario_from(self.scenario, self.maze, self.robot)
         self.layers = None if self.network.layers is None else tuple(self.network.layers)
         if self.layers is not None:
@@ -116,8 +123,7 @@ class EvaluateConfig(WorldConfig):
             ValueError: a value is outside the range named in the message.
         """
         super().__post_init__()
-        if self.repeats < 1:
-            raise ValueError(f"repeats must be 1 or more, got {self.repeats}")
+        check_counts(self.seed, self.threads, self.repeats)
         main = controller_from(self.hebbian, self.adaptation)
         self.controllers = [] if main.is_ga_alone else [main]
         self.controllers += [compared(name, settings, self.scenario.paper_N) for name, settings in self.compare.items()]
@@ -182,8 +188,8 @@ class ReproduceConfig:
         Raises:
             ValueError: a value is outside the range named in the message.
         """
-        _check_common(self.seed, self.threads)
-        for name, least in (("champions", 1), ("repeats", 1), ("first_seed", 0)):
+        check_counts(self.seed, self.threads, self.repeats)
+        for name, least in (("champions", 1), ("first_seed", 0)):
             if getattr(self, name) < least:
                 raise ValueError(f"{name} must be {least} or more, got {getattr(self, name)}")
         for rate in self.rates:
@@ -263,12 +269,21 @@ def read_config(file: Path, verb: str) -> DictConfig:
         ConfigError: It cannot be read, or holds what this program does not know.
     """
     try:
-        held = OmegaConf.create(_literally(OmegaConf.to_container(OmegaConf.load(file))))
-        if not isinstance(held, DictConfig):
+        held = OmegaConf.to_container(OmegaConf.load(file))
+        if not isinstance(held, dict):
             raise ConfigError(f"{file} cannot be used: it holds no settings")
-        cfg = OmegaConf.merge(OmegaConf.structured(SCHEMAS[verb]), of_today(held))
+        return as_config({str(key): value for key, value in held.items()}, verb)
     except (OSError, YAMLError, OmegaConfBaseException) as error:
         raise ConfigError(f"{file} cannot be used: {error}") from error
+
+
+def as_config(held: Mapping[str, Any], verb: str) -> DictConfig:
+    """The configuration of a verb that these values are, all names among them; no text in it refers to another.
+
+    Raises:
+        OmegaConfBaseException: They hold what this program does not know.
+    """
+    cfg = OmegaConf.merge(OmegaConf.structured(SCHEMAS[verb]), of_today(OmegaConf.create(_literally(dict(held)))))
     assert isinstance(cfg, DictConfig)
     return cfg
 

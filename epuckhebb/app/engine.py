@@ -25,21 +25,24 @@ import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
-from epuckhebb.app import hydra_bridge, runs
-from epuckhebb.app.config import read_config
+from epuckhebb.app import files, hydra_bridge, runs
+from epuckhebb.app.config import EvaluateConfig, as_config, check_counts, typed
 from epuckhebb.app.errors import ConfigError, JobFailedError
-from epuckhebb.app.evaluate import asked, evaluate_into, own_rules
+from epuckhebb.app.evaluate import evaluate_into, fit, own_rules
+from epuckhebb.app.hydra_bridge import Plain
 from epuckhebb.app.parts import sha256_of
 from epuckhebb.app.progress import TaskProgress, counting
 from epuckhebb.app.runs import UNFINISHED, RunFolder
 
 NO_EFFECT = ("threads",)  # keys on which no result depends
-_LIST, _CONFIGS, _STOP = "sweep.json", "jobs", "stop"
+_APART = ("seed", "repeats", "threads")  # keys that are checked by `check_counts` alone
+_LIST, _JOBS, _STOP = "sweep.json", "jobs", "stop"
 
 
 @dataclass(frozen=True)
@@ -64,14 +67,14 @@ class Job:
     Attributes:
         number: Its place, from 0.
         overrides: What would be typed to get it.
-        run: The name of its run folder, from `identity`.
-        cfg: Its composed configuration.
+        run: The name of its run folder, from `Identities`.
+        config: Its configuration, as plain values.
     """
 
     number: int
     overrides: list[str]
     run: str
-    cfg: DictConfig
+    config: Plain
 
     @property
     def settings(self) -> dict[str, str]:
@@ -147,32 +150,64 @@ def carry_out(folder: Path, verb: str, cfg: DictConfig, arguments: list[str], ta
                 task.do()
 
 
-def identity(cfg: DictConfig) -> str:
-    """The name of the run that a configuration leads to with all that its results depend on at this moment.
+class Identities:
+    """Names the runs that configurations lead to, and checks the configurations.
 
-    That is the genome, what it remembers if that is used, rules of the user, the science, and the packages that
-    compute.
-
-    Raises:
-        ConfigError: A value or the genome cannot be used.
+    What many of them share is looked at once: so thousands of jobs can be named in seconds.
     """
-    config, genome = asked(cfg)
-    parts = {
-        "settings": settings(cfg),
-        "genome": genome.sha256,
-        "baseline": genome.baseline_sha256 if any(c.adaptation.needs_baseline for c in config.controllers) else "",
-        "rules": {str(file): sha256_of(file) for file in own_rules(cfg)},
-        "science": runs.science_version(),
-        "packages": runs.versions(runs.NUMERIC),
-    }
-    return f"job_{digest(parts)[:12]}"
 
+    def __init__(self) -> None:
+        self._asked: dict[str, EvaluateConfig] = {}
+        self._more: dict[tuple[str, str], Plain] = {}
+        self._load_genome = cache(files.load_genome)
+        self._texts: dict[int, tuple[Any, str]] = {}
 
-def settings(cfg: DictConfig) -> dict[str, Any]:
-    """The resolved configuration, but for the keys on which no result depends."""
-    values = OmegaConf.to_container(cfg, resolve=True, enum_to_str=True)
-    assert isinstance(values, dict)
-    return {str(key): value for key, value in values.items() if key not in NO_EFFECT}
+    def of(self, config: Plain) -> str:
+        """The name of the run that a configuration leads to with all that its results depend on at this moment.
+
+        That is the genome, what it remembers if that is used, rules of the user, the science, and the packages that
+        compute.
+
+        Raises:
+            ConfigError: A value or the genome cannot be used.
+        """
+        try:
+            check_counts(**{key: config[key] for key in _APART})
+        except ValueError as error:
+            raise ConfigError(str(error)) from error
+        shared = digest(self._texts_of(config, (*_APART, "genome")))
+        if shared not in self._asked:
+            self._asked[shared] = typed(as_config(config, "evaluate"), EvaluateConfig)
+        if (shared, config["genome"]) not in self._more:
+            self._more[shared, config["genome"]] = self._depends_on(config, self._asked[shared])
+        return f"job_{digest([self.settings(config), self._more[shared, config['genome']]])[:12]}"
+
+    def settings(self, config: Plain) -> str:
+        """A digest of a configuration, but for the keys on which no result depends."""
+        return digest(self._texts_of(config, NO_EFFECT))
+
+    def _texts_of(self, config: Plain, without: Sequence[str]) -> dict[str, str]:
+        return {key: self._text(value) for key, value in config.items() if key not in without}
+
+    def _text(self, value: Any) -> str:
+        """A value as JSON; configurations that were put together have most of their values in common."""
+        if not isinstance(value, dict | list):
+            return json.dumps(value)
+        if id(value) not in self._texts:
+            self._texts[id(value)] = value, json.dumps(value, sort_keys=True)
+        return self._texts[id(value)][1]
+
+    def _depends_on(self, config: Plain, asked: EvaluateConfig) -> Plain:
+        """On what else than its settings the results of a configuration depend."""
+        genome = self._load_genome(config["genome"], asked.world.experiment, asked.layers)
+        fit(genome, asked)
+        return {
+            "genome": genome.sha256,
+            "baseline": genome.baseline_sha256 if any(c.adaptation.needs_baseline for c in asked.controllers) else "",
+            "rules": {str(file): sha256_of(file) for file in own_rules(config)},
+            "science": runs.science_version(),
+            "packages": runs.versions(runs.NUMERIC),
+        }
 
 
 def digest(content: object) -> str:
@@ -201,10 +236,10 @@ def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str]
         shutil.rmtree(folder / job.run, ignore_errors=True)
     stamp, trouble = hydra_bridge.new_stamp(), ""
     if missing:
-        _write_jobs(study, {"name": name, "command": study.command, "fail_fast": fail_fast}, jobs)
+        _write_jobs(study, {"name": name, "command": study.command, "fail_fast": fail_fast}, jobs, missing)
         try:
             with counting(len(missing), lambda: count(folder, missing, f"{UNFINISHED}/{stamp}_*")):
-                hydra_bridge.call("evaluate", study_job, _arguments(folder, missing, launcher, stamp), stamp)
+                hydra_bridge.call_many("study", study_job, _arguments(folder, missing, launcher, stamp), stamp)
         except (ConfigError, JobFailedError) as error:
             trouble = str(error)
     remaining = {job.run for job in todo(folder, jobs)}
@@ -230,19 +265,21 @@ def count(folder: Path, jobs: Sequence[Job], attempts: str) -> tuple[int, int]:
 
 def study_job(cfg: DictConfig) -> None:
     """Do one job of a study, in whatever process the launcher gives it."""
+    hydra_bridge.begin_job()
     attempt = hydra_bridge.output_folder()
-    folder, run = attempt.parents[1], hydra_bridge.job_overrides()[0].partition("=")[2]
+    folder, run = attempt.parents[1], str(cfg.job)
     stop = attempt.parent / _STOP
     if stop.exists():
         attempt.rmdir()
         return
-    told = json.loads((folder / _LIST).read_text(encoding="utf-8"))
-    cfg = read_config(folder / _CONFIGS / "job" / f"{run}.yaml", "evaluate")  # whole; Hydra adds defaults below it
-    facts = {"command": told["command"], "sweep": told["name"]}
+    listed = (folder / file for file in (_LIST, f"{_JOBS}/{run}.json"))
+    told, job = (json.loads(file.read_text(encoding="utf-8")) for file in listed)
     try:
-        _check_unchanged(cfg, run)
-        threads = hydra_bridge.threads_of_job(cfg.threads)
-        evaluate_into(attempt, cfg, told["jobs"][run]["overrides"], facts, threads=threads)
+        _check_unchanged(job["config"], run)
+        config = as_config(job["config"], "evaluate")
+        threads = hydra_bridge.threads_of_job(config.threads)
+        facts = {"command": told["command"], "sweep": told["name"]}
+        evaluate_into(attempt, config, job["overrides"], facts, threads=threads)
     except Exception:
         if told["fail_fast"]:
             stop.touch()
@@ -255,27 +292,23 @@ def study_job(cfg: DictConfig) -> None:
         shutil.rmtree(attempt)
 
 
-def _check_unchanged(cfg: DictConfig, run: str) -> None:
-    if identity(cfg) != run:
+def _check_unchanged(config: Plain, run: str) -> None:
+    if Identities().of(config) != run:
         raise JobFailedError(f"{run}: the genome or the program has changed since the study began")
 
 
-def _write_jobs(study: RunFolder, told: dict[str, Any], jobs: Sequence[Job]) -> None:
-    """Write what the jobs read: a whole configuration each, which Hydra takes by its name, and the list of them all."""
-    for job in jobs:
-        text = f"# @package _global_\n{OmegaConf.to_yaml(job.cfg, resolve=True)}"
-        study.write(f"{_CONFIGS}/job/{job.run}.yaml", text)
-    listed = {job.run: {"number": job.number, "overrides": job.overrides} for job in jobs}
-    study.write(_LIST, runs.as_json({"schema": runs.SCHEMA, **told, "jobs": listed}))
+def _write_jobs(study: RunFolder, told: dict[str, Any], jobs: Sequence[Job], missing: Sequence[Job]) -> None:
+    """Write what the jobs read: a file for each that is missing, and a list of them all."""
+    for job in missing:
+        study.write(f"{_JOBS}/{job.run}.json", runs.as_json({"overrides": job.overrides, "config": job.config}))
+    study.write(_LIST, runs.as_json({"schema": runs.SCHEMA, **told, "jobs": [job.run for job in jobs]}))
 
 
 def _arguments(folder: Path, missing: Sequence[Job], launcher: list[str], stamp: str) -> list[str]:
     return [
-        f"+job={','.join(job.run for job in missing)}",
+        f"job={','.join(job.run for job in missing)}",
         *launcher,
         f"hydra.sweep.dir={hydra_bridge.quoted(str(folder.absolute()))}",  # a worker may have been started elsewhere
         f'hydra.sweep.subdir="{UNFINISHED}/{stamp}_${{hydra.job.num}}"',
-        "--config-dir",
-        str((folder / _CONFIGS).absolute()),
         "--multirun",
     ]

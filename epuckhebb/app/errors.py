@@ -1,15 +1,17 @@
-"""How a call ends before its time: with an error that is told in one message, or by Ctrl-C."""
+"""How a call ends before its time: with an error that is told in one message, or by a signal."""
 
 import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
 JOB_FAILED, USAGE, INTERRUPTED = 1, 2, 130  # exit codes
 _PATIENCE_S = 1.5
+_LOOK_S = 0.5  # between two looks at whether the parent is there
 
 at_work: list[Callable[[], str]] = []  # for each folder at work: closes it, and returns what an interruption leaves
 
@@ -24,10 +26,11 @@ class JobFailedError(RuntimeError):
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Make Ctrl-C end the program within two seconds, whatever its threads are busy with.
+    """Make Ctrl-C, and a wish that the program end, end it within two seconds, whatever its threads are busy with.
 
     Where tidying up takes long (a block of long lifetimes, a compiler), the process ends without it. That is as safe
-    as being killed, which is safe at any moment: every file of a run is whole or not there.
+    as being killed, which is safe at any moment: every file of a run is whole or not there. A signal that is ignored,
+    as `nohup` has it, stays so; so does one that comes while the program is ending.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -38,14 +41,48 @@ def interruptible() -> Iterator[None]:
     def stop(number: int, frame: FrameType | None) -> None:
         if timer.ident is None:
             timer.start()
-        signal.default_int_handler(number, frame)
+            signal.default_int_handler(number, frame)
 
-    before = signal.signal(signal.SIGINT, stop)
+    before = {number: signal.signal(number, stop) for number in _asking()}
     try:
         yield
     finally:
         timer.cancel()
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def leave_when_asked() -> None:
+    """End the program at once when a signal asks for it, as long as nothing has begun and after all has ended."""
+
+    def leave(*_: object) -> None:
+        sys.stderr.write(f"\nError: {interrupted('')}\n")
+        sys.stderr.flush()
+        os._exit(INTERRUPTED)
+
+    for number in _asking():
+        signal.signal(number, leave)
+
+
+def _asking() -> list[int]:
+    """The signals that ask this program to end: not those that it was told to ignore, as `nohup` does."""
+    known = (getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP"))  # Windows has no SIGHUP
+    return [number for number in known if number is not None and signal.getsignal(number) is not signal.SIG_IGN]
+
+
+def end_with(parent: int) -> None:
+    """Let this process end when its parent does, however that ends: a worker must not outlive who started it.
+
+    parent: the process that started this one; where the system has given this one another parent, it has ended.
+    """
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_LOOK_S)
+        os._exit(INTERRUPTED)
+
+    if "watch" not in (thread.name for thread in threading.enumerate()):
+        threading.Thread(target=watch, name="watch", daemon=True).start()
 
 
 def interrupted(told: str) -> str:

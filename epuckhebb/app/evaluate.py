@@ -1,7 +1,7 @@
 """`epuckhebb evaluate`: the lifetimes of a genome in a scenario, and what a run of them leaves in its folder."""
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -32,6 +32,7 @@ from epuckhebb.study.evaluate import Traces, evaluate, room_to_evaluate
 
 def evaluate_job(cfg: DictConfig) -> None:
     """Do one job of Hydra's: evaluate into its folder."""
+    hydra_bridge.begin_job()
     threads = hydra_bridge.threads_of_job(cfg.threads)
     with hydra_bridge.job_folder() as path:
         cfg = hydra_bridge.named(cfg)
@@ -165,10 +166,10 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
             written.result()
 
 
-def own_rules(cfg: DictConfig) -> list[Path]:
+def own_rules(cfg: Mapping[str, Any]) -> list[Path]:
     """The files of the user's own rules that a configuration names."""
-    named = [cfg.hebbian, *(cfg.get("compare") or {}).values()]
-    found = [rule_file(settings) for settings in named if isinstance(settings, DictConfig)]
+    named = [cfg["hebbian"], *(cfg.get("compare") or {}).values()]
+    found = [rule_file(settings) for settings in named if isinstance(settings, Mapping)]
     return list(dict.fromkeys(file for file in found if file is not None))
 
 

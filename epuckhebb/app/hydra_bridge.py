@@ -11,7 +11,7 @@ import math
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence, Set
 from contextlib import contextmanager, redirect_stderr
 from datetime import datetime
 from importlib.metadata import version
@@ -26,18 +26,20 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
+from hydra.plugins.sweeper import Sweeper
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.app.config import SCHEMAS, literal, near_keys, thread_count
 from epuckhebb.app.data import data_folder, groups
-from epuckhebb.app.errors import ConfigError, JobFailedError
+from epuckhebb.app.errors import ConfigError, JobFailedError, end_with
 from epuckhebb.app.machine import path_of
 from epuckhebb.app.named import NAMED, completed, world_name
 
 IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
 _STAMP = "EPUCKHEBB_STAMP"  # environment variable that conf/ names run folders with
+_PARENT = "EPUCKHEBB_PARENT"  # environment variable: the process that starts workers
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}
 _SWEEP_DIR = "hydra.sweep.dir="
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
@@ -45,7 +47,12 @@ _PLAIN = re.compile(r"[A-Za-z0-9_./:%@+-]+")  # what needs no quotes as the valu
 _HYDRAS_WORDS = "Error executing job with overrides"  # before what a job raised
 _MOST_JOBS = 100_000  # of one call
 _VALUE_KEY = re.compile(r"[\w.]+")  # of a plain override: nothing added, deleted, or put into another package
+_REFERENCE = re.compile(r"\$\{(.*?)\}")
+_KEPT = 64  # compositions that are kept for the next combination
 _VERSION_BASE: dict[str, Any] = {} if IS_HYDRA_1_4 else {"version_base": "1.3"}  # from 1.4 on it is warned about
+
+
+Plain = dict[str, Any]  # a configuration of plain values
 
 
 def composed(verb: str, overrides: list[str], config_dir: str | None = None, *, with_hydra: bool = False) -> DictConfig:
@@ -139,41 +146,97 @@ def _world(*, _root_: DictConfig) -> str:
 OmegaConf.register_new_resolver("epuckhebb.world", _world, replace=True)
 
 
+def plain(cfg: DictConfig) -> Plain:
+    """A composed configuration as plain values, every reference resolved."""
+    values = OmegaConf.to_container(cfg, resolve=True, enum_to_str=True)
+    assert isinstance(values, dict)
+    return {str(key): value for key, value in values.items()}
+
+
 def combinations(
     verb: str, fixed: list[str], choices: dict[str, list[str]], config_dir: str | None
-) -> Iterator[tuple[list[str], DictConfig]]:
-    """Every combination of the choices (as from `alternatives`), as overrides and composed.
+) -> Iterator[tuple[list[str], Plain]]:
+    """Every combination of the choices (as from `alternatives`), as overrides and as a configuration of plain values.
 
-    Hydra takes a tenth of a second for each composition, so values are put into a copy of what is composed from the
-    groups alone; what cannot be put in so simply is left to Hydra, which may also explain why not.
+    Hydra takes a fifth of a second for each composition, so only the groups are composed by it; their values are put
+    into a copy, in which the names are filled in. A value to which nothing in a configuration refers is then simply
+    put in its place. What cannot be put in so simply is left to Hydra, which may also explain why not.
 
     Raises:
         ConfigError: An override cannot be used.
     """
     values = {key for key in choices if _VALUE_KEY.fullmatch(key) and key not in groups(verb)}
-    are_named = not any(key.partition(".")[0] in NAMED for key in values)  # whatever these values are
+    free = {key for key in values if key.partition(".")[0] not in NAMED}  # names do not depend on them
 
-    @functools.cache
-    def prepared(overrides: tuple[str, ...]) -> tuple[DictConfig, DictConfig, list[Path]]:
-        raw, hydras, folders = _composed(verb, [*fixed, *overrides], config_dir)
-        return _with_names(raw, hydras, folders) if are_named else raw, hydras, folders
+    @functools.lru_cache(maxsize=_KEPT)
+    def from_groups(overrides: tuple[str, ...]) -> tuple[DictConfig, DictConfig, list[Path]]:
+        return _composed(verb, [*fixed, *overrides], config_dir)
 
     @functools.cache
     def parsed(override: str) -> tuple[str, Any]:
         one = OverridesParser.create().parse_override(override)
         return one.key_or_group, one.value()
 
-    for overrides in itertools.product(*choices.values()):
-        told = list(zip(choices, overrides, strict=True))
-        raw, hydras, folders = prepared(tuple(override for key, override in told if key not in values))
+    def with_values(told: Sequence[tuple[str, str]], without: Set[str]) -> DictConfig:
+        """The configuration of these overrides, but for those of some keys."""
+        raw, hydras, folders = from_groups(tuple(override for key, override in told if key not in values))
         cfg = copy.deepcopy(raw)
         try:
             for key, override in told:
-                if key in values:
+                if key in values - without:
                     OmegaConf.update(cfg, *parsed(override))
         except OmegaConfBaseException:
-            cfg = _composed(verb, [*fixed, *overrides], config_dir)[0]
-        yield list(overrides), _with_names(cfg, hydras, folders)
+            cfg = _composed(verb, [*fixed, *(override for _, override in told)], config_dir)[0]
+        return _with_names(cfg, hydras, folders)
+
+    @functools.cache
+    def shared(told: tuple[tuple[str, str], ...]) -> tuple[Plain, frozenset[str] | None]:
+        """What the choices of all keys but the free ones lead to, and the keys to which something in it refers."""
+        cfg = with_values(told, free)
+        return plain(cfg), _referred_to(cfg)
+
+    @functools.cache
+    def template() -> DictConfig:
+        first = tuple(overrides[0] for key, overrides in choices.items() if key not in values)
+        return copy.deepcopy(from_groups(first)[0])
+
+    @functools.cache
+    def as_declared(override: str) -> tuple[str, Any]:
+        """The place and the value of an override, of the type that the schema declares."""
+        key, value = parsed(override)
+        OmegaConf.update(template(), key, value)
+        return key, plain(OmegaConf.create({"value": OmegaConf.select(template(), key)}))["value"]
+
+    for overrides in itertools.product(*choices.values()):
+        told = list(zip(choices, overrides, strict=True))
+        config, references = shared(tuple(pair for pair in told if pair[0] not in free))
+        own = [pair for pair in told if pair[0] in free]
+        simple = references is not None and not any(
+            "${" in override or any(_overlap(key, other) for other in references) for key, override in own
+        )
+        try:
+            for _, override in own if simple else ():
+                config = _put(config, *as_declared(override))
+        except (OmegaConfBaseException, KeyError, TypeError):
+            simple = False
+        yield list(overrides), config if simple else plain(with_values(told, set()))
+
+
+def _referred_to(cfg: DictConfig) -> frozenset[str] | None:
+    """The keys to which values of a configuration refer; None if there are references of another kind."""
+    found = _REFERENCE.findall(str(OmegaConf.to_container(cfg, resolve=False)))
+    return frozenset(found) if all(_VALUE_KEY.fullmatch(key) for key in found) else None
+
+
+def _overlap(one: str, other: str) -> bool:
+    """Whether a key is another one, or above or below it."""
+    return f"{one}.".startswith(f"{other}.") or f"{other}.".startswith(f"{one}.")
+
+
+def _put(config: Plain, key: str, value: Any) -> Plain:
+    """A copy of a configuration with another value in one place; it shares all else with the first."""
+    first, _, rest = key.partition(".")
+    return {**config, first: _put(config[first], rest, value) if rest else value}
 
 
 def alternatives(overrides: list[str]) -> dict[str, list[str]]:
@@ -333,6 +396,16 @@ def call(verb: str, job: Callable[[DictConfig], None], arguments: list[str], sta
             raise
 
 
+def call_many(verb: str, job: Callable[[DictConfig], None], arguments: list[str], stamp: str) -> None:
+    """Call Hydra for jobs that all have a configuration: it need not compose each of them before the first begins."""
+    check = Sweeper.validate_batch_is_legal
+    setattr(Sweeper, check.__name__, lambda *_: None)
+    try:
+        call(verb, job, arguments, stamp)
+    finally:
+        setattr(Sweeper, check.__name__, check)
+
+
 def new_stamp() -> str:
     """When, and a random part that keeps apart what begins in the same second."""
     return f"{datetime.now():%Y%m%d-%H%M%S}-{token_hex(4)}"
@@ -355,6 +428,14 @@ def job_folder() -> Iterator[Path]:
         raise
 
 
+def begin_job() -> None:
+    """What a job does first: a worker of joblib's sees to it that it ends with the process that started it."""
+    if in_multirun() and _is_joblib(HydraConfig.get().launcher):
+        parent = int(os.environ[_PARENT])
+        if parent != os.getpid():
+            end_with(parent)
+
+
 def job_overrides() -> list[str]:
     """The overrides of this job, as they would be typed."""
     return list(_unresolved(HydraConfig.get().overrides.task))
@@ -370,11 +451,15 @@ def threads_of_job(asked: int) -> int:
     launcher = HydraConfig.get().launcher
     if not in_multirun() or launcher._target_.endswith("BasicLauncher"):
         return thread_count(asked)
-    if launcher._target_.endswith("JoblibLauncher"):
+    if _is_joblib(launcher):
         cores = thread_count(0)
         width = launcher.n_jobs if launcher.n_jobs > 0 else max(1, cores + 1 + launcher.n_jobs)
         return int(max(1, min(asked, cores // width)))
     return max(1, asked)
+
+
+def _is_joblib(launcher: DictConfig) -> bool:
+    return str(launcher._target_).endswith("JoblibLauncher")
 
 
 class _WithoutHydrasWords:
@@ -393,9 +478,10 @@ class _WithoutHydrasWords:
 @contextmanager
 def _as_command_line(verb: str, arguments: list[str], stamp: str) -> Iterator[None]:
     """What Hydra reads: the argument list, and a wish to have errors raised instead of printed."""
-    argv, environment = sys.argv, {name: os.environ.get(name) for name in (_STAMP, "HYDRA_FULL_ERROR")}
+    told = {_STAMP: stamp, _PARENT: str(os.getpid()), "HYDRA_FULL_ERROR": "1"}
+    argv, environment = sys.argv, {name: os.environ.get(name) for name in told}
     sys.argv = [f"epuckhebb {verb}", *arguments]
-    os.environ.update({_STAMP: stamp, "HYDRA_FULL_ERROR": "1"})
+    os.environ.update(told)
     try:
         yield
     finally:

@@ -54,12 +54,13 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     swept = [f"{key}={values}" for key, values in params.items()]
     choices = hydra_bridge.alternatives([*swept, *(argument for argument in arguments if argument not in hydras)])
     listed: dict[str, Job] = {}
-    for overrides, cfg in hydra_bridge.combinations("evaluate", named, choices, config_dir):
-        run = engine.identity(cfg)
+    identities = engine.Identities()
+    for overrides, config in hydra_bridge.combinations("evaluate", named, choices, config_dir):
+        run = identities.of(config)
         if run not in listed:
-            listed[run] = Job(number=len(listed), overrides=[*named, *overrides], run=run, cfg=cfg)
+            listed[run] = Job(number=len(listed), overrides=[*named, *overrides], run=run, config=config)
     jobs = list(listed.values())
-    folder = Path("runs") / "sweep" / f"{name}_{engine.digest([engine.settings(job.cfg) for job in jobs])[:8]}"
+    folder = Path("runs") / "sweep" / f"{name}_{engine.digest([identities.settings(job.config) for job in jobs])[:8]}"
     for argument in hydras:
         if argument.startswith(_SWEEP_DIR):
             folder = Path(hydra_bridge.value_of(argument))
