@@ -272,13 +272,13 @@ def read_config(file: Path, verb: str) -> DictConfig:
         held = OmegaConf.to_container(OmegaConf.load(file))
         if not isinstance(held, dict):
             raise ConfigError(f"{file} cannot be used: it holds no settings")
-        return as_config(held, verb)
+        return as_config({str(key): value for key, value in held.items()}, verb)
     except (OSError, YAMLError, OmegaConfBaseException) as error:
         raise ConfigError(f"{file} cannot be used: {error}") from error
 
 
 def as_config(held: Mapping[Any, Any], verb: str) -> DictConfig:
-    """The configuration of a verb that these plain values are, all names among them.
+    """The configuration of a verb that these plain values are, all names among them; no text refers to another.
 
     Raises:
         OmegaConfBaseException: They hold what this program does not know.

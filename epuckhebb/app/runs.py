@@ -37,7 +37,7 @@ NUMERIC = ("numba", "numpy", "pymunk")  # the packages on which digits may depen
 _PACKAGES = ("epuckhebb", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
 _STATUS, _PROVENANCE = "status.json", "provenance.json"
 _LOCK = ".epuckhebb.lock"  # there while a process is at work in the folder, or after one that was killed
-_PATIENCE_S = 0.2  # with who holds a folder for the moment in which it is looked whether it is held
+_PATIENCE_S = 1.0  # with who holds a folder for the moment in which it is looked whether it is held
 _OVERRIDES, _CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
 _HALF = re.compile(r"\..+\.\d+\.tmp")  # what `write_whole` writes beside a file
 _ATTEMPT = re.compile(r"\d{8}-\d{6}-[0-9a-f]{8}_\d+|stop")  # what `engine.launch` leaves in `unfinished/`
@@ -59,18 +59,22 @@ def write_whole(target: Path, content: bytes) -> None:
         raise
 
 
-def hold(folder: Path) -> BaseFileLock | None:
+def hold(folder: Path, patience_s: float = 0.0) -> BaseFileLock | None:
     """Keep other processes of this program out of a folder; give the result to `release`, or just end.
 
     The system lets go of a folder when the process ends, however it ends. None comes back where the file system knows
     no such locks; then nothing is kept out.
+
+    Args:
+        folder: The folder.
+        patience_s: For how long to try while another process holds it; one may just be looking.
 
     Raises:
         BlockingIOError: Another process holds it.
         FileNotFoundError: There is no such folder.
         PermissionError: It cannot be written to.
     """
-    lock = FileLock(folder / _LOCK, timeout=_PATIENCE_S, thread_local=False, fallback_to_soft=False)
+    lock = FileLock(folder / _LOCK, timeout=patience_s, thread_local=False, fallback_to_soft=False)
     try:
         lock.acquire()
     except Timeout:
@@ -91,17 +95,15 @@ def release(held: BaseFileLock | None) -> None:
 
 
 def is_held(folder: Path) -> bool:
-    """Whether a process is at work in a folder; looking keeps nobody out, and leaves nothing there."""
+    """Whether a process is at work in a folder; yes, where that cannot be known. Looking leaves nothing there."""
     if not (folder / _LOCK).exists():
         return False
     try:
         held = hold(folder)
-    except FileNotFoundError:
-        return False
-    except (BlockingIOError, PermissionError):
+    except OSError:
         return True
     release(held)
-    return held is None  # it cannot be known
+    return held is None
 
 
 class RunFolder:
@@ -150,7 +152,8 @@ class RunFolder:
         told = provenance(verb, cfg, arguments) | facts
         run = cls(path, None, told)
         try:
-            run._held = hold(path)
+            with suppress(BlockingIOError):  # the claim is what counts
+                run._held = hold(path, _PATIENCE_S)
             run._begin(told, cfg, arguments)
         except OSError as error:
             for name in (_STATUS, _OVERRIDES, _CONFIG, _PROVENANCE):
@@ -178,7 +181,7 @@ class RunFolder:
         try:
             path.mkdir(parents=True, exist_ok=True)
             _refuse_foreign(path, verb)
-            held = hold(path)
+            held = hold(path, _PATIENCE_S)
         except BlockingIOError:
             raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
         except OSError as error:
