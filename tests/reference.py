@@ -176,11 +176,11 @@ class Robot:
         fraction = np.interp(apparent, curve[:, 0], curve[:, 2])
         echo = value * (1 + self.noise_level * fraction * numbers[kind.lights :])
         readings = np.clip(np.concatenate([dark, echo / kind.full_scale]), 0, 1)
-        if self.world.dead_sensor is not None:
-            if self.world.dead_sensor < kind.lights:
-                readings[self.world.dead_sensor] = 1
-            if self.world.dead_sensor < kind.distances:
-                readings[kind.lights + self.world.dead_sensor] = 0
+        for number in self.world.dead_sensors:
+            if number < kind.lights:
+                readings[number] = 1
+            if number < kind.distances:
+                readings[kind.lights + number] = 0
         return readings
 
     def placed(self, places, x, y, heading):

@@ -117,7 +117,7 @@ BAD = {
     ),
     "a baseline that is broken": (["adaptation=late", "genome=broken.npz"], "baseline", "cannot read"),
     "no such reference champion": (["genome=reference_77"], "reference_77", "1 to 20, 101 to 140"),
-    "blind where it has no eye": (["scenario.dead_sensor=8"], "scenario.dead_sensor", "0 to 7"),
+    "blind where it has no eye": (["scenario.dead_sensors=[8]"], "scenario.dead_sensors", "0 to 7"),
     "a wheel that is too strong": (["scenario.left_wheel=1.5"], "scenario.left_wheel", "[0, 1]"),
     "a layout that is none": (["scenario.layout=-1"], "scenario.layout", "0 (as in the maze) or more"),
 }

@@ -47,7 +47,7 @@ class ScenarioConfig:
     obstacles: int = 0
     layout: int = 0
     goals: Any = None
-    dead_sensor: int | None = None
+    dead_sensors: Any = field(default_factory=list)
     left_wheel: float = 1.0
     right_wheel: float = 1.0
     lamp: Lamp = field(default_factory=Lamp)

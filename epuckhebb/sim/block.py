@@ -267,7 +267,7 @@ def _trial(scenario: Scenario, side: Side) -> Trial:
         float(maze.goal_radius_m),
         Region(*map(float, maze.arms[side])),
         float(maze.arena_m),
-        -1 if scenario.dead_sensor is None else int(scenario.dead_sensor),
+        np.array(scenario.dead_sensors, np.int64),
         float(scenario.left_wheel),
         float(scenario.right_wheel),
     )

@@ -107,7 +107,7 @@ class Trial(NamedTuple):
     """What the robot is to do, and what is wrong with it.
 
     goal_x, goal_y, goal_radius: m. arm: the region in which it has turned the right way. arena: m, half side.
-    dead_sensor: number of its blind place, -1 for none. left_wheel, right_wheel: how well each turns.
+    dead_sensors: numbers of its blind places. left_wheel, right_wheel: how well each turns.
     """
 
     goal_x: float
@@ -115,7 +115,7 @@ class Trial(NamedTuple):
     goal_radius: float
     arm: Region
     arena: float
-    dead_sensor: int
+    dead_sensors: NDArray[np.int64]
     left_wheel: float
     right_wheel: float
 
@@ -191,7 +191,7 @@ def live(
         if noise_level > 0.0:
             draw_noise(key, step, life.room.noise)
         sense(x, y, cos, sin, space.walls, lit, life.room.noise, noise_level, life.room.senses, activation)
-        blind(activation, trial.dead_sensor)
+        blind(activation, trial.dead_sensors)
 
         # Act.
         forward(weights, activation, life.room.drive)

@@ -169,7 +169,8 @@ def _content(
 def _world(world: Scenario) -> dict[str, Any]:
     """What can change in mid-life, as it is in this world."""
     lamp = world.lamp
-    faults = [] if world.dead_sensor is None else [f"sensor {world.dead_sensor} blind"]
+    dead = " and ".join(map(str, world.dead_sensors))
+    faults = [f"sensor{'s' if len(world.dead_sensors) > 1 else ''} {dead} blind"] if dead else []
     faults += [
         f"{side} wheel at {100 * turns:g} %"
         for side, turns in (("left", world.left_wheel), ("right", world.right_wheel))
@@ -186,7 +187,7 @@ def _world(world: Scenario) -> dict[str, Any]:
             "beam": lamp.beam_rad,
             "intensity": lamp.intensity,
         },
-        "dead": world.dead_sensor,
+        "dead": list(world.dead_sensors),
         "faults": ", ".join(faults),
     }
 
