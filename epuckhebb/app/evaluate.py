@@ -16,7 +16,7 @@ from epuckhebb.app.config import EvaluateConfig, typed
 from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.files import Genome
-from epuckhebb.app.named import scenario_of
+from epuckhebb.app.named import maze_asked, scenario_of
 from epuckhebb.app.parts import NONE, rule_file, sha256_of
 from epuckhebb.app.progress import say
 from epuckhebb.app.runs import RunFolder
@@ -210,7 +210,7 @@ def baseline_for(
             f"genome={genome.name} {why}: it lives {REPEATS} lifetimes a side in {TRAINED[experiment]} first, "
             f"at {pace:g} rad/s."
         )
-        home = training_world(experiment, config.maze, config.robot)
+        home = training_world(experiment, maze_asked(config.scenario.name, config.maze), config.robot)
         baseline = remember(genome.weights, home, pace, threads, genome.network)
         if "lateness" in asking and np.isnan(baseline.time_to_goal_s).all():
             raise ConfigError(
