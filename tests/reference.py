@@ -18,7 +18,7 @@ from epuckhebb.sim.network import PAPER_NETWORK
 
 STEP = 0.032
 WALL, ROBOT = pymunk.ShapeFilter(categories=1), pymunk.ShapeFilter(categories=2)
-_ROOM = {}
+_ROOM, _BITS = {}, numba.njit(random.bits)
 
 
 def noise(key, step, count):
@@ -28,6 +28,11 @@ def noise(key, step, count):
     fill, room = _ROOM[count]
     fill(key, step, room)
     return room[:count].copy()
+
+
+def fraction(key, number):
+    """A random number in [0, 1) for a key and a number, from the program too."""
+    return int(_BITS(np.uint64(key), np.uint64(number))) / 2**64
 
 
 class Robot:
@@ -56,9 +61,10 @@ class Robot:
         self.body = pymunk.Body(self.kind.mass_kg, self.kind.inertia_kg_m2)
         self.body.position, self.body.angle = (start.x, start.y), start.heading
         disc = pymunk.Circle(self.body, self.kind.radius_m)
-        disc.friction, disc.filter = 0, ROBOT
+        disc.friction, disc.filter = 1, ROBOT
         self.changes = [(math.ceil(change["at_s"] / STEP - 1e-9), change) for change in scenario.changes]
         self.walls, self.wanted, self.placed_walls = None, None, []
+        self.rubbing, self.speeds = None, [0.0, 0.0]
         self.be_in(scenario)
         self.put_walls()
         self.space.add(self.body, disc)
@@ -88,7 +94,7 @@ class Robot:
         self.wanted = boxes(world.maze, world.obstacles, world.layout).tolist()
 
     def put_walls(self):
-        if self.wanted == self.walls:
+        if self.wanted == self.walls and self.rubbing == self.world.wall_friction:
             return
         x, y = self.body.position
         for left, right, bottom, top in self.wanted:
@@ -100,10 +106,10 @@ class Robot:
         for left, right, bottom, top in self.wanted:
             corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
             wall = pymunk.Poly(self.space.static_body, corners)
-            wall.friction, wall.filter = 0, WALL
+            wall.friction, wall.filter = self.world.wall_friction, WALL
             self.space.add(wall)
             self.placed_walls.append(wall)
-        self.walls = self.wanted
+        self.walls, self.rubbing = self.wanted, self.world.wall_friction
 
     def change(self):
         """The world changes when it is time."""
@@ -175,12 +181,13 @@ class Robot:
         value = np.interp(apparent, curve[:, 0], curve[:, 1])
         fraction = np.interp(apparent, curve[:, 0], curve[:, 2])
         echo = value * (1 + self.noise_level * fraction * numbers[kind.lights :])
-        readings = np.clip(np.concatenate([dark, echo / kind.full_scale]), 0, 1)
-        if self.world.dead_sensor is not None:
-            if self.world.dead_sensor < kind.lights:
-                readings[self.world.dead_sensor] = 1
-            if self.world.dead_sensor < kind.distances:
-                readings[kind.lights + self.world.dead_sensor] = 0
+        echo = np.clip(echo / kind.full_scale, 0, 1) * self.world.distance_gain + self.world.distance_offset
+        readings = np.clip(np.concatenate([dark, echo]), 0, 1)
+        for number in self.world.dead_sensors:
+            if number < kind.lights:
+                readings[number] = 1
+            if number < kind.distances:
+                readings[kind.lights + number] = 0
         return readings
 
     def placed(self, places, x, y, heading):
@@ -256,8 +263,14 @@ class Robot:
     def move(self, left, right, heading):
         kind = self.kind
         left, right = left * self.world.left_wheel, right * self.world.right_wheel
-        speed = self.gain * kind.wheel_radius_m * (left + right) / 2
-        turn = self.gain * kind.wheel_radius_m * (right - left) / kind.axle_m
+        spell = (self.step_number - 1) // 16
+        for wheel, (output, slip) in enumerate([(left, self.world.left_slip), (right, self.world.right_slip)]):
+            slips = fraction(self.key, 2**50 + 2 * spell + wheel) < slip
+            wanted = self.gain * output * (0.5 if slips else 1)
+            self.speeds[wheel] += (wanted - self.speeds[wheel]) / self.world.mass_ratio
+        left, right = self.speeds
+        speed = kind.wheel_radius_m * (left + right) / 2
+        turn = kind.wheel_radius_m * (right - left) / kind.axle_m
         push = kind.mass_kg * speed / STEP
         self.body.force = (push * math.cos(heading), push * math.sin(heading))
         self.body.torque = kind.inertia_kg_m2 * turn / STEP

@@ -179,7 +179,7 @@ def test_late_is_plastic_and_the_goal_makes_forget(master):
     "fault",
     [
         {},
-        {"dead_sensor": 0},
+        {"dead_sensors": (0,)},
         {"left_wheel": 0.9},
         {"obstacles": 4, "layout": 2},
         {"changes": ({"at_s": 5, "light": 1.0}, {"at_s": 9, "right_wheel": 0.8})},

@@ -16,6 +16,7 @@ from epuckhebb.app.hydra_bridge import composed
 from epuckhebb.sim.adaptation.baseline import remember
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.network import PAPER_NETWORK
+from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.study.rescue import FIGURE
 
 BRIEF = ["lifetime.duration_s=3", "lifetime.record_every=0", "repeats=2"]
@@ -49,9 +50,8 @@ def test_needs_no_other_setting(here, scenario):
 
 def test_the_bundled_champions_remember():
     """They are of version 0.1, which said nothing of robots and networks."""
-    usual = typed(composed("evaluate", []), EvaluateConfig)
-    for experiment in ("light", "obstacles"):
-        home = training_world(experiment, usual.maze, usual.robot)
+    for experiment, scenario in TRAINED.items():
+        home = training_world(typed(composed("evaluate", [f"scenario={scenario}"]), EvaluateConfig))
         for where in ("reference", "reference_1", "reference_140"):
             genome = files.load_genome(where, experiment)
             assert (genome.network, genome.robot, genome.plan.told()) == (PAPER_NETWORK, "epuck", "234 weights")
@@ -117,7 +117,7 @@ BAD = {
     ),
     "a baseline that is broken": (["adaptation=late", "genome=broken.npz"], "baseline", "cannot read"),
     "no such reference champion": (["genome=reference_77"], "reference_77", "1 to 20, 101 to 140"),
-    "blind where it has no eye": (["scenario.dead_sensor=8"], "scenario.dead_sensor", "0 to 7"),
+    "blind where it has no eye": (["scenario.dead_sensors=[8]"], "scenario.dead_sensors", "0 to 7"),
     "a wheel that is too strong": (["scenario.left_wheel=1.5"], "scenario.left_wheel", "[0, 1]"),
     "a layout that is none": (["scenario.layout=-1"], "scenario.layout", "0 (as in the maze) or more"),
 }

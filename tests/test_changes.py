@@ -22,9 +22,15 @@ SAME = {
     "obstacles": 0,
     "layout": 0,
     "goals": {"left": (-0.36, 0.155)},
-    "dead_sensor": None,
+    "dead_sensors": [],
+    "distance_gain": 1.0,
+    "distance_offset": 0.0,
     "left_wheel": 1.0,
     "right_wheel": 1.0,
+    "left_slip": 0.0,
+    "right_slip": 0,
+    "mass_ratio": 1.0,
+    "wall_friction": 0.0,
 }
 
 
@@ -52,11 +58,14 @@ EFFECTS = [
     ({"light": 1.0}, "sensors", 0, "left"),
     ({"lamp": {"intensity": 0.0}}, "sensors", 0, "right"),
     ({"lamp": {"towards_x": 1.0}}, "sensors", 0, "right"),
-    ({"dead_sensor": 2}, "sensors", 0, "left"),
+    ({"dead_sensors": [2]}, "sensors", 0, "left"),
+    ({"distance_gain": 0.9}, "sensors", 0, "left"),
+    ({"distance_offset": 0.01}, "sensors", 0, "left"),
     ({"obstacles": 4}, "sensors", 0, "left"),
     ({"goals": {"left": (-0.30, 0.155)}}, "fitness", 0, "left"),
     ({"left_wheel": 0.5}, "pose", 2, "left"),  # the command of a step moves the robot in the next
     ({"right_wheel": 0.0}, "pose", 2, "left"),
+    ({"left_slip": 0.9999}, "pose", 2, "left"),
 ]
 
 
@@ -123,10 +132,12 @@ def test_a_robot_that_leans_on_an_old_wall_does_not_keep_new_ones_away(lived, co
 
 def test_changes_agree_with_the_oracle(genomes, beside_the_oracle):
     world = changed(
-        {"at_s": 4.0, "light": 1.0},
-        {"at_s": 6.5, "lamp": {"y_m": 0.0, "towards_y": -0.3}, "dead_sensor": 7},
+        {"at_s": 4.0, "light": 1.0, "wall_friction": 0.3},
+        {"at_s": 6.5, "lamp": {"y_m": 0.0, "towards_y": -0.3}, "dead_sensors": [7, 2]},
         {"at_s": 9.0, "obstacles": 4, "left_wheel": 0.8},
-        {"at_s": 12.0, "goals": {"right": (0.2, 0.16)}, "dead_sensor": None},
+        {"at_s": 12.0, "goals": {"right": (0.2, 0.16)}, "dead_sensors": []},
+        {"at_s": 15.0, "mass_ratio": 4.0, "right_slip": 0.5},
+        {"at_s": 18.0, "mass_ratio": 1.0, "distance_gain": 1.3},
         {"at_s": 20.0, "obstacles": 2, "layout": 4, "light": 0.2},
     )
     outcome, *_ = beside_the_oracle(genomes[1], "right", world, LEARNING, seconds=40)
@@ -155,9 +166,12 @@ def test_changes_agree_with_the_oracle(genomes, beside_the_oracle):
         ([{"at_s": 1, "goals": {"up": (0, 0)}}], r"changes\[0\]: goals must be {left"),
         ([{"at_s": 1, "goals": {"left": 1}}], r"changes\[0\]: "),
         ([{"at_s": 1, "goals": {"left": (-0.3, 0.3)}}], r"changes\[0\]: the goal of the left, .* cannot be reached"),
-        ([{"at_s": 1, "dead_sensor": 2.5}], r"changes\[0\]: scenario.dead_sensor must be null or 0 to 7, got 2.5"),
-        ([{"at_s": 1, "dead_sensor": "left"}], r"changes\[0\]: scenario.dead_sensor must be null or 0 to 7, got left"),
+        ([{"at_s": 1, "dead_sensors": 2}], r"changes\[0\]: scenario.dead_sensors must be a list .* 0 to 7 .* got 2"),
+        ([{"at_s": 1, "dead_sensors": [2.5]}], r"changes\[0\]: scenario.dead_sensors must be .* got \[2.5\]"),
+        ([{"at_s": 1, "dead_sensors": [1, 1]}], r"changes\[0\]: scenario.dead_sensors must name each .* got \[1,1\]"),
         ([{"at_s": 1, "left_wheel": "slow"}], r"changes\[0\]: "),
+        ([{"at_s": 1, "mass_ratio": "heavy"}], r"changes\[0\]: mass_ratio must be a number, got 'heavy'"),
+        ([{"at_s": 1, "left_slip": 1}], r"changes\[0\]: scenario.left_slip must lie in \[0, 1\), got 1"),
         ([{"at_s": 1, "right_wheel": 2}], r"changes\[0\]: scenario.right_wheel must lie in \[0, 1\], got 2"),
     ],
 )

@@ -76,7 +76,11 @@ def test_keys_and_values(here):
         *("hebbian.trace_update=", "hebbian.trace_update=0.05"),
     ]
     assert data.complete_override("evaluate", "adaptation.th") == ["adaptation.threshold=", "adaptation.threshold=0.0"]
-    assert data.complete_override("evaluate", "maze=t") == ["maze=t_maze", "maze=t_maze_wide"]
+    assert data.complete_override("evaluate", "maze=t_maze_") == [
+        "maze=t_maze_110",
+        "maze=t_maze_90",
+        "maze=t_maze_wide",
+    ]
     assert data.complete_override("evaluate", "genome=r") == ["genome=reference", "genome=runs/evolve/one"]
     assert data.complete_override("evolve", "ga=") == ["ga=as_coded", "ga=textbook"]
     assert data.complete_override("evolve", "resume=") == ["resume=runs/evolve/one"]

@@ -1,4 +1,4 @@
-"""Runs of version 0.1 can be watched and repeated; see `epuckhebb.app.earlier`."""
+"""Earlier runs can be watched and repeated; see `epuckhebb.app.earlier`."""
 
 import json
 import math
@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from epuckhebb.app.cli import app
 from epuckhebb.app.config import EvaluateConfig, EvolveConfig, read_config, typed
+from epuckhebb.app.hydra_bridge import composed
 from epuckhebb.sim.plasticity.control import Sign
 
 SCENARIO = {
@@ -81,6 +82,18 @@ def test_no_plasticity_and_an_evolution(stored):
         "ga": {"population": 4, "elites": 1},
     }
     assert stored(evolution, "evolve", EvolveConfig).controller.is_ga_alone
+
+
+def test_one_dead_sensor_is_a_list_of_one(stored):
+    blind = {**SCENARIO, "dead_sensor": 3, "changes": [{"at_s": 1.0, "dead_sensor": None, "light": 1.0}]}
+    world = stored({**EVALUATE, "scenario": blind}, "evaluate", EvaluateConfig).world
+    assert [phase.dead_sensors for _, phase in world.phases] == [(3,), ()]
+    later = OmegaConf.to_container(composed("evaluate", ["scenario.light=1"]), resolve=True)
+    later["scenario"].update(dead_sensor=None, changes=[{"at_s": 1.0, "dead_sensor": 3}])
+    del later["scenario"]["dead_sensors"]
+    config = stored(later, "evaluate", EvaluateConfig)
+    assert [phase.dead_sensors for _, phase in config.world.phases] == [(), (3,)]
+    assert config.changed == "light=1"
 
 
 def test_a_run_is_repeated_to_the_same_bytes(tmp_path, monkeypatch):

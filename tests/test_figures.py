@@ -139,7 +139,7 @@ def test_goals_that_move_are_dashed_and_numbered(drawn):
     (axes,) = drawn[0].axes
     assert {(-0.36, 0.155, 0.05, "--"), (-0.2, 0.155, 0.05, "--"), (0.36, 0.155, 0.05, ":")} <= set(circles(axes))
     assert "◆2" in texts(drawn[0])
-    assert "◆1 9 s: light=1    ◆2 20 s: goals.left=-0.2,0.155" in texts(drawn[0])
+    assert "◆1 9 s: light=1    ◆2 20 s: goals.left=[-0.2,0.155]" in texts(drawn[0])
 
 
 def test_changes_are_marked_on_the_path(drawn):

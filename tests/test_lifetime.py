@@ -14,6 +14,7 @@ from epuckhebb.sim.adaptation.adaptation import Adaptation, gate_numbers
 from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, no_baseline
 from epuckhebb.sim.block import Individual, LostRobotError, live_block, load_kernel
 from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.faults import Faults
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.lifetime import Birth, Lifetime, Plasticity, Trial, born, empty_samples, kernel_of
 from epuckhebb.sim.light import Lamp, lights
@@ -57,7 +58,7 @@ def test_every_rule_and_sign_agrees_with_the_oracle(genomes, beside_the_oracle, 
 @pytest.mark.parametrize("rule", list(RULES))
 def test_rules_agree_with_the_oracle_on_a_robot_with_24_rays(lidar, wide, beside_the_oracle, rule, sign):
     network, genes = wide
-    scenario = Scenario(robot=lidar, dead_sensor=11, lamp=Lamp(towards_x=-1.0, towards_y=0.7, beam_rad=1.2))
+    scenario = Scenario(robot=lidar, dead_sensors=(11, 3), lamp=Lamp(towards_x=-1.0, towards_y=0.7, beam_rad=1.2))
     controller = Controller(name="x", rule=RULES[rule])
     of_updates = signs(sign, network.synapses, np.random.default_rng(4))
     outcome, *_ = beside_the_oracle(genes, "right", scenario, controller, network, 60, signs=of_updates)
@@ -178,7 +179,8 @@ class Paused:
         self.kernel = kernel_of(type(rule), change_signal, network, robot)
         maze, goal = world.maze, world.maze.goals[side]
         self.samples = empty_samples(250, network)
-        trial = Trial(goal.x, goal.y, maze.goal_radius_m, maze.arms[side], maze.arena_m, -1, 1.0, 1.0)
+        whole = Faults(np.empty(0, np.int64), 1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+        trial = Trial(goal.x, goal.y, maze.goal_radius_m, maze.arms[side], maze.arena_m, whole)
         numbers = tuple(rule.numbers().values())
         by = Plasticity(rule.N, rule.floor, int(rule.signal), numbers, gate_numbers(adaptation))
         self.told = (lights(world.light, world.lamp, side == "right"), trial, by, baseline, 4.0, 1.0, np.uint64(1))
@@ -335,10 +337,21 @@ def test_impossible_lifetimes_are_refused_by_name(key, value):
     ("key", "value", "allowed"),
     [
         ("obstacles", 3, "0, 2, 4"),
-        ("dead_sensor", 8, "0 to 7"),
-        ("dead_sensor", 1.5, "0 to 7"),
+        ("dead_sensors", (8,), "0 to 7 for robot epuck, .* got \\[8\\]"),
+        ("dead_sensors", (-1,), "0 to 7"),
+        ("dead_sensors", (True,), "0 to 7"),
+        ("dead_sensors", 1, "a list of whole numbers"),
+        ("dead_sensors", (0, 3, 0), "each sensor once, got \\[0,3,0\\]"),
         ("layout", -1, "0"),
         ("left_wheel", 1.1, "0, 1"),
+        ("right_slip", 1.0, "0, 1\\), got 1.0; .* scenario.right_wheel"),
+        ("left_slip", -0.1, "0, 1\\)"),
+        ("distance_gain", 0.0, "above 0, got 0.0; .* scenario.dead_sensors"),
+        ("distance_gain", math.inf, "above 0"),
+        ("distance_offset", 1.0, "between -1 and 1, got 1.0"),
+        ("mass_ratio", 0.0, "1, the robot's own mass, or more, got 0.0"),
+        ("mass_ratio", math.inf, "or more"),
+        ("wall_friction", -0.1, "0 or more, got -0.1"),
         ("light", math.nan, "0 or more"),
         ("experiment", "x", "light, obstacles"),
     ],

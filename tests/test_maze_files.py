@@ -52,10 +52,16 @@ def test_the_papers_maze_is_the_one_in_the_code():
     assert Lamp(**lamp) == Lamp()
 
 
-def test_obstacles_of_the_wide_maze_leave_gaps_of_80_mm():
-    maze = maze_from(told(CONF / "t_maze_wide.yaml"))
+@pytest.mark.parametrize(
+    ("name", "arm", "stem"), [("wide", 0.136, 0.139), ("110", 0.1155, 0.1177), ("90", 0.0945, 0.0963)]
+)
+def test_corridors_are_as_wide_as_said_and_obstacles_leave_gaps_of_80_mm(name, arm, stem):
+    maze = maze_from(told(CONF / f"t_maze_{name}.yaml"))
+    near, stem_left, stem_right = (maze.walls[name] for name in ("crossbar_near_left", "stem_left", "stem_right"))
+    assert (stem_right.x - stem_right.width / 2) - (stem_left.x + stem_left.width / 2) == pytest.approx(stem)
     arms = [box.y + box.height / 2 for name, box in maze.obstacles.items() if name.startswith("arm")]
     far = maze.walls["crossbar_far"].y - maze.walls["crossbar_far"].height / 2
+    assert far - (near.y + near.height / 2) == pytest.approx(arm)
     assert [far - top for top in arms] == pytest.approx([0.08, 0.08])
     left, right = maze.obstacles["stem_from_left"], maze.obstacles["stem_from_right"]
     assert (right.x - right.width / 2) - (left.x + left.width / 2) == pytest.approx(0.08)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from test_new_worlds import NEW
 from typer.testing import CliRunner
 
 import epuckhebb
@@ -534,7 +535,7 @@ def test_every_adaptation_over_every_rule(hebbian, adaptation):
         assert (controller.rule.N > 0) == (hebbian != "none")
 
 
-@pytest.mark.parametrize("scenario", groups("evaluate")["scenario"])
+@pytest.mark.parametrize("scenario", sorted({*groups("evaluate")["scenario"]} - NEW))  # test_new_worlds.py has those
 def test_every_scenario_in_every_verb(scenario):
     for verb, schema in (("evaluate", EvaluateConfig), ("evolve", EvolveConfig)):
         cfg = composed(verb, [f"scenario={scenario}"])

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from epuckhebb.sim.maze import T_MAZE, boxes
+from epuckhebb.sim.maze import T_MAZE, Pose, boxes
 from epuckhebb.sim.physics import PymunkSpace, mover
 from epuckhebb.sim.robot import EPUCK, STEP_S
 
@@ -48,9 +48,14 @@ def commands(fastest):
 
 
 @settings(deadline=None, max_examples=60)
-@given(data=st.data(), fastest=st.sampled_from([1.0, 4.0, MOTOR_LIMIT]), obstacles=st.sampled_from([0, 2, 4]))
-def test_no_command_drives_a_robot_farther_into_a_wall_than_one_step_takes_it(data, fastest, obstacles):
-    space = PymunkSpace(boxes(T_MAZE, obstacles), EPUCK)
+@given(
+    data=st.data(),
+    fastest=st.sampled_from([1.0, 4.0, MOTOR_LIMIT]),
+    obstacles=st.sampled_from([0, 2, 4]),
+    friction=st.sampled_from([0.0, 0.3]),
+)
+def test_no_command_drives_a_robot_farther_into_a_wall_than_one_step_takes_it(data, fastest, obstacles, friction):
+    space = PymunkSpace(boxes(T_MAZE, obstacles), EPUCK, friction)
     space.place_robot(START)
     one_step = fastest * WHEEL_RADIUS * STEP_S  # 0.64 mm as evaluated, 2.6 mm as evolved
     for left, right, steps in data.draw(commands(fastest)):
@@ -101,6 +106,21 @@ def test_straight_ahead_at_a_wheel_speed_of_1_is_2_cm_a_second():
     for _ in range(101):  # the first step only takes up speed
         drive(space.handles, 1.0, 1.0)
     assert space.handles.state[1] - START.y == pytest.approx(0.020 * 100 * STEP_S, rel=1e-12)
+
+
+def test_friction_of_a_wall_holds_a_robot_back_and_turns_it():
+    """A robot that heads 45 degrees into a wall on its right slides along it, by less the more the wall rubs."""
+    slid, turned = [], []
+    for friction in (0.0, 0.1, 0.3):
+        space = PymunkSpace(np.array([[0.0, 0.1, -1.0, 1.0]]), EPUCK, friction)
+        space.place_robot(Pose(-RADIUS, 0.0, math.pi / 4))
+        for _ in range(20):
+            drive(space.handles, 1.0, 1.0)
+        slid.append(space.handles.state[1])
+        turned.append(space.handles.state[2] - math.pi / 4)
+    assert slid[0] == pytest.approx(0.020 * math.sqrt(0.5) * 19 * STEP_S, rel=0.05)
+    assert slid[0] > slid[1] > slid[2] > 0
+    assert 0 == turned[0] > turned[1] > turned[2]  # towards the wall
 
 
 def test_a_space_takes_over_a_robot_as_it_moves():

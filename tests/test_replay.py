@@ -183,30 +183,38 @@ def test_a_world_without_changes_has_one_world(page):
 def test_page_holds_the_world_of_each_moment(genes):
     world = Scenario(
         changes=[
-            {"at_s": 1.0, "light": 1.0, "dead_sensor": 3},
-            {"at_s": 2.0, "obstacles": 2, "lamp": {"towards_x": 0.0, "towards_y": 1.0}, "left_wheel": 0.7},
-            {"at_s": 3.0, "goals": MOVED},
+            {"at_s": 1.0, "light": 1.0, "dead_sensors": [3]},
+            {
+                "at_s": 2.0,
+                "obstacles": 2,
+                "lamp": {"towards_x": 0.0, "towards_y": 1.0},
+                "left_wheel": 0.7,
+                "left_slip": 0.2,
+            },
+            {"at_s": 3.0, "goals": MOVED, "distance_gain": 0.75, "mass_ratio": 2, "wall_friction": 0.3},
         ]
     )
     data = filled(genes, world)
     assert [change["told"] for change in data["changes"]] == [
-        "light=1, dead_sensor=3",
-        "obstacles=2, lamp.towards_x=0, lamp.towards_y=1, left_wheel=0.7",
-        "goals.left=-0.25,0.155, goals.right=0.1,0.155",
+        "light=1, dead_sensors=[3]",
+        "obstacles=2, lamp.towards_x=0, lamp.towards_y=1, left_wheel=0.7, left_slip=0.2",
+        "goals.left=[-0.25,0.155], goals.right=[0.1,0.155], distance_gain=0.75, mass_ratio=2, wall_friction=0.3",
     ]
     worlds = data["worlds"]
     assert [held["light"] for held in worlds] == [0.1, 1.0, 1.0, 1.0]
-    assert [held["dead"] for held in worlds] == [None, 3, 3, 3]
+    assert [held["dead"] for held in worlds] == [[], [3], [3], [3]]
     assert [len(held["obstacles"]) for held in worlds] == [0, 0, 2, 2]
     assert [held["lamp"]["towards"] for held in worlds] == pytest.approx([math.pi, math.pi, math.pi / 2, math.pi / 2])
-    assert worlds[2]["faults"] == "sensor 3 blind, left wheel at 70 %"
+    assert worlds[2]["faults"] == "sensor 3 blind, left wheel at 70 %, left wheel slips 20 % of the time"
+    more = "distance readings times 0.75 plus 0, 2 times as heavy, wall friction 0.3"
+    assert worlds[3]["faults"] == f"{worlds[2]['faults']}, {more}"
     assert [held["goals"]["right"] for held in worlds] == [[0.36, 0.155]] * 3 + [[0.1, 0.155]]
     assert data["lives"]["left"][0]["begins"] == pytest.approx([0, 1.024, 2.016, 3.008])
 
 
 def test_a_change_is_told_as_it_would_be_typed():
     assert told_when({"at_s": 60, "light": 0.1}) == "60 s: light=0.1"
-    assert told_when({"at_s": 7.5, "dead_sensor": None, "obstacles": 4}) == "7.5 s: dead_sensor=null, obstacles=4"
+    assert told_when({"at_s": 7.5, "dead_sensors": [0, 7], "obstacles": 4}) == "7.5 s: dead_sensors=[0,7], obstacles=4"
 
 
 CORRIDOR = Maze(  # from the start up, then to the right

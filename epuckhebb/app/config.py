@@ -57,9 +57,15 @@ class ScenarioConfig:
     obstacles: int = 0
     layout: int = 0
     goals: Any = None
-    dead_sensor: int | None = None
+    dead_sensors: Any = field(default_factory=list)
+    distance_gain: float = 1.0
+    distance_offset: float = 0.0
     left_wheel: float = 1.0
     right_wheel: float = 1.0
+    left_slip: float = 0.0
+    right_slip: float = 0.0
+    mass_ratio: float = 1.0
+    wall_friction: float = 0.0
     lamp: Lamp = field(default_factory=Lamp)
     changes: list[Any] = field(default_factory=list)
     paper_N: float = 0.000015

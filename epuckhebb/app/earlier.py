@@ -1,4 +1,4 @@
-"""Runs of version 0.1: what their stored configuration would be today, so that they can be watched and repeated."""
+"""Earlier runs: what their stored configuration would be today, so that they can be watched and repeated."""
 
 from typing import Any
 
@@ -17,9 +17,22 @@ _GATE = {  # key of `hebbian` then -> key of `adaptation` now
 
 def of_today(cfg: DictConfig) -> DictConfig:
     """A stored configuration in the keys of today; one of today is given back as it is."""
-    if "scenario" not in cfg or "maze" in cfg:
+    if "scenario" not in cfg:
         return cfg
     told: Any = OmegaConf.to_container(cfg)
+    for world in (told["scenario"], *told["scenario"].get("changes", [])):
+        if "dead_sensor" in world:
+            dead = world.pop("dead_sensor")
+            world["dead_sensors"] = [] if dead is None else [dead]
+    if "maze" not in cfg:
+        _since_parts(told)
+    today = OmegaConf.create(told)
+    assert isinstance(today, DictConfig)
+    return today
+
+
+def _since_parts(told: dict[str, Any]) -> None:
+    """What version 0.1 had not yet, or had in other places."""
     for group, choice in (("maze", "t_maze"), ("robot", "epuck")):
         told[group] = OmegaConf.to_container(OmegaConf.load(data_folder("conf") / group / f"{choice}.yaml"))
     told["network"], told["changed"] = {"layers": None}, ""
@@ -31,9 +44,6 @@ def of_today(cfg: DictConfig) -> DictConfig:
     for name, settings in told.get("compare", {}).items():
         over = _adaptation({"name": name, **settings})
         told["compare"][name] = {"N": 0.0, **_rule(settings), **({"adaptation": over} if over else {})}
-    today = OmegaConf.create(told)
-    assert isinstance(today, DictConfig)
-    return today
 
 
 def _rule(settings: dict[str, Any]) -> dict[str, Any]:

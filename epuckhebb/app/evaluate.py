@@ -17,7 +17,7 @@ from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.files import Genome
 from epuckhebb.app.machine import Need, require
-from epuckhebb.app.named import scenario_of
+from epuckhebb.app.named import maze_asked, scenario_of
 from epuckhebb.app.parts import NONE, rule_file, sha256_of
 from epuckhebb.app.progress import say
 from epuckhebb.app.runs import RunFolder
@@ -69,7 +69,7 @@ def needs(config: EvaluateConfig, genome: Genome) -> list[Need]:
     ]
     pace = config.lifetime.gain_rad_s
     if _change_signals(config) and (genome.baseline is None or genome.baseline.gain_rad_s != pace):
-        home = training_world(config.world.experiment, config.maze, config.robot)
+        home = training_world(config)
         room = room_to_remember(home.paper_duration_s, pace, genome.network)
         needed.append(Need(room, "life in the training world at this pace", "raise lifetime.gain_rad_s"))
     return needed
@@ -236,7 +236,7 @@ def baseline_for(
             f"genome={genome.name} {why}: it lives {REPEATS} lifetimes a side in {TRAINED[experiment]} first, "
             f"at {pace:g} rad/s."
         )
-        home = training_world(experiment, config.maze, config.robot)
+        home = training_world(config)
         baseline = remember(genome.weights, home, pace, threads, genome.network)
         if "lateness" in asking and np.isnan(baseline.time_to_goal_s).all():
             raise ConfigError(
@@ -252,8 +252,9 @@ def _change_signals(config: EvaluateConfig) -> set[str]:
     return {controller.adaptation.change_signal for controller in config.controllers} - {NONE}
 
 
-def training_world(experiment: str, maze: dict[str, Any], robot: dict[str, Any]) -> Scenario:
-    """The world in which controllers of an experiment are evolved, in a maze, for a robot."""
-    world = scenario_of(TRAINED[experiment], [data_folder("conf")], maze, robot)
+def training_world(config: EvaluateConfig) -> Scenario:
+    """The world in which controllers of this experiment are evolved, in the maze that is home, for this robot."""
+    maze = maze_asked(config.scenario.name, config.maze)
+    world = scenario_of(TRAINED[config.world.experiment], [data_folder("conf")], maze, config.robot)
     assert world is not None  # the program has these files
     return world

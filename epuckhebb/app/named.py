@@ -16,14 +16,16 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from epuckhebb.app.config import ScenarioConfig, literal
+from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.parts import NONE, rule_class, rule_file, scenario_from
-from epuckhebb.sim.maze import T_MAZE
+from epuckhebb.sim.maze import T_MAZE, Maze, maze_from
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import Scenario
 
 NAMED = ("maze", "robot", "scenario", "hebbian", "adaptation", "compare", "changed")  # all that this file fills in
 _GROUPS = ("maze", "robot", "scenario", "hebbian")
+_BRINGS = "override /maze@_global_.maze"  # in the defaults of a scenario that has a maze of its own
 _LONGEST = 80  # characters of a world in the name of a folder
 
 
@@ -107,11 +109,11 @@ def _adaptation(choice: str, key: str, folders: Sequence[Path]) -> Any:
 
 
 def _changed(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> str:
-    """What differs from the scenario of this name in the paper's maze with the e-puck."""
+    """What differs from the scenario of this name in its maze, which is mostly the paper's, with the e-puck."""
     maze, robot = _plain(cfg.maze), _plain(cfg.robot)
     original = scenario_of(choice, folders, maze, robot)
     lived = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot)
-    return "" if original is None else lived.changed_from(original, T_MAZE, EPUCK)
+    return "" if original is None else lived.changed_from(original, maze_brought(choice, folders) or T_MAZE, EPUCK)
 
 
 def _plain(node: DictConfig) -> dict[str, Any]:
@@ -135,6 +137,26 @@ def scenario_of(choice: str, folders: Sequence[Path], maze: dict[str, Any], robo
     return scenario_from(OmegaConf.to_object(whole.scenario), maze, robot)
 
 
+def maze_brought(choice: str, folders: Sequence[Path]) -> Maze | None:
+    """The maze that a file of `conf/scenario/`, or one that it takes over from, puts in place of the usual one."""
+    own = _own("scenario", choice, folders)
+    entries = [] if own is None else list(own.get("defaults", []))
+    for entry in entries:
+        if isinstance(entry, DictConfig) and _BRINGS in entry:
+            found = _file("maze", str(entry[_BRINGS]), folders)
+            return None if found is None else maze_from(_plain(found))
+    parts = (maze_brought(entry, folders) for entry in entries if isinstance(entry, str) and entry != "_self_")
+    return next((maze for maze in parts if maze is not None), None)
+
+
+def maze_asked(choice: str, maze: dict[str, Any]) -> dict[str, Any]:
+    """The maze that is home: this one, but the paper's where this one comes with the scenario, which is a change."""
+    folders = [data_folder("conf")]
+    usual = _file("maze", T_MAZE.name, folders)
+    assert usual is not None  # the program has this file
+    return _plain(usual) if maze_brought(choice, folders) == maze_from(maze) else maze
+
+
 @functools.lru_cache(maxsize=256)
 def _read(text: str) -> DictConfig:
     """A file of `conf/`; the jobs of a sweep ask for the same few again and again."""
@@ -143,23 +165,28 @@ def _read(text: str) -> DictConfig:
     return own
 
 
-def _file(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None:
-    """A file of a group with what it takes over from others of its group, as Hydra puts them together."""
-    path = next(
-        (folder / group / f"{choice}.yaml" for folder in folders if (folder / group / f"{choice}.yaml").is_file()), None
-    )
-    if path is None:
-        return None
+def _own(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None:
+    """What a file of a group holds by itself."""
+    name = f"{group}/{choice}.yaml"
+    path = next((folder / name for folder in folders if (folder / name).is_file()), None)
     try:
-        own = _read(path.read_text(encoding="utf-8")).copy()
-        entries = list(own.pop("defaults", []))
-        if "_self_" not in entries:
-            entries.insert(0, "_self_")
-        parts = [
-            own if entry == "_self_" else _file(group, entry, folders) for entry in entries if isinstance(entry, str)
-        ]
-        merged = OmegaConf.merge(*(part for part in parts if part is not None))
+        return None if path is None else _read(path.read_text(encoding="utf-8")).copy()
     except (OSError, YAMLError, OmegaConfBaseException) as error:
         raise ConfigError(f"{path} cannot be read: {error}") from error
+
+
+def _file(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None:
+    """A file of a group with what it takes over from others of its group, as Hydra puts them together."""
+    own = _own(group, choice, folders)
+    if own is None:
+        return None
+    entries = list(own.pop("defaults", []))
+    if "_self_" not in entries:
+        entries.insert(0, "_self_")
+    parts = [own if entry == "_self_" else _file(group, entry, folders) for entry in entries if isinstance(entry, str)]
+    try:
+        merged = OmegaConf.merge(*(part for part in parts if part is not None))
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"{group}={choice} cannot be put together: {error}") from error
     assert isinstance(merged, DictConfig)
     return merged

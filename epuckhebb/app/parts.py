@@ -245,6 +245,8 @@ def scenario_from(scenario: Any, maze: Mapping[str, Any], robot: Mapping[str, An
         if not isinstance(change, Mapping):
             raise ConfigError(f"scenario.changes[{number}] must be as {{at_s: 60, light: 1.0}}, got {change}")
     values["changes"] = tuple(map(dict, values["changes"]))
+    if isinstance(values["dead_sensors"], list):
+        values["dead_sensors"] = tuple(values["dead_sensors"])
     if values["goals"] is not None:
         goals = _goals(values["goals"], in_maze)
         values["goals"] = None if goals == in_maze.goals else goals

@@ -7,7 +7,7 @@ import inspect
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from epuckhebb.sim import fitness
 from epuckhebb.sim.adaptation.adaptation import gate_numbers
 from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, check_baseline, no_baseline
 from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.faults import Faults, lag_of
 from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, plan_of
 from epuckhebb.sim.lifetime import (
@@ -141,9 +142,11 @@ def _live_in_one_space(
         if step >= lifetime.steps:
             break  # it changes after the end
         walls = boxes(world.maze, world.obstacles, world.layout)
-        same = phases and np.array_equal(phases[-1].walls, walls)
-        space = phases[-1].space if same else PymunkSpace(walls, world.robot)
+        before = phases[-1] if phases else None
+        same = before and np.array_equal(before.walls, walls) and before.scenario.wall_friction == world.wall_friction
+        space = before.space if before and same else PymunkSpace(walls, world.robot, world.wall_friction)
         phases.append(_Phase(step, world, space, walls))
+    more_faults = any(_faults(world).more for _, world in scenario.phases)
     kinds: dict[tuple[int, int], _Kind] = {}
     rules = [type(who.controller.rule) for who in individuals if not who.controller.adaptation.needs_baseline]
     spare = next((rule for rule in rules if rule is not NoRule), NoRule)
@@ -151,7 +154,7 @@ def _live_in_one_space(
     for who in individuals:
         place = (id(who.controller), id(who.network))
         if place not in kinds:
-            kinds[place] = _kind(who.controller, who.network, robot, spare)
+            kinds[place] = _kind(who.controller, who.network, robot, more_faults, spare)
         lived.append(_live_one(who, kinds[place], phases, lifetime))
     return lived
 
@@ -169,7 +172,7 @@ class _Kind(NamedTuple):
     no_samples: Samples
 
 
-def _kind(controller: Controller, network: Network, robot: Robot, spare: type[Rule]) -> _Kind:
+def _kind(controller: Controller, network: Network, robot: Robot, more_faults: bool, spare: type[Rule]) -> _Kind:
     """What individuals of this kind share.
 
     spare: a rule that others of the block have. Who has no rule lives in its kernel, with N = 0, to the same bits:
@@ -184,7 +187,7 @@ def _kind(controller: Controller, network: Network, robot: Robot, spare: type[Ru
     compiled_for = spare if controller.is_ga_alone and not spare.evolved else type(rule)
     numbers = rule.numbers() if compiled_for is type(rule) else dict.fromkeys(compiled_for.settings(), 0.0)
     return _Kind(
-        live=kernel_of(compiled_for, adaptation.change_signal, network, robot),
+        live=kernel_of(compiled_for, adaptation.change_signal, network, robot, more_faults),
         plasticity=Plasticity(
             float(rule.N) if compiled_for is type(rule) else 0.0,
             float(rule.floor),
@@ -267,9 +270,20 @@ def _trial(scenario: Scenario, side: Side) -> Trial:
         float(maze.goal_radius_m),
         Region(*map(float, maze.arms[side])),
         float(maze.arena_m),
-        -1 if scenario.dead_sensor is None else int(scenario.dead_sensor),
+        _faults(scenario),
+    )
+
+
+def _faults(scenario: Scenario) -> Faults:
+    return Faults(
+        np.array(scenario.dead_sensors, np.int64),
+        float(scenario.distance_gain),
+        float(scenario.distance_offset),
         float(scenario.left_wheel),
         float(scenario.right_wheel),
+        float(scenario.left_slip),
+        float(scenario.right_slip),
+        lag_of(scenario.mass_ratio),
     )
 
 
@@ -324,7 +338,7 @@ def load_kernel(
         ValueError: network, robot and rule do not fit each other.
         RuleError: the rule does not compile.
     """
-    world = replace(scenario or Scenario(), changes=())
+    world = scenario or Scenario()
     net = network or Network((world.robot.inputs, *HIDDEN, OUTPUTS))
     unborn = Individual(
         genes=np.zeros(plan_of(net, type(controller.rule)).genes),

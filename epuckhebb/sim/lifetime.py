@@ -12,11 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim import fitness
+from epuckhebb.sim import faults, fitness
 from epuckhebb.sim.adaptation import adaptation as over
 from epuckhebb.sim.adaptation.adaptation import AdaptationRoom, Gate, adaptation_room
 from epuckhebb.sim.adaptation.change_signal import BaselineOfSide
 from epuckhebb.sim.compiled import compiled, kernel
+from epuckhebb.sim.faults import Faults
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, forward_pass
@@ -50,6 +51,8 @@ TALLY = np.dtype(
         ("late_s", np.float64),  # for how long the signal of change has been above its threshold
         ("noise_left", np.float64),  # on the wheels' outputs, of exploration
         ("noise_right", np.float64),
+        ("left_speed", np.float64),  # rad/s at which the wheels move a robot that is slow to follow
+        ("right_speed", np.float64),
     ],
     align=True,
 )
@@ -108,7 +111,7 @@ class Trial(NamedTuple):
     """What the robot is to do, and what is wrong with it.
 
     goal_x, goal_y, goal_radius: m. arm: the region in which it has turned the right way. arena: m, half side.
-    dead_sensor: number of its blind place, -1 for none. left_wheel, right_wheel: how well each turns.
+    faults: what is wrong.
     """
 
     goal_x: float
@@ -116,9 +119,7 @@ class Trial(NamedTuple):
     goal_radius: float
     arm: Region
     arena: float
-    dead_sensor: int
-    left_wheel: float
-    right_wheel: float
+    faults: Faults
 
 
 class Plasticity(NamedTuple):
@@ -159,6 +160,7 @@ sense, blind, nearest = senses(EPUCK), blinding(EPUCK), largest_distance_reading
 draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
 learn = update_of(NoRule, PAPER_NETWORK)
 open_gate, explore = over.hooks(over.NONE, EPUCK)
+misread, turn_wheels = faults.hooks(EPUCK, more=False)
 
 
 def live(
@@ -192,7 +194,8 @@ def live(
         if noise_level > 0.0:
             draw_noise(key, step, life.room.noise)
         sense(x, y, cos, sin, space.walls, lit, life.room.noise, noise_level, life.room.senses, activation)
-        blind(activation, trial.dead_sensor)
+        misread(activation, trial.faults)
+        blind(activation, trial.faults.dead_sensors)
 
         # Act.
         forward(weights, activation, life.room.drive)
@@ -239,7 +242,8 @@ def live(
         # Move.
         left = explore(plasticity.gate, tally, left, tally.noise_left, gain)
         right = explore(plasticity.gate, tally, right, tally.noise_right, gain)
-        move(space, cos, sin, gain * trial.left_wheel * left, gain * trial.right_wheel * right)
+        left, right = turn_wheels(trial.faults, tally, left, right, gain, key, step)
+        move(space, cos, sin, left, right)
         new_x, new_y, heading = pose(space)
         tally.step = step + 1
         if is_lost(new_x, new_y, heading, trial.arena):
@@ -297,24 +301,27 @@ def record(
 _kernels: dict[tuple[object, ...], Any] = {}  # those that this process has used
 
 
-def kernel_of(rule: type[Rule], change_signal: str, network: Network, robot: Robot) -> Any:
+def kernel_of(rule: type[Rule], change_signal: str, network: Network, robot: Robot, more_faults: bool = False) -> Any:
     """`live` with the parts of this rule, signal of change, network and robot, compiled or from the cache.
+
+    more_faults: whether it can do more faults than dead sensors and weak wheels.
 
     Raises:
         ValueError: the rule asks for something that there is not, or the network does not fit the robot.
     """
-    place = (rule, change_signal, network, robot)
+    place = (rule, change_signal, network, robot, more_faults)
     if place not in _kernels:
-        _kernels[place] = _made(rule, change_signal, network, robot)
+        _kernels[place] = _made(*place)
     return _kernels[place]
 
 
-def _made(rule: type[Rule], change_signal: str, network: Network, robot: Robot) -> Any:
+def _made(rule: type[Rule], change_signal: str, network: Network, robot: Robot, more_faults: bool) -> Any:
     if network.inputs != robot.inputs:
         raise ValueError(
             f"network.layers must begin with {robot.inputs}, the readings of robot {robot.name}, got {network.inputs}"
         )
     open_gate, explore = over.hooks(change_signal, robot)
+    misread, turn_wheels = faults.hooks(robot, more_faults)
     return kernel(
         live,
         WHEELS=network.wheels,
@@ -327,6 +334,8 @@ def _made(rule: type[Rule], change_signal: str, network: Network, robot: Robot) 
         learn=update_of(rule, network),
         open_gate=open_gate,
         explore=explore,
+        misread=misread,
+        turn_wheels=turn_wheels,
         move=mover(robot),
     )
 

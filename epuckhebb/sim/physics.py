@@ -82,10 +82,11 @@ class _Exchange:
 class PymunkSpace:
     """Walls and one robot. Built once, then the robot is replaced for each lifetime, which leaves no trace of the last.
 
-    boxes: (boxes, 4) left, right, bottom, top edge of each wall [m]. robot: of which kind.
+    boxes: (boxes, 4) left, right, bottom, top edge of each wall [m]. robot: of which kind. wall_friction: coefficient
+    of friction between robot and walls.
     """
 
-    def __init__(self, boxes: NDArray[np.float64], robot: Robot) -> None:
+    def __init__(self, boxes: NDArray[np.float64], robot: Robot, wall_friction: float = 0.0) -> None:
         self._kind = robot
         self._space = pymunk.Space()
         self._space.damping = 0
@@ -93,7 +94,7 @@ class PymunkSpace:
         self._space.iterations = ITERATIONS
         for left, right, bottom, top in boxes.tolist():
             wall = pymunk.Poly(self._space.static_body, [(left, bottom), (right, bottom), (right, top), (left, top)])
-            wall.friction = 0  # with friction the robot jams in the stem, and the paper's tables do not come out
+            wall.friction = wall_friction  # 0 in the paper's world: with it the paper's tables do not come out
             self._space.add(wall)
         self._robot: tuple[pymunk.Body, pymunk.Circle] | None = None
         motion = BodyFields.POSITION | BodyFields.ANGLE | BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY
@@ -119,7 +120,7 @@ class PymunkSpace:
         body.position = (pose.x, pose.y)
         body.angle = pose.heading
         disc = pymunk.Circle(body, self._kind.radius_m)
-        disc.friction = 0
+        disc.friction = 1  # pymunk multiplies it by the wall's
         self._space.add(body, disc)
         self._robot = (body, disc)
         self.handles.state[:] = 0.0

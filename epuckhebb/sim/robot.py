@@ -304,16 +304,18 @@ def senses(robot: Robot) -> Sense:
     return sense
 
 
-def blinding(robot: Robot) -> Callable[[NDArray[np.float64], int], None]:
-    """The function that makes the sensors of one number blind: they feel the dark, and no wall."""
+def blinding(robot: Robot) -> Callable[[NDArray[np.float64], NDArray[np.int64]], None]:
+    """The function that makes the sensors of these numbers blind: they feel the dark, and no wall."""
     lights, distances = robot.lights, robot.distances
 
     @compiled
-    def blind(readings: NDArray[np.float64], number: int) -> None:
-        if 0 <= number < lights:
-            readings[number] = 1.0
-        if 0 <= number < distances:
-            readings[lights + number] = 0.0
+    def blind(readings: NDArray[np.float64], numbers: NDArray[np.int64]) -> None:
+        for k in range(numbers.shape[0]):
+            number = numbers[k]
+            if number < lights:
+                readings[number] = 1.0
+            if number < distances:
+                readings[lights + number] = 0.0
 
     return blind
 

@@ -11,7 +11,8 @@ from epuckhebb.sim.robot import EPUCK, STEP_S, Robot
 
 EXPERIMENTS = ("light", "obstacles")
 TRAINED = {"light": "highlight", "obstacles": "base"}  # the scenario in which each one's controllers are evolved
-CHANGEABLE = ("light", "lamp", "obstacles", "layout", "goals", "dead_sensor", "left_wheel", "right_wheel")
+FAULTS = ("distance_gain", "distance_offset", "left_wheel", "right_wheel", "left_slip", "right_slip", "mass_ratio")
+CHANGEABLE = ("light", "lamp", "obstacles", "layout", "goals", "dead_sensors", *FAULTS, "wall_friction")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,11 +21,14 @@ class Scenario:
 
     light: level of the sun, 1 as in bright training, 0.1 dimmed. obstacles: how many; 0, 2 or 4 in the paper's maze.
     layout: where they stand, 0 as the maze has them, k > 0 moved and resized at random, the k-th way. goals: of each
-    side, None where the maze has them. dead_sensor: number of the place on the robot's rim where it is blind (feels
-    the dark and no wall), None where nowhere. left_wheel, right_wheel: share of the commanded speed that the wheel
-    turns at. changes: what changes in mid-life, in the order of time; each is `at_s` [s] and new values of keys of
-    this class (`CHANGEABLE`). maze, robot: which. experiment: which of the paper's two this belongs to, `light` or
-    `obstacles`. paper_N, paper_duration_s: the base rate and the time [s] of an evaluation that the paper used there.
+    side, None where the maze has them. dead_sensors: numbers of the places on the robot's rim where it is blind (feels
+    the dark and no wall). distance_gain, distance_offset: what its distance readings, 0 to 1, are multiplied by, and
+    what is added then. left_wheel, right_wheel: share of the commanded speed that the wheel turns at. left_slip,
+    right_slip: share of the time for which the wheel slips. mass_ratio: how many times as heavy it is as its drive was
+    made for. wall_friction: coefficient of friction between it and the walls. changes: what changes in mid-life, in
+    the order of time; each is `at_s` [s] and new values of keys of this class (`CHANGEABLE`).
+    maze, robot: which. experiment: which of the paper's two this belongs to, `light` or `obstacles`. paper_N,
+    paper_duration_s: the base rate and the time [s] of an evaluation that the paper used there.
 
     Raises:
         ValueError: a value is outside the range named in the message.
@@ -36,9 +40,15 @@ class Scenario:
     obstacles: int = 0
     layout: int = 0
     goals: Mapping[Side, Place] | None = None
-    dead_sensor: int | None = None
+    dead_sensors: Sequence[int] = ()
+    distance_gain: float = 1.0
+    distance_offset: float = 0.0
     left_wheel: float = 1.0
     right_wheel: float = 1.0
+    left_slip: float = 0.0
+    right_slip: float = 0.0
+    mass_ratio: float = 1.0
+    wall_friction: float = 0.0
     lamp: Lamp = field(default_factory=Lamp)
     changes: Sequence[Mapping[str, Any]] = ()
     paper_N: float = 0.000015
@@ -61,16 +71,38 @@ class Scenario:
             raise ValueError(f"scenario.layout must be 0 (as in the maze) or more, got {self.layout}")
         if self.layout and not self.maze.niches:
             raise ValueError(f"scenario.layout = {self.layout} needs niches, and maze {self.maze.name} has none")
-        sensors = self.robot.sensor_numbers
-        if self.dead_sensor is not None and self.dead_sensor not in range(sensors):
-            raise ValueError(f"scenario.dead_sensor must be null or 0 to {sensors - 1}, got {self.dead_sensor}")
-        for wheel in ("left_wheel", "right_wheel"):
-            if not 0 <= getattr(self, wheel) <= 1:
-                raise ValueError(f"scenario.{wheel} must lie in [0, 1], got {getattr(self, wheel)}")
+        _check_dead(self.dead_sensors, self.robot)
+        self._check_faults()
         if self.goals is not None and set(self.goals) != set(SIDES):
             raise ValueError(f"scenario.goals must have {' and '.join(SIDES)}, got {sorted(self.goals)}")
         check_reachable(self.maze, self.goals_now, self.obstacles, self.layout, self.robot.radius_m)
         self._check_changes()
+
+    def _check_faults(self) -> None:
+        for wheel in ("left_wheel", "right_wheel"):
+            if not 0 <= getattr(self, wheel) <= 1:
+                raise ValueError(f"scenario.{wheel} must lie in [0, 1], got {getattr(self, wheel)}")
+        for side in SIDES:
+            slip = getattr(self, f"{side}_slip")
+            if not 0 <= slip < 1:
+                raise ValueError(
+                    f"scenario.{side}_slip must lie in [0, 1), got {slip}; a wheel that always slips is a weak one: "
+                    f"scenario.{side}_wheel"
+                )
+        if not (math.isfinite(self.distance_gain) and self.distance_gain > 0):
+            raise ValueError(
+                f"scenario.distance_gain must be a number above 0, got {self.distance_gain}; a sensor that tells "
+                "nothing is a dead one: scenario.dead_sensors"
+            )
+        if not -1 < self.distance_offset < 1:
+            raise ValueError(f"scenario.distance_offset must lie between -1 and 1, got {self.distance_offset}")
+        if not (math.isfinite(self.mass_ratio) and self.mass_ratio >= 1):
+            raise ValueError(
+                f"scenario.mass_ratio must be 1, the robot's own mass, or more, got {self.mass_ratio}; a lighter robot "
+                "would be no quicker, because its drive gives it the commanded speed within a step as it is"
+            )
+        if not (math.isfinite(self.wall_friction) and self.wall_friction >= 0):
+            raise ValueError(f"scenario.wall_friction must be a number, 0 or more, got {self.wall_friction}")
 
     def _check_changes(self) -> None:
         last, now = 0.0, self
@@ -139,11 +171,31 @@ def _changed(now: Scenario, change: Mapping[str, Any]) -> Scenario:
     values = {key: value for key, value in change.items() if key != "at_s"}
     for key, value in values.items():
         _check_kind(key, value)
+    if isinstance(values.get("dead_sensors"), list):
+        values["dead_sensors"] = tuple(values["dead_sensors"])
     if "lamp" in values:
         values["lamp"] = replace(now.lamp, **values["lamp"])
     if values.get("goals") is not None:
         values["goals"] = {**now.goals_now, **{side: Place(*place) for side, place in values["goals"].items()}}
     return replace(now, changes=(), **values)
+
+
+def _check_dead(dead: object, robot: Robot) -> None:
+    """Refuse dead sensors that the robot has not, or has only once.
+
+    Raises:
+        ValueError: They cannot be dead.
+    """
+    last = robot.sensor_numbers - 1
+    if not isinstance(dead, list | tuple) or not all(
+        isinstance(number, int) and not isinstance(number, bool) and 0 <= number <= last for number in dead
+    ):
+        raise ValueError(
+            f"scenario.dead_sensors must be a list of whole numbers, 0 to {last} for robot {robot.name}, for example "
+            f"[0] or [], got {_plain(dead)}"
+        )
+    if len(set(dead)) < len(dead):
+        raise ValueError(f"scenario.dead_sensors must name each sensor once, got {_plain(dead)}")
 
 
 def _check_kind(key: str, value: object) -> None:
@@ -156,7 +208,7 @@ def _check_kind(key: str, value: object) -> None:
     def is_number(one: object) -> bool:
         return isinstance(one, int | float) and not isinstance(one, bool)
 
-    if key in ("light", "left_wheel", "right_wheel") and not is_number(value):
+    if key in ("light", "wall_friction", *FAULTS) and not is_number(value):
         raise ValueError(f"{key} must be a number, got {value!r}")
     if key in ("obstacles", "layout") and (not isinstance(value, int) or isinstance(value, bool)):
         raise ValueError(f"{key} must be a whole number, got {value!r}")
@@ -174,4 +226,6 @@ def _check_kind(key: str, value: object) -> None:
 def _plain(value: object) -> str:
     if isinstance(value, Mapping):
         return "{" + " ".join(f"{key}:{_plain(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return f"[{','.join(map(_plain, value))}]"
     return f"{value:g}" if isinstance(value, float) else "null" if value is None else str(value)

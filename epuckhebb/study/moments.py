@@ -43,7 +43,7 @@ def _parts(key: str, value: Any) -> list[str]:
     if isinstance(value, Mapping):
         return [part for name, item in value.items() for part in _parts(f"{key}.{name}", item)]
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return [f"{key}={','.join(map(_number, value))}"]
+        return [f"{key}=[{','.join(map(_number, value))}]"]
     return [f"{key}={_number(value)}"]
 
 

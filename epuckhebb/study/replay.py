@@ -167,12 +167,24 @@ def _content(
 def _world(world: Scenario) -> dict[str, Any]:
     """What can change in mid-life, as it is in this world."""
     lamp = world.lamp
-    faults = [] if world.dead_sensor is None else [f"sensor {world.dead_sensor} blind"]
+    dead = " and ".join(map(str, world.dead_sensors))
+    faults = [f"sensor{'s' if len(world.dead_sensors) > 1 else ''} {dead} blind"] if dead else []
     faults += [
         f"{side} wheel at {100 * turns:g} %"
         for side, turns in (("left", world.left_wheel), ("right", world.right_wheel))
         if turns < 1
     ]
+    faults += [
+        f"{side} wheel slips {100 * slip:g} % of the time"
+        for side, slip in (("left", world.left_slip), ("right", world.right_slip))
+        if slip
+    ]
+    if world.distance_gain != 1 or world.distance_offset:
+        faults.append(f"distance readings times {world.distance_gain:g} plus {world.distance_offset:g}")
+    if world.mass_ratio != 1:
+        faults.append(f"{world.mass_ratio:g} times as heavy")
+    if world.wall_friction:
+        faults.append(f"wall friction {world.wall_friction:g}")
     return {
         "obstacles": boxes(world.maze, world.obstacles, world.layout)[len(world.maze.walls) :].tolist(),
         "goals": {side: list(map(float, goal)) for side, goal in world.goals_now.items()},
@@ -184,7 +196,7 @@ def _world(world: Scenario) -> dict[str, Any]:
             "beam": lamp.beam_rad,
             "intensity": lamp.intensity,
         },
-        "dead": world.dead_sensor,
+        "dead": list(world.dead_sensors),
         "faults": ", ".join(faults),
     }
 

@@ -78,7 +78,7 @@ def traces(recorded):
 MOVED = {"left": (-0.25, 0.155), "right": (0.25, 0.155)}
 CHANGES = [
     {"at_s": 3.0, "light": 1.0, "left_wheel": 0.9},
-    {"at_s": 6.0, "obstacles": 4, "dead_sensor": 2},
+    {"at_s": 6.0, "obstacles": 4, "dead_sensors": [2]},
     {"at_s": 40.0, "goals": MOVED},
     {"at_s": 400.0, "light": 0.1},
 ]
@@ -315,13 +315,13 @@ def test_changes_are_told_and_lead_to_their_moments(visit, changing):
     expect(told).to_have_text(
         [
             "◆1 at 3 s: light=1, left_wheel=0.9",
-            "◆2 at 6 s: obstacles=4, dead_sensor=2",
-            "◆3 at 40 s: goals.left=-0.25,0.155, goals.right=0.25,0.155",
+            "◆2 at 6 s: obstacles=4, dead_sensors=[2]",
+            "◆3 at 40 s: goals.left=[-0.25,0.155], goals.right=[0.25,0.155]",
         ]
     )
     expect(page.locator("#changes .past")).to_have_count(1)
-    tick = page.get_by_role("button", name="Change 2 at 6 s: obstacles=4, dead_sensor=2")
-    expect(tick).to_have_attribute("title", "6 s: obstacles=4, dead_sensor=2")
+    tick = page.get_by_role("button", name="Change 2 at 6 s: obstacles=4, dead_sensors=[2]")
+    expect(tick).to_have_attribute("title", "6 s: obstacles=4, dead_sensors=[2]")
     tick.click()
     assert state(page)["t"] == 6
     expect(page.locator("#changes .past")).to_have_count(2)

@@ -1,0 +1,123 @@
+"""The worlds of docs/changes.md: each differs from home as it says, can be lived in, and is felt by a robot."""
+
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from omegaconf import OmegaConf
+
+from epuckhebb.app.config import EvaluateConfig, EvolveConfig, typed
+from epuckhebb.app.data import data_folder, groups
+from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.app.named import maze_asked, maze_brought, scenario_of
+from epuckhebb.sim.controller import GA_ALONE
+from epuckhebb.sim.maze import SIDES, T_MAZE
+
+CONF = [data_folder("conf")]
+OTHER_LIGHT = {"base": 1, "highlight": 0.1}
+LAMP_Y = {"base": -0.2, "highlight": -0.3}
+SINGLE = {  # name -> what differs from home
+    "lamp_ahead": "lamp.y_m={ahead:g}",
+    "lamp_back": "lamp.y_m={back:g}",
+    "lamp_dim": "lamp.intensity=0.2",
+    "lamp_faint": "lamp.intensity=0.02",
+    "lamp_gone": "lamp.intensity=0",
+    "ir_low": "distance_gain=0.77",
+    "ir_high": "distance_gain=1.3",
+    "ir_zeroed": "distance_offset=-0.0336",
+    "ir_raised": "distance_offset=0.05",
+    "two_dead_ahead": "dead_sensors=[0,7]",
+    "two_dead_sides": "dead_sensors=[2,5]",
+    "slip": "left_slip=0.2, right_slip=0.2",
+    "slip_left": "left_slip=0.4",
+    "heavy": "mass_ratio=2",
+    "friction_10": "wall_friction=0.1",
+    "friction_30": "wall_friction=0.3",
+    "wide": "maze=t_maze_110",
+    "narrow": "maze=t_maze_90",
+    "goals_nearer": "goals=left:-0.323,0.155/right:0.323,0.155",
+    "goals_midway": "goals=left:-0.24,0.155/right:0.24,0.155",
+    "light_changes": "light={other:g} at 40 s",
+    "light_flickers": ", ".join(f"light={{{('other', 'own')[k % 2]}:g}} at {25 * (k + 1)} s" for k in range(7)),
+    "dead_later": "dead_sensors=[0,7] at 40 s",
+}
+PAIRS = {
+    "ir_low_slip": ("ir_low", "slip"),
+    "lamp_dim_two_dead_sides": ("two_dead_sides", "lamp_dim"),
+    "narrow_slip_left": ("narrow", "slip_left"),
+    "wide_lamp_ahead": ("wide", "lamp_ahead"),
+    "heavy_friction_30": ("heavy", "friction_30"),
+    "two_dead_ahead_light_changes": ("two_dead_ahead", "light_changes"),
+}
+NAMES = [*SINGLE, *PAIRS]
+NEW = {f"{home}_{name}" for home in OTHER_LIGHT for name in NAMES}
+ON_THE_RIGHT_ALONE = {name for name in SINGLE if name.startswith("lamp")}  # where the lamp is lit
+COMPOSED = ("base_narrow_slip_left", "highlight_wide_lamp_ahead", "base_two_dead_ahead_light_changes")
+HOMES = pytest.mark.parametrize("home", list(OTHER_LIGHT))
+
+
+def part(group, name):
+    return OmegaConf.to_container(OmegaConf.load(CONF[0] / group / f"{name}.yaml"))
+
+
+@cache
+def world(name):
+    maze = maze_brought(name, CONF) or T_MAZE
+    return scenario_of(name, CONF, part("maze", maze.name), part("robot", "epuck"))
+
+
+def expected(home, name):
+    if name in PAIRS:
+        return ", ".join(expected(home, part) for part in PAIRS[name])
+    own, lamp = world(home).light, LAMP_Y[home]
+    return SINGLE[name].format(own=own, other=OTHER_LIGHT[home], ahead=lamp + 0.05, back=lamp - 0.05)
+
+
+@HOMES
+@pytest.mark.parametrize("name", NAMES)
+def test_differs_from_home_as_said(home, name):
+    assert world(f"{home}_{name}").changed_from(world(home)) == expected(home, name)
+
+
+def test_all_worlds_are_told_in_the_docs_and_there_are_twenty_or_more_on_each_side():
+    files = {file.stem for file in (CONF[0] / "scenario").glob("*.yaml")}
+    rows = re.findall(r"^\| (`.*?) \|", (Path(__file__).parents[1] / "docs" / "changes.md").read_text(), re.MULTILINE)
+    assert re.findall(r"`(\w+)`", " ".join(rows)) == NAMES
+    assert files >= NEW
+    assert len(NAMES) >= 20
+    assert set(groups("evaluate")["scenario"]) >= NEW
+
+
+@pytest.mark.parametrize("name", COMPOSED)
+@pytest.mark.parametrize(("verb", "schema"), [("evaluate", EvaluateConfig), ("evolve", EvolveConfig)])
+def test_composes_and_nothing_is_changed_but_what_is_in_its_name(verb, schema, name):
+    cfg = composed(verb, [f"scenario={name}"])
+    assert (typed(cfg, schema).world, cfg.changed) == (world(name), "")
+
+
+def test_another_maze_takes_precedence_and_home_is_not_the_maze_that_came_with_a_scenario():
+    cfg = composed("evaluate", ["scenario=base_narrow", "maze=double_t"])
+    assert (cfg.maze.name, cfg.changed) == ("double_t", "maze=double_t")
+    for name, maze, home in (
+        ("base_narrow", "t_maze_90", "t_maze"),
+        ("base_narrow", "t_maze_wide", "t_maze_wide"),
+        ("base", "t_maze_90", "t_maze_90"),
+    ):
+        assert maze_asked(name, part("maze", maze))["name"] == home
+
+
+@HOMES
+@pytest.mark.parametrize("side", SIDES)
+def test_a_robot_feels_every_change(lived, constant, home, side):
+    """One that turns on the spot as it goes, so that it looks everywhere, meets walls, and knows nothing of worlds."""
+    told = {"side": side, "seconds": 64, "gain_rad_s": 4.0, "controller": GA_ALONE, "noise": 0}
+    same = {}
+    for name in ("", *NAMES):
+        there = world(f"{home}_{name}" if name else home)
+        outcome, samples = lived(constant(0.9, 0.6), scenario=there, **told)
+        assert np.isfinite(samples.pose).all()
+        same[name] = samples.sensors.tobytes(), samples.pose.tobytes(), outcome.final_distance
+    unfelt = {name for name in NAMES if same[name] == same[""]}
+    assert unfelt == (ON_THE_RIGHT_ALONE if side == "left" else set())
