@@ -14,11 +14,12 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, TypeVar
 
+import yaml
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
 
+from epuckhebb.app import runs
 from epuckhebb.app.earlier import of_today
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.parts import check_pace, check_signal, compared, controller_from, network_for, scenario_from
@@ -248,9 +249,10 @@ def stored(run: Path, verb: str) -> DictConfig:
     """The configuration that a run of this verb wrote down.
 
     Raises:
-        ConfigError: It cannot be read, or holds what this program does not know.
+        ConfigError: It cannot be read, was changed since, or holds what this program does not know.
     """
-    return read_config(run / ".hydra" / "config.yaml", verb)
+    runs.content(run, runs.CONFIG)  # it is as it was written
+    return read_config(run / runs.CONFIG, verb)
 
 
 def read_config(file: Path, verb: str) -> DictConfig:
@@ -260,14 +262,28 @@ def read_config(file: Path, verb: str) -> DictConfig:
         ConfigError: It cannot be read, or holds what this program does not know.
     """
     try:
-        held = OmegaConf.load(file)
-        if not isinstance(held, DictConfig):
-            raise ConfigError(f"{file} cannot be used: it holds no settings")
+        held: Any = OmegaConf.load(file)
         cfg = OmegaConf.merge(OmegaConf.structured(SCHEMAS[verb]), of_today(held))
-    except (OSError, YAMLError, OmegaConfBaseException) as error:
+    except Exception as error:  # what damaged settings may raise has no end
         raise ConfigError(f"{file} cannot be used: {error}") from error
-    assert isinstance(cfg, DictConfig)
+    if not isinstance(cfg, DictConfig) or not held:
+        raise ConfigError(f"{file} cannot be used: it holds no settings")
     return cfg
+
+
+def settings(file: Path) -> dict[str, Any]:
+    """The settings in such a file as they stand there, whatever they are.
+
+    Raises:
+        ConfigError: It holds none.
+    """
+    try:
+        held = yaml.safe_load(file.read_bytes())
+    except Exception as error:  # what damaged text may raise has no end
+        raise ConfigError(f"{file} cannot be used: {error}") from error
+    if not isinstance(held, dict):
+        raise ConfigError(f"{file} cannot be used: it holds no settings")
+    return {str(key): value for key, value in held.items()}
 
 
 def thread_count(threads: int) -> int:
