@@ -21,6 +21,7 @@ HERE = Path(__file__).parent
 
 def pytest_addoption(parser):
     parser.addoption("--regenerate", action="store_true", help="write the golden files anew; read the diff")
+    parser.addoption("--torture-seed", type=int, default=1, metavar="N", help="seed of all random damage")
 
 
 @pytest.fixture(scope="session")
