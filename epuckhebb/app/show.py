@@ -131,7 +131,7 @@ def _table(title: str, headings: Iterable[str], rows: Iterable[Iterable[Any]]) -
     for heading in headings:
         shown.add_column(heading, overflow="fold")
     for row in rows:
-        shown.add_row(*map(str, row))
+        shown.add_row(*(escape(str(cell)) for cell in row))
     return shown
 
 
@@ -230,14 +230,14 @@ def _paper_table(metrics: pd.DataFrame) -> Table:
     changed = str(first.get("changed", "nan"))  # runs of version 0.1 do not have the column
     world = first.scenario if changed == "nan" else f"{first.scenario} ({changed})"
     shown = Table(
-        title=f"{escape(world)}: genome {first.genome}{rate}, "
+        title=f"{escape(world)}: genome {escape(first.genome)}{rate}, "
         f"mean of {repeats} lifetime{'s' if repeats > 1 else ''} a side (seed {first.seed})",
         title_justify="left",
         title_style="bold",
     )
     shown.add_column("")
     for column in text.columns:
-        shown.add_column("\n".join(column), justify="right")
+        shown.add_column(escape("\n".join(column)), justify="right")
     for row, values in zip(text.index, text.to_numpy().tolist(), strict=True):
         shown.add_row(str(row), *values)
     return shown

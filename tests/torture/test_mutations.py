@@ -263,7 +263,7 @@ def job_read(folder):
     """What a job of a sweep reads."""
     try:
         told = formats.record(runs.content(folder, "sweep.json"), folder / "sweep.json", formats.ListOfJobs)
-        (file,) = (folder / "jobs" / "job").glob("*.yaml")
+        file = min((folder / "jobs" / "job").glob("*.yaml"))
         cfg = read_config(file, "evaluate")
         typed(cfg, EvaluateConfig)
         runs.content(folder, f"jobs/job/{file.name}")
@@ -298,7 +298,7 @@ CASES = [  # kind of run, file, how often, what reads it
 def test_damage_is_noticed_or_does_no_harm(made, chance, kind, name, times, verbs, ended, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run = made / f"{kind}{ended}"
-    (file,) = run.glob(name)
+    file = min(run.glob(name))
     counts = torture(chance, run, file.relative_to(run).as_posix(), times, verbs, tmp_path)
     print(kind + ended, name, counts)
     assert counts["noticed"] or name == ".hydra/overrides.yaml"
