@@ -2,8 +2,10 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 import types
 from enum import IntEnum
 
@@ -225,11 +227,69 @@ def test_lives_whose_kernels_two_processes_compiled_have_the_same_bits_in_a_thir
     assert hits == 2
 
 
+def double(x):
+    return 2.0 * x
+
+
+def doubled():
+    """Whether 2 * 4 came out of machine code that was on disk."""
+    made = kernel(double)
+    assert made(4.0) == 8.0
+    return sum(made.stats.cache_hits.values()) == 1
+
+
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+def test_damaged_machine_code_is_not_run_and_is_made_anew(monkeypatch, tmp_path, kind):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert [doubled(), doubled()] == [False, True]
+    (file,) = tmp_path.rglob(f"*.{kind}")
+    whole = file.read_bytes()
+    flipped = bytes([*whole[:-100], whole[-100] ^ 4, *whole[-99:]])
+    for damaged in (flipped, whole[: len(whole) // 2], b"", b"null"):
+        file.write_bytes(damaged)
+        assert [doubled(), doubled()] == [False, True]
+
+
+def test_machine_code_of_a_module_that_is_gone_is_as_if_it_were_not_there(monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    made = kernel(double)
+
+    def gone(*_):
+        raise ModuleNotFoundError("No module named 'gone'")
+
+    monkeypatch.setattr(made._cache._impl, "rebuild", gone)
+    assert not doubled()
+    assert made(4.0) == 8.0
+
+
 def test_without_a_place_for_the_cache_a_kernel_is_compiled_in_memory(monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "cache"))
+    assert [doubled(), doubled()] == [False, False]
 
-    def double(x):
-        return 2.0 * x
 
-    assert kernel(double)(4.0) == 8.0
+def test_a_full_disk_below_the_cache_does_no_harm(monkeypatch, tmp_path, small_files):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    with small_files() as limit:
+        limit(2000)
+        assert [doubled(), doubled()] == [False, False]
+    assert not list(tmp_path.rglob("*.tmp.*"))
+    assert [doubled(), doubled()] == [False, True]
+
+
+def test_a_cache_that_vanishes_does_no_harm(monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    made = kernel(double)
+    shutil.rmtree(tmp_path / "cache")
+    (tmp_path / "cache").write_text("a file by now")
+    assert made(4.0) == 8.0
+
+
+def test_a_cache_that_may_only_be_read_by_now_is_not_used(monkeypatch, tmp_path):
+    def read_only(*_, **__):
+        raise PermissionError("Read-only file system")
+
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "TemporaryFile", read_only)
+    assert not doubled()
+    assert not list(tmp_path.rglob("*.nb?"))

@@ -109,6 +109,7 @@ def test_a_run_is_repeated_to_the_same_bytes(tmp_path, monkeypatch):
     for key in ("baseline_sha256", "rules"):
         told.pop(key, None)
     (old / "provenance.json").write_text(json.dumps(told))
+    (old / "status.json").write_text('{"schema": 1, "state": "finished"}')
     again = CliRunner().invoke(app, ["rerun", "old"])
     assert again.exit_code == 0, again.output
     assert "same bytes" in again.output

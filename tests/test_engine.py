@@ -18,13 +18,13 @@ def study(tmp_path):
     folder, done = tmp_path / "runs" / "study", []
 
     def task(name, error=None):
-        def do():
+        def do(run):
             if error:
                 raise error
             done.append(name)
-            runs.write_whole(folder / name, name.encode())
+            run.keep(name, name.encode())
 
-        return Task(name, folder / name, do)
+        return Task(name, (folder / name,), do)
 
     return folder, done, task
 
@@ -35,7 +35,7 @@ def status(folder):
 
 def test_only_what_is_missing_is_done_in_order(study):
     folder, done, task = study
-    table = Task("table", None, lambda: done.append("table"))
+    table = Task("table", (), lambda _: done.append("table"))
     carry_out(folder, "study", CFG, ["a"], [task("one"), table])
     carry_out(folder, "study", CFG, ["a", "b"], [task("zero"), task("one"), task("two"), table])
     assert done == ["one", "table", "zero", "two", "table"]
@@ -43,6 +43,18 @@ def test_only_what_is_missing_is_done_in_order(study):
     assert told["command"] == ["epuckhebb", "study", "a"]
     assert [again["command"] for again in told["resumed"]] == [["epuckhebb", "study", "a", "b"]]
     assert status(folder)["state"] == "finished"
+
+
+def test_a_result_that_was_damaged_or_lost_is_made_again(study):
+    folder, done, task = study
+    both = [task("one"), task("two"), task("three")]
+    carry_out(folder, "study", CFG, [], both)
+    (folder / "one").write_bytes(b"One")
+    (folder / "two").unlink()
+    carry_out(folder, "study", CFG, [], both)
+    assert done == ["one", "two", "three", "one", "two"]
+    assert (folder / "one").read_bytes() == b"one"
+    assert set(status(folder)["sha256"]) >= {"one", "two", "three"}
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """Files of others are never touched, and files of ours that somebody has touched are not believed."""
 
 import importlib
-from pickle import UnpicklingError
 
 import pytest
 from typer.testing import CliRunner
@@ -136,19 +135,3 @@ def test_a_job_is_known_by_all_that_its_results_depend_on(monkeypatch):
         assert [now == then for now, then in zip(names(), before, strict=True)] == [False, True]
     monkeypatch.setattr(runs, "versions", lambda packages: dict.fromkeys(packages, "another"))
     assert all(now != then for now, then in zip(names(), before, strict=True))
-
-
-def test_machine_code_that_cannot_be_loaded_is_as_if_it_were_not_there():
-    class Damaged:
-        flushed = False
-
-        def load_overload(self, signature, target):
-            raise UnpicklingError("garbage")
-
-        def flush(self):
-            self.flushed = True
-
-    cache = Damaged()
-    compiled._compile_where_loading_fails(cache)
-    assert cache.load_overload("signature", "target") is None
-    assert cache.flushed

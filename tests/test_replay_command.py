@@ -9,10 +9,12 @@ import webbrowser
 
 import numpy as np
 import pytest
+from omegaconf import OmegaConf
 from PIL import Image
 from typer.testing import CliRunner
 
 from epuckhebb.app.cli import app
+from epuckhebb.app.runs import RunFolder
 from epuckhebb.study import movie
 
 
@@ -100,11 +102,12 @@ def test_not_a_run_folder(tmp_path):
 
 
 def test_a_run_of_evolve_points_to_evaluate(tmp_path):
-    (tmp_path / "provenance.json").write_text('{"verb": "evolve"}')
-    (tmp_path / "status.json").write_text('{"state": "finished"}')
-    result = call("replay", tmp_path)
+    run = RunFolder.new(tmp_path / "run", "evolve", OmegaConf.create({"seed": 1}), [], {})
+    with run:
+        pass
+    result = call("replay", run.path)
     assert result.exit_code == 2
-    assert f"epuckhebb evaluate genome={tmp_path}" in result.output
+    assert f"epuckhebb evaluate genome={run.path}" in result.output
 
 
 @pytest.mark.parametrize("harm", ["missing", "not an archive", "incomplete"])

@@ -167,7 +167,16 @@ def test_a_failure_is_told_of_and_written_down(copy, monkeypatch):
 
 
 @pytest.mark.usefixtures("_no_figures")
-def test_lifetimes_of_an_earlier_run_that_cannot_be_read_are_named(copy):
+def test_lifetimes_of_an_earlier_run_that_were_damaged_are_lived_again(copy):
+    before, damaged = contents(copy), copy / "lifetimes" / "light_seed002.csv"
+    damaged.write_bytes(damaged.read_bytes()[:-20])
+    assert call("all", *SMALL).exit_code == 0
+    assert contents(copy) == before
+
+
+@pytest.mark.usefixtures("_no_figures")
+def test_lifetimes_of_a_version_that_kept_no_checksums_are_named_if_they_cannot_be_read(copy):
+    (copy / "status.json").write_text('{"schema": 1, "state": "finished"}')
     (copy / "lifetimes" / "light_seed002.csv").write_bytes(b"")
     result = call("all", *SMALL)
     assert result.exit_code == 2
@@ -179,9 +188,9 @@ def test_lifetimes_of_an_earlier_run_that_cannot_be_read_are_named(copy):
 def test_show_tells_of_one_that_is_running_and_of_one_that_has_finished(copy, monkeypatch):
     tell, shown = reproduce._tell, []
 
-    def look_and_tell(study):
+    def look_and_tell(study, run):
         shown.append(CliRunner().invoke(app, ["show", str(study.folder)]))
-        tell(study)
+        tell(study, run)
 
     monkeypatch.setattr(reproduce, "_tell", look_and_tell)
     assert call("all", *SMALL).exit_code == 0
@@ -305,15 +314,22 @@ def test_a_mistake_gets_one_message_and_leaves_nothing(mistake, tmp_path, monkey
     assert [file.name for file in tmp_path.iterdir()] == ["layers.npz"]
 
 
-def test_a_champion_of_an_earlier_run_that_cannot_be_read_is_named(made):
-    folder, _ = made
-    champion = folder / "champions" / "light_seed001.npz"
-    whole = champion.read_bytes()
-    try:
-        champion.write_bytes(whole[:100])
-        result = call("all", *SMALL)
-        assert result.exit_code == 2
-        assert "light_seed001.npz" in result.stderr
-        assert champion.read_bytes() == whole[:100]
-    finally:
-        champion.write_bytes(whole)
+def test_a_champion_of_a_version_that_kept_no_checksums_is_named_if_it_cannot_be_read(copy):
+    (copy / "status.json").write_text('{"schema": 1, "state": "finished"}')
+    champion = copy / "champions" / "light_seed001.npz"
+    cut = champion.read_bytes()[:100]
+    champion.write_bytes(cut)
+    result = call("all", *SMALL)
+    assert result.exit_code == 2
+    assert "light_seed001.npz" in result.stderr
+    assert champion.read_bytes() == cut
+
+
+@pytest.mark.usefixtures("_no_figures")
+def test_a_champion_and_a_history_that_were_damaged_are_evolved_again(copy):
+    before = contents(copy)
+    champion, history = copy / "champions" / "light_seed001.npz", copy / "history" / "obstacles_seed002.csv"
+    champion.write_bytes(champion.read_bytes()[:100])
+    history.write_text(history.read_text().replace("0.", "1."))
+    assert call("all", *SMALL).exit_code == 0
+    assert contents(copy) == before

@@ -102,8 +102,8 @@ def test_what_cannot_be_repeated(tmp_path, monkeypatch):
     for name, expected in [
         ("mine", "is not the genome of mine"),
         ("unfinished", "interrupted"),
-        ("other", "reproduce"),
-        ("torn", "config.yaml cannot be used"),
+        ("other", "provenance.json is not what this run wrote"),
+        ("torn", "config.yaml is not what this run wrote"),
         ("nowhere", "nowhere"),
     ]:
         result = call("rerun", name)

@@ -310,7 +310,7 @@ def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
     _begin(quiet)
     new, difference = repeat(run)
     if as_json:
-        typer.echo(json.dumps({"verb": "rerun", "run": str(run), "new": str(new), "difference": difference}))
+        typer.echo(_json({"verb": "rerun", "run": str(run), "new": str(new), "difference": difference}))
     elif not quiet and not difference:
         typer.echo(f"same bytes: {new}")
     if difference:
@@ -376,9 +376,14 @@ def _tell(verb: str, runs: list[Path], quiet: bool, as_json: bool) -> None:
 def _out(as_json: bool, quiet: bool, told: Callable[[], Any], tell: Callable[[Console], None]) -> None:
     """Say what came out: as JSON, in the terminal, or not at all."""
     if as_json:
-        typer.echo(json.dumps(told()))
+        typer.echo(_json(told()))
     elif not quiet:
         tell(Terminal())
+
+
+def _json(told: Any) -> str:
+    """The text of JSON values; numbers that JSON does not have, nan and infinite ones, are null."""
+    return json.dumps(json.loads(json.dumps(told), parse_constant=lambda _: None), allow_nan=False)
 
 
 def _begin(quiet: bool) -> None:

@@ -14,12 +14,12 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, TypeVar
 
+import yaml
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
 
-from epuckhebb.app import machine
+from epuckhebb.app import machine, runs
 from epuckhebb.app.earlier import of_today
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.parts import check_pace, check_signal, compared, controller_from, network_for, scenario_from
@@ -263,9 +263,10 @@ def stored(run: Path, verb: str) -> DictConfig:
     """The configuration that a run of this verb wrote down.
 
     Raises:
-        ConfigError: It cannot be read, or holds what this program does not know.
+        ConfigError: It cannot be read, was changed since, or holds what this program does not know.
     """
-    return read_config(run / ".hydra" / "config.yaml", verb)
+    runs.content(run, runs.CONFIG)  # it is as it was written
+    return read_config(run / runs.CONFIG, verb)
 
 
 def read_config(file: Path, verb: str) -> DictConfig:
@@ -276,11 +277,12 @@ def read_config(file: Path, verb: str) -> DictConfig:
     """
     try:
         held = OmegaConf.to_container(OmegaConf.load(file))
-        if not isinstance(held, dict):
-            raise ConfigError(f"{file} cannot be used: it holds no settings")
-        return as_config({str(key): value for key, value in held.items()}, verb)
-    except (OSError, YAMLError, OmegaConfBaseException) as error:
+        cfg = as_config(held, verb) if isinstance(held, dict) and held else None
+    except Exception as error:  # what damaged settings may raise has no end
         raise ConfigError(f"{file} cannot be used: {error}") from error
+    if cfg is None:
+        raise ConfigError(f"{file} cannot be used: it holds no settings")
+    return cfg
 
 
 def as_config(held: Mapping[Any, Any], verb: str) -> DictConfig:
@@ -302,10 +304,25 @@ def literal(text: str) -> str:
 def _literally(told: Any) -> Any:
     """What was written down with all values in it: no text in it refers to another."""
     if isinstance(told, dict):
-        return {key: _literally(value) for key, value in told.items()}
+        return {str(key): _literally(value) for key, value in told.items()}
     if isinstance(told, list):
         return [_literally(value) for value in told]
     return literal(told) if isinstance(told, str) else told
+
+
+def settings(file: Path) -> dict[str, Any]:
+    """The settings in such a file as they stand there, whatever they are.
+
+    Raises:
+        ConfigError: It holds none.
+    """
+    try:
+        held = yaml.safe_load(file.read_bytes())
+    except Exception as error:  # what damaged text may raise has no end
+        raise ConfigError(f"{file} cannot be used: {error}") from error
+    if not isinstance(held, dict):
+        raise ConfigError(f"{file} cannot be used: it holds no settings")
+    return {str(key): value for key, value in held.items()}
 
 
 def thread_count(threads: int) -> int:

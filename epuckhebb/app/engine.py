@@ -8,15 +8,16 @@ killed at any moment, and the next call ends with the same bytes as one that was
 
 To write the next study, list its tasks in the order in which they need each other, and give them to `carry_out`:
 
-    evolutions = [Task(f"evolve {name}", folder / "champions" / f"{name}.npz", do=...) for name in names]
-    evaluations = [Task(f"evaluate {name}", folder / "lifetimes" / f"{name}.csv", do=...) for name in names]
-    tables = Task("tables", None, do=...)
+    evolutions = [Task(f"evolve {name}", (folder / "champions" / f"{name}.npz",), do=...) for name in names]
+    evaluations = [Task(f"evaluate {name}", (folder / "lifetimes" / f"{name}.csv",), do=...) for name in names]
+    tables = Task("tables", (), do=...)
     carry_out(folder, "leaderboard", cfg, arguments, [*evolutions, *evaluations, tables])
 
-`do` is a function without arguments that writes the result with `runs.write_whole`, as the last of what it writes. A
-task without a result is done in every call: so tables and reports are always those of all results. Such tasks run in
-this process, one after the other, and use threads themselves. Evaluations that are better spread over processes or a
-cluster are `Job`s: open the folder with `at_work` and hand them to `launch`, as `epuckhebb.app.sweep` does.
+`do` is a function that gets the folder and writes the results with its `keep`, so that one that is damaged later is
+made again. A task without results is done in every call: so tables and reports are always those of all results. Such
+tasks run in this process, one after the other, and use threads themselves. Evaluations that are better spread over
+processes or a cluster are `Job`s: open the folder with `at_work` and hand them to `launch`, as `epuckhebb.app.sweep`
+does.
 """
 
 import hashlib
@@ -35,6 +36,7 @@ from epuckhebb.app import files, hydra_bridge, runs
 from epuckhebb.app.config import EvaluateConfig, as_config, check_counts, typed
 from epuckhebb.app.errors import ConfigError, JobFailedError
 from epuckhebb.app.evaluate import evaluate_into, fit, own_rules
+from epuckhebb.app.formats import JobAsked, ListOfJobs, record
 from epuckhebb.app.hydra_bridge import Plain
 from epuckhebb.app.parts import sha256_of
 from epuckhebb.app.progress import TaskProgress, counting
@@ -51,13 +53,13 @@ class Task:
 
     Attributes:
         name: What is told while it is done.
-        result: The file that it leaves; None if it is to be done in every call.
-        do: A function that does it.
+        results: The files that it leaves; none if it is to be done in every call.
+        do: A function that does it in the folder of the study.
     """
 
     name: str
-    result: Path | None
-    do: Callable[[], None]
+    results: tuple[Path, ...]
+    do: Callable[[RunFolder], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +115,7 @@ def is_whole(result: Path) -> bool:
 
 @contextmanager
 def at_work(
-    folder: Path, verb: str, cfg: DictConfig | None, arguments: list[str], results: Sequence[Path]
+    folder: Path, verb: str, cfg: DictConfig | None, arguments: list[str], results: Sequence[tuple[Path, ...]]
 ) -> Iterator[RunFolder]:
     """Work on a study in its folder, and say in its `status.json` how that ends.
 
@@ -122,7 +124,7 @@ def at_work(
         verb: The verb of the command line.
         cfg: The configuration, if there is one of the whole study.
         arguments: What followed the verb.
-        results: What the study will leave; who interrupts it is told how much of that there is.
+        results: What each of its jobs will leave; who interrupts it is told how many of them are done.
 
     Raises:
         ConfigError: Another process works on this study, or its folder cannot be written to.
@@ -130,9 +132,11 @@ def at_work(
     """
 
     def left_behind() -> str:
-        return f"{sum(map(is_whole, results))} of {len(results)} jobs are done; the same command does the rest"
+        done = sum(all(map(is_whole, job)) for job in results)
+        return f"{done} of {len(results)} jobs are done; the same command does the rest"
 
-    with RunFolder.going_on(folder, verb, cfg, arguments, {}) as study:
+    stay = [result for job in results for result in job]
+    with RunFolder.going_on(folder, verb, cfg, arguments, {}, stay) as study:
         study.left_behind = left_behind
         try:
             yield study
@@ -142,12 +146,13 @@ def at_work(
 
 def carry_out(folder: Path, verb: str, cfg: DictConfig, arguments: list[str], tasks: Sequence[Task]) -> None:
     """Do in this process, in their order, the tasks of a study that are not done; see `at_work`."""
-    results = [task.result for task in tasks if task.result is not None]
-    with at_work(folder, verb, cfg, arguments, results), TaskProgress(len(tasks)) as progress:
+    results = [task.results for task in tasks if task.results]
+    with at_work(folder, verb, cfg, arguments, results) as study, TaskProgress(len(tasks)) as progress:
         for number, task in enumerate(tasks):
-            if task.result is None or not is_whole(task.result):
+            names = [result.relative_to(folder).as_posix() for result in task.results]
+            if not names or not all(runs.is_as_written(folder, name) for name in names):
                 progress.show(number, task.name)
-                task.do()
+                task.do(study)
 
 
 class Identities:
@@ -272,7 +277,9 @@ def study_job(cfg: DictConfig) -> None:
     if stop.exists():
         attempt.rmdir()
         return
-    told, job = (json.loads((folder / file).read_bytes()) for file in (_LIST, f"{_JOBS}/{run}.json"))
+    told = record(runs.content(folder, _LIST), folder / _LIST, ListOfJobs)
+    file = folder / _JOBS / f"{run}.json"
+    job = record(file.read_bytes(), file, JobAsked)
     try:
         _check_unchanged(job["config"], run)
         config = as_config(job["config"], "evaluate")
@@ -299,7 +306,8 @@ def _check_unchanged(config: Plain, run: str) -> None:
 def _write_jobs(study: RunFolder, told: dict[str, Any], jobs: Sequence[Job], missing: Sequence[Job]) -> None:
     """Write what the jobs read: a file for each that is missing, and a list of them all."""
     for job in missing:
-        study.write(f"{_JOBS}/{job.run}.json", runs.as_json({"overrides": job.overrides, "config": job.config}))
+        asked = runs.as_json({"overrides": job.overrides, "config": job.config})
+        runs.write_whole(study.path / _JOBS / f"{job.run}.json", asked)
     study.write(_LIST, runs.as_json({"schema": runs.SCHEMA, **told, "jobs": [job.run for job in jobs]}))
 
 

@@ -4,6 +4,8 @@ The checkpoint alone says how far an evolution has come. `history.csv` and `cham
 so it does not matter between which two files a run was killed: it goes on to the same bytes.
 """
 
+import hashlib
+import json
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.app import files, hydra_bridge, runs
-from epuckhebb.app.config import EvolveConfig, stored, thread_count, typed
+from epuckhebb.app.config import EvolveConfig, read_config, settings, thread_count, typed
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.evaluate import compiled_for, own_rules
 from epuckhebb.app.files import CHAMPION, CHECKPOINT, Checkpoint, Genome
@@ -107,6 +109,7 @@ def evolve_into(
 
     run.left_behind = left_behind
     with run, EvolutionProgress(config.ga.generations, quiet=quiet) as progress:
+        digest = _digest(run.path)
         if after is not None and not _is_written(run, after):
             _write_generation(run, after, config)
         last = after.generation if after else None
@@ -122,7 +125,7 @@ def evolve_into(
             controller=config.controller,
         ):
             after = Checkpoint.following(after, generation)
-            run.write(CHECKPOINT, after.as_bytes())
+            run.write(CHECKPOINT, after.as_bytes(digest))
             _write_generation(run, after, config)
             progress.show(generation)
         assert after is not None  # there is at least one generation
@@ -179,7 +182,8 @@ def resume(arguments: list[str]) -> Path:
         raise ConfigError(f"resume={path} is a run of `epuckhebb {told['verb']}`; only evolutions can be resumed")
     cfg = _changed(path, changes)
     config = asked(cfg)
-    after = Checkpoint.read(path, config.ga.population, plan_of(network_of(config), type(config.controller.rule)).genes)
+    genes = plan_of(network_of(config), type(config.controller.rule)).genes
+    after = Checkpoint.read(path, config.ga.population, genes, _digest(path))
     done = after.generation.number + 1 if after else 0
     if config.ga.generations < done:
         raise ConfigError(
@@ -196,9 +200,20 @@ def resume(arguments: list[str]) -> Path:
     return path
 
 
+def _digest(path: Path) -> str:
+    """A digest of the settings of a run that make it this evolution."""
+    told = settings(path / runs.CONFIG)
+    for changeable in _CHANGEABLE:
+        group, _, key = changeable.rpartition(".")
+        place = told.get(group) if group else told
+        if isinstance(place, dict):
+            place.pop(key, None)
+    return hashlib.sha256(json.dumps(told, sort_keys=True, default=str).encode()).hexdigest()
+
+
 def _changed(path: Path, changes: list[str]) -> DictConfig:
     """The configuration of the run, with what may be changed changed."""
-    cfg = stored(path, "evolve")
+    cfg = read_config(path / runs.CONFIG, "evolve")  # the checkpoint knows whether it may go on with it
     for change in changes:
         key, _, value = change.partition("=")
         if key not in _CHANGEABLE:

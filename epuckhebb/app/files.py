@@ -6,23 +6,29 @@ Each is written as bytes, which a run folder puts in place whole; each is checke
 import hashlib
 import io
 import json
+import math
 import re
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
+from typing import IO, Any
+from zipfile import ZipFile
 
 import numpy as np
 import pandas as pd
+from numpy.lib import format as npy
 from numpy.typing import NDArray
 
+from epuckhebb.app import formats, runs
 from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.machine import path_of
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.sim.adaptation.baseline import Baseline
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
-from epuckhebb.sim.lifetime import Samples
+from epuckhebb.sim.lifetime import Samples, empty_samples
+from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.study.evaluate import Traces
@@ -31,7 +37,10 @@ REFERENCE = "reference"
 CHAMPION, CHECKPOINT, TRACES = "champion.npz", "checkpoint.npz", "traces.npz"
 _BASELINE = "memory_"  # how the names of a baseline's arrays begin, in files since version 0.1
 _OF_SEED = re.compile(rf"{REFERENCE}_\d+")
-_UNREADABLE = (OSError, ValueError, KeyError, EOFError, BadZipFile)
+_MOST = 64 * 2**20  # bytes of an array whose size nothing else tells; the weights of the largest network take 0.8 MB
+_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+_KINDS = {"iu": "whole numbers", "f": "numbers", "fiu": "numbers", "U": "text"}  # of dtype, in words
+_Shape = Sequence[int | None]  # None where any length will do
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,8 +167,8 @@ class Checkpoint:
         written = before.history if before else ""
         return cls(generation, written + row.to_csv(index=False, header=not written))
 
-    def as_bytes(self) -> bytes:
-        """The content of `checkpoint.npz`."""
+    def as_bytes(self, settings: str) -> bytes:
+        """The content of `checkpoint.npz`; `settings` is a digest of those that make it this evolution."""
         last = self.generation
         buffer = io.BytesIO()
         np.savez(
@@ -171,17 +180,19 @@ class Checkpoint:
             champion=last.champion,
             rng_state=np.str_(json.dumps(last.rng_state)),
             history=np.str_(self.history),
+            settings=np.str_(settings),
         )
         return buffer.getvalue()
 
     @classmethod
-    def read(cls, run: Path, population: int, genes: int) -> "Checkpoint | None":
+    def read(cls, run: Path, population: int, genes: int, settings: str) -> "Checkpoint | None":
         """Read the checkpoint in a run folder; there is none if its first generation never ended.
 
         Args:
             run: The folder.
             population: The number of individuals that the checkpoint must hold.
             genes: The number of genes that each must have.
+            settings: The digest that the checkpoint must have; those of version 0.1 have none.
 
         Raises:
             ConfigError: There is one that cannot be used.
@@ -189,25 +200,31 @@ class Checkpoint:
         path = run / CHECKPOINT
         if not path.exists():
             return None
-        try:
-            held = _arrays(path)
+        with _told(f"{path} cannot be read as a checkpoint of this run's configuration"):
+            held = _Arrays(runs.content(run, CHECKPOINT))
+            known = held.text("settings") if "settings" in held else settings
             generation = Generation(
-                number=int(held["generation"]),
-                fitness=held["fitness"],
-                success=held["success"],
-                champion=held["champion"],
-                population=held["population"],
-                rng_state=json.loads(str(held["rng_state"])),
+                number=int(held.take("generation", "iu", ())),
+                fitness=held.take("fitness", "f", (population,)),
+                success=held.take("success", "f", (population,)),
+                champion=held.take("champion", "f", (genes,)),
+                population=held.take("population", "f", (population, genes)),
+                rng_state=json.loads(held.text("rng_state")),
                 robot_steps=0,
                 seconds=0.0,
             )
-            history = str(held["history"])
-        except _UNREADABLE as error:
-            raise ConfigError(f"{path} cannot be read as a checkpoint: {error}") from error
-        if generation.population.shape != (population, genes):
+            history = held.text("history")
+            generator: Any = np.random.PCG64()
+            generator.state = generation.rng_state  # it refuses what is none
+            for name in ("fitness", "success", "champion", "population"):
+                if not np.isfinite(getattr(generation, name)).all():
+                    raise ValueError(f"{name} must hold finite numbers")
+            if len(formats.table(history.encode(), path, formats.HISTORY)) != generation.number + 1:
+                raise ValueError(f"its history is not of {generation.number + 1} generations")
+        if known != settings:
             raise ConfigError(
-                f"{path} holds a population of shape {generation.population.shape}, the run's configuration asks for "
-                f"({population}, {genes})"
+                f"{run}/.hydra/config.yaml is not what this evolution began with, and to go on with it would make a "
+                f"hybrid: put it back as it was. ga.generations and threads may be changed"
             )
         return cls(generation, history)
 
@@ -218,25 +235,36 @@ def traces_file(traces: Traces, weights: NDArray[np.float64], network: Network) 
     return _compressed(told | {"layers": np.array(network.layers)} | traces.samples._asdict())
 
 
-def read_traces(run: Path, state: str) -> tuple[Traces, NDArray[np.float64], Network]:
+def read_traces(run: Path, state: str, lifetimes: int, samples: int) -> tuple[Traces, NDArray[np.float64], Network]:
     """Read the recorded lifetimes of a run folder, and the weights and the network that they began with.
 
     Args:
         run: The folder.
         state: What the run says of itself; it explains why there may be no traces.
+        lifetimes: How many there must be.
+        samples: How many samples each must have.
 
     Raises:
         ConfigError: They cannot be read.
     """
-    try:
-        arrays = _arrays(run / TRACES)
-        arrays.setdefault("change_signal", np.full_like(arrays["rate"], np.nan))  # runs of version 0.1
-        samples = Samples(**{name: arrays[name] for name in Samples._fields})
-        traces = Traces(controller=arrays["controller"].tolist(), side=arrays["side"].tolist(), samples=samples)
-        layers = arrays.get("layers", np.array(PAPER_NETWORK.layers))
-        return traces, arrays["genome"], Network(tuple(int(size) for size in layers))
-    except _UNREADABLE as error:
-        raise ConfigError(f"{run / TRACES} cannot be read (the run is {state}): {error}") from error
+    with _told(f"{run / TRACES} cannot be read (the run is {state})"):
+        held = _Arrays(runs.content(run, TRACES))
+        network = Network(held.layers() or PAPER_NETWORK.layers)
+        each = (lifetimes, samples)
+        found = {
+            name: held.take(name, "f", (*each, *empty.shape[1:]))
+            for name, empty in empty_samples(0, network)._asdict().items()
+            if name in held or name != "change_signal"
+        }
+        for name, values in found.items():
+            if name != "change_signal" and not np.isfinite(values).all():
+                raise ValueError(f"{name} must hold finite numbers")
+        found.setdefault("change_signal", np.full(each, np.nan))  # runs of version 0.1
+        controllers, sides = (held.take(name, "U", (lifetimes,)).tolist() for name in ("controller", "side"))
+        if not set(sides) <= set(SIDES) or len(set(zip(controllers, sides, strict=True))) < lifetimes:
+            raise ValueError(f"side must be one of {', '.join(SIDES)}, and each controller's lifetime there one")
+        traces = Traces(controller=controllers, side=sides, samples=Samples(**found))
+        return traces, checked_genes(held.take("genome", "f", (network.synapses,)), TRACES, plan_of(network)), network
 
 
 def _compressed(arrays: dict[str, Any]) -> bytes:
@@ -245,11 +273,84 @@ def _compressed(arrays: dict[str, Any]) -> bytes:
     return buffer.getvalue()
 
 
-def _arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of a `.npz` by name; that of a `.npy` is the genome."""
-    with path.open("rb") as file:
-        loaded = np.load(file, allow_pickle=False)
-        return dict(loaded) if isinstance(loaded, np.lib.npyio.NpzFile) else {"genome": loaded}
+class _Arrays:
+    """The arrays of a `.npz`, or of a `.npy` that of the genome, each looked at before it is read.
+
+    A few bytes can say that they hold more numbers than there is memory for, in the directory of the `.npz` or in the
+    header of an array. So what the header says must be what is wanted and as many bytes as there are, before any is
+    unpacked.
+    """
+
+    def __init__(self, content: bytes) -> None:
+        """Look into a file with this content."""
+        self._content = content
+        self._zip = ZipFile(io.BytesIO(content)) if content.startswith(b"PK") else None
+        members = self._zip.infolist() if self._zip else []
+        self._members = {member.filename.removesuffix(".npy"): member for member in members}
+        self.names = list(self._members) if self._zip else ["genome"]
+
+    def __contains__(self, name: str) -> bool:
+        """Whether there is an array of this name."""
+        return name in self.names
+
+    def take(self, name: str, kinds: str, shape: _Shape | None = None) -> NDArray[Any]:
+        """Read an array.
+
+        Args:
+            name: Its name.
+            kinds: The letters of the dtypes that it may have, a key of `_KINDS`.
+            shape: What its shape must be; None for any.
+
+        Raises:
+            ValueError: It is not there, or something else.
+        """
+        if name not in self:
+            raise ValueError(f"it has no array {name}")
+        with self._opened(name) as (file, size):
+            found, is_fortran, dtype = _HEADERS[npy.read_magic(file)](file)
+            fits = shape is None or (
+                len(found) == len(shape) and all(n in (None, m) for n, m in zip(shape, found, strict=True))
+            )
+            if dtype.kind not in kinds or not fits:
+                sizes = ", ".join("any" if n is None else str(n) for n in shape or ())
+                wanted = _KINDS[kinds] if shape is None else f"{_KINDS[kinds]} of shape ({sizes})"
+                raise ValueError(f"{name} must be {wanted}, it is {dtype} of shape {found}")
+            count = math.prod(found)
+            if count * dtype.itemsize != size - file.tell():
+                raise ValueError(f"{name} is damaged: its shape is {found}, and it has {size} bytes")
+            if size > _MOST and (shape is None or None in shape or dtype.kind == "U"):
+                raise ValueError(f"{name} takes {size} bytes; at most {_MOST} are read")
+            numbers = np.frombuffer(file.read(), dtype, count)
+        own: NDArray[Any] = numbers.reshape(found, order="F" if is_fortran else "C").astype(dtype.newbyteorder("="))
+        return own
+
+    def text(self, name: str) -> str:
+        """A text."""
+        return str(self.take(name, "U", ()))
+
+    def layers(self) -> tuple[int, ...] | None:
+        """The layers of the network that the file is for, if it says so."""
+        return tuple(self.take("layers", "iu", (None,)).tolist()) if "layers" in self else None
+
+    @contextmanager
+    def _opened(self, name: str) -> Iterator[tuple[IO[bytes], int]]:
+        """An array to be read, and how many bytes it has with its header."""
+        if self._zip is None:
+            yield io.BytesIO(self._content), len(self._content)
+            return
+        with self._zip.open(self._members[name]) as file:
+            yield file, self._members[name].file_size
+
+
+@contextmanager
+def _told(what: str) -> Iterator[None]:
+    """Tell of whatever goes wrong while a file is read as one `ConfigError` that begins so."""
+    try:
+        yield
+    except ConfigError:
+        raise
+    except Exception as error:  # what damaged bytes may raise has no end
+        raise ConfigError(f"{what}: {error or type(error).__name__}") from error
 
 
 def _champion_of_seed(where: str, experiment: str) -> Path:
@@ -267,15 +368,26 @@ def _champion_of_seed(where: str, experiment: str) -> Path:
 
 
 def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genome:
-    try:
-        arrays = _arrays(path)
-    except _UNREADABLE as error:
-        raise ConfigError(f"genome={path} cannot be read as .npz or .npy: {error}") from error
-    if "genome" not in arrays and len(arrays) == 1:
-        arrays["genome"] = next(iter(arrays.values()))
-    if "genome" not in arrays:
-        raise ConfigError(f"genome={path} must hold one array or one named `genome`, it holds {sorted(arrays)}")
-    own = tuple(int(size) for size in arrays["layers"].ravel()) if "layers" in arrays else None
+    with _told(f"genome={path} cannot be read as .npz or .npy"):
+        if path.stat().st_size > _MOST:
+            raise ValueError(f"it has {path.stat().st_size} bytes; at most {_MOST} are read")
+        held = _Arrays(runs.content(path.parent, path.name))
+        own = held.layers()
+        texts = {name: held.text(name) for name in ("robot", "experiment") if name in held}
+        lights = int(held.take("lights", "iu", ())) if "lights" in held else EPUCK.lights
+        parts = None
+        if "parts" in held and "part_sizes" in held:
+            names = held.take("parts", "U", (None,)).tolist()
+            sizes = held.take("part_sizes", "iu", (len(names),)).tolist()
+            parts = tuple(map(Part, names, sizes))
+            if min(sizes, default=0) < 0 or len(set(names)) < len(names):
+                raise ValueError("each of its parts must have a name of its own, and a size of 0 or more")
+        key = held.names[0] if "genome" not in held and len(held.names) == 1 else "genome"
+        if key not in held:
+            raise ConfigError(
+                f"genome={path} must hold one array or one named `genome`, it holds {sorted(held.names)[:20]}"
+            )
+        genes = held.take(key, "fiu")
     if own is not None and layers is not None and own != layers:
         raise ConfigError(f"genome={path} is of layers {list(own)}, and network.layers asks for {list(layers)}")
     try:
@@ -283,32 +395,35 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
     except ValueError as error:
         raise ConfigError(f"genome={path}: {error}") from error
     plan = plan_of(network)
-    if "parts" in arrays and "part_sizes" in arrays and len(arrays["parts"]) == len(arrays["part_sizes"]):
-        sizes = [int(size) for size in arrays["part_sizes"]]
-        plan = GenomePlan(tuple(map(Part, arrays["parts"].tolist(), sizes)))
+    if parts is not None:
+        plan = GenomePlan(parts)
         if plan.parts[:1] != (Part(WEIGHTS, network.synapses),):
             raise ConfigError(f"genome={path} must begin with {network.synapses} weights, it has {plan.told()}")
+    if not 0 <= lights <= network.inputs:
+        raise ConfigError(f"genome={path}: lights must lie between 0 and {network.inputs}, the readings, got {lights}")
     return Genome(
-        genes=checked_genes(arrays["genome"], str(path), plan),
+        genes=checked_genes(genes, str(path), plan),
         name=name,
         network=network,
-        robot=str(arrays.get("robot", EPUCK.name)),
-        lights=int(arrays.get("lights", EPUCK.lights)),
+        robot=texts.get("robot", EPUCK.name),
+        lights=lights,
         plan=plan,
-        baseline=_baseline(arrays, path, network.inputs),
+        baseline=_baseline(held, path, network.inputs),
     )
 
 
-def _baseline(arrays: dict[str, NDArray[Any]], path: Path, inputs: int) -> Baseline | None:
+def _baseline(held: _Arrays, path: Path, inputs: int) -> Baseline | None:
     """The baseline in a champion's file, if there is one."""
-    told = {key.removeprefix(_BASELINE): value for key, value in arrays.items() if key.startswith(_BASELINE)}
-    if not told:
+    if not any(name.startswith(_BASELINE) for name in held.names):
         return None
-    shapes: dict[str, tuple[int, ...]] = {"success": (2,), "time_to_goal_s": (2,), "away_s": (2,)}
+    shapes: dict[str, _Shape] = {"success": (2,), "time_to_goal_s": (2,), "away_s": (2,), "fitness": (2, None)}
     shapes |= {"reading_mean": (2, inputs), "reading_spread": (2, inputs)}
-    whole = told.keys() == {field.name for field in fields(Baseline)} and told["fitness"].ndim == 2
-    numbers = whole and all(told[key].dtype == np.float64 for key in (*shapes, "fitness"))
-    if not (numbers and len(told["fitness"]) == 2 and all(told[key].shape == shape for key, shape in shapes.items())):
-        raise ConfigError(f"genome={path} holds a baseline of the training world that this program cannot read")
-    values: dict[str, Any] = {key: value.item() if value.ndim == 0 else value for key, value in told.items()}
-    return Baseline(**values)
+    with _told(f"genome={path} holds a baseline of the training world that this program cannot read"):
+        if held.take(f"{_BASELINE}fitness", "f").size == 0:
+            raise ValueError("its fitness is of no second")
+        return Baseline(
+            experiment=held.text(f"{_BASELINE}experiment"),
+            scenario=held.text(f"{_BASELINE}scenario"),
+            gain_rad_s=float(held.take(f"{_BASELINE}gain_rad_s", "f", ())),
+            **{name: held.take(_BASELINE + name, "f", shape).astype(np.float64) for name, shape in shapes.items()},
+        )

@@ -14,6 +14,7 @@ from epuckhebb.app.config import EvaluateConfig, stored, typed
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.evaluate import caption
 from epuckhebb.app.terminal import Terminal
+from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import Network
 from epuckhebb.study import movie, replay
 from epuckhebb.study.evaluate import Traces
@@ -51,7 +52,9 @@ def recording(run: Path) -> Recording:
             f"{run} recorded nothing to replay, because it ran with lifetime.record_every=0; run it again with "
             f"recording on: {' '.join(['epuckhebb evaluate', *kept, 'lifetime.record_every=8'])}"
         )
-    traces, weights, network = files.read_traces(run, told["status"]["state"])
+    lifetimes = len(SIDES) * (1 + len(config.controllers))
+    samples = -(-config.lifetime.steps // config.lifetime.record_every)
+    traces, weights, network = files.read_traces(run, told["status"]["state"], lifetimes, samples)
     title = caption(config, told.get("genome", "genome"))
     return Recording(traces=traces, weights=weights, network=network, config=config, title=title)
 

@@ -16,7 +16,7 @@ import pandas as pd
 import yaml
 from omegaconf import DictConfig, OmegaConf
 
-from epuckhebb.app import engine, files, runs
+from epuckhebb.app import engine, files, formats, runs
 from epuckhebb.app.config import EvaluateConfig, EvolveConfig, ReproduceConfig, thread_count, typed
 from epuckhebb.app.data import data_folder
 from epuckhebb.app.engine import Task
@@ -25,6 +25,7 @@ from epuckhebb.app.evolve import champion_of
 from epuckhebb.app.files import Genome
 from epuckhebb.app.hydra_bridge import composed
 from epuckhebb.app.machine import Need, require
+from epuckhebb.app.runs import RunFolder
 from epuckhebb.evolution.evolve import evolve, history_row, room_to_evolve
 from epuckhebb.sim.adaptation.baseline import remember
 from epuckhebb.sim.lifetime import Lifetime
@@ -106,11 +107,14 @@ def reproduce(experiment: str, overrides: list[str], *, quick: bool) -> Path:
     champions = list(_champions(experiments, config, folder, given))
     study = _Study(experiments=experiments, config=config, folder=folder, champions=champions, given=given, paper=paper)
     for champion in champions:
-        if engine.is_whole(champion.file):
+        if not given and runs.is_as_written(folder, f"champions/{champion.name}.npz"):
             champion.genome()  # one that cannot be read is found before the others are evolved
-    tasks = [] if given else [Task(f"evolve {one.name}", one.file, partial(_evolve, study, one)) for one in champions]
-    tasks += [Task(f"evaluate {one.name}", one.lifetimes, partial(_evaluate, study, one)) for one in champions]
-    tasks += [Task("tables, figures and report", None, partial(_tell, study))]
+    tasks = [
+        Task(f"evolve {one.name}", (one.history, one.file), partial(_evolve, study, one))
+        for one in ([] if given else champions)
+    ]
+    tasks += [Task(f"evaluate {one.name}", (one.lifetimes,), partial(_evaluate, study, one)) for one in champions]
+    tasks += [Task("tables, figures and report", (), partial(_tell, study))]
     engine.carry_out(folder, "reproduce", cfg, [experiment, *(["--quick"] if quick else []), *overrides], tasks)
     return folder
 
@@ -180,7 +184,7 @@ def _champions(
             )
 
 
-def _evolve(study: _Study, champion: _Champion) -> None:
+def _evolve(study: _Study, champion: _Champion, run: RunFolder) -> None:
     """Evolve a champion from its seed."""
     world = typed(composed("evolve", [f"scenario={TRAINED[champion.experiment]}"]), EvolveConfig)
     threads = thread_count(study.config.threads)
@@ -188,11 +192,11 @@ def _evolve(study: _Study, champion: _Champion) -> None:
     history = pd.DataFrame(map(history_row, generations))
     last = generations[-1]
     baseline = remember(last.champion, world.world, threads=threads)
-    runs.write_whole(champion.history, history.to_csv(index=False).encode())
-    runs.write_whole(champion.file, champion_of(last, world, champion.seed, baseline))
+    run.keep(f"history/{champion.history.name}", history.to_csv(index=False).encode())
+    run.keep(f"champions/{champion.file.name}", champion_of(last, world, champion.seed, baseline))
 
 
-def _evaluate(study: _Study, champion: _Champion) -> None:
+def _evaluate(study: _Study, champion: _Champion, run: RunFolder) -> None:
     """Let a champion live in every scenario of its experiment, with every rate and control."""
     genome, config, one = champion.genome(), study.config, champion.experiment
     before, rows = genome.sha256, []
@@ -210,28 +214,29 @@ def _evaluate(study: _Study, champion: _Champion) -> None:
         rows.append(metrics)
     if genome.sha256 != before:
         study.changed.append(champion.experiment)
-    runs.write_whole(champion.lifetimes, pd.concat(rows).to_csv(index=False).encode())
+    run.keep(f"lifetimes/{champion.lifetimes.name}", pd.concat(rows).to_csv(index=False).encode())
 
 
-def _tell(study: _Study) -> None:
+def _tell(study: _Study, run: RunFolder) -> None:
     """Write the tables, the figures and the report over all lifetimes."""
-    found = _findings(study)
+    found = _findings(study, run)
     pictures = {name: (told, figures.small(png)) for name, (told, png) in _figures(study, found).items()}
     text = report.markdown(found, {name: caption for name, (caption, _) in pictures.items()})
     for name, (_, png) in pictures.items():
-        runs.write_whole(study.folder / "figures" / name, png)
-    runs.write_whole(study.folder / "report.md", text.encode())
-    runs.write_whole(study.folder / "report.html", report.html(text, lambda name: pictures[name][1]).encode())
+        run.write(f"figures/{name}", png)
+    run.write("report.md", text)
+    run.write("report.html", report.html(text, lambda name: pictures[name][1]))
 
 
-def _lifetimes(file: Path) -> pd.DataFrame:
+def _table(study: _Study, file: Path, columns: formats.Columns) -> pd.DataFrame:
+    """A table that is perhaps of an earlier call."""
     try:
-        return pd.read_csv(file, keep_default_na=False, na_values=[""])
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{file} of an earlier run cannot be read ({error}); remove it and start again") from error
+        return runs.table(study.folder, file.relative_to(study.folder).as_posix(), columns)
+    except ConfigError as error:
+        raise ConfigError(f"{error}; remove it and start again") from error
 
 
-def _findings(study: _Study) -> report.Findings:
+def _findings(study: _Study, run: RunFolder) -> report.Findings:
     """What came out; its tables are written."""
     config, given = study.config, study.given
     count = 1 if given else config.champions
@@ -242,7 +247,7 @@ def _findings(study: _Study) -> report.Findings:
         else f"{config.champions} champions of each experiment, evolved from seeds {config.first_seed} to {last}"
     )
     found, tables = reproduction.findings_of(
-        pd.concat([_lifetimes(champion.lifetimes) for champion in study.champions], ignore_index=True),
+        pd.concat([_table(study, one.lifetimes, formats.METRICS) for one in study.champions], ignore_index=True),
         study.paper,
         {one: count - study.changed.count(one) for one in study.experiments},
         champions=count,
@@ -252,7 +257,7 @@ def _findings(study: _Study) -> report.Findings:
         f"(seed {config.seed}); live fitness: {config.signal.value}.",
     )
     for name, table in tables.items():
-        runs.write_whole(study.folder / f"{name}.csv", table.to_csv(index=False).encode())
+        run.write(f"{name}.csv", table.to_csv(index=False))
     return found
 
 
@@ -263,7 +268,7 @@ def _figures(study: _Study, found: report.Findings) -> dict[str, tuple[str, byte
         own = [champion for champion in study.champions if champion.experiment == one]
         shown[one] = next(champion for champion in own if champion.name == found.showcase[one][0]).genome().genes
         if not study.given:
-            histories[one] = [pd.read_csv(champion.history) for champion in own]
+            histories[one] = [_table(study, champion.history, formats.HISTORY) for champion in own]
     signals = {one: study.config.signal.of(one) for one in study.experiments}
     return reproduction.figures_of(found, shown, signals, _world, histories, study.config.seed)
 

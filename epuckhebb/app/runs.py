@@ -14,7 +14,7 @@ import re
 import shutil
 import subprocess
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache
@@ -23,12 +23,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import pandas as pd
 from filelock import BaseFileLock, FileLock, Timeout
 from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb import __version__
-from epuckhebb.app import errors, machine
+from epuckhebb.app import errors, formats, machine
 from epuckhebb.app.errors import ConfigError, JobFailedError
+from epuckhebb.app.formats import Columns, Provenance, Status, record
 
 SCHEMA = 1  # of provenance.json and status.json
 UNFINISHED = "unfinished"  # folder of a study, in which each attempt at a run has a folder of its own
@@ -38,7 +40,7 @@ _PACKAGES = ("epuckhebb", "pymunk", "numpy", "numba", "pandas", "hydra-core", "t
 _STATUS, _PROVENANCE = "status.json", "provenance.json"
 _LOCK = ".epuckhebb.lock"  # there while a process is at work in the folder, or after one that was killed
 _PATIENCE_S = 1.0  # with who holds a folder for the moment in which it is looked whether it is held
-_OVERRIDES, _CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
+_OVERRIDES, CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
 _HALF = re.compile(r"\..+\.\d+\.tmp")  # what `write_whole` writes beside a file
 _ATTEMPT = re.compile(r"\d{8}-\d{6}-[0-9a-f]{8}_\d+|stop")  # what `engine.launch` leaves in `unfinished/`
 _NOUN = {"evaluate": "run", "evolve": "run", "reproduce": "reproduction"}
@@ -121,7 +123,8 @@ class RunFolder:
         self.path, self.command, self.failure = path, list(told["command"]), ""
         self.left_behind: Callable[[], str] = lambda: ""
         self._held, self._started = held, _now()
-        self._tables: dict[str, str] = {}  # name -> SHA-256 of the tables written
+        self._kept: dict[str, str] = {}  # name -> SHA-256 of the results on which a later call relies
+        self._written: dict[str, str] = {}  # the same of all files written
 
     @classmethod
     def new(cls, path: Path, verb: str, cfg: DictConfig, arguments: list[str], facts: dict[str, Any]) -> "RunFolder":
@@ -156,7 +159,7 @@ class RunFolder:
                 run._held = hold(path, _PATIENCE_S)
             run._begin(told, cfg, arguments)
         except OSError as error:
-            for name in (_STATUS, _OVERRIDES, _CONFIG, _PROVENANCE):
+            for name in (_STATUS, _OVERRIDES, CONFIG, _PROVENANCE):
                 (path / name).unlink(missing_ok=True)
             with suppress(OSError):
                 (path / ".hydra").rmdir()
@@ -166,13 +169,19 @@ class RunFolder:
 
     @classmethod
     def going_on(
-        cls, path: Path, verb: str, cfg: DictConfig | None, arguments: list[str], facts: dict[str, Any]
+        cls,
+        path: Path,
+        verb: str,
+        cfg: DictConfig | None,
+        arguments: list[str],
+        facts: dict[str, Any],
+        results: Sequence[Path] = (),
     ) -> "RunFolder":
         """Go on with what was begun in a folder, or begin it there; one process at a time.
 
         What killed processes have left half done is thrown away. The arguments are those of `new`, but that there is
-        no `cfg` where each job has its own. If the work was begun before, `provenance.json` keeps what it said and
-        gets an entry with these facts.
+        no `cfg` where each job has its own; `results` are files of earlier calls that stay. If the work was begun
+        before, `provenance.json` keeps what it said and gets an entry with these facts.
 
         Raises:
             ConfigError: Another process is at work in the folder, or it cannot be written to.
@@ -189,7 +198,10 @@ class RunFolder:
         run = cls(path, held, told)
         with suppress(ConfigError):  # it cannot be read back where nothing has begun
             before = read(path)
-            run._started = before.pop("status").get("started", run._started)
+            status = before.pop("status")
+            run._started = status.get("started", run._started)
+            names = {result.relative_to(path).as_posix() for result in results}
+            run._kept = {name: sha256 for name, sha256 in status.get("sha256", {}).items() if name in names}
             again = {"started": _now(), "command": told["command"], **facts, "code": told["code"]}
             told = before | {"resumed": [*before.get("resumed", []), again]}
         try:
@@ -201,11 +213,18 @@ class RunFolder:
         return run
 
     def write(self, name: str, content: bytes | str) -> None:
-        """Write a file in the folder: whole, or not at all; of a table, keep what its content was."""
+        """Write a file in the folder: whole, or not at all; keep what its content was, but for `status.json` itself."""
         written = content.encode() if isinstance(content, str) else content
+        self._written.pop(name, None)  # while it is being replaced, nothing is known of it
         write_whole(self.path / name, written)
-        if name.endswith(".csv"):
-            self._tables[name] = hashlib.sha256(written).hexdigest()
+        if name != _STATUS:
+            self._written[name] = hashlib.sha256(written).hexdigest()
+
+    def keep(self, name: str, content: bytes) -> None:
+        """Write a result on which a later call relies; what it must be is known before it is there."""
+        self._kept[name] = hashlib.sha256(content).hexdigest()
+        self._write_status("running", sha256=self._kept)
+        self.write(name, content)
 
     def __enter__(self) -> "RunFolder":
         """The folder itself."""
@@ -237,11 +256,11 @@ class RunFolder:
 
     def _begin(self, told: dict[str, Any], cfg: DictConfig | None, overrides: list[str] | None) -> None:
         """Write down what runs here: its state first, and last the file by which a run that has begun is known."""
-        self._write_status("running")
+        self._write_status("running", sha256=self._kept)
         if overrides is not None:
             self.write(_OVERRIDES, OmegaConf.to_yaml(OmegaConf.create(overrides)))
         if cfg is not None:
-            self.write(_CONFIG, OmegaConf.to_yaml(cfg, resolve=True))
+            self.write(CONFIG, OmegaConf.to_yaml(cfg, resolve=True))
         self.write(_PROVENANCE, as_json(told))
 
     def _interrupted(self) -> str:
@@ -253,7 +272,7 @@ class RunFolder:
 
     def _close(self, state: str, **more: str) -> None:
         told = {key: value for key, value in more.items() if value}
-        self._write_status(state, finished=_now(), **told, tables=self._tables)
+        self._write_status(state, finished=_now(), **told, sha256=self._kept | self._written)
 
     def _write_status(self, state: str, **more: Any) -> None:
         self.write(_STATUS, as_json({"schema": SCHEMA, "state": state, "started": self._started, **more}))
@@ -304,22 +323,19 @@ def read(path: Path) -> dict[str, Any]:
     """Provenance and status of a run folder, as one dictionary.
 
     Raises:
-        ConfigError: It is not a run folder.
+        ConfigError: It is not a run folder, or one of the two is damaged.
     """
     if not path.is_dir():
         raise ConfigError(f"{path} is not a folder; give a run folder, for example one below runs/evaluate/")
     inside = next(path.glob(f"*/{_STATUS}"), None)
     if inside is not None and not (path / _STATUS).exists():
         raise ConfigError(f"{path} is a folder with runs in it; give one of them, for example {inside.parent}")
-    try:
-        told = json.loads((path / _PROVENANCE).read_text(encoding="utf-8"))
-        status = json.loads((path / _STATUS).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ConfigError(
-            f"{path} is not a run folder: it has no readable provenance.json and status.json "
-            f"({(isinstance(error, OSError) and error.strerror) or error})"
-        ) from error
-    if status.get("state") == "running" and not is_held(path):
+    for name in (_PROVENANCE, _STATUS):
+        if not (path / name).is_file():
+            raise ConfigError(f"{path} is not a run folder: it has no {name}")
+    status = record(_bytes(path / _STATUS), path / _STATUS, Status)
+    told = record(content(path, _PROVENANCE), path / _PROVENANCE, Provenance)
+    if status["state"] == "running" and not is_held(path):
         status |= {"state": "interrupted", "error": "its process ended without a word"}
     return {**told, "status": status}
 
@@ -327,9 +343,43 @@ def read(path: Path) -> dict[str, Any]:
 def status_of(path: Path) -> dict[str, Any]:
     """What a run says of its state; nothing if it cannot be read."""
     try:
-        return dict(json.loads((path / _STATUS).read_text(encoding="utf-8")))
-    except (OSError, ValueError):
+        return {**record(_bytes(path / _STATUS), path / _STATUS, Status)}
+    except ConfigError:
         return {}
+
+
+def content(run: Path, name: str) -> bytes:
+    """The content of a file of a run, which must be what the run wrote as far as its `status.json` tells.
+
+    Raises:
+        ConfigError: It cannot be read, or was changed since.
+    """
+    found = _bytes(run / name)
+    sha256 = hashlib.sha256(found).hexdigest()
+    if status_of(run).get("sha256", {}).get(name, sha256) != sha256:
+        raise ConfigError(
+            f"{run / name} is not what this run wrote (its SHA-256 differs); put it back as it was, or run it again"
+        )
+    return found
+
+
+def table(run: Path, name: str, columns: Columns, *, rows: bool = True) -> pd.DataFrame:
+    """A table of a run; see `content` and `formats.table`."""
+    return formats.table(content(run, name), run / name, columns, rows=rows)
+
+
+def has(run: Path, name: str) -> bool:
+    """Whether a file of a run is there, or should be: then who reads it tells that it was lost."""
+    return (run / name).is_file() or name in status_of(run).get("sha256", {})
+
+
+def is_as_written(run: Path, name: str) -> bool:
+    """Whether a file of a run is there and, as far as is known, what the run wrote."""
+    try:
+        content(run, name)
+    except ConfigError:
+        return False
+    return True
 
 
 def is_whole(path: Path) -> bool:
@@ -338,10 +388,18 @@ def is_whole(path: Path) -> bool:
     try:
         return status.get("state") == "finished" and all(
             hashlib.sha256((path / name).read_bytes()).hexdigest() == sha256
-            for name, sha256 in status.get("tables", {}).items()
+            for name, sha256 in status.get("sha256", {}).items()
+            if name.endswith(".csv")
         )
-    except (OSError, AttributeError):
+    except OSError:
         return False
+
+
+def _bytes(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise ConfigError(f"{file} cannot be read: {error.strerror}") from error
 
 
 def provenance(verb: str, cfg: DictConfig | None, arguments: list[str]) -> dict[str, Any]:

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import yaml
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuckhebb.app import files, runs
+from epuckhebb.app import files, formats, runs
+from epuckhebb.app.config import settings
 from epuckhebb.app.files import Genome
 from epuckhebb.study import rescue, tables
 
@@ -33,7 +33,7 @@ def tell(finished: list[Path], console: Console) -> None:
 
 def tell_reproduction(path: Path, console: Console) -> None:
     """Say what a reproduction found of the paper's claims, and where its report is."""
-    claims = pd.read_csv(path / "claims.csv")
+    claims = runs.table(path, "claims.csv", formats.CLAIMS)
     rows = [(row.experiment, row.claim, row.verdict, f"{row.true} of {row.n}") for row in claims.itertuples()]
     console.print(_table("The paper's claims", ("experiment", "claim", "verdict", "true in"), rows))
     _line(console, f"Report: {path}/report.html")
@@ -48,8 +48,8 @@ def tell_jobs(folder: Path, listed: list[dict[str, Any]], console: Console) -> N
 def tell_sweep(folder: Path, console: Console) -> None:
     """Say what a sweep came to: the success of each condition, or rescue and harm, and where its tables are."""
     written = "sweep.csv (every lifetime), summary.csv, failed.csv"
-    if (folder / "rescue_over_all.csv").is_file():
-        over_all = _read(folder / "rescue_over_all.csv")
+    if runs.has(folder, "rescue_over_all.csv"):
+        over_all = runs.table(folder, "rescue_over_all.csv", formats.RESCUE)
         rows = []
         for row in over_all.itertuples():
             cells = [rescue.count(row, "rescued", "broken"), rescue.count(row, "harmed", "sound")]
@@ -59,13 +59,13 @@ def tell_sweep(folder: Path, console: Console) -> None:
         console.print(_table("Rescue and harm (95 % interval)", headings, rows))
         written = f"report.md, rescue_over_all.csv, rescue_and_harm.csv, {written}"
     else:
-        summary = pd.read_csv(folder / "summary.csv", keep_default_na=False)
+        summary = runs.table(folder, "summary.csv", formats.SUMMARY, rows=False)
         conditions = list(summary.columns[: summary.columns.get_loc("n")])
         told = [name for name in conditions if name in ("controller", "side") or summary[name].nunique() > 1]
         rows = []
         for row in summary.to_dict("records"):
             interval = f"{row['success']:.2f} ({row['success_low']:.2f}–{row['success_high']:.2f})"
-            rows.append((*(row[name] for name in told), interval, row["n"]))
+            rows.append((*("" if pd.isna(row[name]) else row[name] for name in told), interval, row["n"]))
         if rows:
             console.print(_table("Success (95 % interval)", (*told, "success", "n"), rows))
     _line(console, f"Tables: {folder}/: {written}")
@@ -115,9 +115,9 @@ def as_json(path: Path) -> dict[str, Any]:
         ConfigError: It is not a run folder.
     """
     told = {"run": str(path), **runs.read(path)}
-    for name in ("metrics", "history"):
-        if (path / f"{name}.csv").is_file():
-            frame = _read(path / f"{name}.csv")
+    for name, columns in (("metrics", formats.METRICS), ("history", formats.HISTORY)):
+        if runs.has(path, f"{name}.csv"):
+            frame = runs.table(path, f"{name}.csv", columns)
             told[name] = frame.astype(object).where(frame.notna(), None).to_dict("records")
     return told
 
@@ -135,25 +135,22 @@ def _table(title: str, headings: Iterable[str], rows: Iterable[Iterable[Any]]) -
     return shown
 
 
-def _read(file: Path) -> pd.DataFrame:
-    return pd.read_csv(file, keep_default_na=False, na_values=[""])
-
-
 def _settings(path: Path) -> Iterator[str]:
     """The resolved configuration of a run, as it could be typed; of the maze and the robot, only which they are."""
 
-    def below(node: dict[str, Any], prefix: str) -> Iterator[str]:
+    def below(node: dict[Any, Any], prefix: str) -> Iterator[str]:
         for key, value in node.items():
-            if not prefix and key in ("maze", "robot"):
+            if not prefix and key in ("maze", "robot") and isinstance(value, dict):
                 yield f"{key}={value.get('name')}"
             elif isinstance(value, dict):
                 yield from below(value, f"{prefix}{key}.")
             else:
                 yield f"{prefix}{key}={'null' if value is None else value}"
 
-    file = path / ".hydra" / "config.yaml"
-    if file.is_file():
-        yield from below(yaml.safe_load(file.read_text(encoding="utf-8")), "")
+    file = path / runs.CONFIG
+    if runs.has(path, runs.CONFIG):
+        runs.content(path, runs.CONFIG)  # it is as it was written
+        yield from below(settings(file), "")
 
 
 def _files(path: Path) -> Iterator[str]:
@@ -175,16 +172,16 @@ def _files(path: Path) -> Iterator[str]:
 
 def _results(path: Path, console: Console) -> None:
     """What a run came to; nothing of a study that has not come to its tables yet."""
-    if (path / "claims.csv").is_file():
+    if runs.has(path, "claims.csv"):
         tell_reproduction(path, console)
-    elif (path / "summary.csv").is_file():
+    elif runs.has(path, "summary.csv"):
         tell_sweep(path, console)
-    elif (path / "metrics.csv").is_file():
-        console.print(_paper_table(_read(path / "metrics.csv")))
-    if (path / files.CHAMPION).is_file():
+    elif runs.has(path, "metrics.csv"):
+        console.print(_paper_table(runs.table(path, "metrics.csv", formats.METRICS)))
+    if runs.has(path, files.CHAMPION):
         _tell_genome(files.load_genome(str(path), ""), console)
-    if (path / "history.csv").is_file():
-        history = pd.read_csv(path / "history.csv")
+    if runs.has(path, "history.csv"):
+        history = runs.table(path, "history.csv", formats.HISTORY)
         last = history.iloc[-1]
         console.print(
             f"{len(history)} generations: best fitness {history.best_fitness.iloc[0]:.3f} → {last.best_fitness:.3f}, "
@@ -248,11 +245,11 @@ def _paper_table(metrics: pd.DataFrame) -> Table:
 def _in_short(path: Path, status: dict[str, Any]) -> str:
     if status["state"] != "finished":
         return f"{status['state']}: {status.get('error', '')}"
-    if (path / "metrics.csv").is_file():
-        success = pd.read_csv(path / "metrics.csv").groupby(["controller", "side"], sort=False).success.mean()
-        controllers = success.index.get_level_values("controller").unique()
+    if runs.has(path, "metrics.csv"):
+        metrics = runs.table(path, "metrics.csv", formats.METRICS)
+        success = metrics.groupby(["controller", "side"], sort=False).success.mean().unstack(sort=False)
         return ", ".join(
-            f"{name} success {success[name, 'left']:.2f} left {success[name, 'right']:.2f} right"
-            for name in controllers
+            f"{name} success {row.get('left', np.nan):.2f} left {row.get('right', np.nan):.2f} right"
+            for name, row in success.iterrows()
         )
-    return f"best fitness {pd.read_csv(path / 'history.csv').best_fitness.iloc[-1]:.3f}"
+    return f"best fitness {runs.table(path, 'history.csv', formats.HISTORY).best_fitness.iloc[-1]:.3f}"

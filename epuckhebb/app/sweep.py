@@ -5,19 +5,21 @@ folder of that name is its result, whenever it was made. The folder of a sweep i
 command finds it again.
 """
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
-from epuckhebb.app import engine, hydra_bridge
+from epuckhebb.app import engine, formats, hydra_bridge, runs
 from epuckhebb.app.engine import Job, Outcome
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.runs import RunFolder
 from epuckhebb.study import rescue, summary
 from epuckhebb.study.evaluate import COLUMNS
 
+_METRICS = "metrics.csv"
 _SWEEP_DIR = "hydra.sweep.dir="
 _IN_METRICS = ("scenario", "seed")  # settings that every row of metrics.csv tells of anyway
 
@@ -74,7 +76,7 @@ def sweep(planned: Sweep, *, fail_fast: bool) -> Outcome:
     Raises:
         ConfigError: Another process works on this sweep, or its folder cannot be written to.
     """
-    results = [planned.folder / job.run for job in planned.jobs]
+    results = [(planned.folder / job.run,) for job in planned.jobs]
     with engine.at_work(planned.folder, "sweep", None, planned.arguments, results) as study:
         outcome = engine.launch(study, planned.name, planned.jobs, planned.launcher, fail_fast=fail_fast)
         _write_tables(study, outcome.done, outcome.failures)
@@ -97,7 +99,9 @@ def _write_tables(study: RunFolder, done: Sequence[Job], failures: Sequence[tupl
     study.write("failed.csv", _csv(pd.DataFrame(failed, columns=failed_columns)))
     parts = []
     for job in done:
-        rows = pd.read_csv(study.path / job.run / "metrics.csv", dtype=str, keep_default_na=False)
+        content = runs.content(study.path / job.run, _METRICS)
+        formats.table(content, study.path / job.run / _METRICS, formats.METRICS)
+        rows = pd.read_csv(io.BytesIO(content), dtype=str, keep_default_na=False)  # its numbers stay as they are
         parts.append(pd.concat([pd.DataFrame([_place(job)] * len(rows), dtype=str), rows], axis=1))
     whole = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*_columns([]), *COLUMNS])
     study.write("sweep.csv", _csv(whole))

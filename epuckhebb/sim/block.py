@@ -43,6 +43,7 @@ from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.scenario import Scenario
 
 _LIVES_PER_BLOCK = 50  # lifetimes that share a space, one after the other
+_SUMS = ("behaviour_sum", "weight_change_sum", "path_length", "goal_distance")  # of a tally, from which outcomes come
 _MESSAGE_LINES = 10  # of what is told of a rule that does not compile
 
 
@@ -290,15 +291,17 @@ def _faults(scenario: Scenario) -> Faults:
 def _check(who: Individual, life: Life, scenario: Scenario, lifetime: Lifetime) -> None:
     """Refuse to go on with a life that makes no sense any more."""
     lost = bool(life.tally["lost"][0])
-    finite = math.isfinite(life.weights.sum()) and math.isfinite(life.kept.view(np.float64).sum())
-    if finite and not lost:
+    sums = {name: float(life.tally[name][0]) for name in _SUMS}
+    finite = bool(np.isfinite(life.weights).all() and np.isfinite(life.kept.view(np.float64)).all())
+    finite = finite and math.isfinite(sums["weight_change_sum"])
+    if finite and not lost and all(map(math.isfinite, sums.values())):
         return
     where = f"on a {who.side} trial of scenario {scenario.name}, controller {who.controller.name},"
     when = f"at step {int(life.tally['step'][0]) - lost} of {lifetime.steps}"
     if not finite:
         raise LostRobotError(
-            f"{where} the rule {type(who.controller.rule).__name__} made weights, or what synapses keep, infinite or "
-            f"nan; noticed {when}"
+            f"{where} the rule {type(who.controller.rule).__name__} made weights, their change, or what synapses keep, "
+            f"infinite or nan; noticed {when}"
         )
     raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")
 

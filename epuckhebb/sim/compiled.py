@@ -14,8 +14,10 @@ import os
 import re
 import sys
 import types
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from enum import Enum
+from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -29,6 +31,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")  # where an object is in memory says nothing of what it is
 _LIBRARIES = {*sys.stdlib_module_names, "numpy", "numba", "scipy"}  # they are told apart by their versions
+_CHECKSUM = hashlib.sha256().digest_size
 _settings: Any = numba.config
 if _settings.DISABLE_JIT:
     raise RuntimeError(
@@ -63,7 +66,7 @@ def kernel(function: Function, **parts: object) -> Function:
 
     The machine code is kept on disk for the next start, in a folder that is named by the code that the kernel is
     really made of (`digest`): change one equation, of ours or of a user, and it is compiled anew. Where no cache can
-    be written, it is compiled in memory.
+    be written, or what is there is damaged, it is compiled in memory.
     """
     made = types.FunctionType(function.__code__, {**function.__globals__, **parts}, function.__name__)
     name = digest(made)
@@ -75,24 +78,58 @@ def kernel(function: Function, **parts: object) -> Function:
     before, _settings.CACHE_DIR = _settings.CACHE_DIR, str(folder)
     try:
         dispatcher = _njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(made)
-        _compile_where_loading_fails(dispatcher._cache)
-        return cast(Function, dispatcher)
+    except (OSError, RuntimeError):  # the folder has gone, is full, or may only be read by now
+        return cast(Function, _njit(**_OPTIONS)(made))
     finally:
         _settings.CACHE_DIR = before
+    if not Path(dispatcher._cache.cache_path).is_relative_to(folder):  # numba has looked for another place
+        return cast(Function, _njit(**_OPTIONS)(made))
+    _distrust(dispatcher._cache)
+    return cast(Function, dispatcher)
 
 
-def _compile_where_loading_fails(cache: Any) -> None:
-    """Let a cache file that cannot be loaded, damaged or of a module that is gone, be as if it were not there."""
-    load = cache.load_overload
+def _distrust(cache: Any) -> None:
+    """Let a cache that is damaged, full or lost be as if it were empty: then the kernel is compiled.
+
+    A file ends with the SHA-256 of what is before it, which unpickling does not look at. What does not bear it is not
+    read: machine code with a flipped bit would give other digits, or end the process.
+    """
+    files = cache._cache_file
+    open_file, load_index, load_data = files._open_for_write, files._load_index, files._load_data
+    load, save = cache.load_overload, cache.save_overload
+
+    @contextmanager
+    def open_with_checksum(path: str) -> Iterator[BytesIO]:
+        with open_file(path) as file:
+            written = BytesIO()
+            yield written
+            file.write(written.getvalue() + hashlib.sha256(written.getvalue()).digest())
 
     def load_or_none(signature: object, target: object) -> object:
         try:
             return load(signature, target)
-        except Exception:  # what unpickling damaged bytes may raise has no end
-            cache.flush()
+        except Exception:  # what unpickling may raise has no end: a module of which the code is may have gone
+            with suppress(OSError):
+                cache.flush()
             return None
 
-    cache.load_overload = load_or_none
+    def save_if_possible(signature: object, result: object) -> None:
+        with suppress(OSError):  # without a place on disk, it lives in memory
+            save(signature, result)
+
+    files._open_for_write = open_with_checksum
+    files._load_index = lambda: load_index() if _is_intact(files._index_path) else {}
+    files._load_data = lambda name: load_data(name) if _is_intact(files._data_path(name)) else None
+    cache.load_overload, cache.save_overload = load_or_none, save_if_possible
+
+
+def _is_intact(path: str) -> bool:
+    """Whether a cache file is there and ends with the SHA-256 of what is before that."""
+    try:
+        content = Path(path).read_bytes()
+    except OSError:
+        return False
+    return hashlib.sha256(content[:-_CHECKSUM]).digest() == content[-_CHECKSUM:]
 
 
 def in_module(function: Function, name: str) -> Function:

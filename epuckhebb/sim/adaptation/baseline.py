@@ -19,10 +19,11 @@ from epuckhebb.sim.maze import SIDES, Place, Side
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.robot import STEP_S
-from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.scenario import EXPERIMENTS, Scenario
 
 REPEATS = 10  # lifetimes a side
 _RECORD_EVERY = 4  # steps: eight samples a second
+_MOST = {"success": 1, "time_to_goal_s": np.inf, "away_s": np.inf, "fitness": 1, "reading_mean": 1, "reading_spread": 1}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +33,9 @@ class Baseline:
     experiment, scenario: where. gain_rad_s: at which pace. success: (2,) share of its lifetimes. time_to_goal_s: (2,)
     slowest arrival, nan if it never arrived. away_s: (2,) longest excursion from the goal afterwards. fitness:
     (2, seconds) least recent live fitness. reading_mean, reading_spread: (2, inputs).
+
+    Raises:
+        ValueError: a number is outside the range named in the message.
     """
 
     experiment: str
@@ -43,6 +47,18 @@ class Baseline:
     fitness: NDArray[np.float64]
     reading_mean: NDArray[np.float64]
     reading_spread: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        """Refuse memories that nobody can have."""
+        if self.experiment not in EXPERIMENTS:
+            raise ValueError(f"experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
+        if not 0 < self.gain_rad_s < np.inf:
+            raise ValueError(f"gain_rad_s must be more than 0, got {self.gain_rad_s}")
+        for name, most in _MOST.items():
+            values = getattr(self, name)
+            never = np.isnan(values) if name == "time_to_goal_s" else False
+            if not (never | ((values >= 0) & (values <= most) & np.isfinite(values))).all():
+                raise ValueError(f"{name} must lie between 0 and {most:g}, got {values.min():g} to {values.max():g}")
 
     def of(self, side: Side) -> BaselineOfSide:
         """What is compared with on this side."""

@@ -18,6 +18,7 @@ from epuckhebb.sim.plasticity.control import Sign
 
 QUANTITIES = ("correlation", "pre", "post", "weight", "kept", "by")
 TAKEN = (*QUANTITIES, "weights")  # names that nothing else can have; `weights` are those of the network
+_LARGEST_WEIGHT = 1e6  # a neuron is at its limit from a drive of 20 on, and sums over larger weights say nothing
 
 
 class Evolved(NamedTuple):
@@ -73,8 +74,8 @@ class Rule:
         for name in ("N", "floor"):
             if getattr(self, name) < 0:
                 raise ValueError(f"hebbian.{name} must be 0 or more, got {getattr(self, name)}")
-        if self.w_max <= 0:
-            raise ValueError(f"hebbian.w_max must be more than 0, got {self.w_max}")
+        if not 0 < self.w_max <= _LARGEST_WEIGHT:
+            raise ValueError(f"hebbian.w_max must be more than 0 and at most {_LARGEST_WEIGHT:g}, got {self.w_max}")
 
     @staticmethod
     def synapse(*_: Any) -> float:

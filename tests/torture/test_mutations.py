@@ -1,0 +1,325 @@
+"""Random damage to every file that is read: no traceback, and no other number shown without a word.
+
+What may come of it, in each call of a verb on a damaged run:
+
+- exit 2 (or 1) and one message: the damage was noticed;
+- exit 0 and what the undamaged run shows: the damage is in nothing that was shown, or was made good;
+- exit 0 and something else: only where nothing can tell. That is in `status.json` itself, and in any file of a run that
+  was killed, because the SHA-256 of what a run wrote is in its `status.json` once it has ended.
+"""
+
+import copy
+import io
+import json
+import random
+import shutil
+import struct
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from epuckhebb.app import formats, runs
+from epuckhebb.app.cli import app
+from epuckhebb.app.config import EvaluateConfig, read_config, typed
+from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.files import load_genome
+from epuckhebb.app.runs import RunFolder
+from epuckhebb.sim.compiled import kernel
+
+pytestmark = pytest.mark.torture
+
+SHORT = ["lifetime.duration_s=2", "threads=1", "-q"]
+REPOSITORY = Path(__file__).parents[2]
+VALUES = [None, True, 5, -1, 10**30, 1e308, float("inf"), float("nan"), "", "x", "[/x]", "é", [], {}, [[]], {"a": 1}]
+WHOLE = [
+    b"",
+    b"{}",
+    b"[]",
+    b"null",
+    b"5",
+    b'"text"',
+    b"\x00" * 64,
+    b"\xff\xfe\x00",
+    b"[" * 5000,
+    b"a: b: c",
+    b"PK\x05\x06",
+]
+
+
+def call(*words):
+    return CliRunner().invoke(app, list(map(str, words)))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder with a run of each kind; as copies of them, runs that were killed when all was written."""
+    folder = tmp_path_factory.mktemp("made")
+    tiny = ["ga.population=4", "ga.elites=1", "ga.loops=1", "ga.generations=2"]
+    for words in (
+        ["evaluate", "repeats=2", f"hydra.run.dir={folder}/evaluate"],
+        ["evolve", *tiny, f"hydra.run.dir={folder}/evolve"],
+        ["sweep", "light", "repeats=1", "hydra/launcher=basic", "scenario=base", f"hydra.sweep.dir={folder}/sweep"],
+    ):
+        result = call(*words, *SHORT)
+        assert result.exit_code == 0, result.output
+    cfg = read_config(folder / "evaluate" / runs.CONFIG, "evaluate")
+    with RunFolder.new(folder / "reproduce", "reproduce", cfg, [], {}) as run:
+        run.write("claims.csv", (REPOSITORY / "runs" / "reference" / "claims.csv").read_bytes())
+    with RunFolder.new(folder / "rescue", "sweep", cfg, [], {}) as run:
+        for file in (REPOSITORY / "runs" / "reference" / "adaptive").glob("rescue_over_all.csv"):
+            run.write(file.name, file.read_bytes())
+        run.write("summary.csv", (folder / "sweep" / "summary.csv").read_bytes())
+    for name in ("evaluate", "evolve", "sweep", "reproduce", "rescue"):
+        killed = shutil.copytree(folder / name, folder / f"{name}_killed")
+        status = json.loads((killed / "status.json").read_text())
+        (killed / "status.json").write_text(json.dumps({**status, "state": "running", "sha256": {}}))
+    return folder
+
+
+@pytest.fixture
+def chance(request):
+    """Random numbers of this test and the seed."""
+    return random.Random(f"{request.config.getoption('--torture-seed')} {request.node.name}")
+
+
+def places(node, path=()):
+    """The ways to all values inside a value."""
+    items = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
+    for key, value in items:
+        yield (*path, key)
+        yield from places(value, (*path, key))
+
+
+def with_a_field_changed(chance, content, load, dump):
+    told = load(content)
+    *way, last = chance.choice(list(places(told)))
+    place = told
+    for key in way:
+        place = place[key]
+    if chance.random() < 0.25:
+        del place[last]
+    else:
+        place[last] = copy.deepcopy(chance.choice(VALUES))
+    return dump(told).encode()
+
+
+def with_a_cell_changed(chance, content):
+    lines = content.decode().splitlines(keepends=True)
+    number = chance.randrange(len(lines))
+    cells = lines[number].rstrip("\n").split(",")
+    values = ["", "x", "nan", "inf", "-inf", "1e400", "9" * 400, "-1", "0.123", '"', "a,b", "True", "[/x]", "\x00", "é"]
+    cells[chance.randrange(len(cells))] = chance.choice(values)
+    lines[number] = ",".join(cells) + "\n"
+    return "".join(lines).encode()
+
+
+def with_an_array_changed(chance, content):
+    with np.load(io.BytesIO(content)) as held:
+        arrays = dict(held)
+    name = chance.choice(sorted(arrays))
+    before = arrays[name]
+    change = chance.randrange(8)
+    if change == 0:
+        del arrays[name]
+    elif change < 7:
+        arrays[name] = [
+            np.array([{"an": "object"}], dtype=object),
+            np.full(before.shape, np.nan),
+            np.full(before.shape, -1e308),
+            before[..., None],
+            np.array(chance.choice(["text", "", "[/x]", "{}"])),
+            np.zeros((3, 0)),
+        ][change - 1]
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    content = bytearray(buffer.getvalue())
+    if change == 7:
+        kind = chance.randrange(3)
+        directory = content.find(b"PK\x01\x02")
+        if kind == 0:  # the flag of encryption
+            content[directory + 8] |= 1
+        elif kind == 1:  # more unpacked bytes than there is memory for
+            content[directory + 24 : directory + 28] = struct.pack("<I", 2**32 - 2)
+        else:
+            return _of_a_shape(name, (10**25,), content)
+    return bytes(content)
+
+
+def _of_a_shape(name, shape, content):
+    """The same with an array whose header says another shape."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(bytes(content))) as held, zipfile.ZipFile(buffer, "w") as written:
+        for member in held.namelist():
+            if member == f"{name}.npy":
+                header = io.BytesIO()
+                np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": shape})
+                written.writestr(member, header.getvalue() + bytes(8))
+            else:
+                written.writestr(member, held.read(member))
+    return buffer.getvalue()
+
+
+def damaged(chance, content, suffix):
+    """The content with random damage; None if the file is to be lost."""
+    change = chance.randrange(9)
+    if change == 0:
+        return None if chance.random() < 0.3 else chance.choice(WHOLE)
+    if change == 1:
+        return content[: chance.randrange(len(content))]
+    if change in (2, 3):
+        flipped = bytearray(content)
+        for _ in range(chance.choice([1, 1, 1, 8])):
+            flipped[chance.randrange(len(flipped))] ^= 1 << chance.randrange(8)
+        return bytes(flipped)
+    if suffix == ".npz":
+        return with_an_array_changed(chance, content)
+    if change == 4:
+        lines = content.splitlines(keepends=True)
+        number = chance.randrange(len(lines))
+        return b"".join([*lines[:number], *chance.choice([[], [lines[number]] * 2]), *lines[number + 1 :]])
+    if change == 5:
+        digits = [place for place, byte in enumerate(content) if chr(byte).isdigit()]
+        place = chance.choice(digits or [0])
+        return content[:place] + str(chance.randrange(10)).encode() + content[place + 1 :]
+    if suffix == ".json":
+        return with_a_field_changed(chance, content, json.loads, json.dumps)
+    if suffix == ".yaml" and content.strip() not in (b"[]", b"{}"):
+        return with_a_field_changed(chance, content, yaml.safe_load, yaml.safe_dump)
+    if suffix == ".csv":
+        return with_a_cell_changed(chance, content)
+    return chance.randbytes(len(content))
+
+
+def torture(chance, run, name, times, verbs, tmp_path):
+    """Damage a file of a run time and again, and let the verbs in turn read it.
+
+    verbs: functions that are given the folder, and return an exit code and what is shown.
+    """
+    file, counts = run / name, {"noticed": 0, "as before": 0, "unknown": 0}
+    whole = file.read_bytes()
+    before = [verb(run) for verb in verbs]
+    can_tell = name != "status.json" and not run.name.endswith("_killed")
+    for number in range(times):
+        content = damaged(chance, whole, file.suffix)
+        try:
+            if content is None:
+                file.unlink()
+            else:
+                file.write_bytes(content)
+            place = number % len(verbs)
+            kept = tmp_path / f"{run.name}_{number}_{file.name}"
+            try:
+                code, shown = verbs[place](run)
+                assert code in (0, 1, 2)
+                if code != 0:
+                    counts["noticed"] += 1
+                elif shown == before[place][1]:
+                    counts["as before"] += 1
+                else:
+                    counts["unknown"] += 1
+                    assert not can_tell, "another number was shown without a word"
+            except BaseException:
+                kept.write_bytes(content or b"")  # for a look
+                raise
+        finally:
+            file.write_bytes(whole)
+    return counts
+
+
+def verb(*words):
+    """A function that calls a verb on a folder."""
+
+    def run(folder):
+        result = call(*(word.format(folder) for word in words))
+        if result.exception is not None and not isinstance(result.exception, SystemExit):
+            raise result.exception
+        if result.exit_code:
+            assert result.stderr.startswith("Error: "), result.output
+            assert "Traceback" not in result.output
+        if "--json" in words and result.exit_code == 0:
+            json.loads(result.stdout, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+        return result.exit_code, result.stdout
+
+    return run
+
+
+def loaded(folder):
+    """What a champion's file holds."""
+    try:
+        genome = load_genome(str(folder), "obstacles")
+    except ConfigError as error:
+        return 2, str(error)
+    baseline = genome.baseline
+    assert np.isfinite(genome.genes).all()
+    assert baseline is None or np.isfinite(baseline.fitness).all()
+    return 0, (genome.sha256, genome.baseline_sha256, genome.network, genome.plan, genome.robot, genome.lights)
+
+
+def job_read(folder):
+    """What a job of a sweep reads."""
+    try:
+        told = formats.record(runs.content(folder, "sweep.json"), folder / "sweep.json", formats.ListOfJobs)
+        file = min((folder / "jobs" / "job").glob("*.yaml"))
+        cfg = read_config(file, "evaluate")
+        typed(cfg, EvaluateConfig)
+        runs.content(folder, f"jobs/job/{file.name}")
+    except ConfigError as error:
+        return 2, str(error)
+    return 0, (told, cfg)
+
+
+SHOW, SHOW_JSON = verb("show", "{}"), verb("show", "{}", "--json")
+REPLAY = verb("replay", "{}", "-o", "page.html")
+RESUME = verb("evolve", "resume={}", "ga.generations=2", "-q")
+CASES = [  # kind of run, file, how often, what reads it
+    ("evaluate", "metrics.csv", 110, [SHOW, SHOW_JSON]),
+    ("evaluate", "provenance.json", 110, [SHOW, SHOW_JSON]),
+    ("evaluate", "status.json", 160, [SHOW, SHOW_JSON]),
+    ("evaluate", ".hydra/config.yaml", 50, [SHOW, REPLAY]),
+    ("evaluate", ".hydra/overrides.yaml", 10, [SHOW]),
+    ("evaluate", "traces.npz", 80, [REPLAY]),
+    ("evolve", "history.csv", 80, [SHOW, SHOW_JSON]),
+    ("evolve", "champion.npz", 160, [loaded]),
+    ("evolve", "checkpoint.npz", 60, [RESUME]),
+    ("sweep", "summary.csv", 80, [SHOW]),
+    ("sweep", "sweep.json", 80, [job_read]),
+    ("sweep", "jobs/job/*.yaml", 40, [job_read]),
+    ("rescue", "rescue_over_all.csv", 60, [SHOW]),
+    ("reproduce", "claims.csv", 80, [SHOW]),
+]
+
+
+@pytest.mark.parametrize("ended", ["", "_killed"])
+@pytest.mark.parametrize(("kind", "name", "times", "verbs"), CASES, ids=[f"{case[0]}-{case[1]}" for case in CASES])
+def test_damage_is_noticed_or_does_no_harm(made, chance, kind, name, times, verbs, ended, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run = made / f"{kind}{ended}"
+    file = min(run.glob(name))
+    counts = torture(chance, run, file.relative_to(run).as_posix(), times, verbs, tmp_path)
+    print(kind + ended, name, counts)
+    assert counts["noticed"] or name == ".hydra/overrides.yaml"
+
+
+def double(x):
+    return 2.0 * x
+
+
+def test_damaged_machine_code_is_never_run(chance, tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert kernel(double)(4.0) == 8.0
+    for _ in range(60):
+        file = chance.choice(sorted(tmp_path.rglob("*.nb?")))
+        whole = file.read_bytes()
+        content = damaged(chance, whole, "")
+        file.unlink() if content is None else file.write_bytes(content)
+        made = kernel(double)
+        assert made(4.0) == 8.0
+        assert content == whole or not sum(made.stats.cache_hits.values())
+
+
+def test_there_are_two_thousand():
+    assert 2 * sum(times for _, _, times, _ in CASES) + 60 >= 2000
