@@ -10,13 +10,13 @@ from epuckhebb.app.data import data_folder, groups
 from epuckhebb.app.hydra_bridge import composed
 
 SCHEMA = {"evaluate": EvaluateConfig, "evolve": EvolveConfig}
-ELSEWHERE = {"maze", "robot"}  # every maze with every robot: test_parts.py
+TOGETHER = {"maze": SCHEMA, "robot": SCHEMA, "hebbian": ["evaluate"], "adaptation": ["evaluate"]}  # in test_parts.py
 CHOICES = [
     (verb, group, choice)
     for verb in SCHEMA
     for group, choices in groups(verb).items()
     for choice in choices
-    if group not in ELSEWHERE
+    if verb not in TOGETHER.get(group, ())
 ]
 
 

@@ -17,13 +17,8 @@ EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
 WITH_COMMANDS = [ROOT / "README.md", ROOT / "docs" / "parts.md", *EXAMPLES]
 BRIEF = {
-    "evaluate": [
-        "repeats=1",
-        "lifetime.duration_s=64",
-        "lifetime.record_every=0",
-        "threads=1",
-        "-q",
-    ],  # longer than the changes of the pages
+    # longer than until the changes of the pages
+    "evaluate": ["repeats=1", "lifetime.duration_s=64", "lifetime.record_every=0", "threads=1", "-q"],
     "evolve": ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=1", "lifetime.duration_s=1", "-q"],
     "sweep": ["--dry-run"],
 }
@@ -48,11 +43,9 @@ def checkout(tmp_path, monkeypatch):
 @pytest.mark.usefixtures("checkout")
 def test_the_commands_of_the_pages_run():
     """In one folder, page after page; what stands on two of them runs once."""
-    lines = {
-        page: [line for block in blocks(page, "sh") for line in block.splitlines() if line] for page in WITH_COMMANDS
-    }
-    assert all(lines.values())
-    for line in dict.fromkeys(itertools.chain(*lines.values())):
+    shown = {page: "".join(blocks(page, "sh")).splitlines() for page in WITH_COMMANDS}
+    assert all(shown.values())
+    for line in filter(None, dict.fromkeys(itertools.chain(*shown.values()))):
         program, verb, *words = shlex.split(line)
         assert program == "epuckhebb"
         result = CliRunner().invoke(app, [verb, *words, *BRIEF[verb]])

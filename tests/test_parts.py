@@ -1,5 +1,6 @@
 """Parts that a user brings or changes: a rule from a file, what differs in a world, other robots and networks."""
 
+import itertools
 import json
 import shutil
 from pathlib import Path
@@ -526,16 +527,12 @@ def test_every_maze_with_every_robot(verb, schema, maze, robot):
     assert (config.world.maze.name, config.world.robot.name) == (maze, robot)
 
 
+RULES, ADAPTATIONS = groups("evaluate")["hebbian"], groups("evaluate")["adaptation"]
+
+
 @pytest.mark.parametrize(
     ("hebbian", "adaptation"),
-    [
-        *((rule, adaptation) for rule in groups("evaluate")["hebbian"] for adaptation in ("none", "late")),
-        *(
-            ("none", adaptation)
-            for adaptation in groups("evaluate")["adaptation"]
-            if adaptation not in ("none", "late")
-        ),
-    ],
+    sorted({*itertools.product(RULES, ["none", "late"]), *itertools.product(["none", "paper"], ADAPTATIONS)}),
 )
 def test_adaptations_over_rules(hebbian, adaptation):
     config = typed(composed("evaluate", [f"hebbian={hebbian}", f"adaptation={adaptation}"]), EvaluateConfig)
