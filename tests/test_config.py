@@ -10,13 +10,13 @@ from epuckhebb.app.data import data_folder, groups
 from epuckhebb.app.hydra_bridge import composed
 
 SCHEMA = {"evaluate": EvaluateConfig, "evolve": EvolveConfig}
-TOGETHER = {"maze": SCHEMA, "robot": SCHEMA, "hebbian": ["evaluate"], "adaptation": ["evaluate"]}  # in test_parts.py
+TOGETHER = {"maze", "robot", "hebbian", "adaptation"}  # two of them at a time: test_parts.py
+VERB = {group: verb for verb in reversed(SCHEMA) for group in groups(verb)}  # evaluate, for the groups that it has
 CHOICES = [
     (verb, group, choice)
-    for verb in SCHEMA
-    for group, choices in groups(verb).items()
-    for choice in choices
-    if verb not in TOGETHER.get(group, ())
+    for group, verb in sorted(VERB.items())
+    if group not in TOGETHER
+    for choice in groups(verb)[group]
 ]
 
 
