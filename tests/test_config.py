@@ -15,7 +15,9 @@ VERB = {group: verb for verb in reversed(SCHEMA) for group in groups(verb)}  # e
 ALONE = sorted(VERB.keys() - TOGETHER)
 
 
-@pytest.mark.parametrize(("group", "choice"), [(group, choice) for group in ALONE for choice in groups(VERB[group])[group]])
+@pytest.mark.parametrize(
+    ("group", "choice"), [(group, choice) for group in ALONE for choice in groups(VERB[group])[group]]
+)
 def test_every_choice_of_every_group_composes(group, choice):
     cfg = composed(VERB[group], [f"{group}={choice}"])
     config = typed(cfg, SCHEMA[VERB[group]])
