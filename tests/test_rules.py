@@ -167,6 +167,17 @@ class Selfish(Rule):
         return pre
 
 
+class Forgetful(Rule):
+    """Keeps one thing and sets another."""
+
+    kept: ClassVar = {"trace": 0.0}
+
+    @staticmethod
+    def synapse(pre, kept):
+        kept.track = pre
+        return kept.trace
+
+
 class Silent(Rule):
     """Says nothing."""
 
@@ -176,6 +187,7 @@ class Silent(Rule):
     [
         (Curious, "rule Curious: `synapse` asks for weather, tide; it may ask for correlation, .* is evolved: speed"),
         (Selfish, "rule Selfish: `synapse` asks for self"),
+        (Forgetful, "rule Forgetful: `kept` has no track; it has trace"),
         (Silent, "rule Silent has no static method `synapse`"),
     ],
 )
