@@ -137,7 +137,7 @@ def asked(rule: type[Rule]) -> tuple[str, ...]:
         )
     has = {"by": rule.settings(), "kept": tuple(rule.kept)}
     for before, then in pairwise(dis.get_instructions(rule.synapse)):
-        loaded = before.argval[-1] if isinstance(before.argval, tuple) else before.argval  # Python 3.13 loads two at once
+        loaded = before.argval[-1] if isinstance(before.argval, tuple) else before.argval  # 3.13 may load two at once
         of_record = "LOAD_FAST" in before.opname and loaded in has and then.opname in ("LOAD_ATTR", "STORE_ATTR")
         if of_record and then.argval not in has[loaded]:
             raise ValueError(
