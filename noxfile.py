@@ -11,6 +11,7 @@ nox.options.default_venv_backend = "uv|venv"  # uv, where it is installed, makes
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 STABLE = "hydra-core==1.3.*"  # some plug-ins ask for a Hydra in a way that lets pip take a pre-release
 PRE_RELEASE = ["hydra-core>=1.4.0rc3", "hydra-joblib-launcher>=1.4.0rc3", "hydra-submitit-launcher>=1.4.0rc3"]
+TWO_CORES = ["-n", "2", "--dist", "loadfile"]  # a file stays with one of them: what its tests share is made once
 PROJECT = nox.project.load_toml("pyproject.toml")
 
 
@@ -49,7 +50,7 @@ def types(session: nox.Session) -> None:
 def tests(session: nox.Session) -> None:
     """Run the test suite against the installed package, on two cores."""
     session.install(".", *group("tests"), STABLE)
-    session.run("pytest", "-n", "2", *session.posargs)
+    session.run("pytest", *TWO_CORES, *session.posargs)
 
 
 @nox.session(python=NEWEST)
@@ -64,7 +65,7 @@ def newest(session: nox.Session) -> None:
 def hydra14(session: nox.Session) -> None:
     """Run the test suite with the pre-release of Hydra 1.4."""
     session.install(".", *group("tests"), *PRE_RELEASE)
-    session.run("pytest", "-n", "2", *session.posargs)
+    session.run("pytest", *TWO_CORES, *session.posargs)
 
 
 @nox.session
