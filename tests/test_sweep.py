@@ -14,12 +14,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from omegaconf import OmegaConf
 from typer.testing import CliRunner
 
-from epuckhebb.app import engine, hydra_bridge, runs, sweep
+from epuckhebb.app import engine, files, hydra_bridge, runs, sweep
 from epuckhebb.app import evaluate as verb
 from epuckhebb.app.cli import app
-from epuckhebb.app.data import groups
+from epuckhebb.app.data import data_folder, groups
 
 FAST = ["lifetime.duration_s=3", "repeats=2"]
 TWO = ["scenario=base,4obstacles", *FAST]
@@ -64,8 +65,8 @@ def failing(monkeypatch):
 
 @pytest.mark.parametrize("name", groups("sweep")["experiment"])
 def test_a_dry_run_lists_the_jobs_and_writes_nothing(here, name):
-    few = ["genome=reference_101"] if name == "adaptive" else ["seed=1,2"]
-    result = call("sweep", name, *few, "--dry-run", "--json")
+    few = ["genome=reference_101", "scenario=base,highlight,lowlight"] if name == "adaptive" else []
+    result = call("sweep", name, *few, "seed=1,2", "--dry-run", "--json")
     assert result.exit_code == 0, result.output
     listed = json.loads(result.stdout)["jobs"]
     assert len({job["run"] for job in listed}) == len(listed) >= 6
@@ -73,8 +74,16 @@ def test_a_dry_run_lists_the_jobs_and_writes_nothing(here, name):
     assert list(here.iterdir()) == []
 
 
+def test_all_that_the_sweep_of_adaptations_names_is_there():
+    swept = OmegaConf.load(data_folder("conf") / "experiment" / "adaptive.yaml").hydra.sweeper.params
+    scenarios, genomes = (value.replace(" ", "").split(",") for value in (swept.scenario, swept.genome))
+    assert set(scenarios) <= set(groups("evaluate")["scenario"])
+    for genome in genomes:
+        files.load_genome(genome, "obstacles")
+
+
 def test_a_dry_run_says_how_much_there_is_to_do(here):
-    assert "0 done before, 3 to do" in call("sweep", "obstacles", "--dry-run").stdout
+    assert call("sweep", "obstacles", "--dry-run").stdout.count("to do") == 3
     assert list(here.iterdir()) == []
 
 
