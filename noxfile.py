@@ -1,16 +1,29 @@
-"""All commands of the project: `nox` runs lint, types, tests and web; `nox --list` has the others."""
+"""All commands of the project: `nox` runs lint, types, tests, newest and web; `nox --list` has the others."""
 
 import os
 import shutil
+import subprocess
 
 import nox
 
-nox.options.sessions = ["lint", "types", "tests", "web"]
-nox.options.default_venv_backend = "venv"
+nox.options.sessions = ["lint", "types", "tests", "newest", "web"]
+nox.options.default_venv_backend = "uv|venv"  # uv, where it is installed, makes an environment in seconds
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 STABLE = "hydra-core==1.3.*"  # some plug-ins ask for a Hydra in a way that lets pip take a pre-release
 PRE_RELEASE = ["hydra-core>=1.4.0rc3", "hydra-joblib-launcher>=1.4.0rc3", "hydra-submitit-launcher>=1.4.0rc3"]
+TWO_CORES = ["-n", "2", "--dist", "loadfile"]  # a file stays with one of them: what its tests share is made once
 PROJECT = nox.project.load_toml("pyproject.toml")
+
+
+def is_here(version: str) -> bool:
+    """Whether this machine has a Python of that version which starts; pyenv has names for more than do."""
+    try:
+        return subprocess.run([f"python{version}", "-c", ""], capture_output=True, check=False).returncode == 0
+    except OSError:
+        return False
+
+
+NEWEST = next(filter(is_here, ("3.15", "3.14", "3.13", "3.12")), None)  # numba supports them up to 3.15
 
 
 def group(name: str) -> list[str]:
@@ -35,16 +48,24 @@ def types(session: nox.Session) -> None:
 
 @nox.session
 def tests(session: nox.Session) -> None:
-    """Run the test suite against the installed package."""
+    """Run the test suite against the installed package, on two cores."""
     session.install(".", *group("tests"), STABLE)
-    session.run("pytest", *session.posargs)
+    session.run("pytest", *TWO_CORES, *session.posargs)
+
+
+@nox.session(python=NEWEST)
+def newest(session: nox.Session) -> None:
+    """Run the test suite on the newest Python of this machine that numba supports."""
+    if NEWEST is None:
+        session.skip("no Python 3.12 to 3.15 here; the session `tests` has run on the one of nox")
+    tests(session)
 
 
 @nox.session
 def hydra14(session: nox.Session) -> None:
     """Run the test suite with the pre-release of Hydra 1.4."""
     session.install(".", *group("tests"), *PRE_RELEASE)
-    session.run("pytest", *session.posargs)
+    session.run("pytest", *TWO_CORES, *session.posargs)
 
 
 @nox.session

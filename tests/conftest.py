@@ -1,22 +1,29 @@
 """What the tests share: genomes, robots, lives beside the oracle, golden files, a limit on the size of files."""
 
-import math
+import gc
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 import reference
+from omegaconf import OmegaConf
 
 from epuckhebb.sim.block import Individual, live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.sim.plasticity.paper import Paper
-from epuckhebb.sim.robot import CurvePoint, Place, Robot
+from epuckhebb.sim.robot import robot_from
 from epuckhebb.sim.scenario import Scenario
 
 HERE = Path(__file__).parent
+
+
+def pytest_collection_finish():
+    """Search for garbage seldom: composing a configuration and compiling a kernel make next to none, and much else."""
+    gc.freeze()
+    gc.set_threshold(100_000, 20, 20)
 
 
 def pytest_addoption(parser):
@@ -63,10 +70,7 @@ def lived():
 @pytest.fixture(scope="session")
 def lidar():
     """An e-puck with a ring of 24 rays that feel walls up to half a metre away, instead of its infra-red sensors."""
-    azimuths = [15.0 * k for k in range(24)]
-    ring = tuple(Place(0.03 * math.cos(math.radians(a)), 0.03 * math.sin(math.radians(a)), a) for a in azimuths)
-    curve = (CurvePoint(0.0, 1.0, 0.01), CurvePoint(0.1, 0.6, 0.02), CurvePoint(0.5, 0.0, 0.05))
-    return Robot(name="lidar", distance_places=ring, distance_curve=curve, stretch=1.0, reach_m=0.5, full_scale=1.0)
+    return robot_from(OmegaConf.to_container(OmegaConf.load(HERE.parent / "conf" / "robot" / "epuck_lidar.yaml")))
 
 
 @pytest.fixture(scope="session")
@@ -144,6 +148,6 @@ def small_files():
 
 @pytest.fixture(scope="session")
 def wide():
-    """A network for the robot with 24 rays, and genes that drive it to both goals."""
+    """A network for the robot with 24 rays, and genes that drive it about."""
     network = Network((32, 7, 5, 8, 4, 2))
     return network, np.random.default_rng(79).uniform(-1, 1, network.synapses)

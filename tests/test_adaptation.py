@@ -18,6 +18,7 @@ from epuckhebb.sim.block import Individual, live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.maze import SIDES, T_MAZE
 from epuckhebb.sim.plasticity.control import Sign, signs
 from epuckhebb.sim.plasticity.paper import Paper
@@ -193,14 +194,16 @@ def test_agrees_with_the_oracle(master, beside_the_oracle, change_signal, thresh
     assert samples.change_signal[-1] == pytest.approx(robot.change_signal, abs=1e-8)
 
 
-def test_signals_agree_with_the_oracle_on_a_robot_with_24_rays(lidar, wide, beside_the_oracle):
+def test_a_robot_with_24_rays_agrees_with_the_oracle(lidar, wide, beside_the_oracle):
     network, genes = wide
-    world = Scenario(robot=lidar)
-    baseline = remember(genes, world, 4.0, network=network)
+    baseline = remember(genes, Scenario(robot=lidar), 4.0, network=network)
     assert baseline.reading_mean.shape == (2, 32)
     gated = controller(0.001, change_signal="novelty", threshold=0.6, slope=2.0, active_s=4, rest_s=2)
-    told = {"seconds": 60, "baseline": baseline.of("right"), "network": network}
-    outcome, samples, robot = beside_the_oracle(genes, "right", Scenario(robot=lidar, light=1.0), gated, **told)
+    of_updates = signs(Sign.shuffled, network.synapses, np.random.default_rng(4))
+    lamp = Lamp(towards_x=-1.0, towards_y=0.7, beam_rad=1.2)
+    world = Scenario(robot=lidar, light=1.0, dead_sensors=(11, 3), lamp=lamp)
+    told = {"seconds": 60, "baseline": baseline.of("right"), "network": network, "signs": of_updates}
+    outcome, samples, robot = beside_the_oracle(genes, "right", world, gated, **told)
     assert samples.change_signal[-1] == pytest.approx(robot.change_signal, abs=1e-8)
     assert outcome.weight_change_mean > 0
 

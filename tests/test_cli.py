@@ -14,10 +14,11 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from epuckhebb.app import progress
 from epuckhebb.app.cli import app
 from epuckhebb.study.evaluate import COLUMNS
 
-FAST = ["lifetime.duration_s=8", "repeats=2"]
+FAST = ["lifetime.duration_s=8", "lifetime.record_every=0", "repeats=2"]
 TINY = ["ga.population=6", "ga.generations=3", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3"]
 
 
@@ -38,7 +39,7 @@ def only_run(folder):
 
 
 def test_evaluate_leaves_a_whole_run(here):
-    result = call("evaluate", "scenario=4obstacles", *FAST)
+    result = call("evaluate", "scenario=4obstacles", *FAST, "lifetime.record_every=8")
     assert result.exit_code == 0, result.output
     assert "Time-to-Goal" in result.stdout
     run = only_run(here / "runs" / "evaluate")
@@ -196,20 +197,18 @@ def test_a_read_only_output_folder(here):
     assert list(here.iterdir()) == []
 
 
-def test_interrupting_evolve_leaves_a_whole_checkpoint(here):
-    code = (
-        "import epuckhebb.app.progress as p, sys\n"
-        "show = p.EvolutionProgress.show\n"
-        "def stop(self, generation):\n"
-        "    show(self, generation)\n"
-        "    if generation.number == 1: raise KeyboardInterrupt\n"
-        "p.EvolutionProgress.show = stop\n"
-        "from epuckhebb.app.cli import main\n"
-        "main()\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code, "evolve", *TINY], capture_output=True, text=True, check=False)
+def test_interrupting_evolve_leaves_a_whole_checkpoint(here, monkeypatch):
+    show = progress.EvolutionProgress.show
+
+    def stop(self, generation):
+        show(self, generation)
+        if generation.number == 1:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(progress.EvolutionProgress, "show", stop)
+    done = call("evolve", *TINY)
     run = only_run(here / "runs" / "evolve")
-    assert done.returncode == 130, done.stderr
+    assert done.exit_code == 130, done.stderr
     assert f"{run.relative_to(here)}/checkpoint.npz" in done.stderr
     assert json.loads((run / "status.json").read_text())["state"] == "interrupted"
     with np.load(run / "checkpoint.npz") as checkpoint:

@@ -104,7 +104,7 @@ def test_three_generations_and_three_more_equal_six():
 
 
 def test_controllers_that_learn_and_other_networks_evolve_too():
-    network = Network((16, 3, 2))
+    network = Network((16, 10, 6, 2))
     learning = Controller(name="x", rule=Paper(N=0.01, sign=Sign.shuffled))
     plain, learnt = (
         list(evolve(TINY, Scenario(), SHORT, seed=5, network=network, controller=controller))

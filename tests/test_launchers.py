@@ -1,40 +1,33 @@
 """Our launcher configurations on the real thing: nox -s slurm and nox -s ray start what these need."""
 
+import shutil
+from pathlib import Path
+
 import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
 from epuckhebb.app.cli import app
 
-MY_RULE = """\
-from dataclasses import dataclass
-
-from epuckhebb import Rule
-
-
-@dataclass(frozen=True, kw_only=True)
-class mine(Rule):
-    @staticmethod
-    def synapse(pre, post):
-        return pre - post
-"""
+MY_RULE = Path(__file__).parents[1] / "examples" / "own_rule" / "my_rules.py"
 THREE = ["sweep", "obstacles", "lifetime.duration_s=3", "repeats=2", "hydra.sweep.dir=out"]
 
 
-def sweep_on(launcher, folder, *words):
+def sweep_on(launcher, folder, *words, scenarios=("base", "2obstacles", "4obstacles")):
+    words = (*words, f"scenario={','.join(scenarios)}")
     result = CliRunner().invoke(app, [*THREE, f"hydra/launcher={launcher}", *words])
     assert result.exit_code == 0, result.output
     rows = pd.read_csv(folder / "out" / "sweep.csv")
-    assert list(rows.scenario.unique()) == ["base", "2obstacles", "4obstacles"]
+    assert tuple(rows.scenario.unique()) == scenarios
     again = CliRunner().invoke(app, [*THREE, f"hydra/launcher={launcher}", *words])
-    assert "3 done before, 0 to do" in again.stderr
+    assert f"{len(scenarios)} done before, 0 to do" in again.stderr
     return (folder / "out" / "sweep.csv").read_bytes()
 
 
-def sweep_by_a_rule_of_ones_own_on(launcher, folder, *words):
-    (folder / "my_rules.py").write_text(MY_RULE)
-    sweep_on(launcher, folder, f"hebbian.rule={folder}/my_rules.py:mine", "hebbian.N=0.0001", *words)
-    assert set(pd.read_csv(folder / "out" / "sweep.csv").controller) == {"GA", "mine"}
+def sweep_by_a_rule_of_ones_own_on(launcher, folder, *words, **more):
+    shutil.copy(MY_RULE, folder)
+    sweep_on(launcher, folder, f"hebbian.rule={folder}/my_rules.py:Gated", "hebbian.N=0.0001", *words, **more)
+    assert set(pd.read_csv(folder / "out" / "sweep.csv").controller) == {"GA", "gated"}
 
 
 @pytest.mark.slurm
@@ -56,7 +49,7 @@ def test_a_rule_of_ones_own_on_this_machine(tmp_path, monkeypatch, launcher):
     if launcher == "submitit_local":
         pytest.importorskip("submitit")
     monkeypatch.chdir(tmp_path)
-    sweep_by_a_rule_of_ones_own_on(launcher, tmp_path)
+    sweep_by_a_rule_of_ones_own_on(launcher, tmp_path, scenarios=("base", "4obstacles"))
 
 
 @pytest.mark.slurm

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from epuckhebb.sim.controller import GA, HEBBIAN, Controller
-from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.lifetime import Lifetime, Samples, empty_samples
 from epuckhebb.sim.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
 from epuckhebb.sim.network import Network, weights_at_birth
 from epuckhebb.sim.plasticity.paper import Paper
@@ -19,7 +19,7 @@ from epuckhebb.sim.robot import Place as Sensor
 from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.study import movie, replay
-from epuckhebb.study.evaluate import evaluate
+from epuckhebb.study.evaluate import Traces, evaluate
 from epuckhebb.study.moments import Arrival, arrival, begins, told_when
 
 COLUMNS = {"x": ("pose", 0), "y": ("pose", 1), "heading": ("pose", 2), "left": ("motors", 0), "right": ("motors", 1)}
@@ -48,13 +48,11 @@ def page(run, genes):
     return replay.page(run[1], genes, FOUR, "four obstacles", gain_rad_s=1.0)
 
 
-def filled(genes, scenario=None, controllers=(), seconds=4.0, network=None):
+def filled(genes, scenario=None, seconds=4.0):
     """What the page of short lifetimes holds."""
-    world, net = scenario or Scenario(), network or Network()
-    _, traces = evaluate(
-        genes, world, controllers, Lifetime(duration_s=seconds, record_every=8), repeats=1, seed=1, network=net
-    )
-    return content(replay.page(traces, genes, world, "title", gain_rad_s=1.0, network=net))
+    world = scenario or Scenario()
+    _, traces = evaluate(genes, world, [], Lifetime(duration_s=seconds, record_every=8), repeats=1, seed=1)
+    return content(replay.page(traces, genes, world, "title", gain_rad_s=1.0))
 
 
 def content(page):
@@ -245,9 +243,14 @@ RAYS = Robot(
 
 def test_any_maze_robot_and_network():
     network = Network((25, 7, 5, 8, 4, 2))
-    genes = np.random.default_rng(1).uniform(-1, 1, network.synapses)
+    chance, samples = np.random.default_rng(1), empty_samples(16, network)
+    genes = chance.uniform(-1, 1, network.synapses)
+    samples.time[:], samples.pose[:, :2] = np.arange(16) * 0.256, CORRIDOR.start[:2]
+    stacked = Samples(*(np.stack([array] * 4) for array in samples))
+    stacked.weights[:] = chance.uniform(-1, 1, stacked.weights.shape)
+    traces = Traces(controller=[GA, GA, HEBBIAN, HEBBIAN], side=["left", "right"] * 2, samples=stacked)
     world = Scenario(maze=CORRIDOR, robot=RAYS)
-    data = filled(genes, world, [hebbian(1e-3)], network=network)
+    data = content(replay.page(traces, genes, world, "title", gain_rad_s=1.0, network=network))
     assert data["layers"] == [25, 7, 5, 8, 4, 2]
     assert len(data["birth"]) == network.synapses
     assert len(unpacked(data["lives"]["left"][1]["change"])) == data["samples"] * network.synapses

@@ -35,12 +35,19 @@ def six(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def three_made(tmp_path_factory):
+    """Three generations of the same evolution, not to be written to."""
+    folder = tmp_path_factory.mktemp("half") / "three"
+    assert call("evolve", *TINY, "ga.generations=3", f"hydra.run.dir={folder}").exit_code == 0
+    return folder
+
+
 @pytest.fixture
-def three(tmp_path, monkeypatch):
-    """Three generations of the same evolution, and the folder in which a copy of it may be spoilt."""
+def three(three_made, tmp_path, monkeypatch):
+    """A copy of them, in which anything may be done."""
     monkeypatch.chdir(tmp_path)
-    assert call("evolve", *TINY, "ga.generations=3", "hydra.run.dir=run").exit_code == 0
-    return tmp_path / "run"
+    return shutil.copytree(three_made, tmp_path / "run")
 
 
 def same(one, other):
@@ -154,9 +161,8 @@ def test_a_run_at_work_is_left_alone(three):
     assert len(pd.read_csv(three / "history.csv")) == 3
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_ctrl_c_ends_within_two_seconds_and_the_run_goes_on(tmp_path, threads):
-    words = ["evolve", "ga.generations=100000", "lifetime.duration_s=600", f"threads={threads}", "hydra.run.dir=run"]
+def test_ctrl_c_ends_it_in_the_middle_of_a_life_and_the_run_goes_on(tmp_path):
+    words = ["evolve", "lifetime.duration_s=1e9", "threads=2", "hydra.run.dir=run"]  # a life takes hours
     started = subprocess.Popen(
         [sys.executable, "-c", "from epuckhebb.__main__ import main; main()", *words],
         cwd=tmp_path,
@@ -166,11 +172,9 @@ def test_ctrl_c_ends_within_two_seconds_and_the_run_goes_on(tmp_path, threads):
     with started:
         while not (tmp_path / "run" / "provenance.json").is_file():
             time.sleep(0.05)
-        time.sleep(1)  # inside a generation of 300 lifetimes of 600 s
+        time.sleep(1)  # so that it is most often inside a life
         started.send_signal(signal.SIGINT)
-        began = time.monotonic()
-        told = started.communicate(timeout=20)[1]
-    assert time.monotonic() - began < 2
+        told = started.communicate(timeout=300)[1]
     assert started.returncode == 130, told
     assert "interrupted" in told
     assert json.loads((tmp_path / "run" / "status.json").read_text())["state"] == "interrupted"

@@ -9,15 +9,17 @@ import reference
 
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.ga import GA, initial, next_generation
-from epuckhebb.sim import lifetime
 from epuckhebb.sim.block import Individual, LostRobotError, RuleError, live_block
+from epuckhebb.sim.compiled import kernel
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.paper import Paper
-from epuckhebb.sim.plasticity.rule import Evolved, Rule, asked, coefficients
+from epuckhebb.sim.plasticity.rule import Evolved, Rule, asked, coefficients, kept_at_birth
+from epuckhebb.sim.plasticity.update import update_of
+from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
 from epuckhebb.sim.scenario import Scenario
 
 SMALL = Network((16, 3, 2))
@@ -112,47 +114,40 @@ def test_a_rule_with_parameters_evolves():
 
 @dataclass(frozen=True, kw_only=True)
 class Simple(Rule):
-    """Small enough to be compiled twice in a test."""
+    """Small enough to be compiled in a test of its own."""
 
     @staticmethod
     def synapse(pre):
         return pre
 
 
-def test_a_rule_is_compiled_once_and_then_comes_from_disk(lived, monkeypatch, tmp_path):
+def one_update(weights, kept, genes, coefficients, activation, rate, of_updates, numbers, synapses, change):
+    return learn(weights, kept, genes, coefficients, activation, rate, of_updates, numbers, synapses, change)  # noqa: F821
+
+
+def test_a_rule_is_compiled_once_and_then_comes_from_disk(monkeypatch, tmp_path):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    seen = []
+    network = Network((16, 2))
+    genes, seen = np.random.default_rng(0).uniform(-1, 1, network.synapses), []
     for _ in range(2):
-        monkeypatch.setattr(lifetime, "_kernels", {})
-        network = Network((16, 2))
-        genes = np.random.default_rng(0).uniform(-1, 1, network.synapses)
-        outcome, _ = lived(genes, controller=Controller(name="x", rule=Simple(N=0.01)), network=network)
-        (made,) = lifetime._kernels.values()
-        seen.append((outcome[1:], sum(made.stats.cache_hits.values()), sum(made.stats.cache_misses.values())))
-    assert seen[0][0] == seen[1][0]
+        made, weights = kernel(one_update, learn=update_of(Simple, network)), genes.copy()
+        nothing, ones, numbers = np.empty((0, network.synapses)), np.ones(network.synapses), (1.0, 0.2, 2.0)
+        room = np.empty((3, network.synapses)), np.empty(weight_change_room(network))
+        kept = kept_at_birth(Simple, network)
+        made(weights, kept, genes, nothing, np.ones(network.neurons), 0.5, ones, numbers, *room)
+        seen.append((weights.tolist(), sum(made.stats.cache_hits.values()), sum(made.stats.cache_misses.values())))
+    assert seen[0][0] == seen[1][0] != genes.tolist()
     assert seen[0][1:] == (0, 1)
     assert seen[1][1:] == (1, 0)
     assert len(list(tmp_path.glob("kernel-*"))) == 1
 
 
-@dataclass(frozen=True, kw_only=True)
-class Diverges(Rule):
-    """Divides by what becomes 0."""
-
-    kept: ClassVar = {"left": 3.0}
-
-    @staticmethod
-    def synapse(pre, kept):
-        kept.left -= 1.0
-        return 0.0 * pre / max(0.0, kept.left)
-
-
 def test_a_rule_that_makes_nan_is_told_by_name(lived):
-    network = Network((16, 2))
-    genes = np.random.default_rng(0).uniform(-1, 1, network.synapses)
-    controller = Controller(name="own", rule=Diverges(N=0.01))
-    with pytest.raises(LostRobotError, match=r"on a right trial of scenario base, controller own, the rule Diverges"):
-        lived(genes, "right", controller=controller, network=network)
+    """What this one keeps is infinite after two steps, and nan after three."""
+    genes = initial(np.random.default_rng(130), 1, PLAN)[0]
+    controller = Controller(name="own", rule=Everything(N=0.01, leak=1e308))
+    with pytest.raises(LostRobotError, match=r"on a right trial of scenario base, controller own, the rule Everything"):
+        lived(genes, "right", controller=controller, network=SMALL)
 
 
 class Curious(Rule):
@@ -172,6 +167,17 @@ class Selfish(Rule):
         return pre
 
 
+class Forgetful(Rule):
+    """Keeps one thing and sets another."""
+
+    kept: ClassVar = {"trace": 0.0}
+
+    @staticmethod
+    def synapse(pre, kept):
+        kept.track = pre
+        return kept.trace
+
+
 class Silent(Rule):
     """Says nothing."""
 
@@ -181,6 +187,7 @@ class Silent(Rule):
     [
         (Curious, "rule Curious: `synapse` asks for weather, tide; it may ask for correlation, .* is evolved: speed"),
         (Selfish, "rule Selfish: `synapse` asks for self"),
+        (Forgetful, "rule Forgetful: `kept` has no track; it has trace"),
         (Silent, "rule Silent has no static method `synapse`"),
     ],
 )
@@ -216,7 +223,7 @@ class Muddled(Rule):
 
 def test_a_rule_that_does_not_compile_is_told_in_few_lines(lived):
     with pytest.raises(RuleError) as caught:
-        lived(np.zeros(234), controller=Controller(name="x", rule=Muddled(N=1.0)))
+        lived(np.zeros(SMALL.synapses), controller=Controller(name="x", rule=Muddled(N=1.0)), network=SMALL)
     lines = str(caught.value).splitlines()
     assert len(lines) <= 10
     assert lines[0].startswith("rule Muddled of ")

@@ -14,12 +14,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from omegaconf import OmegaConf
 from typer.testing import CliRunner
 
-from epuckhebb.app import engine, hydra_bridge, runs, sweep
+from epuckhebb.app import engine, files, hydra_bridge, runs, sweep
 from epuckhebb.app import evaluate as verb
 from epuckhebb.app.cli import app
-from epuckhebb.app.data import groups
+from epuckhebb.app.data import data_folder, groups
 
 FAST = ["lifetime.duration_s=3", "repeats=2"]
 TWO = ["scenario=base,4obstacles", *FAST]
@@ -64,14 +65,26 @@ def failing(monkeypatch):
 
 @pytest.mark.parametrize("name", groups("sweep")["experiment"])
 def test_a_dry_run_lists_the_jobs_and_writes_nothing(here, name):
-    few = ["genome=reference_101,reference_102"] if name == "adaptive" else []
-    result = call("sweep", name, "seed=1,2", *few, "--dry-run", "--json")
+    few = ["genome=reference_101", "scenario=base,highlight,lowlight"] if name == "adaptive" else []
+    result = call("sweep", name, *few, "seed=1,2", "--dry-run", "--json")
     assert result.exit_code == 0, result.output
     listed = json.loads(result.stdout)["jobs"]
     assert len({job["run"] for job in listed}) == len(listed) >= 6
     assert not any(job["done"] for job in listed)
     assert list(here.iterdir()) == []
-    assert "to do" in call("sweep", name, *few, "--dry-run").stdout
+
+
+def test_all_that_the_sweep_of_adaptations_names_is_there():
+    swept = OmegaConf.load(data_folder("conf") / "experiment" / "adaptive.yaml").hydra.sweeper.params
+    scenarios, genomes = (value.replace(" ", "").split(",") for value in (swept.scenario, swept.genome))
+    assert set(scenarios) <= set(groups("evaluate")["scenario"])
+    for genome in genomes:
+        files.load_genome(genome, "obstacles")
+
+
+def test_a_dry_run_says_how_much_there_is_to_do(here):
+    assert call("sweep", "obstacles", "--dry-run").stdout.count("to do") == 3
+    assert list(here.iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -376,7 +389,7 @@ def is_gone(group):
 def test_a_signal_ends_a_sweep_and_its_workers(here, launcher, number, to_all):
     if launcher == "submitit_local":
         pytest.importorskip("submitit")
-    words = ["sweep", "obstacles", "repeats=200", f"hydra/launcher={launcher}", "hydra.sweep.dir=out"]
+    words = ["sweep", "obstacles", "repeats=20000", f"hydra/launcher={launcher}", "hydra.sweep.dir=out"]
     started = subprocess.Popen(command(*words), start_new_session=True, stderr=subprocess.PIPE, text=True)
     with started:
         while not list((here / "out").glob("unfinished/*/provenance.json")):
@@ -390,13 +403,6 @@ def test_a_signal_ends_a_sweep_and_its_workers(here, launcher, number, to_all):
         assert started.returncode == 130, told
         assert "interrupted" in told
     assert "interrupted" in call("show", "out").stdout
-
-
-def test_a_sweep_on_submitits_local_executor(here):
-    pytest.importorskip("submitit")
-    result = call("sweep", "obstacles", *TWO, "hydra/launcher=submitit_local")
-    assert result.exit_code == 0, result.output
-    assert set(pd.read_csv(only_sweep(here) / "sweep.csv").scenario) == {"base", "4obstacles"}
 
 
 def test_threads_do_not_multiply_with_the_width(monkeypatch):

@@ -138,11 +138,11 @@ def asked(rule: type[Rule]) -> tuple[str, ...]:
         )
     has = {"by": rule.settings(), "kept": tuple(rule.kept)}
     for before, then in pairwise(dis.get_instructions(rule.synapse)):
-        of_record = before.opname == "LOAD_FAST" and before.argval in has and then.opname in ("LOAD_ATTR", "STORE_ATTR")
-        if of_record and then.argval not in has[before.argval]:
+        loaded = before.argval[-1] if isinstance(before.argval, tuple) else before.argval  # 3.13 may load two at once
+        of_record = "LOAD_FAST" in before.opname and loaded in has and then.opname in ("LOAD_ATTR", "STORE_ATTR")
+        if of_record and then.argval not in has[loaded]:
             raise ValueError(
-                f"rule {rule.__name__}: `{before.argval}` has no {then.argval}; it has "
-                f"{', '.join(has[before.argval]) or 'nothing'}"
+                f"rule {rule.__name__}: `{loaded}` has no {then.argval}; it has {', '.join(has[loaded]) or 'nothing'}"
             )
     return names
 
