@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -25,7 +26,6 @@ from epuckhebb.sim.genome import WEIGHTS, plan_of
 from epuckhebb.sim.network import Network
 
 RESUME = "resume="
-_CHANGEABLE = ("ga.generations", "threads")  # the others would make it another evolution
 _HISTORY = "history.csv"
 
 
@@ -93,18 +93,19 @@ def evolve_into(
         )
 
     run.left_behind = left_behind
-    with run, EvolutionProgress(config.ga.generations, quiet=quiet) as progress:
+    with run, EvolutionProgress(config.schedule.generations, quiet=quiet) as progress:
         if after is not None and not _is_written(run, after):
             _write_generation(run, after, config)
         last = after.generation if after else None
         network = network_of(config)
         for generation in evolve(
-            config.ga,
+            config.algorithm,
             config.world,
             config.lifetime,
             config.seed,
             threads,
             after=last,
+            training=config.training,
             network=network,
             controller=config.controller,
         ):
@@ -128,9 +129,11 @@ def champion_of(last: Generation, config: EvolveConfig, seed: int, baseline: Bas
         robot=config.world.robot.name,
         lights=config.world.robot.lights,
         plan=plan_of(network, type(config.controller.rule)),
+        optimizer=config.algorithm.name,
+        training=config.training.name,
         baseline=baseline,
     )
-    return files.champion_file(genome, float(last.fitness.max()), config.world.experiment, seed, last.number)
+    return files.champion_file(genome, last.champion_fitness, config.world.experiment, seed, last.number)
 
 
 def _write_generation(run: RunFolder, state: Checkpoint, config: EvolveConfig) -> None:
@@ -164,37 +167,36 @@ def resume(arguments: list[str]) -> Path:
     told = runs.read(path)
     if told["verb"] != "evolve":
         raise ConfigError(f"resume={path} is a run of `epuckhebb {told['verb']}`; only evolutions can be resumed")
-    cfg = _changed(path, changes)
+    cfg = stored(path, "evolve")
+    key = f"{typed(cfg, EvolveConfig).algorithm.key}.generations"
+    _change(cfg, path, changes, (key, "threads"))
     config = asked(cfg)
-    after = Checkpoint.read(path, config.ga.population, plan_of(network_of(config), type(config.controller.rule)).genes)
+    plan, generations = plan_of(network_of(config), type(config.controller.rule)), config.schedule.generations
+    after = Checkpoint.read(path, lambda state: config.algorithm.search(plan, config.seed, state))
     done = after.generation.number + 1 if after else 0
-    if config.ga.generations < done:
-        raise ConfigError(
-            f"ga.generations must be {done} or more, the generations that {path} has, got {config.ga.generations}"
-        )
-    if config.ga.generations == done and told["status"]["state"] == "finished":
-        say(f"{path} has all of its {done} generations; ga.generations={2 * done} would add {done}.")
+    if generations < done:
+        raise ConfigError(f"{key} must be {done} or more, the generations that {path} has, got {generations}")
+    if generations == done and told["status"]["state"] == "finished":
+        say(f"{path} has all of its {done} generations; {key}={2 * done} would add {done}.")
         return path
     if told["code"].get("science") != runs.science_version():
         say("The program has changed since this evolution began; it may end otherwise than one that never stopped.")
     run = RunFolder.going_on(path, "evolve", cfg, arguments, {"generations": done})
-    say(f"Going on after {done} of {config.ga.generations} generations.")
+    say(f"Going on after {done} of {generations} generations.")
     evolve_into(run, config, after, threads=thread_count(config.threads))
     return path
 
 
-def _changed(path: Path, changes: list[str]) -> DictConfig:
-    """The configuration of the run, with what may be changed changed."""
-    cfg = stored(path, "evolve")
+def _change(cfg: DictConfig, path: Path, changes: list[str], changeable: tuple[str, ...]) -> None:
+    """Change what may be changed in the configuration of a run; all else would make it another evolution."""
     for change in changes:
         key, _, value = change.partition("=")
-        if key not in _CHANGEABLE:
+        if key not in changeable:
             raise ConfigError(
                 f"{change} cannot be given with {RESUME}: the evolution goes on with the settings in "
-                f"{path}/.hydra/config.yaml; only {' and '.join(_CHANGEABLE)} may be changed"
+                f"{path}/.hydra/config.yaml; only {' and '.join(changeable)} may be changed"
             )
         try:
-            OmegaConf.update(cfg, key, value)
-        except OmegaConfBaseException as error:
+            OmegaConf.update(cfg, key, yaml.safe_load(value))
+        except (yaml.YAMLError, OmegaConfBaseException) as error:
             raise ConfigError(hydra_bridge.explain(error)) from error
-    return cfg

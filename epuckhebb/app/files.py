@@ -5,8 +5,8 @@ Each is written as bytes, which a run folder puts in place whole; each is checke
 
 import hashlib
 import io
-import json
 import re
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.evolution.evolve import Generation, history_row
+from epuckhebb.evolution.optimizer import State
 from epuckhebb.sim.adaptation.baseline import Baseline
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
 from epuckhebb.sim.lifetime import Samples
@@ -44,6 +45,7 @@ class Genome:
         robot: The name of the robot that it was evolved for.
         lights: How many of its readings are of light; the others are of distance.
         plan: The parts of the genes; the weights come first.
+        optimizer, training: The names of what it was evolved by, and in which worlds; nothing if that is not known.
         baseline: What the champion remembers of its training world.
     """
 
@@ -53,6 +55,8 @@ class Genome:
     robot: str = EPUCK.name
     lights: int = EPUCK.lights
     plan: GenomePlan = field(default_factory=lambda: plan_of(PAPER_NETWORK))
+    optimizer: str = ""
+    training: str = ""
     baseline: Baseline | None = None
 
     @property
@@ -134,6 +138,8 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
         "lights": np.int64(genome.lights),
         "parts": np.array([part.name for part in genome.plan.parts]),
         "part_sizes": np.array([part.size for part in genome.plan.parts]),
+        "optimizer": np.str_(genome.optimizer),
+        "training": np.str_(genome.training),
     }
     if genome.baseline is not None:
         arrays |= {_BASELINE + key: np.asarray(value) for key, value in asdict(genome.baseline).items()}
@@ -160,27 +166,26 @@ class Checkpoint:
     def as_bytes(self) -> bytes:
         """The content of `checkpoint.npz`."""
         last = self.generation
+        arrays: dict[str, Any] = last.state | {
+            "generation": np.int64(last.number),
+            "fitness": last.fitness,
+            "success": last.success,
+            "champion": last.champion,
+            "champion_fitness": np.float64(last.champion_fitness),
+            "history": np.str_(self.history),
+        }
         buffer = io.BytesIO()
-        np.savez(
-            buffer,
-            generation=np.int64(last.number),
-            population=last.population,
-            fitness=last.fitness,
-            success=last.success,
-            champion=last.champion,
-            rng_state=np.str_(json.dumps(last.rng_state)),
-            history=np.str_(self.history),
-        )
+        np.savez(buffer, **arrays)
         return buffer.getvalue()
 
     @classmethod
-    def read(cls, run: Path, population: int, genes: int) -> "Checkpoint | None":
+    def read(cls, run: Path, go_on: Callable[[State], object]) -> "Checkpoint | None":
         """Read the checkpoint in a run folder; there is none if its first generation never ended.
 
         Args:
             run: The folder.
-            population: The number of individuals that the checkpoint must hold.
-            genes: The number of genes that each must have.
+            go_on: A function that goes on from the state of a search, or says what is wrong with it: a ValueError, or a
+                KeyError.
 
         Raises:
             ConfigError: There is one that cannot be used.
@@ -190,24 +195,20 @@ class Checkpoint:
             return None
         try:
             held = _arrays(path)
+            history, fitness = str(held.pop("history")), held.pop("fitness")
             generation = Generation(
-                number=int(held["generation"]),
-                fitness=held["fitness"],
-                success=held["success"],
-                champion=held["champion"],
-                population=held["population"],
-                rng_state=json.loads(str(held["rng_state"])),
+                number=int(held.pop("generation")),
+                fitness=fitness,
+                success=held.pop("success"),
+                champion=held.pop("champion"),
+                champion_fitness=float(held.pop("champion_fitness", fitness.max())),  # not in version 0.1
+                state=held,
                 robot_steps=0,
                 seconds=0.0,
             )
-            history = str(held["history"])
+            go_on(generation.state)
         except _UNREADABLE as error:
             raise ConfigError(f"{path} cannot be read as a checkpoint: {error}") from error
-        if generation.population.shape != (population, genes):
-            raise ConfigError(
-                f"{path} holds a population of shape {generation.population.shape}, the run's configuration asks for "
-                f"({population}, {genes})"
-            )
         return cls(generation, history)
 
 
@@ -294,6 +295,8 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
         robot=str(arrays.get("robot", EPUCK.name)),
         lights=int(arrays.get("lights", EPUCK.lights)),
         plan=plan,
+        optimizer=str(arrays.get("optimizer", "")),
+        training=str(arrays.get("training", "")),
         baseline=_baseline(arrays, path, network.inputs),
     )
 

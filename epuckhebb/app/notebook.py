@@ -40,11 +40,12 @@ def evolve(overrides: list[str]) -> tuple[NDArray[np.float64], pd.DataFrame]:
     config = typed(composed("evolve", overrides), EvolveConfig)
     lived = list(
         generations(
-            config.ga,
+            config.algorithm,
             config.world,
             config.lifetime,
             config.seed,
             thread_count(config.threads),
+            training=config.training,
             network=network_for(config.world.robot, config.layers),
             controller=config.controller,
         )
