@@ -32,8 +32,8 @@ from epuckhebb.app.errors import ConfigError, JobFailedError
 SCHEMA = 1  # of provenance.json and status.json
 UNFINISHED = "unfinished"  # folder of a study, in which each attempt at a run has a folder of its own
 _PACKAGE = Path(__file__).resolve().parents[1]
-NUMERIC = ("numba", "numpy", "pymunk")  # the packages on which digits may depend
-_PACKAGES = ("epuckhebb", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
+NUMERIC = ("cmaes", "numba", "numpy", "pymunk")  # the packages on which digits may depend
+_PACKAGES = ("epuckhebb", "cmaes", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
 _STATUS, _PROVENANCE = "status.json", "provenance.json"
 _OVERRIDES, _CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
 _HALF = re.compile(r"\..+\.\d+\.tmp")  # what `write_whole` writes beside a file
