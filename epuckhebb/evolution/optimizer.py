@@ -1,7 +1,8 @@
 """What every optimizer is: settings, from which a search begins that is asked who lives and told how well they did.
 
 An optimizer is one file of `optimizers/`, with a subclass of `Optimizer` that holds its settings and a subclass of
-`Search`. Nothing else has to know of it.
+`Search`. Nothing else has to know of it, but a file of `conf/optimizer/` has its values: `algorithm`, the name of its
+file, and its settings; `conf/optimizer/sep_cma_es.yaml` shows how it says that the GA's settings are not wanted.
 """
 
 from abc import ABC, abstractmethod
