@@ -5,6 +5,7 @@ An optimizer is one file of `optimizers/`, with a subclass of `Optimizer` that h
 file, and its settings; `conf/optimizer/sep_cma_es.yaml` shows how it says that the GA's settings are not wanted.
 """
 
+import math
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar, NamedTuple
 
@@ -14,6 +15,9 @@ from numpy.typing import NDArray
 from epuckhebb.evolution.training import Training
 from epuckhebb.sim.genome import GenomePlan
 from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.maze import SIDES
+
+_PAPER_LIFETIMES = 50 * 30 * 3 * len(SIDES)  # population, generations, loops and sides of the paper's algorithm
 
 State = dict[str, NDArray[Any]]
 
@@ -83,6 +87,16 @@ class Optimizer(ABC):
             KeyError: something is missing in the state.
             ValueError: the state is of another search.
         """
+
+
+def paper_generations(first: int, each: int, last: int, stretch: float) -> int:
+    """How many generations take as many robot-steps as an evolution of the paper, and no more.
+
+    first, each, last: lifetimes of the first generation, of each later one, and of those who may be the champion after
+    the last. stretch: how many times as long as in the paper a lifetime lasts on average.
+    """
+    left = _PAPER_LIFETIMES / stretch - first - last
+    return 1 + max(0, math.floor(left / each))
 
 
 def initial(rng: np.random.Generator, count: int, plan: GenomePlan) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""The genetic algorithm as pure functions of a random generator: same generator, same offspring.
+"""The genetic algorithm: pure functions of a random generator (same generator, same offspring), and their search.
 
 Two presets differ in numbers only (`conf/ga/`): `textbook`, what the paper says with the usual choices where it is
 silent, and `as_coded`, what its published program does.

@@ -13,7 +13,7 @@ import numpy as np
 from cmaes import SepCMA
 from numpy.typing import NDArray
 
-from epuckhebb.evolution.optimizer import Optimizer, Schedule, Search, State, initial, limits
+from epuckhebb.evolution.optimizer import Optimizer, Schedule, Search, State, initial, limits, paper_generations
 from epuckhebb.evolution.training import Training
 from epuckhebb.sim import random
 from epuckhebb.sim.genome import GenomePlan
@@ -21,7 +21,6 @@ from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.random import Stream
 
-_PAPER_LIFETIMES = 50 * 30 * 3 * len(SIDES)  # population, generations, loops and sides of the paper's algorithm
 _KEPT = ("_mean", "_sigma", "_C", "_p_sigma", "_pc", "_g")  # all that changes in a SepCMA, and is used again
 _CANDIDATES = 3
 
@@ -74,9 +73,11 @@ class SepCmaEs(Optimizer):
         if self.generations is not None:
             return Schedule(self.generations, loops)
         round_ = loops * len(SIDES)
-        first, confirmation = self.starts * round_, _CANDIDATES * -(-self.confirm // round_) * round_
-        left = _PAPER_LIFETIMES / training.stretch(lifetime) - first - confirmation
-        return Schedule(1 + max(0, math.floor(left / (self.population * round_))), loops)
+        confirmation = _CANDIDATES * -(-self.confirm // round_) * round_
+        return Schedule(
+            paper_generations(self.starts * round_, self.population * round_, confirmation, training.stretch(lifetime)),
+            loops,
+        )
 
     def search(self, plan: GenomePlan, seed: int, state: State | None = None) -> "SepCmaEsSearch":
         """See `Optimizer`."""
