@@ -7,8 +7,8 @@ or with obstacles, and says what plasticity did for them.
 
 Axes: X to the robot's right and Y ahead of it at the start; headings anticlockwise from X. Units: m, s, rad, kg.
 Read in this order: sim/maze, light, robot, network, plasticity/paper, fitness, physics, lifetime, block; then
-evolution/ga, evolve; then study/evaluate, tables, figures, replay; study/findings for what many champions tell. app/ is
-the program around it, conf/ its settings.
+evolution/training, optimizer, optimizers/ga, evolve; then study/evaluate, tables, figures, replay; study/findings for
+what many champions tell. app/ is the program around it, conf/ its settings.
 
     import epuckhebb
     champion = epuckhebb.load("reference")                           # 234 genes

@@ -103,6 +103,7 @@ def test_every_key_is_offered(verb):
 
     composed_verb = "evaluate" if verb == "sweep" else verb
     keys = set(below(OmegaConf.to_container(composed(composed_verb, []))))
-    keys -= {"scenario.name", "hebbian.name", "adaptation.name"}  # a file's name, which the program fills in
+    # Names of files, which the program fills in.
+    keys -= {"scenario.name", "hebbian.name", "adaptation.name", "training.name"}
     offered = {offer.partition("=")[0] for offer in data.complete_override(verb, "")}
     assert keys <= offered

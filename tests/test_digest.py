@@ -76,5 +76,5 @@ def test_an_evolution_has_the_same_bits(overrides, golden):
     small = ["ga.population=8", "ga.generations=3", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=20", "seed=5"]
     asked = typed(composed("evolve", [*overrides, *small]), EvolveConfig)
     *_, last = evolve(asked.ga, asked.world, asked.lifetime, asked.seed, threads=2)
-    told = [digest(part) for part in (last.population, last.fitness, last.champion)]
+    told = [digest(part) for part in (last.state["population"], last.fitness, last.champion)]
     golden(f"evolution_{overrides[0].partition('=')[2]}.digest", "\n".join(told) + "\n")

@@ -8,7 +8,8 @@ import pytest
 import reference
 
 from epuckhebb.evolution.evolve import evolve
-from epuckhebb.evolution.ga import GA, initial, next_generation
+from epuckhebb.evolution.optimizer import initial
+from epuckhebb.evolution.optimizers.ga import GA, next_generation
 from epuckhebb.sim.block import Individual, LostRobotError, RuleError, live_block
 from epuckhebb.sim.compiled import kernel
 from epuckhebb.sim.controller import Controller
@@ -108,7 +109,7 @@ def test_a_rule_with_parameters_evolves():
     again = list(evolve(ga, Scenario(), short, seed=2, threads=2, after=whole[0], **told))
     assert whole[-1].champion.shape == (PLAN.genes,)
     for one, other in zip(whole[1:], again, strict=True):
-        assert one.population.tobytes() == other.population.tobytes()
+        assert one.state["population"].tobytes() == other.state["population"].tobytes()
         assert one.fitness.tobytes() == other.fitness.tobytes()
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import epuckhebb
-from epuckhebb.app.parts import rule_names
+from epuckhebb.app.parts import optimizer_names, rule_names
 
 PACKAGE = Path(epuckhebb.__file__).parent
 LAYERS = ["sim", "evolution", "study", "app"]
@@ -125,6 +125,15 @@ def test_a_rule_is_one_file_that_no_other_has_to_know():
         users = sorted(module for module, needs in GRAPH.items() if rule in needs)
         assert users == [] or rule.endswith(".paper"), users
     assert not any(".change_signals." in name for needs in GRAPH.values() for name in needs)
+
+
+def test_an_optimizer_is_one_file_that_no_other_has_to_know():
+    """But for the genetic algorithm, whose settings are a group of the configuration."""
+    optimizers = [f"epuckhebb.evolution.optimizers.{name}" for name in optimizer_names()]
+    for optimizer in optimizers:
+        assert not GRAPH[optimizer] & {*optimizers, "epuckhebb.evolution.evolve"}, optimizer
+        users = sorted(module for module, needs in GRAPH.items() if optimizer in needs)
+        assert users == (["epuckhebb.app.config"] if optimizer.endswith(".ga") else []), optimizer
 
 
 @pytest.mark.parametrize("package", ["pymunk", "llvmlite"])

@@ -58,6 +58,7 @@ _EXAMPLES = {
         "seed=7",
         "resume=runs/evolve/RUN ga.generations=60",
         "scenario=highlight ga=as_coded",
+        "optimizer=sep_cma_es training=varied",
         "-m seed='range(1,21)' hydra/launcher=joblib",
     ],
 }

@@ -22,8 +22,17 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.app import machine, runs
 from epuckhebb.app.earlier import of_today
 from epuckhebb.app.errors import ConfigError
-from epuckhebb.app.parts import check_pace, check_signal, compared, controller_from, network_for, scenario_from
-from epuckhebb.evolution.ga import GA
+from epuckhebb.app.parts import (
+    check_pace,
+    check_signal,
+    compared,
+    controller_from,
+    network_for,
+    optimizer_from,
+    scenario_from,
+)
+from epuckhebb.evolution.optimizers.ga import GA
+from epuckhebb.evolution.training import Training
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.fitness import Signal
@@ -146,9 +155,15 @@ class EvaluateConfig(WorldConfig):
 
 @dataclass(kw_only=True)
 class EvolveConfig(WorldConfig):
-    """All keys of `epuckhebb evolve`. controller: what drives the robots besides their genes."""
+    """All keys of `epuckhebb evolve`.
 
-    ga: GA = field(default_factory=GA)
+    controller: what drives the robots besides their genes. algorithm: the optimizer, of `optimizer` and `ga`. schedule:
+    how long it goes on.
+    """
+
+    ga: GA | None = field(default_factory=GA)  # None if the optimizer is another
+    optimizer: dict[str, Any] = field(default_factory=lambda: {"algorithm": GA.key})
+    training: Training = field(default_factory=Training)
 
     def __post_init__(self) -> None:
         """Refuse what cannot be run.
@@ -159,6 +174,9 @@ class EvolveConfig(WorldConfig):
         super().__post_init__()
         self.controller = controller_from(self.hebbian, Adaptation())
         check_signal(self.controller, self.world.robot)
+        self.algorithm = optimizer_from(self.optimizer, self.ga)
+        self.schedule = self.algorithm.schedule(self.training, self.lifetime)
+        self.training.check(self.world, self.lifetime, self.schedule.loops)
 
 
 class LiveFitness(Enum):
@@ -204,12 +222,15 @@ class ReproduceConfig:
 
 
 SCHEMAS = {"evaluate": EvaluateConfig, "evolve": EvolveConfig, "reproduce": ReproduceConfig}
-OPEN = ("hebbian", "compare", "maze", "robot", "scenario.goals")  # below these, the schema does not know the keys
+# Below these, the schema does not know the keys.
+OPEN = ("hebbian", "compare", "maze", "robot", "optimizer", "scenario.goals")
 for _verb, _schema in SCHEMAS.items():
     _node = OmegaConf.structured(_schema)
-    for _key in ("hebbian", "compare"):
+    for _key in ("hebbian", "compare", "optimizer"):
         if _key in _node:
             OmegaConf.set_struct(_node[_key], False)  # Hydra takes any key below them, without a +
+    if _schema is EvolveConfig:
+        _node.ga = None  # until group ga is chosen, which other optimizers than the GA undo
     ConfigStore.instance().store(name=f"schema_{_verb}", node=_node, provider="epuckhebb")
 
 Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig)

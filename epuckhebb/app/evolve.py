@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -28,7 +29,6 @@ from epuckhebb.sim.genome import WEIGHTS, plan_of
 from epuckhebb.sim.network import Network
 
 RESUME = "resume="
-_CHANGEABLE = ("ga.generations", "threads")  # the others would make it another evolution
 _HISTORY = "history.csv"
 
 
@@ -56,10 +56,11 @@ def asked(cfg: DictConfig) -> EvolveConfig:
 
 def needs(config: EvolveConfig, network: Network) -> list[Need]:
     """The memory that an evolution takes."""
-    room = room_to_evolve(config.ga, network, type(config.controller.rule))
+    genes, key = plan_of(network, type(config.controller.rule)).genes, config.algorithm.key
+    room = room_to_evolve(config.algorithm.individuals, config.schedule.loops, genes)
     home = room_to_remember(config.world.paper_duration_s, 1.0, network)
     return [
-        Need(room, f"{config.ga.population} individuals", "lower ga.population, ga.loops or ga.tournament"),
+        Need(room, f"{config.algorithm.individuals} individuals", f"lower {key}.population or {key}.loops"),
         Need(home, "what the champion remembers", "lower scenario.paper_duration_s"),
     ]
 
@@ -108,19 +109,20 @@ def evolve_into(
         )
 
     run.left_behind = left_behind
-    with run, EvolutionProgress(config.ga.generations, quiet=quiet) as progress:
-        digest = _digest(run.path)
+    with run, EvolutionProgress(config.schedule.generations, quiet=quiet) as progress:
+        digest = _digest(run.path, _changeable(config))
         if after is not None and not _is_written(run, after):
             _write_generation(run, after, config)
         last = after.generation if after else None
         network = network_of(config)
         for generation in evolve(
-            config.ga,
+            config.algorithm,
             config.world,
             config.lifetime,
             config.seed,
             threads,
             after=last,
+            training=config.training,
             network=network,
             controller=config.controller,
         ):
@@ -144,9 +146,11 @@ def champion_of(last: Generation, config: EvolveConfig, seed: int, baseline: Bas
         robot=config.world.robot.name,
         lights=config.world.robot.lights,
         plan=plan_of(network, type(config.controller.rule)),
+        optimizer=config.algorithm.name,
+        training=config.training.name,
         baseline=baseline,
     )
-    return files.champion_file(genome, float(last.fitness.max()), config.world.experiment, seed, last.number)
+    return files.champion_file(genome, last.champion_fitness, config.world.experiment, seed, last.number)
 
 
 def _write_generation(run: RunFolder, state: Checkpoint, config: EvolveConfig) -> None:
@@ -180,49 +184,55 @@ def resume(arguments: list[str]) -> Path:
     told = runs.read(path)
     if told["verb"] != "evolve":
         raise ConfigError(f"resume={path} is a run of `epuckhebb {told['verb']}`; only evolutions can be resumed")
-    cfg = _changed(path, changes)
+    cfg = read_config(path / runs.CONFIG, "evolve")  # the checkpoint knows whether it may go on with it
+    changeable = _changeable(typed(cfg, EvolveConfig))
+    _change(cfg, path, changes, changeable)
     config = asked(cfg)
-    genes = plan_of(network_of(config), type(config.controller.rule)).genes
-    after = Checkpoint.read(path, config.ga.population, genes, _digest(path))
+    plan, generations = plan_of(network_of(config), type(config.controller.rule)), config.schedule.generations
+    after = Checkpoint.read(
+        path, plan.genes, lambda state: config.algorithm.search(plan, config.seed, state), _digest(path, changeable)
+    )
     done = after.generation.number + 1 if after else 0
-    if config.ga.generations < done:
-        raise ConfigError(
-            f"ga.generations must be {done} or more, the generations that {path} has, got {config.ga.generations}"
-        )
-    if config.ga.generations == done and told["status"]["state"] == "finished":
-        say(f"{path} has all of its {done} generations; ga.generations={2 * done} would add {done}.")
+    key = changeable[0]
+    if generations < done:
+        raise ConfigError(f"{key} must be {done} or more, the generations that {path} has, got {generations}")
+    if generations == done and told["status"]["state"] == "finished":
+        say(f"{path} has all of its {done} generations; {key}={2 * done} would add {done}.")
         return path
     if told["code"].get("science") != runs.science_version():
         say("The program has changed since this evolution began; it may end otherwise than one that never stopped.")
     run = RunFolder.going_on(path, "evolve", cfg, arguments, {"generations": done})
-    say(f"Going on after {done} of {config.ga.generations} generations.")
+    say(f"Going on after {done} of {generations} generations.")
     evolve_into(run, config, after, threads=thread_count(config.threads))
     return path
 
 
-def _digest(path: Path) -> str:
+def _changeable(config: EvolveConfig) -> tuple[str, str]:
+    """The keys that may be changed when an evolution goes on; the others would make it another one."""
+    return f"{config.algorithm.key}.generations", "threads"
+
+
+def _digest(path: Path, changeable: tuple[str, ...]) -> str:
     """A digest of the settings of a run that make it this evolution."""
     told = settings(path / runs.CONFIG)
-    for changeable in _CHANGEABLE:
-        group, _, key = changeable.rpartition(".")
+    for dotted in changeable:
+        group, _, key = dotted.rpartition(".")
         place = told.get(group) if group else told
         if isinstance(place, dict):
             place.pop(key, None)
     return hashlib.sha256(json.dumps(told, sort_keys=True, default=str).encode()).hexdigest()
 
 
-def _changed(path: Path, changes: list[str]) -> DictConfig:
-    """The configuration of the run, with what may be changed changed."""
-    cfg = read_config(path / runs.CONFIG, "evolve")  # the checkpoint knows whether it may go on with it
+def _change(cfg: DictConfig, path: Path, changes: list[str], changeable: tuple[str, ...]) -> None:
+    """Change what may be changed in the configuration of a run; all else would make it another evolution."""
     for change in changes:
         key, _, value = change.partition("=")
-        if key not in _CHANGEABLE:
+        if key not in changeable:
             raise ConfigError(
                 f"{change} cannot be given with {RESUME}: the evolution goes on with the settings in "
-                f"{path}/.hydra/config.yaml; only {' and '.join(_CHANGEABLE)} may be changed"
+                f"{path}/.hydra/config.yaml; only {' and '.join(changeable)} may be changed"
             )
         try:
-            OmegaConf.update(cfg, key, value)
-        except OmegaConfBaseException as error:
+            OmegaConf.update(cfg, key, yaml.safe_load(value))
+        except (yaml.YAMLError, OmegaConfBaseException) as error:
             raise ConfigError(hydra_bridge.explain(error)) from error
-    return cfg

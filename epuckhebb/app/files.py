@@ -5,10 +5,9 @@ Each is written as bytes, which a run folder puts in place whole; each is checke
 
 import hashlib
 import io
-import json
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -25,6 +24,7 @@ from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.machine import path_of
 from epuckhebb.evolution.evolve import Generation, history_row
+from epuckhebb.evolution.optimizer import State
 from epuckhebb.sim.adaptation.baseline import Baseline
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
 from epuckhebb.sim.lifetime import Samples, empty_samples
@@ -39,7 +39,14 @@ _BASELINE = "memory_"  # how the names of a baseline's arrays begin, in files si
 _OF_SEED = re.compile(rf"{REFERENCE}_\d+")
 _MOST = 64 * 2**20  # bytes of an array whose size nothing else tells; the weights of the largest network take 0.8 MB
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
-_KINDS = {"iu": "whole numbers", "f": "numbers", "fiu": "numbers", "U": "text"}  # of dtype, in words
+_KINDS = {
+    "iu": "whole numbers",
+    "f": "numbers",
+    "fiu": "numbers",
+    "U": "text",
+    "fiuU": "numbers or text",
+}  # of dtype, in words
+_OF_A_GENERATION = ("generation", "fitness", "success", "champion", "champion_fitness", "history", "settings")
 _Shape = Sequence[int | None]  # None where any length will do
 
 
@@ -54,6 +61,7 @@ class Genome:
         robot: The name of the robot that it was evolved for.
         lights: How many of its readings are of light; the others are of distance.
         plan: The parts of the genes; the weights come first.
+        optimizer, training: The names of what it was evolved by, and in which worlds; nothing if that is not known.
         baseline: What the champion remembers of its training world.
     """
 
@@ -63,6 +71,8 @@ class Genome:
     robot: str = EPUCK.name
     lights: int = EPUCK.lights
     plan: GenomePlan = field(default_factory=lambda: plan_of(PAPER_NETWORK))
+    optimizer: str = ""
+    training: str = ""
     baseline: Baseline | None = None
 
     @property
@@ -144,6 +154,8 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
         "lights": np.int64(genome.lights),
         "parts": np.array([part.name for part in genome.plan.parts]),
         "part_sizes": np.array([part.size for part in genome.plan.parts]),
+        "optimizer": np.str_(genome.optimizer),
+        "training": np.str_(genome.training),
     }
     if genome.baseline is not None:
         arrays |= {_BASELINE + key: np.asarray(value) for key, value in asdict(genome.baseline).items()}
@@ -170,28 +182,28 @@ class Checkpoint:
     def as_bytes(self, settings: str) -> bytes:
         """The content of `checkpoint.npz`; `settings` is a digest of those that make it this evolution."""
         last = self.generation
+        arrays: dict[str, Any] = last.state | {
+            "generation": np.int64(last.number),
+            "fitness": last.fitness,
+            "success": last.success,
+            "champion": last.champion,
+            "champion_fitness": np.float64(last.champion_fitness),
+            "history": np.str_(self.history),
+        }
         buffer = io.BytesIO()
-        np.savez(
-            buffer,
-            generation=np.int64(last.number),
-            population=last.population,
-            fitness=last.fitness,
-            success=last.success,
-            champion=last.champion,
-            rng_state=np.str_(json.dumps(last.rng_state)),
-            history=np.str_(self.history),
-            settings=np.str_(settings),
-        )
+        arrays["settings"] = np.str_(settings)
+        np.savez(buffer, **arrays)
         return buffer.getvalue()
 
     @classmethod
-    def read(cls, run: Path, population: int, genes: int, settings: str) -> "Checkpoint | None":
+    def read(cls, run: Path, genes: int, go_on: Callable[[State], object], settings: str) -> "Checkpoint | None":
         """Read the checkpoint in a run folder; there is none if its first generation never ended.
 
         Args:
             run: The folder.
-            population: The number of individuals that the checkpoint must hold.
-            genes: The number of genes that each must have.
+            genes: The number of genes that each individual must have.
+            go_on: A function that goes on from the state of a search, or says what is wrong with it: a ValueError, or a
+                KeyError.
             settings: The digest that the checkpoint must have; those of version 0.1 have none.
 
         Raises:
@@ -203,28 +215,28 @@ class Checkpoint:
         with _told(f"{path} cannot be read as a checkpoint of this run's configuration"):
             held = _Arrays(runs.content(run, CHECKPOINT))
             known = held.text("settings") if "settings" in held else settings
+            history, fitness = held.text("history"), held.take("fitness", "f", (None,))
+            is_earlier = "champion_fitness" not in held  # of version 0.1
             generation = Generation(
                 number=int(held.take("generation", "iu", ())),
-                fitness=held.take("fitness", "f", (population,)),
-                success=held.take("success", "f", (population,)),
+                fitness=fitness,
+                success=held.take("success", "f", fitness.shape),
                 champion=held.take("champion", "f", (genes,)),
-                population=held.take("population", "f", (population, genes)),
-                rng_state=json.loads(held.text("rng_state")),
+                champion_fitness=float(fitness.max() if is_earlier else held.take("champion_fitness", "f", ())),
+                state={name: held.take(name, "fiuU") for name in held.names if name not in _OF_A_GENERATION},
                 robot_steps=0,
                 seconds=0.0,
             )
-            history = held.text("history")
-            generator: Any = np.random.PCG64()
-            generator.state = generation.rng_state  # it refuses what is none
-            for name in ("fitness", "success", "champion", "population"):
+            for name in ("fitness", "success", "champion", "champion_fitness"):
                 if not np.isfinite(getattr(generation, name)).all():
                     raise ValueError(f"{name} must hold finite numbers")
             if len(formats.table(history.encode(), path, formats.HISTORY)) != generation.number + 1:
                 raise ValueError(f"its history is not of {generation.number + 1} generations")
+            go_on(generation.state)
         if known != settings:
             raise ConfigError(
                 f"{run}/.hydra/config.yaml is not what this evolution began with, and to go on with it would make a "
-                f"hybrid: put it back as it was. ga.generations and threads may be changed"
+                f"hybrid: put it back as it was. The number of generations and threads may be changed"
             )
         return cls(generation, history)
 
@@ -318,8 +330,9 @@ class _Arrays:
             count = math.prod(found)
             if count * dtype.itemsize != size - file.tell():
                 raise ValueError(f"{name} is damaged: its shape is {found}, and it has {size} bytes")
-            if size > _MOST and (shape is None or None in shape or dtype.kind == "U"):
-                raise ValueError(f"{name} takes {size} bytes; at most {_MOST} are read")
+            most = max(_MOST, len(self._content))  # or what is there as it is, not packed
+            if size > most and (shape is None or None in shape or dtype.kind == "U"):
+                raise ValueError(f"{name} takes {size} bytes; at most {most} are read")
             numbers = np.frombuffer(file.read(), dtype, count)
         own: NDArray[Any] = numbers.reshape(found, order="F" if is_fortran else "C").astype(dtype.newbyteorder("="))
         return own
@@ -373,7 +386,7 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
             raise ValueError(f"it has {path.stat().st_size} bytes; at most {_MOST} are read")
         held = _Arrays(runs.content(path.parent, path.name))
         own = held.layers()
-        texts = {name: held.text(name) for name in ("robot", "experiment") if name in held}
+        texts = {name: held.text(name) for name in ("robot", "experiment", "optimizer", "training") if name in held}
         lights = int(held.take("lights", "iu", ())) if "lights" in held else EPUCK.lights
         parts = None
         if "parts" in held and "part_sizes" in held:
@@ -408,6 +421,8 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
         robot=texts.get("robot", EPUCK.name),
         lights=lights,
         plan=plan,
+        optimizer=texts.get("optimizer", ""),
+        training=texts.get("training", ""),
         baseline=_baseline(held, path, network.inputs),
     )
 

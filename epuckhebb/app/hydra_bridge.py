@@ -36,6 +36,7 @@ from epuckhebb.app.data import data_folder, groups
 from epuckhebb.app.errors import ConfigError, JobFailedError, end_with
 from epuckhebb.app.machine import path_of
 from epuckhebb.app.named import NAMED, completed, world_name
+from epuckhebb.app.parts import GENETIC, not_its_settings
 
 IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
 _STAMP = "EPUCKHEBB_STAMP"  # environment variable that conf/ names run folders with
@@ -264,7 +265,9 @@ def alternatives(overrides: list[str]) -> dict[str, list[str]]:
 
 
 def check_words(verb: str, words: list[str]) -> None:
-    """Refuse what is no text, a group that is given something else than a name, and `changed`.
+    """Refuse what is no text, `changed`, and what Hydra ends with a traceback.
+
+    That is a group that is given something else than a name, and settings of the GA for another optimizer.
 
     Raises:
         ConfigError: There is such a word; the message says what is allowed.
@@ -280,8 +283,11 @@ def check_words(verb: str, words: list[str]) -> None:
     except HydraException:
         return  # Hydra will say what is wrong with it
     known = groups(verb)
+    optimizer = next((one.value() for one in reversed(overrides) if one.key_or_group == "optimizer"), GENETIC)
     for override in overrides:
         key = override.key_or_group
+        if key.partition(".")[0] == GENETIC and isinstance(optimizer, str) and optimizer != GENETIC:
+            raise not_its_settings(optimizer)
         if key == "changed":
             raise ConfigError("changed is filled in by the program, with what differs from the named scenario")
         value = None if override.is_sweep_override() else override.value()

@@ -19,12 +19,13 @@ from epuckhebb.app.config import ScenarioConfig, literal
 from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.parts import NONE, rule_class, rule_file, scenario_from
+from epuckhebb.evolution.training import Training
 from epuckhebb.sim.maze import T_MAZE, Maze, maze_from
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import Scenario
 
-NAMED = ("maze", "robot", "scenario", "hebbian", "adaptation", "compare", "changed")  # all that this file fills in
-_GROUPS = ("maze", "robot", "scenario", "hebbian")
+_GROUPS = ("maze", "robot", "scenario", "hebbian", "training")
+NAMED = (*_GROUPS, "adaptation", "compare", "changed")  # all that this file fills in
 _BRINGS = "override /maze@_global_.maze"  # in the defaults of a scenario that has a maze of its own
 _LONGEST = 80  # characters of a world in the name of a folder
 
@@ -48,6 +49,8 @@ def completed(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Pat
                 cfg[group].name = choices.get(group) or ""
         if "adaptation" in cfg and cfg.adaptation.name == NONE and cfg.adaptation.change_signal != NONE:
             cfg.adaptation.name = choices.get("adaptation") or NONE
+        if "training" in cfg and _is_changed(cfg.training, str(choices.get("training")), folders):
+            cfg.training.name += " changed"
         _own_rules(cfg, str(choices.get("hebbian")), folders)
         for name, settings in (cfg.get("compare") or {}).items():
             if isinstance(settings, DictConfig) and isinstance(settings.get("adaptation"), str):
@@ -67,6 +70,14 @@ def world_name(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Pa
         return str(choices.get("scenario"))
     told = [str(known.scenario.name), *(str(known.changed).split(", ") if known.changed else [])]
     return "+".join(re.sub(r"[^\w.]+", "-", part) for part in told)[:_LONGEST].rstrip("+-")
+
+
+def _is_changed(training: DictConfig, choice: str, folders: Sequence[Path]) -> bool:
+    """Whether the training that a file describes was given other values."""
+    found = _file("training", choice, folders)
+    if found is None or training.name != choice:
+        return False
+    return bool(OmegaConf.merge(OmegaConf.structured(Training(name=choice)), found) != training)
 
 
 def _own_rules(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> None:

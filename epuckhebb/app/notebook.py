@@ -45,11 +45,12 @@ def evolve(overrides: list[str]) -> tuple[NDArray[np.float64], pd.DataFrame]:
     require(evolve_needs(config, network))
     lived = list(
         generations(
-            config.ga,
+            config.algorithm,
             config.world,
             config.lifetime,
             config.seed,
             thread_count(config.threads),
+            training=config.training,
             network=network,
             controller=config.controller,
         )

@@ -11,6 +11,7 @@ import importlib.util
 import math
 import pkgutil
 import sys
+import types
 import typing
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
@@ -20,6 +21,8 @@ from typing import Any
 
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.machine import Need, path_of, require
+from epuckhebb.evolution import optimizers
+from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.sim import plasticity
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
@@ -34,6 +37,7 @@ from epuckhebb.sim.robot import Robot, robot_from
 from epuckhebb.sim.scenario import Scenario
 
 NONE = "none"
+GENETIC = "ga"  # the optimizer whose settings are a group of their own
 _NOT_RULES = ("control", "rule", "update", "weight_change")  # the other files beside the rules
 
 
@@ -62,12 +66,26 @@ def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
             )
         return NO_RULE
     kind = rule_class(str(where), key)
+    try:
+        return kind(**_settings(kind, given, key, f"rule {where}"))
+    except ConfigError:
+        raise
+    except ValueError as error:
+        raise ConfigError(str(error).replace("hebbian.", f"{key}.", 1)) from error
+
+
+def _settings(kind: Any, given: Mapping[str, Any], key: str, told: str) -> dict[str, Any]:
+    """The settings that are given below a key, as the dataclass of a part declares them.
+
+    Raises:
+        ConfigError: The part, told as this, has no such setting, or lacks one, or a value is of another type.
+    """
     known = {field.name: field for field in fields(kind)}
     hints = typing.get_type_hints(kind)
     values = {}
     for name, value in given.items():
         if name not in known:
-            raise ConfigError(f"{key}.{name} is not a setting of rule {where}; {_near(name, known)}")
+            raise ConfigError(f"{key}.{name} is not a setting of {told}; {_near(name, known)}")
         values[name] = _as_declared(value, hints[name], f"{key}.{name}")
     missing = [
         name
@@ -75,11 +93,8 @@ def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
         if name not in values and field.default is MISSING and field.default_factory is MISSING
     ]
     if missing:
-        raise ConfigError(f"{key}.{missing[0]} is missing: rule {where} has no default for it")
-    try:
-        return kind(**values)
-    except ValueError as error:
-        raise ConfigError(str(error).replace("hebbian.", f"{key}.", 1)) from error
+        raise ConfigError(f"{key}.{missing[0]} is missing: {told} has no default for it")
+    return values
 
 
 def rule_class(where: str, key: str) -> type[Rule]:
@@ -167,6 +182,10 @@ def _as_declared(value: Any, kind: Any, key: str) -> Any:
         if name not in names:
             raise ConfigError(f"{key} must be one of {', '.join(names)}, got {value!r}")
         return kind[name]
+    if isinstance(kind, types.UnionType):  # a type, or nothing
+        if value is None:
+            return None
+        kind = next(one for one in typing.get_args(kind) if one is not types.NoneType)
     if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     if kind in (int, bool, str) and type(value) is kind:
@@ -178,6 +197,53 @@ def _as_declared(value: Any, kind: Any, key: str) -> Any:
 def _near(name: str, known: Mapping[str, object]) -> str:
     near = difflib.get_close_matches(name, known, n=1)
     return f"did you mean {near[0]}?" if near else f"it has {', '.join(known)}"
+
+
+def optimizer_names() -> list[str]:
+    """The optimizers that the program has."""
+    return sorted(module.name for module in pkgutil.iter_modules(optimizers.__path__))
+
+
+def optimizer_from(settings: Mapping[str, Any], ga: Optimizer | None) -> Optimizer:
+    """The optimizer that a part of the configuration describes.
+
+    Args:
+        settings: `algorithm`, the name of one, and its own settings, but for those of the genetic algorithm.
+        ga: The settings of the genetic algorithm, None for another optimizer.
+
+    Raises:
+        ConfigError: There is no such optimizer, it has no such setting, or a value cannot be used.
+    """
+    given = {name: value for name, value in settings.items() if name != "algorithm"}
+    algorithm = settings.get("algorithm")
+    if algorithm == GENETIC:
+        if given:
+            raise ConfigError(
+                f"optimizer.{next(iter(given))} does nothing with optimizer=ga, whose settings are ga.population, "
+                "ga.generations, ...; give one of these, or another optimizer"
+            )
+        if ga is None:
+            raise ConfigError("optimizer=ga needs settings: give ga=textbook or ga=as_coded")
+        return ga
+    if algorithm not in optimizer_names():
+        raise ConfigError(f"optimizer.algorithm must be one of {', '.join(optimizer_names())}, got {algorithm!r}")
+    if ga is not None:
+        raise not_its_settings(str(algorithm))
+    module = importlib.import_module(f"{optimizers.__name__}.{algorithm}")
+    kind: type[Optimizer] = next(
+        kind
+        for kind in vars(module).values()
+        if isinstance(kind, type) and issubclass(kind, Optimizer) and kind.__module__ == module.__name__
+    )
+    return kind(**_settings(kind, given, "optimizer", f"optimizer {algorithm}"))
+
+
+def not_its_settings(optimizer: str) -> ConfigError:
+    """The error of who gives settings of the genetic algorithm to another optimizer."""
+    return ConfigError(
+        f"ga and its keys are settings of optimizer=ga; those of optimizer={optimizer} are optimizer.population and so "
+        "on. Leave out ga, or give optimizer=ga"
+    )
 
 
 def controller_from(hebbian: Mapping[str, Any], adaptation: Adaptation, key: str = "hebbian") -> Controller:

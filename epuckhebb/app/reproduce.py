@@ -30,7 +30,6 @@ from epuckhebb.evolution.evolve import evolve, history_row, room_to_evolve
 from epuckhebb.sim.adaptation.baseline import remember
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK
-from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.study import figures, published, report, reproduction
@@ -121,7 +120,8 @@ def reproduce(experiment: str, overrides: list[str], *, quick: bool) -> Path:
 
 def _needs(config: ReproduceConfig, experiments: tuple[str, ...]) -> Iterator[Need]:
     """The memory that a reproduction takes."""
-    yield Need(room_to_evolve(config.ga, PAPER_NETWORK, NoRule), "a population", "lower ga.population or ga.loops")
+    room = room_to_evolve(config.ga.population, config.ga.loops, PAPER_NETWORK.synapses)
+    yield Need(room, "a population", "lower ga.population or ga.loops")
     for one in experiments:
         controllers = len(reproduction.controllers(one, config.rates, config.signal.of(one)))
         lives, _ = room_to_evaluate(controllers, Lifetime(), config.repeats, PAPER_NETWORK)

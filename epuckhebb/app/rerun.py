@@ -30,7 +30,7 @@ def rerun(path: Path) -> tuple[Path, str]:
         say("The program has changed since this run.")
     for name, number in runs.versions(runs.NUMERIC).items():
         before = told.get("packages", {}).get(name)
-        if before != number:
+        if before not in (None, number):
             say(f"{name} was {before} in this run, and is {number} now; digits may differ.")
     new = Path("runs") / verb / f"{new_stamp()}_rerun_of_{path.resolve().name}"
     cfg = stored(path, verb)

@@ -35,8 +35,8 @@ from epuckhebb.app.formats import Columns, Provenance, Status, record
 SCHEMA = 1  # of provenance.json and status.json
 UNFINISHED = "unfinished"  # folder of a study, in which each attempt at a run has a folder of its own
 _PACKAGE = Path(__file__).resolve().parents[1]
-NUMERIC = ("numba", "numpy", "pymunk")  # the packages on which digits may depend
-_PACKAGES = ("epuckhebb", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
+NUMERIC = ("cmaes", "numba", "numpy", "pymunk")  # the packages on which digits may depend
+_PACKAGES = ("epuckhebb", "cmaes", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
 _STATUS, _PROVENANCE = "status.json", "provenance.json"
 _LOCK = ".epuckhebb.lock"  # there while a process is at work in the folder, or after one that was killed
 _PATIENCE_S = 1.0  # with who holds a folder for the moment in which it is looked whether it is held

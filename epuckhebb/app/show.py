@@ -185,7 +185,7 @@ def _results(path: Path, console: Console) -> None:
         last = history.iloc[-1]
         console.print(
             f"{len(history)} generations: best fitness {history.best_fitness.iloc[0]:.3f} → {last.best_fitness:.3f}, "
-            f"mean {history.mean_fitness.iloc[0]:.3f} → {last.mean_fitness:.3f}; the champion reached its goal in "
+            f"mean {history.mean_fitness.iloc[0]:.3f} → {last.mean_fitness:.3f}; the fittest reached its goal in "
             f"{100 * last.best_success:.0f} % of its training lifetimes.",
             highlight=False,
         )
@@ -194,6 +194,8 @@ def _results(path: Path, console: Console) -> None:
 def _tell_genome(genome: Genome, console: Console) -> None:
     """What a champion is made of, and what it remembers of its training world."""
     _line(console, f"Genome: {genome.plan.told()}; network {genome.network}; robot {genome.robot}")
+    if genome.optimizer:
+        _line(console, f"Evolved by {genome.optimizer}, in training worlds {genome.training}")
     baseline = genome.baseline
     if baseline is None:
         return

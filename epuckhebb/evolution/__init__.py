@@ -1,1 +1,1 @@
-"""The genetic algorithm: how genomes are varied and selected (`ga`) and the loop that evolves them (`evolve`)."""
+"""How controllers are evolved: optimizers, which say who lives next, and the loop in which they live (`evolve`)."""

@@ -1,4 +1,4 @@
-"""The generation loop: everyone lives, the fittest have offspring. A generator that can be stopped and continued.
+"""The generation loop: who is asked for lives, and how well they did is told. It can be stopped and continued.
 
 `evolve` yields after each generation all that is needed to go on from there; continued from that, it yields the same
 bits as if it had never stopped.
@@ -7,25 +7,26 @@ bits as if it had never stopped.
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from itertools import groupby
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.evolution.ga import GA, initial, next_generation
+from epuckhebb.evolution.optimizer import Optimizer, State
+from epuckhebb.evolution.training import HOME, Training, World
 from epuckhebb.sim import random
-from epuckhebb.sim.block import Individual, live_block
+from epuckhebb.sim.block import Individual, Outcome, live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.maze import SIDES, Pose
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.plasticity.control import signs
-from epuckhebb.sim.plasticity.rule import Rule
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.scenario import Scenario
 
-_START_SPREAD = np.array([0.005, 0.010, 0.1])  # m, m, rad at ga.start_noise = 1
+_START_SPREAD = np.array([0.005, 0.010, 0.1])  # m, m, rad at a start noise of 1
 _COPIES, _LIFE_BYTES = 4.0, 1000.0  # of the genes of an individual; of one who shall live, and how it went
 _TRIALS = tuple(reversed(SIDES))  # lamp on (right) first, as in the published program
 
@@ -34,100 +35,137 @@ _TRIALS = tuple(reversed(SIDES))  # lamp on (right) first, as in the published p
 class Generation:
     """One generation, and where to go on.
 
-    number: from 0. fitness: (population,). success: (population,) share of each one's lifetimes that ended at the
-    goal. champion: (genes,) the fittest. population: (population, genes) the next generation, as yet unborn. rng_state:
-    of the generator that will vary it. robot_steps, seconds: what it cost.
+    number: from 0. fitness: (individuals,). success: (individuals,) share of each one's lifetimes that ended at the
+    goal. champion: (genes,) the fittest; after the last generation, the one that the optimizer's candidates came down
+    to. champion_fitness: what it was chosen by. state: of the search, after this generation. robot_steps, seconds: what
+    it cost.
     """
 
     number: int
     fitness: NDArray[np.float64]
     success: NDArray[np.float64]
     champion: NDArray[np.float64]
-    population: NDArray[np.float64]
-    rng_state: dict[str, Any]
+    champion_fitness: float
+    state: State
     robot_steps: int
     seconds: float
 
 
 def evolve(
-    ga: GA,
+    optimizer: Optimizer,
     scenario: Scenario,
     lifetime: Lifetime,
     seed: int,
     threads: int = 1,
     after: Generation | None = None,
     *,
+    training: Training = HOME,
     network: Network = PAPER_NETWORK,
     controller: Controller = GA_ALONE,
 ) -> Iterator[Generation]:
     """Evolve controllers in a scenario; yields one record a generation.
 
-    after: the last record of an earlier, unfinished evolution with the same arguments, to go on from. network: what is
-    evolved. controller: what drives the robots besides their genes; with a plasticity rule they learn while they are
-    judged, and what of the rule is evolved is part of the genome.
+    after: the last record of an earlier, unfinished evolution with the same arguments, to go on from. training: in
+    which worlds they are judged, the scenario itself or others around it. network: what is evolved. controller: what
+    drives the robots besides their genes; with a plasticity rule they learn while they are judged, and what of the rule
+    is evolved is part of the genome.
 
     Raises:
-        ValueError: network, robot and rule do not fit each other.
+        ValueError: network, robot and rule, or scenario and training, do not fit each other.
         LostRobotError: a pose or a weight stopped being finite.
     """
-    plan = plan_of(network, type(controller.rule))
-    rng = random.rng(seed, Stream.variation)
-    if after is None:
-        first, population = 0, initial(rng, ga.population, plan)
-    else:
-        first, population = after.number + 1, after.population
-        rng.bit_generator.state = after.rng_state
-    for number in range(first, ga.generations):
+    generations, loops = optimizer.schedule(training, lifetime)
+    training.check(scenario, lifetime, loops)
+    judge = _Judge(optimizer, loops, scenario, lifetime, training, seed, network, controller, threads)
+    search = optimizer.search(plan_of(network, type(controller.rule)), seed, None if after is None else after.state)
+    for number in range(0 if after is None else after.number + 1, generations):
         began = time.perf_counter()
-        individuals = list(_individuals(population, number, ga, scenario, seed, network, controller))
-        outcomes = [outcome for outcome, _ in live_block(individuals, scenario, lifetime, threads)]
-        shape = (len(population), -1)
-        fitness = np.array([outcome.fitness for outcome in outcomes]).reshape(shape).mean(axis=1)
-        success = np.array([outcome.success for outcome in outcomes], float).reshape(shape).mean(axis=1)
-        offspring = next_generation(rng, population, fitness, ga, plan)
+        population = search.ask()
+        fitness, success, robot_steps = judge.of(population, number)
+        search.tell(fitness)
+        best = int(np.argmax(fitness))
+        champion, champion_fitness = population[best], float(fitness[best])
+        candidates = search.candidates()
+        if number == generations - 1 and len(candidates) > 1:
+            # The generations that nobody will have lived are fresh. Their steps are in no row of the history: a row
+            # must not depend on whether it is the last.
+            rounds = -(-optimizer.confirm // (loops * len(_TRIALS)))
+            fresh = [judge.of(candidates, generations + k)[0] for k in range(rounds)]
+            confirmed = np.mean(fresh, axis=0)
+            champion, champion_fitness = candidates[np.argmax(confirmed)], float(confirmed.max())
         yield Generation(
             number=number,
             fitness=fitness,
             success=success,
-            champion=population[np.argmax(fitness)].copy(),
-            population=offspring,
-            rng_state=dict(rng.bit_generator.state),
-            robot_steps=len(individuals) * lifetime.steps,
+            champion=champion.copy(),
+            champion_fitness=champion_fitness,
+            state=search.state,
+            robot_steps=robot_steps,
             seconds=time.perf_counter() - began,
         )
-        population = offspring
 
 
-def room_to_evolve(ga: GA, network: Network, rule: type[Rule]) -> float:
+def room_to_evolve(individuals: int, loops: int, genes: int) -> float:
     """How many bytes of memory a generation takes, about."""
-    each = _COPIES * np.dtype(float).itemsize * plan_of(network, rule).genes + len(SIDES) * ga.loops * _LIFE_BYTES
-    return ga.population * each + np.dtype(float).itemsize * ga.tournament
+    return individuals * (_COPIES * np.dtype(float).itemsize * genes + len(SIDES) * loops * _LIFE_BYTES)
 
 
-def _individuals(
-    population: NDArray[np.float64],
-    generation: int,
-    ga: GA,
-    scenario: Scenario,
-    seed: int,
-    network: Network,
-    controller: Controller,
-) -> Iterator[Individual]:
-    """Who lives in a generation: each individual, `ga.loops` times on either side."""
-    of_updates = signs(controller.rule.sign, network.synapses, random.rng(seed, Stream.shuffled_signs))
-    for individual, genes in enumerate(population):
-        for loop in range(ga.loops):
-            for side in _TRIALS:
-                place = (generation, individual, loop, SIDES.index(side))
-                yield Individual(
-                    genes=genes,
-                    network=network,
-                    side=side,
-                    controller=controller,
-                    signs=of_updates,
-                    key=random.key(seed, Stream.training_noise, *place),
-                    start=_start(scenario.maze.start, ga.start_noise, seed, place),
-                )
+class _Judge(NamedTuple):
+    """Who lets individuals live, and says how well they did."""
+
+    optimizer: Optimizer
+    loops: int
+    home: Scenario
+    lifetime: Lifetime
+    training: Training
+    seed: int
+    network: Network
+    controller: Controller
+    threads: int
+
+    def of(
+        self, population: NDArray[np.float64], generation: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+        """Fitness and success of each individual, (individuals,), as means over its lifetimes; and the robot-steps."""
+        worlds = self.training.worlds(self.home, self.lifetime, self.loops, self.seed, generation)
+        fitness = np.empty((len(population), self.loops, len(_TRIALS)))
+        success = np.empty_like(fitness)
+        robot_steps = 0
+        for world, together in groupby(range(self.loops), key=worlds.__getitem__):
+            loops = list(together)
+            individuals = list(self._individuals(population, generation, loops, world))
+            outcomes = [outcome for outcome, _ in live_block(individuals, world.scenario, world.lifetime, self.threads)]
+            judged = np.array([(self._fitness(outcome), outcome.success) for outcome in outcomes])
+            fitness[:, loops], success[:, loops] = judged.T.reshape(2, len(population), len(loops), len(_TRIALS))
+            robot_steps += len(individuals) * world.lifetime.steps
+        rows = len(population), -1
+        return fitness.reshape(rows).mean(axis=1), success.reshape(rows).mean(axis=1), robot_steps
+
+    def _fitness(self, outcome: Outcome) -> float:
+        return outcome.fitness + self.training.success_bonus * outcome.success
+
+    def _individuals(
+        self, population: NDArray[np.float64], generation: int, loops: list[int], world: World
+    ) -> Iterator[Individual]:
+        """Who lives in these loops of a generation, which are in one world: each individual, on either side."""
+        of_updates = signs(
+            self.controller.rule.sign, self.network.synapses, random.rng(self.seed, Stream.shuffled_signs)
+        )
+        noise = max(self.optimizer.start_noise, world.start_noise)
+        for individual, genes in enumerate(population):
+            hears = 0 if self.optimizer.common_random_numbers else individual
+            for loop in loops:
+                for side in _TRIALS:
+                    place = (generation, hears, loop, SIDES.index(side))
+                    yield Individual(
+                        genes=genes,
+                        network=self.network,
+                        side=side,
+                        controller=self.controller,
+                        signs=of_updates,
+                        key=random.key(self.seed, Stream.training_noise, *place),
+                        start=_start(world.scenario.maze.start, noise, self.seed, place),
+                    )
 
 
 def _start(start: Pose, noise: float, seed: int, place: tuple[int, ...]) -> Pose:

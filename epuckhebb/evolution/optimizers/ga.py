@@ -1,17 +1,24 @@
-"""The genetic algorithm as pure functions of a random generator: same generator, same offspring.
+"""The genetic algorithm: pure functions of a random generator (same generator, same offspring), and their search.
 
 Two presets differ in numbers only (`conf/ga/`): `textbook`, what the paper says with the usual choices where it is
 silent, and `as_coded`, what its published program does.
 """
 
+import json
 import math
 from dataclasses import dataclass
 from enum import Enum
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.evolution.optimizer import Optimizer, Schedule, Search, State, initial, limits
+from epuckhebb.evolution.training import Training
+from epuckhebb.sim import random
 from epuckhebb.sim.genome import GenomePlan
+from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.random import Stream
 
 
 class Selection(Enum):
@@ -29,7 +36,7 @@ class Crossover(Enum):
 
 
 @dataclass(kw_only=True)
-class GA:
+class GA(Optimizer):
     """A genetic algorithm.
 
     population, generations, elites: as in the paper. loops: how often an individual lives a lamp-on and a lamp-off
@@ -41,6 +48,8 @@ class GA:
     Raises:
         ValueError: a value is outside the range named in the message.
     """
+
+    key: ClassVar[str] = "ga"
 
     population: int = 50
     generations: int = 30
@@ -71,12 +80,55 @@ class GA:
         if not (math.isfinite(self.start_noise) and self.start_noise >= 0):
             raise ValueError(f"ga.start_noise must be 0 or more, got {self.start_noise}")
 
+    @property
+    def individuals(self) -> int:
+        """How many live in the largest generation."""
+        return self.population
 
-def initial(rng: np.random.Generator, population: int, plan: GenomePlan) -> NDArray[np.float64]:
-    """The first generation: (population, genes), each part uniform in its +-start; weights in [-1, 1]."""
-    return np.concatenate(
-        [rng.uniform(-part.start, part.start, (population, part.size)) for part in plan.parts], axis=1
-    )
+    def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:  # noqa: ARG002
+        """As it is set, in whatever worlds."""
+        return Schedule(self.generations, self.loops)
+
+    def search(self, plan: GenomePlan, seed: int, state: State | None = None) -> "GASearch":
+        """See `Optimizer`."""
+        return GASearch(self, plan, seed, state)
+
+
+class GASearch(Search):
+    """A genetic algorithm at work. Between two generations, the offspring of the last are there already."""
+
+    def __init__(self, ga: GA, plan: GenomePlan, seed: int, state: State | None) -> None:
+        self._ga, self._plan = ga, plan
+        self._rng = random.rng(seed, Stream.variation)
+        if state is None:
+            self._population = initial(self._rng, ga.population, plan)
+        else:
+            self._population = state["population"]
+            self._rng.bit_generator.state = json.loads(str(state["rng_state"]))
+            if self._population.shape != (ga.population, plan.genes):
+                raise ValueError(
+                    f"it holds a population of shape {self._population.shape}, the configuration asks for "
+                    f"({ga.population}, {plan.genes})"
+                )
+        self._fittest = self._population[:1]
+
+    def ask(self) -> NDArray[np.float64]:
+        """The population."""
+        return self._population
+
+    def tell(self, fitness: NDArray[np.float64]) -> None:
+        """Let the fittest have offspring."""
+        self._fittest = self._population[[np.argmax(fitness)]]
+        self._population = next_generation(self._rng, self._population, fitness, self._ga, self._plan)
+
+    def candidates(self) -> NDArray[np.float64]:
+        """The fittest alone: its fitness is taken at its word, as in the paper."""
+        return self._fittest
+
+    @property
+    def state(self) -> State:
+        """The population that is to live next, and the state of the generator that will vary it."""
+        return {"population": self._population, "rng_state": np.array(json.dumps(self._rng.bit_generator.state))}
 
 
 def next_generation(
@@ -90,7 +142,7 @@ def next_generation(
 
     population: (population, genes). fitness: (population,), the more the better. Returns (population, genes).
     """
-    limit = limits(ga, plan)
+    limit = limits(plan, ga.gene_limit)
     ranked = population[np.argsort(-fitness, kind="stable")]
     offspring = ranked.copy()
     for slot in range(ga.elites, len(ranked)):
@@ -98,13 +150,6 @@ def next_generation(
             mother, father = select(rng, ranked, ga), select(rng, ranked, ga)
             offspring[slot] = mutate(rng, crossover(rng, mother, father, ga), ga, limit)
     return offspring
-
-
-def limits(ga: GA, plan: GenomePlan) -> NDArray[np.float64]:
-    """The bound of each gene, (genes,): of its part, or `ga.gene_limit`."""
-    return np.concatenate(
-        [np.full(part.size, ga.gene_limit if part.limit is None else part.limit) for part in plan.parts]
-    )
 
 
 def select(rng: np.random.Generator, ranked: NDArray[np.float64], ga: GA) -> NDArray[np.float64]:

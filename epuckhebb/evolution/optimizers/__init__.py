@@ -1,0 +1,1 @@
+"""How genomes are sought, one optimizer a file; see `epuckhebb.evolution.optimizer`."""

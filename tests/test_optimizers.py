@@ -1,0 +1,238 @@
+"""Optimizers behind one interface: each can be stopped and continued, and keeps within limits."""
+
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cmaes import SepCMA
+from typer.testing import CliRunner
+
+import epuckhebb
+from epuckhebb.app.cli import app
+from epuckhebb.app.config import EvolveConfig, typed
+from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.app.parts import optimizer_from, optimizer_names
+from epuckhebb.evolution.evolve import evolve
+from epuckhebb.evolution.optimizers import sep_cma_es
+from epuckhebb.evolution.optimizers.ga import GA
+from epuckhebb.evolution.optimizers.sep_cma_es import SepCmaEs
+from epuckhebb.evolution.training import HOME, Training
+from epuckhebb.sim.genome import GenomePlan, Part
+from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.scenario import Scenario
+
+PLAN = GenomePlan((Part("weights", 20), Part("rate", 3, start=0.5, limit=0.75), Part("fixed", 1, start=0.0)))
+SMALL = {
+    "ga": GA(population=6, elites=2, loops=1, generations=4),
+    "sep_cma_es": SepCmaEs(population=4, starts=5, generations=4, confirm=2),
+}
+TINY = ["optimizer=sep_cma_es", "optimizer.population=4", "optimizer.starts=3", "optimizer.confirm=2"]
+TINY += ["lifetime.duration_s=3", "threads=1", "-q"]
+HERE = Path(__file__).parent
+RESULTS = ("history.csv", "champion.npz", "checkpoint.npz")
+
+
+def call(*words):
+    return CliRunner().invoke(app, list(words))
+
+
+def same(one, other):
+    return all((Path(one) / name).read_bytes() == (Path(other) / name).read_bytes() for name in RESULTS)
+
+
+def through_a_file(state):
+    """The state as it comes back from a checkpoint."""
+    buffer = io.BytesIO()
+    np.savez(buffer, **state)
+    buffer.seek(0)
+    return dict(np.load(buffer, allow_pickle=False))
+
+
+def sphere(population):
+    """How near genomes are to 0.6 everywhere."""
+    return -((population - 0.6) ** 2).sum(axis=1)
+
+
+def generations(search, count):
+    for _ in range(count):
+        population = search.ask()
+        search.tell(sphere(population))
+    return population
+
+
+def test_every_optimizer_of_the_program_is_tested_here():
+    assert optimizer_names() == sorted(SMALL)
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_a_search_goes_on_from_its_state_to_the_same_bits(name):
+    whole = SMALL[name].search(PLAN, seed=5)
+    last = generations(whole, 7)
+    for done in (1, 2, 4):
+        begun = SMALL[name].search(PLAN, seed=5)
+        generations(begun, done)
+        state = through_a_file(begun.state)
+        generations(begun, 2)  # what goes on must not change what was stored
+        again = SMALL[name].search(PLAN, 5, state)
+        assert generations(again, 7 - done).tobytes() == last.tobytes()
+        assert again.state.keys() == whole.state.keys()
+        assert all(again.state[key].tobytes() == array.tobytes() for key, array in whole.state.items())
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_another_seed_is_another_search(name):
+    one, other = (generations(SMALL[name].search(PLAN, seed), 2) for seed in (1, 2))
+    assert (one != other).any()
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_genes_stay_within_the_limits_of_their_parts(name):
+    wide = {"ga": GA(mutation_range=9.0, mutation_rate=0.5), "sep_cma_es": SepCmaEs(sigma=4.0)}[name]
+    search = wide.search(PLAN, seed=1)
+    limit = np.repeat([wide.gene_limit, 0.75, wide.gene_limit], [20, 3, 1])
+    for _ in range(5):
+        population = search.ask()
+        search.tell(sphere(population))
+        assert (np.abs(population) <= limit).all()
+        assert (np.abs(search.candidates()) <= limit).all()
+    assert np.abs(population[:, 20:23]).max() == 0.75
+
+
+@pytest.mark.parametrize(("name", "spoilt"), [("ga", "population"), ("sep_cma_es", "mean"), ("sep_cma_es", "C")])
+def test_a_state_of_another_search_is_refused(name, spoilt):
+    search = SMALL[name].search(PLAN, seed=5)
+    generations(search, 2)
+    with pytest.raises(ValueError, match="shape"):
+        SMALL[name].search(PLAN, 5, search.state | {spoilt: np.zeros((6, 5))})
+    with pytest.raises(KeyError):
+        SMALL[name].search(PLAN, 5, {key: array for key, array in search.state.items() if key != spoilt})
+
+
+def test_sep_cma_es_begins_around_the_fittest_of_its_first_generation():
+    search = SMALL["sep_cma_es"].search(PLAN, seed=5)
+    population = search.ask()
+    assert population.shape == (5, 24)
+    fitness = np.array([0.0, 1.0, 3.0, 2.0, 0.0])
+    search.tell(fitness)
+    np.testing.assert_array_equal(search.candidates(), population[[2, 2, 3]])
+    assert search.ask().shape == (4, 24)
+
+
+def test_sep_cma_es_finds_what_there_is_to_find():
+    search = SepCmaEs(population=12).search(PLAN, seed=5)
+    generations(search, 150)
+    np.testing.assert_allclose(search.candidates()[0], 0.6, atol=0.02)
+
+
+def test_what_is_stored_of_a_search_is_all_that_the_library_changes():
+    """The library keeps it under private names; a new version of it must be looked at."""
+    search = SepCMA(mean=np.zeros(5), sigma=0.5, bounds=np.tile([-2.0, 2.0], (5, 1)), population_size=4, seed=1)
+    before = {name: np.copy(value) for name, value in vars(search).items() if name != "_rng"}
+    for _ in range(3):
+        search.tell([(genes, float(genes[0])) for genes in [search.ask() for _ in range(4)]])
+    changed = {name for name, value in before.items() if not np.array_equal(value, getattr(search, name))}
+    assert vars(search).keys() == before.keys() | {"_rng"}
+    unused = {"_funhist_values"}  # of `should_stop`, which nobody asks
+    assert changed - unused == set(sep_cma_es._KEPT)
+    assert search._D is None  # made anew from _C
+
+
+@pytest.mark.parametrize(
+    ("training", "generations"),
+    [(HOME, 148), (Training(light_share=0.5), 74), (Training(gain_rad_s=[1.5, 6.0]), 102)],
+)
+def test_sep_cma_es_takes_as_many_robot_steps_as_the_paper(training, generations):
+    life, paper, es = Lifetime(duration_s=60, gain_rad_s=4), GA(), SepCmaEs()
+    schedule = es.schedule(training, life)
+    assert schedule == (generations, training.loops)
+    lifetimes = (es.starts + (generations - 1) * es.population) * schedule.loops * 2 + 3 * es.confirm
+    share = lifetimes * training.stretch(life) / (paper.population * paper.generations * paper.loops * 2)
+    assert 0.985 < share <= 1
+    assert SepCmaEs(generations=7, loops=3).schedule(training, life) == (7, 3)
+
+
+def test_an_evolution_by_sep_cma_es_can_be_stopped_anywhere():
+    settings = {"training": Training(gain_rad_s=[3.0, 6.0], start_noise=1.0), "seed": 5}
+    life = Lifetime(duration_s=3, gain_rad_s=4)
+    whole = list(evolve(SMALL["sep_cma_es"], Scenario(), life, **settings))
+    resumed = list(evolve(SMALL["sep_cma_es"], Scenario(), life, after=whole[1], threads=2, **settings))
+    assert [one.fitness.size for one in whole] == [5, 4, 4, 4]
+    for one, other in zip(whole[2:], resumed, strict=True):
+        assert one.fitness.tobytes() == other.fitness.tobytes()
+        assert one.champion.tobytes() == other.champion.tobytes()
+        assert one.champion_fitness == other.champion_fitness
+
+
+def test_a_run_of_sep_cma_es_is_resumed_repeated_and_shown(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert call("evolve", *TINY, "optimizer.generations=3", "hydra.run.dir=whole").exit_code == 0
+    assert call("evolve", *TINY, "optimizer.generations=2", "hydra.run.dir=run").exit_code == 0
+    refused = call("evolve", "resume=run", "ga.generations=3")
+    assert refused.exit_code == 2
+    assert "only optimizer.generations and threads may be changed" in refused.stderr
+    assert "optimizer.generations must be 2 or more" in call("evolve", "resume=run", "optimizer.generations=1").stderr
+    assert call("evolve", "resume=run", "optimizer.generations=3", "-q").exit_code == 0
+    assert same("run", "whole")
+    assert call("rerun", "run", "-q").exit_code == 0
+    assert "Evolved by sep_cma_es, in training worlds home" in call("show", "run").stdout
+    with np.load("run/champion.npz") as champion, np.load("run/checkpoint.npz") as checkpoint:
+        assert (str(champion["optimizer"]), str(champion["training"])) == ("sep_cma_es", "home")
+        assert champion["fitness"] == checkpoint["champion_fitness"]
+    champion, history = epuckhebb.evolve(*TINY[:-1], "optimizer.generations=3")
+    np.testing.assert_array_equal(champion, epuckhebb.load("run"))
+    assert history.to_csv(index=False) == Path("run/history.csv").read_text()
+    Path("run/checkpoint.npz").write_bytes(Path("whole/checkpoint.npz").read_bytes()[:3000])
+    assert "checkpoint.npz" in call("evolve", "resume=run", "optimizer.generations=4").stderr
+
+
+def test_a_run_of_sep_cma_es_survives_kill_9(tmp_path):
+    assert call("evolve", *TINY, "optimizer.generations=3", f"hydra.run.dir={tmp_path / 'whole'}").exit_code == 0
+    words = ["evolve", *TINY, "optimizer.generations=3", "--", "9", "beside"]
+    done = subprocess.run(
+        [sys.executable, HERE / "killed.py", *words], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert same(tmp_path / "whole", tmp_path / "killed_9_beside")
+
+
+def test_a_multirun_may_vary_seed_and_training(tmp_path):
+    words = ["evolve", "-m", *TINY[:-1], "optimizer.generations=1", "training=home,gain_varied", "--json"]
+    result = call(*words, f"hydra.sweep.dir={tmp_path}")
+    assert result.exit_code == 0, result.output
+    steps = [run["history"][0]["robot_steps"] for run in json.loads(result.stdout)["runs"]]
+    assert steps[0] == 3 * 2 * 93 != steps[1]
+    refused = call("evolve", "-m", "optimizer=ga,sep_cma_es", "ga.population=8")
+    assert refused.exit_code == 2
+    assert "Leave out ga, or give optimizer=ga" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["optimizer=sep_cma_es", "ga.population=20"], "ga and its keys are settings of optimizer=ga"),
+        (["optimizer=sep_cma_es", "ga=as_coded"], "those of optimizer=sep_cma_es are optimizer.population"),
+        (["optimizer.algorithm=sep_cma_es"], "Leave out ga, or give optimizer=ga"),
+        (["optimizer.population=20"], "optimizer.population does nothing with optimizer=ga"),
+        (["optimizer.algorithm=other"], "optimizer.algorithm must be one of ga, sep_cma_es, got 'other'"),
+        (["optimizer=other"], "sep_cma_es"),
+        (["optimizer=sep_cma_es", "optimizer.elites=2"], "optimizer.elites is not a setting of optimizer sep_cma_es"),
+        (["optimizer=sep_cma_es", "optimizer.population=1"], "optimizer.population must be 4 or more, got 1"),
+        (["optimizer=sep_cma_es", "optimizer.sigma=0"], "optimizer.sigma must be more than 0, got 0"),
+        (["optimizer=sep_cma_es", "optimizer.generations=many"], "optimizer.generations must be a whole number"),
+        (["optimizer=sep_cma_es", "training=varied", "optimizer.loops=1"], "which are 1"),
+    ],
+)
+def test_an_optimizer_that_cannot_be_is_refused(overrides, message):
+    with pytest.raises(ConfigError) as told:
+        typed(composed("evolve", overrides), EvolveConfig)
+    assert message in str(told.value)
+
+
+def test_the_genetic_algorithm_needs_its_settings():
+    with pytest.raises(ConfigError, match="give ga=textbook or ga=as_coded"):
+        optimizer_from({"algorithm": "ga"}, None)

@@ -1,0 +1,185 @@
+"""The worlds of training: what is drawn, what never is, and what counts as fitness in them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from epuckhebb.app.config import EvolveConfig, typed
+from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.evolution.evolve import evolve
+from epuckhebb.evolution.optimizer import Optimizer, Schedule, Search
+from epuckhebb.evolution.training import HOME, Training
+from epuckhebb.sim import scenario
+from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.scenario import Scenario
+
+FAST = Lifetime(duration_s=60, gain_rad_s=4)
+
+
+def training(name):
+    return typed(composed("evolve", [f"training={name}", "ga.loops=3"]), EvolveConfig).training
+
+
+@pytest.fixture(scope="module")
+def varied():
+    """The varied worlds of a hundred generations with two loops each, as (generations, loops)."""
+    kind = training("varied")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scenario, "check_reachable", lambda *_: None)  # takes long, and is tested with the mazes
+        return [kind.worlds(Scenario(), FAST, 2, 1, generation) for generation in range(100)]
+
+
+@dataclass(kw_only=True)
+class Unmoved(Optimizer):
+    """An optimizer that asks for the same genomes in each generation, and has no preference in the end."""
+
+    genomes: np.ndarray
+    confirm: int = 1
+
+    def schedule(self, training, lifetime):
+        return Schedule(1, training.loops)
+
+    def search(self, plan, seed, state=None):
+        return UnmovedSearch(self.genomes)
+
+
+class UnmovedSearch(Search):
+    def __init__(self, genomes):
+        self.genomes = genomes
+
+    def ask(self):
+        return self.genomes
+
+    def tell(self, fitness):
+        self.fitness = fitness
+
+    def candidates(self):
+        return self.genomes
+
+    @property
+    def state(self):
+        return {}
+
+
+class Alike(Unmoved):
+    """The same with common random numbers."""
+
+    common_random_numbers = True
+
+
+def judged(optimizer, lifetime=FAST, **more):
+    return next(evolve(optimizer, Scenario(), lifetime, seed=1, **more))
+
+
+def test_at_home_all_is_as_it_is():
+    assert HOME.worlds(Scenario(), FAST, 2, 1, 7) == [(Scenario(), FAST, 0.0)] * 2
+    assert training("home") == HOME
+
+
+def test_worlds_of_training_are_never_those_of_tests(varied):
+    away = [loops[1].scenario for loops in varied]
+    assert all(loops[0] == (Scenario(), FAST, 0.0) for loops in varied)
+    assert {world.start_noise for _, world in varied} == {1.0}
+    assert {world.layout for world in away if world.obstacles} <= set(range(10, 60))
+    assert {world.obstacles for world in away} == {0, 2, 4}
+    assert {world.dead_sensors for world in away} == {(), *((k,) for k in range(1, 8))}
+    changed = {
+        "light": np.mean([world.light != 0.1 for world in away]),
+        "obstacles": np.mean([world.obstacles > 0 for world in away]),
+        "dead": np.mean([bool(world.dead_sensors) for world in away]),
+        "wheel": np.mean([world.left_wheel < 1 or world.right_wheel < 1 for world in away]),
+    }
+    assert changed == pytest.approx({"light": 0.7, "obstacles": 0.5, "dead": 0.25, "wheel": 0.3}, abs=0.12)
+    assert all(0.05 <= world.light <= 1.2 and min(world.left_wheel, world.right_wheel) >= 0.8 for world in away)
+    assert all(max(world.left_wheel, world.right_wheel) == 1 for world in away)
+
+
+def test_worlds_depend_on_seed_generation_and_loop_alone(varied):
+    kind = training("varied")
+    assert kind.worlds(Scenario(), FAST, 3, 1, 5)[:2] == varied[5]
+    assert kind.worlds(Scenario(), FAST, 2, 2, 5)[1] != varied[5][1]
+    without_light = replace(kind, light_share=0.0).worlds(Scenario(), FAST, 2, 1, 5)[1].scenario
+    assert without_light == replace(varied[5][1].scenario, light=0.1)
+
+
+def test_at_another_pace_a_lifetime_drives_as_far():
+    kind = training("gain_varied")
+    lived = [kind.worlds(Scenario(), FAST, 1, 1, generation)[0].lifetime for generation in range(400)]
+    gains = np.array([life.gain_rad_s for life in lived])
+    assert gains.min() >= 1.5
+    assert gains.max() <= 6.0
+    assert np.log(gains).mean() == pytest.approx(np.log(3), abs=0.05)
+    np.testing.assert_allclose([life.duration_s * life.gain_rad_s for life in lived], 240)
+    assert kind.stretch(FAST) == pytest.approx(np.mean([life.duration_s for life in lived]) / 60, rel=0.05)
+    assert kind.worlds(Scenario(), FAST, 3, 1, 5)[2].lifetime == lived[5]
+
+
+def test_starts_vary_only_in_varied_loops():
+    still, moved = np.zeros((1, 234)), Lifetime(duration_s=0.032, noise=0)
+    at_home = judged(Unmoved(genomes=still), moved)
+    away = judged(Unmoved(genomes=still), moved, training=Training(start_noise=1.0, home_loops=1))
+    only_away = judged(Unmoved(genomes=still), moved, training=Training(start_noise=1.0, home_loops=0))
+    assert at_home.robot_steps == only_away.robot_steps == 2
+    assert away.robot_steps == 4
+    assert away.fitness[0] == pytest.approx((at_home.fitness[0] + only_away.fitness[0]) / 2, abs=0.02)
+    assert at_home.fitness[0] != only_away.fitness[0]
+
+
+def test_a_bonus_is_paid_for_success_at_the_last_step(genomes):
+    both = Unmoved(genomes=np.stack([genomes[0], np.zeros(234)]))
+    plain, paid = judged(both), judged(both, training=Training(success_bonus=0.25))
+    assert plain.success.tolist() == [1.0, 0.0]
+    np.testing.assert_allclose(paid.fitness - plain.fitness, [0.25, 0.0], atol=1e-12)
+
+
+def test_with_common_random_numbers_only_genes_tell_individuals_apart(genomes):
+    twice = np.stack([genomes[0], genomes[0]])
+    short = Lifetime(duration_s=3, gain_rad_s=4)
+    for kind, count in ((Alike, 1), (Unmoved, 2)):
+        told = judged(kind(genomes=twice), short, training=Training(start_noise=1.0))
+        assert len(set(told.fitness.tolist())) == count
+
+
+def test_the_champion_is_who_does_best_in_fresh_lifetimes(genomes):
+    candidates = np.stack([np.zeros(234), genomes[0]])
+    told = judged(Alike(genomes=candidates))
+    np.testing.assert_array_equal(told.champion, genomes[0])
+    assert told.champion_fitness != told.fitness[1]
+    assert told.champion_fitness == pytest.approx(told.fitness[1], abs=0.1)
+    assert told.robot_steps == 2 * 2 * FAST.steps
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (
+            ["training.layouts=[1,59]"],
+            "training.layouts must be two numbers, the lesser first, 10 or more, got [1, 59]",
+        ),
+        (["training.light=[1.2,0.5]"], "training.light must be two numbers"),
+        (["training.wheel=[0.8,1.1]"], "from 0 to 1"),
+        (["training.light_share=2"], "training.light_share must lie in [0, 1], got 2"),
+        (["training.success_bonus=-1"], "training.success_bonus must be 0 or more, got -1"),
+        (["training.gain_rad_s=[1.5,7]"], "training.gain_rad_s must be at most 6.28"),
+        (["training.gain_rad_s=[0,4]"], "training.gain_rad_s must be two numbers"),
+        (["training.gain_rad_s=[1.5,6]", "scenario.changes=[{at_s: 50, light: 1.0}]"], "must come before 40 s"),
+        (["training=varied", "ga.loops=1"], "training.home_loops must be less than the loops of a generation"),
+        (["training=varied", "maze=double_t"], "no niches"),
+        (["training=other"], "gain_varied"),
+        (["training.lihgt=[0,1]"], "training.light"),
+    ],
+)
+def test_training_that_cannot_be_is_refused(overrides, message):
+    with pytest.raises(ConfigError) as told:
+        typed(composed("evolve", overrides), EvolveConfig)
+    assert message in str(told.value)
+
+
+def test_training_whose_values_are_not_its_files_says_so():
+    names = [
+        composed("evolve", ["ga.loops=2", *overrides]).training.name
+        for overrides in ([], ["training=varied"], ["training=varied", "training.light_share=0.1"])
+    ]
+    assert names == ["home", "varied", "varied changed"]
