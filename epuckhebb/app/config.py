@@ -21,7 +21,15 @@ from yaml import YAMLError
 
 from epuckhebb.app.earlier import of_today
 from epuckhebb.app.errors import ConfigError
-from epuckhebb.app.parts import check_pace, check_signal, compared, controller_from, network_for, scenario_from
+from epuckhebb.app.parts import (
+    check_pace,
+    check_self_check,
+    check_signal,
+    compared,
+    controller_from,
+    network_for,
+    scenario_from,
+)
 from epuckhebb.evolution.ga import GA
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.controller import GA_ALONE
@@ -127,6 +135,7 @@ class EvaluateConfig(WorldConfig):
             )
         for controller in self.controllers:
             check_signal(controller, self.world.robot)
+            check_self_check(controller.adaptation, self.world, self.lifetime)
 
 
 @dataclass(kw_only=True)

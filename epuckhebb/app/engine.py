@@ -162,6 +162,7 @@ def identity(cfg: DictConfig) -> str:
         "settings": settings(cfg),
         "genome": genome.sha256,
         "baseline": genome.baseline_sha256 if any(c.adaptation.needs_baseline for c in config.controllers) else "",
+        "self_memory": genome.self_memory_sha256 if any(c.adaptation.self_check for c in config.controllers) else "",
         "rules": {str(file): sha256_of(file) for file in own_rules(cfg)},
         "science": runs.science_version(),
         "packages": runs.versions(runs.NUMERIC),

@@ -20,6 +20,8 @@ from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.sim.adaptation.baseline import Baseline
+from epuckhebb.sim.adaptation.self_check.dance import STEPS
+from epuckhebb.sim.adaptation.self_check.memory import EFFECTS, SelfMemory
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
 from epuckhebb.sim.lifetime import Samples
 from epuckhebb.sim.network import PAPER_NETWORK, Network
@@ -28,7 +30,9 @@ from epuckhebb.study.evaluate import Traces
 
 REFERENCE = "reference"
 CHAMPION, CHECKPOINT, TRACES = "champion.npz", "checkpoint.npz", "traces.npz"
+FINDINGS = "findings.csv"
 _BASELINE = "memory_"  # how the names of a baseline's arrays begin, in files since version 0.1
+_SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
 _OF_SEED = re.compile(rf"{REFERENCE}_\d+")
 _UNREADABLE = (OSError, ValueError, KeyError, EOFError, BadZipFile)
 
@@ -45,6 +49,7 @@ class Genome:
         lights: How many of its readings are of light; the others are of distance.
         plan: The parts of the genes; the weights come first.
         baseline: What the champion remembers of its training world.
+        self_memory: What its self-check compares with.
     """
 
     genes: NDArray[np.float64]
@@ -54,6 +59,7 @@ class Genome:
     lights: int = EPUCK.lights
     plan: GenomePlan = field(default_factory=lambda: plan_of(PAPER_NETWORK))
     baseline: Baseline | None = None
+    self_memory: SelfMemory | None = None
 
     @property
     def weights(self) -> NDArray[np.float64]:
@@ -68,11 +74,20 @@ class Genome:
     @property
     def baseline_sha256(self) -> str:
         """SHA-256 of what the champion remembers; nothing if it remembers nothing."""
-        if self.baseline is None:
-            return ""
-        arrays = {name: np.asarray(value) for name, value in sorted(asdict(self.baseline).items())}
-        told = b"".join(name.encode() + array.tobytes() for name, array in arrays.items())
-        return hashlib.sha256(told).hexdigest()
+        return _sha256(self.baseline)
+
+    @property
+    def self_memory_sha256(self) -> str:
+        """SHA-256 of what the self-check compares with; nothing if there is nothing."""
+        return _sha256(self.self_memory)
+
+
+def _sha256(remembered: Baseline | SelfMemory | None) -> str:
+    if remembered is None:
+        return ""
+    arrays = {name: np.asarray(value) for name, value in sorted(asdict(remembered).items())}
+    told = b"".join(name.encode() + array.tobytes() for name, array in arrays.items())
+    return hashlib.sha256(told).hexdigest()
 
 
 def load_genome(where: str, experiment: str, layers: tuple[int, ...] | None = None) -> Genome:
@@ -137,6 +152,8 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
     }
     if genome.baseline is not None:
         arrays |= {_BASELINE + key: np.asarray(value) for key, value in asdict(genome.baseline).items()}
+    if genome.self_memory is not None:
+        arrays |= {_SELF_MEMORY + key: np.asarray(value) for key, value in asdict(genome.self_memory).items()}
     return _compressed(arrays)
 
 
@@ -295,6 +312,7 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
         lights=int(arrays.get("lights", EPUCK.lights)),
         plan=plan,
         baseline=_baseline(arrays, path, network.inputs),
+        self_memory=_self_memory(arrays, path, network.inputs),
     )
 
 
@@ -311,3 +329,24 @@ def _baseline(arrays: dict[str, NDArray[Any]], path: Path, inputs: int) -> Basel
         raise ConfigError(f"genome={path} holds a baseline of the training world that this program cannot read")
     values: dict[str, Any] = {key: value.item() if value.ndim == 0 else value for key, value in told.items()}
     return Baseline(**values)
+
+
+def _self_memory(arrays: dict[str, NDArray[Any]], path: Path, inputs: int) -> SelfMemory | None:
+    """What the self-check of a champion compares with, if it is in its file."""
+    told = {key.removeprefix(_SELF_MEMORY): value for key, value in arrays.items() if key.startswith(_SELF_MEMORY)}
+    if not told:
+        return None
+    steps = len(STEPS)
+    terms = 1 + inputs + inputs * (inputs + 1) // 2
+    shapes: dict[str, tuple[int, ...]] = {
+        "mean": (2, steps, inputs),
+        "spread": (steps, inputs),
+        "effects": (EFFECTS, steps, inputs),
+        "moments": (terms * (terms + 1) // 2,),
+    }
+    whole = told.keys() == {field.name for field in fields(SelfMemory)}
+    numbers = whole and all(told[key].shape == shape and told[key].dtype == np.float64 for key, shape in shapes.items())
+    if not (numbers and all(np.isfinite(told[key]).all() for key in shapes)):
+        raise ConfigError(f"genome={path} holds a memory of the self-check that this program cannot read")
+    values: dict[str, Any] = {key: value.item() if value.ndim == 0 else value for key, value in told.items()}
+    return SelfMemory(**values)

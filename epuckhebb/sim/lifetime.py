@@ -16,6 +16,7 @@ from epuckhebb.sim import fitness
 from epuckhebb.sim.adaptation import adaptation as over
 from epuckhebb.sim.adaptation.adaptation import AdaptationRoom, Gate, adaptation_room
 from epuckhebb.sim.adaptation.change_signal import BaselineOfSide
+from epuckhebb.sim.adaptation.self_check.corrections import Corrections
 from epuckhebb.sim.compiled import compiled, kernel
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
@@ -152,12 +153,24 @@ class Samples(NamedTuple):
     weights: NDArray[np.float32]
 
 
+class Danced(NamedTuple):
+    """What a robot did and felt while it danced before its life, to check itself.
+
+    poses: (steps + 1, 3) x, y [m], heading [rad]. speeds: (steps, 2) wheels as commanded [rad/s]. readings: (steps,
+    inputs) as sensed.
+    """
+
+    poses: NDArray[np.float64]
+    speeds: NDArray[np.float64]
+    readings: NDArray[np.float64]
+
+
 # The parts of a life, as the paper's robot without plasticity has them; `kernel_of` puts others in their place.
 WHEELS, HAS_RULE = PAPER_NETWORK.wheels, False
 sense, blind, nearest = senses(EPUCK), blinding(EPUCK), largest_distance_reading(EPUCK)
 draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
 learn = update_of(NoRule, PAPER_NETWORK)
-open_gate, explore = over.hooks(over.NONE, EPUCK)
+correct, open_gate, explore, compensate = over.hooks(over.NONE, EPUCK)
 
 
 def live(
@@ -192,6 +205,7 @@ def live(
             draw_noise(key, step, life.room.noise)
         sense(x, y, cos, sin, space.walls, lit, life.room.noise, noise_level, life.room.senses, activation)
         blind(activation, trial.dead_sensor)
+        correct(activation, life.over)
 
         # Act.
         forward(weights, activation, life.room.drive)
@@ -236,8 +250,9 @@ def live(
             record(samples, step // record_every, step * STEP_S, x, y, heading, life, live_fitness, rate)
 
         # Move.
-        left = explore(plasticity.gate, tally, left, tally.noise_left, gain)
-        right = explore(plasticity.gate, tally, right, tally.noise_right, gain)
+        left, right = explore(plasticity.gate, tally, life.over, activation, left, right, gain)
+        left = compensate(left, life.over.corrections.left_loss, gain)
+        right = compensate(right, life.over.corrections.right_loss, gain)
         move(space, cos, sin, gain * trial.left_wheel * left, gain * trial.right_wheel * right)
         new_x, new_y, heading = pose(space)
         tally.step = step + 1
@@ -296,24 +311,35 @@ def record(
 _kernels: dict[tuple[object, ...], Any] = {}  # those that this process has used
 
 
-def kernel_of(rule: type[Rule], change_signal: str, network: Network, robot: Robot) -> Any:
-    """`live` with the parts of this rule, signal of change, network and robot, compiled or from the cache.
+def kernel_of(
+    rule: type[Rule],
+    change_signal: str,
+    network: Network,
+    robot: Robot,
+    *,
+    follows_walls: bool = False,
+    self_check: bool = False,
+) -> Any:
+    """`live` with these parts: rule, signal of change, network, robot, exploration and self-check.
+
+    It is compiled, or comes from the cache.
 
     Raises:
-        ValueError: the rule asks for something that there is not, or the network does not fit the robot.
+        ValueError: the rule asks for something that there is not, the network does not fit the robot, or the robot
+            cannot follow walls.
     """
-    place = (rule, change_signal, network, robot)
+    laid = over.hooks(change_signal, robot, follows_walls=follows_walls, self_check=self_check)
+    place = (rule, laid, network, robot)
     if place not in _kernels:
-        _kernels[place] = _made(rule, change_signal, network, robot)
+        _kernels[place] = _made(rule, laid, network, robot)
     return _kernels[place]
 
 
-def _made(rule: type[Rule], change_signal: str, network: Network, robot: Robot) -> Any:
+def _made(rule: type[Rule], laid: over.Hooks, network: Network, robot: Robot) -> Any:
     if network.inputs != robot.inputs:
         raise ValueError(
             f"network.layers must begin with {robot.inputs}, the readings of robot {robot.name}, got {network.inputs}"
         )
-    open_gate, explore = over.hooks(change_signal, robot)
     return kernel(
         live,
         WHEELS=network.wheels,
@@ -324,14 +350,18 @@ def _made(rule: type[Rule], change_signal: str, network: Network, robot: Robot) 
         draw_noise=normal_numbers(robot.inputs),
         forward=forward_pass(network),
         learn=update_of(rule, network),
-        open_gate=open_gate,
-        explore=explore,
+        correct=laid.correct,
+        open_gate=laid.open_gate,
+        explore=laid.explore,
+        compensate=laid.compensate,
         move=mover(robot),
     )
 
 
-def born(birth: Birth, network: Network, robot: Robot, room: Room | None = None) -> Life:
-    """A life before its first step. room: workspace to use; None for some of its own.
+def born(
+    birth: Birth, network: Network, robot: Robot, room: Room | None = None, corrections: Corrections | None = None
+) -> Life:
+    """A life before its first step. room: workspace to use; None for some of its own. corrections: None for none.
 
     Raises:
         ValueError: the genes are not as many as the network has weights.
@@ -350,9 +380,27 @@ def born(birth: Birth, network: Network, robot: Robot, room: Room | None = None)
         weights=birth.weights.copy(),
         kept=birth.kept.copy(),
         activation=activation,
-        over=adaptation_room(robot),
+        over=adaptation_room(robot, corrections),
         room=room_for(network, robot) if room is None else room,
     )
+
+
+def count_dance(life: Life, danced: Danced, gain: float, record_every: int, samples: Samples) -> None:
+    """Let a dance be the first steps of a life: its time and its way count, and it is in the samples.
+
+    It is not scored: its live fitness is 0. gain, record_every, samples: as in `live`.
+    """
+    steps, inputs = danced.readings.shape
+    tally = life.tally
+    tally["step"], tally["away_s"] = steps, steps * STEP_S
+    tally["path_length"] = np.hypot(*np.diff(danced.poses[:, :2], axis=0).T).sum()
+    life.over.recent[:inputs] = danced.readings[-1]
+    if record_every:
+        recorded = np.arange(0, steps, record_every)
+        places = slice(0, len(recorded))
+        samples.time[places], samples.pose[places] = recorded * STEP_S, danced.poses[recorded]
+        samples.sensors[places], samples.motors[places] = danced.readings[recorded], danced.speeds[recorded] / gain
+        samples.weights[places] = life.weights
 
 
 def empty_samples(count: int, network: Network) -> Samples:
