@@ -530,7 +530,7 @@ def test_every_adaptation_over_every_rule(hebbian, adaptation):
     config = typed(composed("evaluate", [f"hebbian={hebbian}", f"adaptation={adaptation}"]), EvaluateConfig)
     assert len(config.controllers) == ((hebbian, adaptation) != ("none", "none"))
     for controller in config.controllers:
-        assert controller.adaptation.needs_baseline == (adaptation != "none")
+        assert controller.adaptation.acts == (adaptation != "none")
         assert (controller.rule.N > 0) == (hebbian != "none")
 
 

@@ -195,6 +195,7 @@ def live(
     """
     tally = life.tally[0]
     weights, activation = life.weights, life.activation
+    corrections, correcting = life.over.corrections, life.over.correcting
     x, y, heading = pose(space)
     tally.goal_distance = fitness.distance_to(x, y, trial.goal_x, trial.goal_y)
 
@@ -205,7 +206,7 @@ def live(
             draw_noise(key, step, life.room.noise)
         sense(x, y, cos, sin, space.walls, lit, life.room.noise, noise_level, life.room.senses, activation)
         blind(activation, trial.dead_sensor)
-        correct(activation, life.over)
+        correct(activation, corrections, correcting)
 
         # Act.
         forward(weights, activation, life.room.drive)
@@ -251,8 +252,8 @@ def live(
 
         # Move.
         left, right = explore(plasticity.gate, tally, life.over, activation, left, right, gain)
-        left = compensate(left, life.over.corrections.left_loss, gain)
-        right = compensate(right, life.over.corrections.right_loss, gain)
+        left = compensate(left, corrections.left_loss, gain)
+        right = compensate(right, corrections.right_loss, gain)
         move(space, cos, sin, gain * trial.left_wheel * left, gain * trial.right_wheel * right)
         new_x, new_y, heading = pose(space)
         tally.step = step + 1

@@ -177,10 +177,10 @@ def adaptation_room(robot: Robot, corrections: Corrections | None = None) -> Ada
 class Hooks(NamedTuple):
     """The functions of an adaptation that a lifetime calls.
 
-    correct(readings, room): makes the readings those that home would give. open_gate(gate, tally, room, readings,
-    fitness, baseline, at_goal, step, key): the need g for plasticity at this step. explore(gate, tally, room, readings,
-    left, right, gain): what the wheels get of the network's outputs. compensate(output, loss, gain): what a wheel gets
-    that turns by so much too slowly.
+    correct(readings, corrections, room): makes the readings those that home would give. open_gate(gate, tally, room,
+    readings, fitness, baseline, at_goal, step, key): the need g for plasticity at this step. explore(gate, tally, room,
+    readings, left, right, gain): what the wheels get of the network's outputs. compensate(output, loss, gain): what a
+    wheel gets that turns by so much too slowly.
     """
 
     correct: Callable[..., None]
@@ -202,7 +202,7 @@ def hooks(change_signal: str, robot: Robot, *, follows_walls: bool = False, self
     if gated and follows_walls:
         explore = _following(wall_following(robot), limit)
     return Hooks(
-        correct=_correct if self_check else _as_sensed,
+        correct=corrected_readings if self_check else _as_sensed,
         open_gate=_gated_by(_signal(change_signal)) if gated else _always_open,
         explore=explore if gated else _as_it_is,
         compensate=corrected_wheel(limit) if self_check else _as_commanded,
@@ -210,12 +210,7 @@ def hooks(change_signal: str, robot: Robot, *, follows_walls: bool = False, self
 
 
 @compiled
-def _correct(readings: NDArray[np.float64], room: AdaptationRoom) -> None:
-    corrected_readings(readings, room.corrections, room.correcting)
-
-
-@compiled
-def _as_sensed(readings: NDArray[np.float64], room: AdaptationRoom) -> None:
+def _as_sensed(readings: NDArray[np.float64], by: Corrections, room: CorrectionRoom) -> None:
     pass
 
 
@@ -272,7 +267,7 @@ def _gated_by(signal: ChangeSignal) -> Callable[..., float]:
         tally.change_signal = signal(now, baseline)
         open_by = 0.0 if at_goal else need(tally.change_signal, gate.threshold, gate.slope)
         tally.late_s = tally.late_s + STEP_S if open_by > 0.0 else 0.0
-        if resting(tally.late_s, gate.active_s, gate.rest_s):
+        if open_by > 0.0 and resting(tally.late_s, gate.active_s, gate.rest_s):
             open_by = 0.0
         if gate.motor_noise > 0.0 and step % exploration.HELD == 0:
             exploration.draw(key, exploration.FAR + step, room.noise)
