@@ -56,7 +56,8 @@ def lived():
 
     def live(genome, side="left", N=0.0, seconds=8.0, key=1, scenario=None, record_every=1, controller=None, **more):
         rule = {name: more.pop(name) for name in ("signal", "w_max", "floor") if name in more}
-        who = {name: more.pop(name) for name in ("network", "start", "signs", "baseline") if name in more}
+        own = ("network", "start", "signs", "baseline", "corrections")
+        who = {name: more.pop(name) for name in own if name in more}
         controller = controller or Controller(name="Hebbian", rule=Paper(N=N, **rule))
         individual = Individual(
             genes=genome, side=side, controller=controller, key=np.uint64(key), record=record_every > 0, **who

@@ -45,7 +45,8 @@ def test_bash(here):
     assert bash("swe") == ["sweep"]
     assert bash("evaluate", "scenario", "=", "lo") == ["lowlight"]
     assert set(bash("evaluate", "-m", "hebbian", "=")) >= {"none", "paper", "oja"}
-    assert set(bash("evaluate", "adaptation", "=")) == {"none", "late", "late_steady", "shortfall", "novelty"}
+    known = {"none", "late", "late_steady", "shortfall", "novelty", "self_check", "wall_following", "best"}
+    assert set(bash("evaluate", "adaptation", "=")) == known
     assert set(bash("evaluate", "robot", "=")) == {"epuck", "epuck_lidar"}
     assert set(bash("evaluate", "scen")) >= {"scenario=base", "scenario.light="}
     assert bash("show", "runs/") == ["runs/evolve/one"]

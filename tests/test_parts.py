@@ -538,5 +538,5 @@ def test_adaptations_over_rules(hebbian, adaptation):
     config = typed(composed("evaluate", [f"hebbian={hebbian}", f"adaptation={adaptation}"]), EvaluateConfig)
     assert len(config.controllers) == ((hebbian, adaptation) != ("none", "none"))
     for controller in config.controllers:
-        assert controller.adaptation.needs_baseline == (adaptation != "none")
+        assert controller.adaptation.acts == (adaptation != "none")
         assert (controller.rule.N > 0) == (hebbian != "none")

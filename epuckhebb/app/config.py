@@ -24,6 +24,7 @@ from epuckhebb.app.earlier import of_today
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.parts import (
     check_pace,
+    check_self_check,
     check_signal,
     compared,
     controller_from,
@@ -151,6 +152,7 @@ class EvaluateConfig(WorldConfig):
             )
         for controller in self.controllers:
             check_signal(controller, self.world.robot)
+            check_self_check(controller.adaptation, self.world, self.lifetime)
 
 
 @dataclass(kw_only=True)

@@ -206,9 +206,11 @@ class Identities:
         """On what else than its settings the results of a configuration depend."""
         genome = self._load_genome(config["genome"], asked.world.experiment, asked.layers)
         fit(genome, asked)
+        over = [controller.adaptation for controller in asked.controllers]
         return {
             "genome": genome.sha256,
-            "baseline": genome.baseline_sha256 if any(c.adaptation.needs_baseline for c in asked.controllers) else "",
+            "baseline": genome.baseline_sha256 if any(one.needs_baseline for one in over) else "",
+            "self_memory": genome.self_memory_sha256 if any(one.self_check for one in over) else "",
             "rules": {str(file): sha256_of(file) for file in own_rules(config)},
             "science": runs.science_version(),
             "packages": runs.versions(runs.NUMERIC),

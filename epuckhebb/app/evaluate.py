@@ -21,13 +21,15 @@ from epuckhebb.app.named import maze_asked, scenario_of
 from epuckhebb.app.parts import NONE, rule_file, sha256_of
 from epuckhebb.app.progress import say
 from epuckhebb.app.runs import RunFolder
-from epuckhebb.sim.adaptation.baseline import REPEATS, Baseline, remember, room_to_remember
+from epuckhebb.sim.adaptation.baseline import REPEATS, Baseline, live_at_home, remember, room_to_remember
+from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, remember_self
 from epuckhebb.sim.block import LostRobotError, load_kernel
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.study import tables
 from epuckhebb.study.evaluate import Traces, evaluate, room_to_evaluate
+from epuckhebb.study.self_checks import Checks, findings, self_checks
 
 
 def evaluate_job(cfg: DictConfig) -> None:
@@ -140,19 +142,23 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
         "genome": genome.name,
         "genome_sha256": genome.sha256,
         "baseline_sha256": genome.baseline_sha256,
+        "self_memory_sha256": genome.self_memory_sha256,
         **({"rules": {str(file): sha256_of(file) for file in rules}} if rules else {}),
         **facts,
     }
     compile_for(config, genome.network)
     baseline = baseline_for(genome, config, threads, say)
+    checks = self_checks_for(genome, config, threads, say)
     with RunFolder.new(path, "evaluate", cfg, overrides, facts) as run, ThreadPoolExecutor(1) as aside:
         for file in rules:
             run.write(f"rules/{file.name}", file.read_bytes())
         if config.lifetime.record_every:
             aside.submit(importlib.import_module, "epuckhebb.study.figures")  # takes as long as the lifetimes
-        metrics, traces = lives(config, genome, baseline, threads)
+        metrics, traces = lives(config, genome, baseline, checks, threads)
         table = tables.paper_table(metrics)
         run.write("metrics.csv", metrics.to_csv(index=False))
+        if checks is not None:
+            run.write(files.FINDINGS, findings(checks).to_csv(index=False))
         run.write("table.csv", tables.to_csv(table))
         run.write("table.md", tables.to_markdown(table))
         if config.lifetime.record_every:
@@ -174,7 +180,7 @@ def own_rules(cfg: Mapping[str, Any]) -> list[Path]:
 
 
 def lives(
-    config: EvaluateConfig, genome: Genome, baseline: Baseline | None, threads: int
+    config: EvaluateConfig, genome: Genome, baseline: Baseline | None, checks: Checks | None, threads: int
 ) -> tuple[pd.DataFrame, Traces]:
     """The lifetimes that a configuration asks for: a row each, and the traces of those that were recorded."""
     return evaluate(
@@ -190,6 +196,7 @@ def lives(
         changed=config.changed or "",
         network=genome.network,
         plan=genome.plan,
+        checks=checks,
     )
 
 
@@ -224,12 +231,8 @@ def baseline_for(
     if not asking:
         return None
     baseline, experiment, pace = genome.baseline, config.world.experiment, config.lifetime.gain_rad_s
-    if baseline is not None and baseline.experiment != experiment:
-        raise ConfigError(
-            f"genome={genome.name} remembers {baseline.scenario}, a world of the {baseline.experiment} experiment; it "
-            f"cannot tell what is new in a scenario of the {experiment} experiment. Give a champion of that "
-            "experiment, or adaptation=none"
-        )
+    if baseline is not None:
+        _check_home(genome.name, baseline, experiment)
     if baseline is None or baseline.gain_rad_s != pace:
         why = "has no baseline" if baseline is None else f"remembers a pace of {baseline.gain_rad_s:g} rad/s"
         tell(
@@ -250,6 +253,55 @@ def baseline_for(
 def _change_signals(config: EvaluateConfig) -> set[str]:
     """What the adaptations of a run compare with the baseline."""
     return {controller.adaptation.change_signal for controller in config.controllers} - {NONE}
+
+
+def self_checks_for(
+    genome: Genome, config: EvaluateConfig, threads: int, tell: Callable[[str], None] = lambda _: None
+) -> Checks | None:
+    """The self-checks of the lifetimes of an evaluation; nothing if no adaptation asks for them.
+
+    What they compare with is in the champion's file, or comes of dancing and living in the training world again.
+
+    Args:
+        genome: The genome.
+        config: The evaluation.
+        threads: How many threads living again may use.
+        tell: A function that is told if the genome has to live again.
+
+    Raises:
+        ConfigError: What is remembered is of another experiment or robot, or the robot cannot dance at home.
+    """
+    if not any(controller.adaptation.self_check for controller in config.controllers):
+        return None
+    memory, experiment = genome.self_memory, config.world.experiment
+    try:
+        if memory is not None:
+            _check_home(genome.name, memory, experiment)
+        else:
+            tell(
+                f"genome={genome.name} has no memory for a self-check: it dances, and lives {REPEATS} lifetimes a side "
+                f"in {TRAINED[experiment]} first."
+            )
+            home = training_world(config)
+            lived = live_at_home(genome.weights, home, 1.0, threads, genome.network)
+            memory = remember_self(home, [samples.sensors for side in lived for _, samples in side])
+        return self_checks(memory, config.world, config.lifetime.noise, repeats=config.repeats, seed=config.seed)
+    except (ValueError, LostRobotError) as error:
+        raise error if isinstance(error, ConfigError) else ConfigError(str(error)) from error
+
+
+def _check_home(name: str, remembered: Baseline | SelfMemory, experiment: str) -> None:
+    """Refuse a champion that remembers a world of another experiment.
+
+    Raises:
+        ConfigError: It does.
+    """
+    if remembered.experiment != experiment:
+        raise ConfigError(
+            f"genome={name} remembers {remembered.scenario}, a world of the {remembered.experiment} experiment; it "
+            f"cannot tell what is new in a scenario of the {experiment} experiment. Give a champion of that "
+            "experiment, or adaptation=none"
+        )
 
 
 def training_world(config: EvaluateConfig) -> Scenario:

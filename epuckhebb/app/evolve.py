@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -24,9 +25,11 @@ from epuckhebb.app.parts import network_for, sha256_of
 from epuckhebb.app.progress import EvolutionProgress, say
 from epuckhebb.app.runs import RunFolder
 from epuckhebb.evolution.evolve import Generation, evolve, room_to_evolve
-from epuckhebb.sim.adaptation.baseline import Baseline, remember, room_to_remember
+from epuckhebb.sim.adaptation.baseline import Baseline, baseline_of, live_at_home, room_to_remember
+from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, can_check_itself, remember_self
 from epuckhebb.sim.genome import WEIGHTS, plan_of
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.scenario import Scenario
 
 RESUME = "resume="
 _HISTORY = "history.csv"
@@ -132,11 +135,27 @@ def evolve_into(
             progress.show(generation)
         assert after is not None  # there is at least one generation
         weights = plan_of(network, type(config.controller.rule)).split(after.generation.champion)[WEIGHTS]
-        baseline = remember(weights, config.world, threads=threads, network=network)
-        run.write(CHAMPION, champion_of(after.generation, config, config.seed, baseline))
+        remembered = home(weights, config.world, threads, network)
+        run.write(CHAMPION, champion_of(after.generation, config, config.seed, *remembered))
 
 
-def champion_of(last: Generation, config: EvolveConfig, seed: int, baseline: Baseline | None) -> bytes:
+def home(
+    weights: NDArray[np.float64], world: Scenario, threads: int, network: Network
+) -> tuple[Baseline, SelfMemory | None]:
+    """What a champion remembers of its training world; nothing for a self-check that its robot cannot do there."""
+    sides = live_at_home(weights, world, threads=threads, network=network)
+    readings = [samples.sensors for side in sides for _, samples in side]
+    self_memory = remember_self(world, readings) if can_check_itself(world) else None
+    return baseline_of(sides, world, 1.0), self_memory
+
+
+def champion_of(
+    last: Generation,
+    config: EvolveConfig,
+    seed: int,
+    baseline: Baseline | None = None,
+    self_memory: SelfMemory | None = None,
+) -> bytes:
     """The `champion.npz` of a generation of an evolution."""
     network = network_of(config)
     genome = Genome(
@@ -149,6 +168,7 @@ def champion_of(last: Generation, config: EvolveConfig, seed: int, baseline: Bas
         optimizer=config.algorithm.name,
         training=config.training.name,
         baseline=baseline,
+        self_memory=self_memory,
     )
     return files.champion_file(genome, last.champion_fitness, config.world.experiment, seed, last.number)
 
@@ -156,7 +176,7 @@ def champion_of(last: Generation, config: EvolveConfig, seed: int, baseline: Bas
 def _write_generation(run: RunFolder, state: Checkpoint, config: EvolveConfig) -> None:
     """Bring the other files of an evolution to the state of its checkpoint."""
     run.write(_HISTORY, state.history)
-    run.write(CHAMPION, champion_of(state.generation, config, config.seed, None))
+    run.write(CHAMPION, champion_of(state.generation, config, config.seed))
 
 
 def _is_written(run: RunFolder, state: Checkpoint) -> bool:

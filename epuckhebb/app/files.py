@@ -26,6 +26,8 @@ from epuckhebb.app.machine import path_of
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.evolution.optimizer import State
 from epuckhebb.sim.adaptation.baseline import Baseline
+from epuckhebb.sim.adaptation.self_check.dance import STEPS
+from epuckhebb.sim.adaptation.self_check.memory import EFFECTS, SelfMemory
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
 from epuckhebb.sim.lifetime import Samples, empty_samples
 from epuckhebb.sim.maze import SIDES
@@ -35,7 +37,9 @@ from epuckhebb.study.evaluate import Traces
 
 REFERENCE = "reference"
 CHAMPION, CHECKPOINT, TRACES = "champion.npz", "checkpoint.npz", "traces.npz"
+FINDINGS = "findings.csv"
 _BASELINE = "memory_"  # how the names of a baseline's arrays begin, in files since version 0.1
+_SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
 _OF_SEED = re.compile(rf"{REFERENCE}_\d+")
 _MOST = 64 * 2**20  # bytes of an array whose size nothing else tells; the weights of the largest network take 0.8 MB
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
@@ -63,6 +67,7 @@ class Genome:
         plan: The parts of the genes; the weights come first.
         optimizer, training: The names of what it was evolved by, and in which worlds; nothing if that is not known.
         baseline: What the champion remembers of its training world.
+        self_memory: What its self-check compares with.
     """
 
     genes: NDArray[np.float64]
@@ -74,6 +79,7 @@ class Genome:
     optimizer: str = ""
     training: str = ""
     baseline: Baseline | None = None
+    self_memory: SelfMemory | None = None
 
     @property
     def weights(self) -> NDArray[np.float64]:
@@ -88,11 +94,20 @@ class Genome:
     @property
     def baseline_sha256(self) -> str:
         """SHA-256 of what the champion remembers; nothing if it remembers nothing."""
-        if self.baseline is None:
-            return ""
-        arrays = {name: np.asarray(value) for name, value in sorted(asdict(self.baseline).items())}
-        told = b"".join(name.encode() + array.tobytes() for name, array in arrays.items())
-        return hashlib.sha256(told).hexdigest()
+        return _sha256(self.baseline)
+
+    @property
+    def self_memory_sha256(self) -> str:
+        """SHA-256 of what the self-check compares with; nothing if there is nothing."""
+        return _sha256(self.self_memory)
+
+
+def _sha256(remembered: Baseline | SelfMemory | None) -> str:
+    if remembered is None:
+        return ""
+    arrays = {name: np.asarray(value) for name, value in sorted(asdict(remembered).items())}
+    told = b"".join(name.encode() + array.tobytes() for name, array in arrays.items())
+    return hashlib.sha256(told).hexdigest()
 
 
 def load_genome(where: str, experiment: str, layers: tuple[int, ...] | None = None) -> Genome:
@@ -159,6 +174,8 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
     }
     if genome.baseline is not None:
         arrays |= {_BASELINE + key: np.asarray(value) for key, value in asdict(genome.baseline).items()}
+    if genome.self_memory is not None:
+        arrays |= {_SELF_MEMORY + key: np.asarray(value) for key, value in asdict(genome.self_memory).items()}
     return _compressed(arrays)
 
 
@@ -277,6 +294,19 @@ def read_traces(run: Path, state: str, lifetimes: int, samples: int) -> tuple[Tr
             raise ValueError(f"side must be one of {', '.join(SIDES)}, and each controller's lifetime there one")
         traces = Traces(controller=controllers, side=sides, samples=Samples(**found))
         return traces, checked_genes(held.take("genome", "f", (network.synapses,)), TRACES, plan_of(network)), network
+
+
+def read_findings(run: Path) -> list[dict[str, Any]]:
+    """What the robots of a run found in their self-checks, a row each; nothing if they made none.
+
+    Raises:
+        ConfigError: It cannot be read.
+    """
+    if not runs.has(run, FINDINGS):
+        return []
+    found = runs.table(run, FINDINGS, formats.FOUND)
+    texts = {name: "" for name, kind in formats.FOUND.items() if kind == formats.TEXT_OR_EMPTY}
+    return [{str(name): value for name, value in row.items()} for row in found.fillna(texts).to_dict("records")]
 
 
 def _compressed(arrays: dict[str, Any]) -> bytes:
@@ -424,6 +454,7 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
         optimizer=texts.get("optimizer", ""),
         training=texts.get("training", ""),
         baseline=_baseline(held, path, network.inputs),
+        self_memory=_self_memory(held, path, network.inputs),
     )
 
 
@@ -441,4 +472,25 @@ def _baseline(held: _Arrays, path: Path, inputs: int) -> Baseline | None:
             scenario=held.text(f"{_BASELINE}scenario"),
             gain_rad_s=float(held.take(f"{_BASELINE}gain_rad_s", "f", ())),
             **{name: held.take(_BASELINE + name, "f", shape).astype(np.float64) for name, shape in shapes.items()},
+        )
+
+
+def _self_memory(held: _Arrays, path: Path, inputs: int) -> SelfMemory | None:
+    """What the self-check of a champion compares with, if it is in its file."""
+    if not any(name.startswith(_SELF_MEMORY) for name in held.names):
+        return None
+    steps, terms = len(STEPS), 1 + inputs + inputs * (inputs + 1) // 2
+    shapes: dict[str, _Shape] = {"mean": (2, steps, inputs), "spread": (steps, inputs)}
+    shapes |= {"effects": (EFFECTS, steps, inputs), "moments": (terms * (terms + 1) // 2,)}
+    with _told(f"genome={path} holds a memory of the self-check that this program cannot read"):
+        arrays = {name: held.take(_SELF_MEMORY + name, "f", shape).astype(np.float64) for name, shape in shapes.items()}
+        for name, array in arrays.items():
+            if not np.isfinite(array).all():
+                raise ValueError(f"{name} must hold finite numbers")
+        return SelfMemory(
+            experiment=held.text(f"{_SELF_MEMORY}experiment"),
+            scenario=held.text(f"{_SELF_MEMORY}scenario"),
+            light=float(held.take(f"{_SELF_MEMORY}light", "f", ())),
+            lights=int(held.take(f"{_SELF_MEMORY}lights", "iu", ())),
+            **arrays,
         )

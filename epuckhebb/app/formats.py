@@ -18,6 +18,7 @@ from pandas.api.types import is_bool_dtype, is_numeric_dtype
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.study.evaluate import COLUMNS
+from epuckhebb.study.self_checks import COLUMNS as FOUND_COLUMNS
 
 
 class Code(TypedDict):
@@ -98,6 +99,12 @@ METRICS: Columns = {
     **dict.fromkeys(("signal", "changed"), TEXT_OR_EMPTY),
     "side": SIDES,
     "time_to_goal_s": NUMBER_OR_EMPTY,
+}
+FOUND: Columns = {
+    **dict.fromkeys(FOUND_COLUMNS, NUMBER),
+    **dict.fromkeys(("dead_sensors", "unexplained", "corrected"), TEXT_OR_EMPTY),
+    "side": SIDES,
+    "lamp": ("on", "off"),
 }
 HISTORY: Columns = dict.fromkeys(("generation", "best_fitness", "mean_fitness", "best_success"), NUMBER)
 CLAIMS: Columns = {**dict.fromkeys(("experiment", "claim", "verdict"), TEXT), **dict.fromkeys(("true", "n"), NUMBER)}

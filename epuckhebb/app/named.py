@@ -47,7 +47,7 @@ def completed(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Pat
         for group in _GROUPS:
             if group in cfg and not cfg[group].get("name"):
                 cfg[group].name = choices.get(group) or ""
-        if "adaptation" in cfg and cfg.adaptation.name == NONE and cfg.adaptation.change_signal != NONE:
+        if "adaptation" in cfg and cfg.adaptation.name == NONE and _acts(cfg.adaptation):
             cfg.adaptation.name = choices.get("adaptation") or NONE
         if "training" in cfg and _is_changed(cfg.training, str(choices.get("training")), folders):
             cfg.training.name += " changed"
@@ -60,6 +60,10 @@ def completed(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Pat
         except (ValueError, OmegaConfBaseException) as error:
             raise ConfigError(str(error).splitlines()[0]) from error
     return cfg
+
+
+def _acts(adaptation: DictConfig) -> bool:
+    return bool(adaptation.change_signal != NONE or adaptation.self_check)
 
 
 def world_name(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> str:

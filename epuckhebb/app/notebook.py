@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.app import files
 from epuckhebb.app.config import EvaluateConfig, EvolveConfig, thread_count, typed
-from epuckhebb.app.evaluate import baseline_for, lives, needs
+from epuckhebb.app.evaluate import baseline_for, lives, needs, self_checks_for
 from epuckhebb.app.evolve import needs as evolve_needs
 from epuckhebb.app.hydra_bridge import composed
 from epuckhebb.app.machine import require
@@ -24,7 +24,7 @@ def evaluate(genome: NDArray[np.float64], overrides: list[str], rule: Rule | Non
     network = network_for(config.world.robot, config.layers)
     if rule is not None:
         over = config.adaptation
-        name = over.name if over.needs_baseline else type(rule).__name__.lower()
+        name = over.name if over.acts else type(rule).__name__.lower()
         own = Controller(name=name, rule=rule, adaptation=over)
         config.controllers = [own, *(other for other in config.controllers if other.name in config.compare)]
     plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
@@ -34,7 +34,8 @@ def evaluate(genome: NDArray[np.float64], overrides: list[str], rule: Rule | Non
     given = files.Genome(genes=genes, name="genome", network=network, robot=config.world.robot.name, plan=plan)
     require(needs(config, given))
     threads = thread_count(config.threads)
-    rows, _ = lives(config, given, baseline_for(given, config, threads), threads)
+    checks = self_checks_for(given, config, threads)
+    rows, _ = lives(config, given, baseline_for(given, config, threads), checks, threads)
     return rows
 
 

@@ -25,6 +25,8 @@ from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.sim import plasticity
 from epuckhebb.sim.adaptation.adaptation import Adaptation
+from epuckhebb.sim.adaptation.self_check.dance import check_time
+from epuckhebb.sim.adaptation.self_check.memory import check_robot
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.lifetime import Lifetime
@@ -254,7 +256,7 @@ def controller_from(hebbian: Mapping[str, Any], adaptation: Adaptation, key: str
     """
     rule = rule_from(hebbian, key)
     control = "" if rule.sign is Sign.hebbian else f" ({rule.sign.name})"
-    if adaptation.needs_baseline:
+    if adaptation.acts:
         name = f"{adaptation.name}{control}"
     elif isinstance(rule, NoRule):
         name = GA
@@ -282,9 +284,12 @@ def compared(name: str, settings: Any, paper_rate: float) -> Controller:
     over = own.pop("adaptation", None) or {}
     if not isinstance(over, Mapping):
         raise ConfigError(f"{key}.adaptation must be the name of an adaptation, or its settings, got {over}")
-    unknown = [name for name in over if name not in {field.name for field in fields(Adaptation)}]
-    if unknown:
-        raise ConfigError(f"{key}.adaptation.{unknown[0]} is not a setting of an adaptation")
+    over = dict(over)
+    kinds = typing.get_type_hints(Adaptation)
+    for setting, value in over.items():
+        if setting not in kinds:
+            raise ConfigError(f"{key}.adaptation.{setting} is not a setting of an adaptation; {_near(setting, kinds)}")
+        over[setting] = _as_declared(value, kinds[setting], f"{key}.adaptation.{setting}")
     rule_settings = {"rule": "paper", **own}
     if rule_settings["rule"] != NONE:
         rule_settings.setdefault("N", paper_rate)
@@ -381,3 +386,15 @@ def check_signal(controller: Controller, robot: Robot) -> None:
             f"hebbian.signal=light_code reads eight light and eight distance sensors; robot {robot.name} has "
             f"{robot.lights} and {robot.distances}"
         )
+
+
+def check_self_check(adaptation: Adaptation, world: Scenario, lifetime: Lifetime) -> None:
+    """Refuse a self-check for a robot that has not the sensors, and a dance that counts and has no time.
+
+    Raises:
+        ValueError: The robot has not, or there is no time.
+    """
+    if adaptation.self_check:
+        check_robot(world.robot)
+    if adaptation.dance_counts:
+        check_time(lifetime, world)

@@ -18,17 +18,19 @@ from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import Network
 from epuckhebb.study import movie, replay
 from epuckhebb.study.evaluate import Traces
+from epuckhebb.study.self_checks import told
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """What a run recorded: its lifetimes, the weights and the network they began with, and a title that says which."""
+    """What a run recorded: its lifetimes, the weights and the network they began with, a title, what robots found."""
 
     traces: Traces
     weights: NDArray[np.float64]
     network: Network
     config: EvaluateConfig
     title: str
+    found: dict[str, str]
 
 
 def recording(run: Path) -> Recording:
@@ -37,26 +39,35 @@ def recording(run: Path) -> Recording:
     Raises:
         ConfigError: It is not a run folder, it recorded nothing, or a file in it cannot be read.
     """
-    told = runs.read(run)
-    if told["verb"] == "evolve":
+    facts = runs.read(run)
+    if facts["verb"] == "evolve":
         raise ConfigError(
             f"{run} is a run of `epuckhebb evolve`, which records no lifetimes; let its champion live first: "
             f"epuckhebb evaluate genome={run}"
         )
-    if told["verb"] != "evaluate":
-        raise ConfigError(f"{run} is of `epuckhebb {told['verb']}`; give a run folder of `epuckhebb evaluate`")
+    if facts["verb"] != "evaluate":
+        raise ConfigError(f"{run} is of `epuckhebb {facts['verb']}`; give a run folder of `epuckhebb evaluate`")
     config = typed(stored(run, "evaluate"), EvaluateConfig)
     if config.lifetime.record_every == 0:
-        kept = [override for override in told["overrides"] if not override.startswith("lifetime.record_every=")]
+        kept = [override for override in facts["overrides"] if not override.startswith("lifetime.record_every=")]
         raise ConfigError(
             f"{run} recorded nothing to replay, because it ran with lifetime.record_every=0; run it again with "
             f"recording on: {' '.join(['epuckhebb evaluate', *kept, 'lifetime.record_every=8'])}"
         )
     lifetimes = len(SIDES) * (1 + len(config.controllers))
     samples = -(-config.lifetime.steps // config.lifetime.record_every)
-    traces, weights, network = files.read_traces(run, told["status"]["state"], lifetimes, samples)
-    title = caption(config, told.get("genome", "genome"))
-    return Recording(traces=traces, weights=weights, network=network, config=config, title=title)
+    traces, weights, network = files.read_traces(run, facts["status"]["state"], lifetimes, samples)
+    title = caption(config, facts.get("genome", "genome"))
+    return Recording(
+        traces=traces, weights=weights, network=network, config=config, title=title, found=found_in(run, config)
+    )
+
+
+def found_in(run: Path, config: EvaluateConfig) -> dict[str, str]:
+    """A sentence for each side on what the robots of the recorded lifetimes found in their self-check."""
+    shown = [row for row in files.read_findings(run) if row["repeat"] == 0]
+    who = " and ".join(f"“{one.name}”" for one in config.controllers if one.adaptation.self_check)
+    return {str(row["side"]): f"Before its life, the robot with {who} found: {told(row)}." for row in shown}
 
 
 def write_page(recorded: Recording, target: Path) -> None:
@@ -74,6 +85,7 @@ def write_page(recorded: Recording, target: Path) -> None:
         recorded.title,
         gain_rad_s=gain,
         network=recorded.network,
+        found=recorded.found,
     )
     _write(target, text.encode())
 

@@ -21,13 +21,12 @@ from epuckhebb.app.config import EvaluateConfig, EvolveConfig, ReproduceConfig, 
 from epuckhebb.app.data import data_folder
 from epuckhebb.app.engine import Task
 from epuckhebb.app.errors import ConfigError
-from epuckhebb.app.evolve import champion_of
+from epuckhebb.app.evolve import champion_of, home
 from epuckhebb.app.files import Genome
 from epuckhebb.app.hydra_bridge import composed
 from epuckhebb.app.machine import Need, require
 from epuckhebb.app.runs import RunFolder
 from epuckhebb.evolution.evolve import evolve, history_row, room_to_evolve
-from epuckhebb.sim.adaptation.baseline import remember
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.robot import EPUCK
@@ -191,9 +190,9 @@ def _evolve(study: _Study, champion: _Champion, run: RunFolder) -> None:
     generations = list(evolve(study.config.ga, world.world, world.lifetime, champion.seed, threads))
     history = pd.DataFrame(map(history_row, generations))
     last = generations[-1]
-    baseline = remember(last.champion, world.world, threads=threads)
+    remembered = home(last.champion, world.world, threads, PAPER_NETWORK)
     run.keep(f"history/{champion.history.name}", history.to_csv(index=False).encode())
-    run.keep(f"champions/{champion.file.name}", champion_of(last, world, champion.seed, baseline))
+    run.keep(f"champions/{champion.file.name}", champion_of(last, world, champion.seed, *remembered))
 
 
 def _evaluate(study: _Study, champion: _Champion, run: RunFolder) -> None:

@@ -43,8 +43,9 @@ def rerun(path: Path) -> tuple[Path, str]:
                 f"genome={config.genome} is not the genome of {path}: its SHA-256 is {genome.sha256[:16]}…, "
                 f"it was {told['genome_sha256'][:16]}…"
             )
-        if genome.baseline_sha256 != told.get("baseline_sha256", genome.baseline_sha256):
-            raise ConfigError(f"genome={config.genome} remembers its training world otherwise than in {path}")
+        for name in ("baseline_sha256", "self_memory_sha256"):
+            if getattr(genome, name) != told.get(name, getattr(genome, name)):
+                raise ConfigError(f"genome={config.genome} remembers its training world otherwise than in {path}")
         evaluate.evaluate_into(new, cfg, told["overrides"], facts, threads=thread_count(config.threads))
     else:
         again = evolve.asked(cfg)

@@ -14,7 +14,11 @@ from rich.text import Text
 from epuckhebb.app import files, formats, runs
 from epuckhebb.app.config import settings
 from epuckhebb.app.files import Genome
+from epuckhebb.sim.adaptation.baseline import Baseline
+from epuckhebb.sim.adaptation.self_check.findings import find
+from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
 from epuckhebb.study import rescue, tables
+from epuckhebb.study.self_checks import in_words
 
 _MANY = 6  # files of a folder that are counted and not named
 
@@ -178,6 +182,10 @@ def _results(path: Path, console: Console) -> None:
         tell_sweep(path, console)
     elif runs.has(path, "metrics.csv"):
         console.print(_paper_table(runs.table(path, "metrics.csv", formats.METRICS)))
+    found = in_words(files.read_findings(path))
+    if found:
+        rows = [(side, text, count) for side, said in found.items() for text, count in said]
+        console.print(_table("Found by the self-check", ("side", "it found", "lifetimes"), rows))
     if runs.has(path, files.CHAMPION):
         _tell_genome(files.load_genome(str(path), ""), console)
     if runs.has(path, "history.csv"):
@@ -192,13 +200,30 @@ def _results(path: Path, console: Console) -> None:
 
 
 def _tell_genome(genome: Genome, console: Console) -> None:
-    """What a champion is made of, and what it remembers of its training world."""
+    """What a champion is made of, what it remembers of its training world, and how well it can check itself."""
     _line(console, f"Genome: {genome.plan.told()}; network {genome.network}; robot {genome.robot}")
     if genome.optimizer:
         _line(console, f"Evolved by {genome.optimizer}, in training worlds {genome.training}")
-    baseline = genome.baseline
-    if baseline is None:
-        return
+    if genome.baseline is not None:
+        _tell_baseline(genome.baseline, genome, console)
+    if genome.self_memory is not None:
+        _tell_self_memory(genome.self_memory, console)
+
+
+def _tell_self_memory(memory: SelfMemory, console: Console) -> None:
+    """How well a robot that remembers this can check itself."""
+    expected = find(memory.mean[0], memory)
+    rows = [
+        (f"{wheel} wheel", f"± {100 * error:.1f} % of its speed")
+        for wheel, error in zip(("Left", "Right"), expected.wheel_loss_error, strict=True)
+    ]
+    rows.append(("Light", f"± {100 * expected.light_ratio_error:.1f} % of {memory.scenario}'s"))
+    title = f"Self-check: a dance of {len(memory.spread)} steps, remembered of {memory.scenario}; standard errors"
+    console.print(_table(title, ("", "is told to"), rows))
+
+
+def _tell_baseline(baseline: Baseline, genome: Genome, console: Console) -> None:
+    """What a champion remembers of its training world."""
     rows: list[tuple[str, ...]] = []
     for name, numbers in {
         "At the goal in the end": baseline.success,

@@ -16,12 +16,14 @@ from numpy.typing import NDArray
 from epuckhebb.sim import fitness
 from epuckhebb.sim.adaptation.adaptation import gate_numbers
 from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, check_baseline, no_baseline
+from epuckhebb.sim.adaptation.self_check.corrections import Corrections, check_corrections
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.faults import Faults, lag_of
 from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, plan_of
 from epuckhebb.sim.lifetime import (
     Birth,
+    Danced,
     Life,
     Lifetime,
     Plasticity,
@@ -29,6 +31,7 @@ from epuckhebb.sim.lifetime import (
     Samples,
     Trial,
     born,
+    count_dance,
     empty_samples,
     kernel_of,
     room_for,
@@ -78,7 +81,8 @@ class Individual:
 
     genes: of all parts of the genome (`epuckhebb.sim.genome`), 234 in the paper. start: None where the maze has it.
     signs: of the plastic updates, (synapses,), None for what the rule's sign says; shuffled ones must be given.
-    baseline: what an adaptation compares with. record: whether samples are kept.
+    baseline: what an adaptation compares with. corrections: what a self-check found to correct, None for nothing.
+    danced: the dance before its life, if it is part of the lifetime. record: whether samples are kept.
     """
 
     genes: NDArray[np.float64]
@@ -89,6 +93,8 @@ class Individual:
     start: Pose | None = None
     signs: NDArray[np.float64] | None = None
     baseline: BaselineOfSide | None = None
+    corrections: Corrections | None = None
+    danced: Danced | None = None
     record: bool = False
 
 
@@ -149,7 +155,7 @@ def _live_in_one_space(
         phases.append(_Phase(step, world, space, walls))
     more_faults = any(_faults(world).more for _, world in scenario.phases)
     kinds: dict[tuple[int, int], _Kind] = {}
-    rules = [type(who.controller.rule) for who in individuals if not who.controller.adaptation.needs_baseline]
+    rules = [type(who.controller.rule) for who in individuals if not who.controller.adaptation.acts]
     spare = next((rule for rule in rules if rule is not NoRule), NoRule)
     lived = []
     for who in individuals:
@@ -188,7 +194,15 @@ def _kind(controller: Controller, network: Network, robot: Robot, more_faults: b
     compiled_for = spare if controller.is_ga_alone and not spare.evolved else type(rule)
     numbers = rule.numbers() if compiled_for is type(rule) else dict.fromkeys(compiled_for.settings(), 0.0)
     return _Kind(
-        live=kernel_of(compiled_for, adaptation.change_signal, network, robot, more_faults),
+        live=kernel_of(
+            compiled_for,
+            adaptation.change_signal,
+            network,
+            robot,
+            follows_walls=adaptation.follows_walls,
+            self_check=adaptation.self_check,
+            more_faults=more_faults,
+        ),
         plasticity=Plasticity(
             float(rule.N) if compiled_for is type(rule) else 0.0,
             float(rule.floor),
@@ -209,6 +223,8 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
     first, rule = phases[0].scenario, type(who.controller.rule)
     if who.baseline is not None:
         check_baseline(who.baseline, first.robot.inputs)
+    if who.corrections is not None:
+        check_corrections(who.corrections, first.robot)
     of_updates = kind.signs if who.signs is None else who.signs
     if of_updates is None:
         raise ValueError("a rule with sign=shuffled needs the signs of its updates, Individual.signs")
@@ -219,9 +235,12 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
         coefficients(rule, who.network, parts),
         of_updates,
     )
-    life = born(birth, who.network, first.robot, kind.room)
+    life = born(birth, who.network, first.robot, kind.room, who.corrections)
     record_every = lifetime.record_every if who.record else 0
     samples = empty_samples(-(-lifetime.steps // record_every), who.network) if record_every else kind.no_samples
+
+    if who.danced is not None:
+        count_dance(life, who.danced, lifetime.gain_rad_s, record_every, samples)
 
     def live_until(step: int, phase: _Phase, space: PymunkSpace) -> None:
         try:
@@ -230,7 +249,7 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
                 birth,
                 space.handles,
                 lights(phase.scenario.light, phase.scenario.lamp, lamp_on=who.side == "right"),
-                _trial(phase.scenario, who.side),
+                trial_of(phase.scenario, who.side),
                 kind.plasticity,
                 kind.baseline if who.baseline is None else who.baseline,
                 float(lifetime.gain_rad_s),
@@ -263,7 +282,8 @@ def _is_in_the_way(space: PymunkSpace, phase: _Phase) -> bool:
     return gap(x, y, added(space.handles.walls, phase.walls)) < phase.scenario.robot.radius_m
 
 
-def _trial(scenario: Scenario, side: Side) -> Trial:
+def trial_of(scenario: Scenario, side: Side) -> Trial:
+    """What a robot on this side is to do in a world, and what is wrong with it there."""
     goal, maze = scenario.goals_now[side], scenario.maze
     return Trial(
         float(goal.x),

@@ -24,7 +24,7 @@ class Controller:
     @property
     def is_ga_alone(self) -> bool:
         """Whether it does nothing at all: the control that every other is paired with."""
-        return isinstance(self.rule, NoRule) and not self.adaptation.needs_baseline
+        return isinstance(self.rule, NoRule) and not self.adaptation.acts
 
 
 GA_ALONE = Controller()

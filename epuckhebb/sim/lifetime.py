@@ -16,6 +16,7 @@ from epuckhebb.sim import faults, fitness
 from epuckhebb.sim.adaptation import adaptation as over
 from epuckhebb.sim.adaptation.adaptation import AdaptationRoom, Gate, adaptation_room
 from epuckhebb.sim.adaptation.change_signal import BaselineOfSide
+from epuckhebb.sim.adaptation.self_check.corrections import Corrections
 from epuckhebb.sim.compiled import compiled, kernel
 from epuckhebb.sim.faults import Faults
 from epuckhebb.sim.light import Lights
@@ -154,12 +155,24 @@ class Samples(NamedTuple):
     weights: NDArray[np.float32]
 
 
+class Danced(NamedTuple):
+    """What a robot did and felt while it danced before its life, to check itself.
+
+    poses: (steps + 1, 3) x, y [m], heading [rad]. speeds: (steps, 2) wheels as commanded [rad/s]. readings: (steps,
+    inputs) as sensed.
+    """
+
+    poses: NDArray[np.float64]
+    speeds: NDArray[np.float64]
+    readings: NDArray[np.float64]
+
+
 # The parts of a life, as the paper's robot without plasticity has them; `kernel_of` puts others in their place.
 WHEELS, HAS_RULE = PAPER_NETWORK.wheels, False
 sense, blind, nearest = senses(EPUCK), blinding(EPUCK), largest_distance_reading(EPUCK)
 draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
 learn = update_of(NoRule, PAPER_NETWORK)
-open_gate, explore = over.hooks(over.NONE, EPUCK)
+correct, open_gate, explore, compensate = over.hooks(over.NONE, EPUCK)
 misread, turn_wheels = faults.hooks(EPUCK, more=False)
 
 
@@ -185,6 +198,7 @@ def live(
     """
     tally = life.tally[0]
     weights, activation = life.weights, life.activation
+    corrections, correcting = life.over.corrections, life.over.correcting
     x, y, heading = pose(space)
     tally.goal_distance = fitness.distance_to(x, y, trial.goal_x, trial.goal_y)
 
@@ -196,6 +210,7 @@ def live(
         sense(x, y, cos, sin, space.walls, lit, life.room.noise, noise_level, life.room.senses, activation)
         misread(activation, trial.faults)
         blind(activation, trial.faults.dead_sensors)
+        correct(activation, corrections, correcting)
 
         # Act.
         forward(weights, activation, life.room.drive)
@@ -240,8 +255,9 @@ def live(
             record(samples, step // record_every, step * STEP_S, x, y, heading, life, live_fitness, rate)
 
         # Move.
-        left = explore(plasticity.gate, tally, left, tally.noise_left, gain)
-        right = explore(plasticity.gate, tally, right, tally.noise_right, gain)
+        left, right = explore(plasticity.gate, tally, life.over, activation, left, right, gain)
+        left = compensate(left, corrections.left_loss, gain)
+        right = compensate(right, corrections.right_loss, gain)
         left, right = turn_wheels(trial.faults, tally, left, right, gain, key, step)
         move(space, cos, sin, left, right)
         new_x, new_y, heading = pose(space)
@@ -301,26 +317,38 @@ def record(
 _kernels: dict[tuple[object, ...], Any] = {}  # those that this process has used
 
 
-def kernel_of(rule: type[Rule], change_signal: str, network: Network, robot: Robot, more_faults: bool = False) -> Any:
-    """`live` with the parts of this rule, signal of change, network and robot, compiled or from the cache.
+def kernel_of(
+    rule: type[Rule],
+    change_signal: str,
+    network: Network,
+    robot: Robot,
+    *,
+    follows_walls: bool = False,
+    self_check: bool = False,
+    more_faults: bool = False,
+) -> Any:
+    """`live` with these parts: rule, signal of change, network, robot, exploration and self-check.
+
+    It is compiled, or comes from the cache.
 
     more_faults: whether it can do more faults than dead sensors and weak wheels.
 
     Raises:
-        ValueError: the rule asks for something that there is not, or the network does not fit the robot.
+        ValueError: the rule asks for something that there is not, the network does not fit the robot, or the robot
+            cannot follow walls.
     """
-    place = (rule, change_signal, network, robot, more_faults)
+    laid = over.hooks(change_signal, robot, follows_walls=follows_walls, self_check=self_check)
+    place = (rule, laid, network, robot, more_faults)
     if place not in _kernels:
         _kernels[place] = _made(*place)
     return _kernels[place]
 
 
-def _made(rule: type[Rule], change_signal: str, network: Network, robot: Robot, more_faults: bool) -> Any:
+def _made(rule: type[Rule], laid: over.Hooks, network: Network, robot: Robot, more_faults: bool) -> Any:
     if network.inputs != robot.inputs:
         raise ValueError(
             f"network.layers must begin with {robot.inputs}, the readings of robot {robot.name}, got {network.inputs}"
         )
-    open_gate, explore = over.hooks(change_signal, robot)
     misread, turn_wheels = faults.hooks(robot, more_faults)
     return kernel(
         live,
@@ -332,16 +360,20 @@ def _made(rule: type[Rule], change_signal: str, network: Network, robot: Robot, 
         draw_noise=normal_numbers(robot.inputs),
         forward=forward_pass(network),
         learn=update_of(rule, network),
-        open_gate=open_gate,
-        explore=explore,
+        correct=laid.correct,
+        open_gate=laid.open_gate,
+        explore=laid.explore,
+        compensate=laid.compensate,
         misread=misread,
         turn_wheels=turn_wheels,
         move=mover(robot),
     )
 
 
-def born(birth: Birth, network: Network, robot: Robot, room: Room | None = None) -> Life:
-    """A life before its first step. room: workspace to use; None for some of its own.
+def born(
+    birth: Birth, network: Network, robot: Robot, room: Room | None = None, corrections: Corrections | None = None
+) -> Life:
+    """A life before its first step. room: workspace to use; None for some of its own. corrections: None for none.
 
     Raises:
         ValueError: the genes are not as many as the network has weights.
@@ -360,9 +392,27 @@ def born(birth: Birth, network: Network, robot: Robot, room: Room | None = None)
         weights=birth.weights.copy(),
         kept=birth.kept.copy(),
         activation=activation,
-        over=adaptation_room(robot),
+        over=adaptation_room(robot, corrections),
         room=room_for(network, robot) if room is None else room,
     )
+
+
+def count_dance(life: Life, danced: Danced, gain: float, record_every: int, samples: Samples) -> None:
+    """Let a dance be the first steps of a life: its time and its way count, and it is in the samples.
+
+    It is not scored: its live fitness is 0. gain, record_every, samples: as in `live`.
+    """
+    steps, inputs = danced.readings.shape
+    tally = life.tally
+    tally["step"], tally["away_s"] = steps, steps * STEP_S
+    tally["path_length"] = np.hypot(*np.diff(danced.poses[:, :2], axis=0).T).sum()
+    life.over.recent[:inputs] = danced.readings[-1]
+    if record_every:
+        recorded = np.arange(0, steps, record_every)
+        places = slice(0, len(recorded))
+        samples.time[places], samples.pose[places] = recorded * STEP_S, danced.poses[recorded]
+        samples.sensors[places], samples.motors[places] = danced.readings[recorded], danced.speeds[recorded] / gain
+        samples.weights[places] = life.weights
 
 
 def empty_samples(count: int, network: Network) -> Samples:

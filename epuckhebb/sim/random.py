@@ -26,6 +26,7 @@ class Stream(IntEnum):
     bootstrap = 5
     layout = 6
     baseline_noise = 7
+    dance_noise = 8
     training_world = 9
 
 

@@ -7,6 +7,7 @@ random numbers, so that all comparisons are paired.
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,6 +24,7 @@ from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.plasticity.control import signs
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.study.self_checks import Checks
 
 _LIFE_BYTES = 2000.0  # of one who shall live, and of the row that tells how it went
 _COPIES = 2.5  # of what is recorded: as it was lived, stacked, and in the files
@@ -78,16 +80,18 @@ def evaluate(
     changed: str = "",
     network: Network = PAPER_NETWORK,
     plan: GenomePlan | None = None,
+    checks: Checks | None = None,
 ) -> tuple[pd.DataFrame, Traces]:
     """Live `repeats` lifetimes a side without plasticity, and as many with each of `controllers`.
 
     genes: (genes,). baseline: what it remembers, for adaptations that compare with it. name, changed: what the columns
     `genome` and `changed` say. network: what the genes are for. plan: their parts, weights alone unless given; each
-    controller takes those that its rule evolves. Returns one row a lifetime, with the columns
+    controller takes those that its rule evolves. checks: the self-checks of `study.self_checks`, for adaptations that
+    begin with one. Returns one row a lifetime, with the columns
     `COLUMNS`, and the traces of the first repeat (empty if `lifetime.record_every` is 0).
 
     Raises:
-        ValueError: an adaptation needs a baseline, and there is none; two controllers have the same name.
+        ValueError: an adaptation needs a baseline or a self-check and there is none; two controllers have one name.
         LostRobotError: a pose or a weight stopped being finite.
     """
     everyone = [GA_ALONE, *controllers]
@@ -96,6 +100,8 @@ def evaluate(
         raise ValueError(f"two controllers have the same name and N, of {'; '.join(told)}")
     if baseline is None and any(controller.adaptation.needs_baseline for controller in controllers):
         raise ValueError("an adaptation with a signal of change needs a baseline of the training world")
+    if checks is None and any(controller.adaptation.self_check for controller in controllers):
+        raise ValueError("an adaptation with a self-check needs those of study.self_checks")
     whole = plan or plan_of(network)
     taken = [whole.pick(genes, plan_of(network, type(controller.rule))) for controller in everyone]
     place = zlib.crc32(taken[0].tobytes())
@@ -106,6 +112,15 @@ def evaluate(
     wanted: list[tuple[int, Side, int]] = [
         (number, side, repeat) for number in range(len(everyone)) for side in SIDES for repeat in range(repeats)
     ]
+
+    def checked(number: int, side: Side, repeat: int) -> dict[str, Any]:
+        adaptation = everyone[number].adaptation
+        if checks is None or not adaptation.self_check:
+            return {}
+        own = checks[side, repeat]
+        counted = {"danced": own.danced} if adaptation.dance_counts else {}
+        return {"start": own.end, "corrections": own.corrections, **counted}
+
     individuals = [
         Individual(
             genes=taken[number],
@@ -116,6 +131,7 @@ def evaluate(
             signs=of_updates[number],
             baseline=None if baseline is None else baseline.of(side),
             record=repeat == 0,
+            **checked(number, side, repeat),
         )
         for number, side, repeat in wanted
     ]

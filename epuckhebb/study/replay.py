@@ -10,7 +10,7 @@ import html
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +34,8 @@ __all__ = ["Arrival", "arrival", "outcome", "page"]
 _MOST_SAMPLES = 1000  # of a lifetime; more are thinned out, and the page draws straight lines between them
 _LARGEST = 32767  # of a 16-bit integer
 _WHO = {GA: "without plasticity", HEBBIAN: "with plasticity"}
-_NOTE = {GA: "its connections stay as they were at birth"}
-_NOTE_OF_OTHERS = "its connections change while it drives"
+_STAYS = "its connections stay as they were at birth"
+_LEARNS = "its connections change while it drives"
 _WAYS = ((8, "front"), (31, "front {}"), (68, "{}, ahead"), (112, "{}"), (172, "back {}"), (180, "back"))  # degrees
 
 
@@ -47,11 +47,13 @@ def page(
     *,
     gain_rad_s: float,
     network: Network = PAPER_NETWORK,
+    found: Mapping[str, str] | None = None,
 ) -> str:
     """The HTML text of the page.
 
     genes: what the lifetimes began with; the network's weights come first. title: a line that says which run this is.
-    gain_rad_s: wheel speed [rad/s] of a network output of 1. network: what the genes are for.
+    gain_rad_s: wheel speed [rad/s] of a network output of 1. network: what the genes are for. found: a sentence for
+    each side on what a self-check found, if there was one.
     """
     template = Path(__file__).with_suffix(".html").read_text(encoding="utf-8")
     style, script = (
@@ -61,7 +63,7 @@ def page(
         "policy": policy(style=style, script=script),
         "title": html.escape(title),
         "data": json.dumps(
-            _content(traces, genes, scenario, gain_rad_s, network), separators=(",", ":"), allow_nan=False
+            _content(traces, genes, scenario, gain_rad_s, network, found or {}), separators=(",", ":"), allow_nan=False
         ).replace("<", "\\u003c"),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda place: filling[place[1]], template)
@@ -105,7 +107,12 @@ def _told(who: str, arrived: Arrival) -> str:
 
 
 def _content(
-    traces: Traces, genes: NDArray[np.float64], scenario: Scenario, gain_rad_s: float, network: Network
+    traces: Traces,
+    genes: NDArray[np.float64],
+    scenario: Scenario,
+    gain_rad_s: float,
+    network: Network,
+    found: Mapping[str, str],
 ) -> dict[str, Any]:
     controllers = list(dict.fromkeys(traces.controller))
     lifetime = {of: k for k, of in reversed(list(enumerate(zip(traces.controller, traces.side, strict=True))))}
@@ -114,11 +121,14 @@ def _content(
     every = math.ceil(len(time) / _MOST_SAMPLES)
     interval = float(time[1] - time[0]) * every if len(time) > 1 else STEP_S
     birth = weights_at_birth(genes[: network.synapses]).astype(np.float32)
+    changed = dict.fromkeys(controllers, False)
+    for name, weight_change in zip(traces.controller, traces.samples.weight_change, strict=True):
+        changed[name] = changed[name] or bool(weight_change.any())
     lives, outcomes = {}, {}
     for side in sides:
         of_side = [Samples(*(array[lifetime[name, side]] for array in traces.samples)) for name in controllers]
         arrivals = [arrival(samples.time, samples.pose, scenario, side) for samples in of_side]
-        outcomes[side] = outcome(side, controllers, arrivals)
+        outcomes[side] = " ".join(filter(None, [outcome(side, controllers, arrivals), found.get(side)]))
         lives[side] = [
             {
                 "arrival": arrived.time,
@@ -133,7 +143,7 @@ def _content(
     return {
         "sides": sides,
         "controllers": [
-            {"title": controller_title(name), "note": _NOTE.get(name, _NOTE_OF_OTHERS)} for name in controllers
+            {"title": controller_title(name), "note": _LEARNS if changed[name] else _STAYS} for name in controllers
         ],
         "hebbian": all(name in hebbian for name in controllers if name != GA),
         "outcomes": outcomes,

@@ -5,6 +5,7 @@ import math
 import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from enum import Enum
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -15,6 +16,15 @@ from epuckhebb.sim.adaptation import change_signals as signals
 from epuckhebb.sim.adaptation import exploration
 from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, ChangeSignal, Now, keep_recent
 from epuckhebb.sim.adaptation.gate import need, resting
+from epuckhebb.sim.adaptation.self_check.corrections import (
+    CorrectionRoom,
+    Corrections,
+    corrected_readings,
+    corrected_wheel,
+    correction_room,
+    no_corrections,
+)
+from epuckhebb.sim.adaptation.wall_following import wall_following
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.random import room_for_noise
 from epuckhebb.sim.robot import STEP_S, Robot
@@ -33,15 +43,25 @@ def _signal(name: str) -> ChangeSignal:
     return function
 
 
+class Exploration(Enum):
+    """What a robot does while the gate is open, beside learning: shake its wheels, follow a wall, or both."""
+
+    shaking = "shaking"
+    wall_following = "wall_following"
+    both = "both"
+
+
 @dataclass(kw_only=True)
 class Adaptation:
-    """When plasticity acts, and what else happens then.
+    """What a robot checks before its life, when plasticity acts in it, and what else happens then.
 
     name: what to call it. change_signal: the signal that opens the gate, `none` for a gate that is always open; with
-    `none` the rest is not used. threshold, slope: the gate is closed up to the threshold, and opens by so much for
-    each unit of the signal above it; inf: at once. active_s, rest_s: while the signal lasts, open for so long, then
-    closed for so long, and again; active_s 0: no rests. motor_noise: standard deviation of noise on both wheels'
-    outputs while the gate is open.
+    `none` the rest is not used, but for the self-check. threshold, slope: the gate is closed up to the threshold, and
+    opens by so much for each unit of the signal above it; inf: at once. active_s, rest_s: while the signal lasts, open
+    for so long, then closed for so long, and again; active_s 0: no rests. exploration: what the robot does while the
+    gate is open. motor_noise: how hard it shakes, standard deviation of noise on both wheels' outputs. self_check:
+    whether it dances before its life, and corrects what it finds. dance_counts: whether the dance is part of the
+    lifetime; otherwise the clock starts after it.
 
     Raises:
         ValueError: a value is outside the range named in the message.
@@ -53,7 +73,10 @@ class Adaptation:
     slope: float = math.inf
     active_s: float = 0.0
     rest_s: float = 0.0
+    exploration: Exploration = Exploration.shaking
     motor_noise: float = 0.0
+    self_check: bool = False
+    dance_counts: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
@@ -74,8 +97,21 @@ class Adaptation:
             raise ValueError(
                 f"adaptation.rest_s = {self.rest_s:g} needs adaptation.active_s above 0: rests follow active times"
             )
+        if self.dance_counts and not self.self_check:
+            raise ValueError("adaptation.dance_counts does nothing without a dance: give adaptation.self_check=true")
+        if self.exploration is Exploration.wall_following and self.motor_noise > 0:
+            raise ValueError(
+                f"adaptation.motor_noise = {self.motor_noise:g} does nothing with exploration=wall_following: give "
+                "adaptation.exploration=both, or motor_noise=0"
+            )
+        if self.exploration is Exploration.both and self.motor_noise == 0:
+            raise ValueError(
+                "adaptation.exploration=both needs adaptation.motor_noise above 0: how hard the robot shakes while it "
+                "follows a wall"
+            )
         if self.change_signal == NONE:
-            unused = [field.name for field in fields(self)[2:] if getattr(self, field.name) != field.default]
+            of_gate = [field for field in fields(self)[2:] if field.name not in ("self_check", "dance_counts")]
+            unused = [field.name for field in of_gate if getattr(self, field.name) != field.default]
             if unused:
                 raise ValueError(
                     f"adaptation.{unused[0]} does nothing without a signal of change: give adaptation.change_signal, "
@@ -86,6 +122,16 @@ class Adaptation:
     def needs_baseline(self) -> bool:
         """Whether it compares with what is remembered of the training world."""
         return self.change_signal != NONE
+
+    @property
+    def acts(self) -> bool:
+        """Whether anything at all is laid over the rule."""
+        return self.needs_baseline or self.self_check
+
+    @property
+    def follows_walls(self) -> bool:
+        """Whether the robot follows walls while the gate is open."""
+        return self.exploration is not Exploration.shaking
 
 
 class Gate(NamedTuple):
@@ -104,34 +150,73 @@ def gate_numbers(adaptation: Adaptation) -> Gate:
 
 
 class AdaptationRoom(NamedTuple):
-    """What an adaptation carries through a life besides its tally: recent means (inputs + 1,), and workspace."""
+    """What an adaptation carries through a life besides its tally.
+
+    recent: recent means, (inputs + 1,). hand: (1,) the side on which it follows a wall, 1 left, -1 right, 0 while it
+    follows none. corrections, correcting: what it corrects, and room for that. noise: workspace.
+    """
 
     recent: NDArray[np.float64]
+    hand: NDArray[np.float64]
+    corrections: Corrections
+    correcting: CorrectionRoom
     noise: NDArray[np.float64]
 
 
-def adaptation_room(robot: Robot) -> AdaptationRoom:
-    """Room for a robot at birth."""
-    return AdaptationRoom(np.zeros(robot.inputs + 1), np.zeros(room_for_noise(16)))
+def adaptation_room(robot: Robot, corrections: Corrections | None = None) -> AdaptationRoom:
+    """Room for a robot at birth. corrections: None if it found nothing to correct."""
+    return AdaptationRoom(
+        recent=np.zeros(robot.inputs + 1),
+        hand=np.zeros(1),
+        corrections=no_corrections(robot) if corrections is None else corrections,
+        correcting=correction_room(robot),
+        noise=np.zeros(room_for_noise(16)),
+    )
 
 
 class Hooks(NamedTuple):
     """The functions of an adaptation that a lifetime calls.
 
-    open_gate(gate, tally, room, readings, fitness, baseline, at_goal, step, key): the need g for plasticity at this
-    step. explore(gate, tally, output, wheel, gain): what a wheel gets of the network's output.
+    correct(readings, corrections, room): makes the readings those that home would give. open_gate(gate, tally, room,
+    readings, fitness, baseline, at_goal, step, key): the need g for plasticity at this step. explore(gate, tally, room,
+    readings, left, right, gain): what the wheels get of the network's outputs. compensate(output, loss, gain): what a
+    wheel gets that turns by so much too slowly.
     """
 
+    correct: Callable[..., None]
     open_gate: Callable[..., float]
-    explore: Callable[..., float]
+    explore: Callable[..., tuple[float, float]]
+    compensate: Callable[..., float]
 
 
 @cache
-def hooks(change_signal: str, robot: Robot) -> Hooks:
-    """The functions for a signal of change; without one, they are nothing."""
-    if change_signal == NONE:
-        return Hooks(_always_open, _as_it_is)
-    return Hooks(_gated_by(_signal(change_signal)), _noisy(robot.motor_limit_rad_s))
+def hooks(change_signal: str, robot: Robot, *, follows_walls: bool = False, self_check: bool = False) -> Hooks:
+    """The functions for a signal of change, an exploration and a self-check; without them, they are nothing.
+
+    Raises:
+        ValueError: the robot has not the sensors to follow walls with.
+    """
+    gated = change_signal != NONE
+    limit = robot.motor_limit_rad_s
+    explore = _shaking(limit)
+    if gated and follows_walls:
+        explore = _following(wall_following(robot), limit)
+    return Hooks(
+        correct=corrected_readings if self_check else _as_sensed,
+        open_gate=_gated_by(_signal(change_signal)) if gated else _always_open,
+        explore=explore if gated else _as_it_is,
+        compensate=corrected_wheel(limit) if self_check else _as_commanded,
+    )
+
+
+@compiled
+def _as_sensed(readings: NDArray[np.float64], by: Corrections, room: CorrectionRoom) -> None:
+    pass
+
+
+@compiled
+def _as_commanded(output: float, loss: float, gain: float) -> float:
+    return output
 
 
 @compiled
@@ -150,8 +235,16 @@ def _always_open(
 
 
 @compiled
-def _as_it_is(gate: Gate, tally: Any, output: float, noise: float, gain: float) -> float:
-    return output
+def _as_it_is(
+    gate: Gate,
+    tally: Any,
+    room: AdaptationRoom,
+    readings: NDArray[np.float64],
+    left: float,
+    right: float,
+    gain: float,
+) -> tuple[float, float]:
+    return left, right
 
 
 def _gated_by(signal: ChangeSignal) -> Callable[..., float]:
@@ -174,7 +267,7 @@ def _gated_by(signal: ChangeSignal) -> Callable[..., float]:
         tally.change_signal = signal(now, baseline)
         open_by = 0.0 if at_goal else need(tally.change_signal, gate.threshold, gate.slope)
         tally.late_s = tally.late_s + STEP_S if open_by > 0.0 else 0.0
-        if resting(tally.late_s, gate.active_s, gate.rest_s):
+        if open_by > 0.0 and resting(tally.late_s, gate.active_s, gate.rest_s):
             open_by = 0.0
         if gate.motor_noise > 0.0 and step % exploration.HELD == 0:
             exploration.draw(key, exploration.FAR + step, room.noise)
@@ -185,11 +278,42 @@ def _gated_by(signal: ChangeSignal) -> Callable[..., float]:
     return open_gate
 
 
-def _noisy(motor_limit: float) -> Callable[..., float]:
+def _shaking(motor_limit: float) -> Callable[..., tuple[float, float]]:
     @compiled
-    def explore(gate: Gate, tally: Any, output: float, noise: float, gain: float) -> float:
+    def explore(
+        gate: Gate,
+        tally: Any,
+        room: AdaptationRoom,
+        readings: NDArray[np.float64],
+        left: float,
+        right: float,
+        gain: float,
+    ) -> tuple[float, float]:
         if gate.motor_noise > 0.0 and tally.need > 0.0:
-            return exploration.within_motor(output, noise, gain, motor_limit)
-        return output
+            left = exploration.within_motor(left, tally.noise_left, gain, motor_limit)
+            right = exploration.within_motor(right, tally.noise_right, gain, motor_limit)
+        return left, right
+
+    return explore
+
+
+def _following(follow: Callable[..., tuple[float, float]], motor_limit: float) -> Callable[..., tuple[float, float]]:
+    shake = _shaking(motor_limit)
+
+    @compiled
+    def explore(
+        gate: Gate,
+        tally: Any,
+        room: AdaptationRoom,
+        readings: NDArray[np.float64],
+        left: float,
+        right: float,
+        gain: float,
+    ) -> tuple[float, float]:
+        if tally.need > 0.0:
+            left, right = follow(readings, room.hand)
+            return shake(gate, tally, room, readings, left / gain, right / gain, gain)
+        room.hand[0] = 0.0
+        return left, right
 
     return explore

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim import random
 from epuckhebb.sim.adaptation.change_signal import RECENT_S, BaselineOfSide
-from epuckhebb.sim.block import Individual, live_block
+from epuckhebb.sim.block import Individual, Outcome, live_block
 from epuckhebb.sim.lifetime import Lifetime, Samples, sample_bytes
 from epuckhebb.sim.maze import SIDES, Place, Side
 from epuckhebb.sim.network import PAPER_NETWORK, Network
@@ -78,6 +78,9 @@ def room_to_remember(paper_duration_s: float, gain_rad_s: float, network: Networ
     return 1.2 * len(SIDES) * REPEATS * samples * sample_bytes(network)
 
 
+Lived = list[tuple[Outcome, Samples]]
+
+
 def remember(
     genes: NDArray[np.float64],
     scenario: Scenario,
@@ -93,6 +96,17 @@ def remember(
     Raises:
         LostRobotError: a pose stopped being finite.
     """
+    return baseline_of(live_at_home(genes, scenario, gain_rad_s, threads, network), scenario, gain_rad_s)
+
+
+def live_at_home(
+    genes: NDArray[np.float64],
+    scenario: Scenario,
+    gain_rad_s: float = 1.0,
+    threads: int = 1,
+    network: Network = PAPER_NETWORK,
+) -> list[Lived]:
+    """The lifetimes in the training world that are remembered, without plasticity, recorded; see `remember`."""
     lifetime = Lifetime(
         duration_s=scenario.paper_duration_s / gain_rad_s, gain_rad_s=gain_rad_s, record_every=_RECORD_EVERY
     )
@@ -109,7 +123,11 @@ def remember(
         for repeat in range(REPEATS)
     ]
     lived = live_block(individuals, scenario, lifetime, threads)
-    sides = [lived[:REPEATS], lived[REPEATS:]]
+    return [lived[:REPEATS], lived[REPEATS:]]
+
+
+def baseline_of(sides: list[Lived], scenario: Scenario, gain_rad_s: float) -> Baseline:
+    """What is remembered of these lifetimes, of `live_at_home`."""
     arrivals = np.array([[outcome.time_to_goal for outcome, _ in side] for side in sides])
     readings = [np.concatenate([samples.sensors for _, samples in side]) for side in sides]
     return Baseline(

@@ -1,0 +1,117 @@
+"""A robot checks itself: it dances, finds what has changed, decides what to correct, and is ready to live.
+
+Corrected is what is clear and explained, and nothing else:
+
+    light    |rho - 1| > max(0.1, 3 standard errors)        if the light readings fit
+    wheels   |loss| > max(0.02, 3 standard errors)          if the distance readings fit
+    dead     always
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from epuckhebb.sim import random
+from epuckhebb.sim.adaptation.self_check.corrections import Corrections, no_corrections, sunlit
+from epuckhebb.sim.adaptation.self_check.dance import danced
+from epuckhebb.sim.adaptation.self_check.findings import Findings, find
+from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, check_robot, regression
+from epuckhebb.sim.lifetime import Danced
+from epuckhebb.sim.maze import Pose, Side
+from epuckhebb.sim.random import Stream
+from epuckhebb.sim.robot import Robot
+from epuckhebb.sim.scenario import Scenario
+
+LEAST_LIGHT, LEAST_LOSS = 0.1, 0.02  # smaller changes are not corrected
+ERRORS = 3.0  # nor those within so many standard errors
+MISFIT = 2.0  # more is left than known causes explain: spreads
+
+
+@dataclass(frozen=True, kw_only=True)
+class Checked:
+    """A robot that has checked itself.
+
+    danced: what it did and felt. found: of that. corrected: `left wheel`, `right wheel`, `light`, `dead sensors`: which
+    of its findings it corrects. corrections: as numbers for its life.
+    """
+
+    danced: Danced
+    found: Findings
+    corrected: tuple[str, ...]
+    corrections: Corrections
+
+    @property
+    def end(self) -> Pose:
+        """Where the dance ended and the life begins."""
+        return Pose(*self.danced.poses[-1].tolist())
+
+
+def check(
+    memory: SelfMemory, world: Scenario, side: Side, key: np.uint64, noise: float = 1.0, start: Pose | None = None
+) -> Checked:
+    """Let a robot check itself in a world as it is at birth.
+
+    key: of the life that follows; the dance has noise of its own, so that the life keeps its own.
+
+    Raises:
+        ValueError: the robot has not the sensors, or the memory is of another.
+    """
+    check_robot(world.robot)
+    if memory.inputs != world.robot.inputs or memory.lights != world.robot.lights:
+        raise ValueError(
+            f"what the self-check remembers is of a robot with {memory.lights} light sensors and {memory.inputs} "
+            f"readings; robot {world.robot.name} has {world.robot.lights} and {world.robot.inputs}"
+        )
+    told = danced(world.phases[0][1], side, random.key(int(key), Stream.dance_noise), noise, start)
+    found = find(told.readings, memory)
+    corrected = tuple(clear(found))
+    return Checked(
+        danced=told,
+        found=found,
+        corrected=corrected,
+        corrections=corrections_for(found, corrected, memory, world.robot),
+    )
+
+
+def unexplained(found: Findings) -> tuple[str, ...]:
+    """Which readings, `distance` or `light`, no known cause explains."""
+    return tuple(kind for kind in ("distance", "light") if getattr(found, f"{kind}_misfit") > MISFIT)
+
+
+def clear(found: Findings) -> Iterator[str]:
+    """Which findings are clear enough to be corrected, and can be: a wheel that does not turn cannot."""
+    strange = unexplained(found)
+    for place, wheel in enumerate(("left wheel", "right wheel")):
+        loss, error = found.wheel_loss[place], found.wheel_loss_error[place]
+        if "distance" not in strange and abs(loss) > max(LEAST_LOSS, ERRORS * error) and loss < 1.0:
+            yield wheel
+    ratio, error = found.light_ratio, found.light_ratio_error
+    large = abs(ratio - 1.0) > max(LEAST_LIGHT, ERRORS * error)
+    if "light" not in strange and large and ratio > 0.0 and math.isfinite(1.0 / ratio):
+        yield "light"
+    if found.dead_sensors:
+        yield "dead sensors"
+
+
+def corrections_for(found: Findings, corrected: tuple[str, ...], memory: SelfMemory, robot: Robot) -> Corrections:
+    """The corrections of these findings, as numbers for a life."""
+    by = no_corrections(robot)
+    if "dead sensors" in corrected:
+        places = np.array(found.dead_sensors)
+        dead = np.concatenate([places, robot.lights + places])
+        others = np.setdiff1d(np.arange(robot.inputs), dead)
+        by.seeing[places] = 0.0
+        by = by._replace(dead=dead, others=others, regression=regression(memory.moments, memory.inputs, dead, others))
+    if "light" in corrected:
+        by = by._replace(
+            light_ratio=found.light_ratio,
+            sun_now=sunlit(robot, memory.light * found.light_ratio),
+            sun_home=sunlit(robot, memory.light),
+        )
+    if "left wheel" in corrected:
+        by = by._replace(left_loss=float(found.wheel_loss[0]))
+    if "right wheel" in corrected:
+        by = by._replace(right_loss=float(found.wheel_loss[1]))
+    return by

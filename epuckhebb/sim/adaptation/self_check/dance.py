@@ -1,0 +1,159 @@
+"""The dance: a short fixed sequence of wheel commands before a life begins, and what the robot feels meanwhile.
+
+It turns to the left wall, goes near it, looks, comes back, and the same to the right; then it is where it began.
+Without moving, hardly a sensor tells the sun from the lamp, and none how the wheels turn.
+"""
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim import faults
+from epuckhebb.sim.block import trial_of
+from epuckhebb.sim.compiled import kernel
+from epuckhebb.sim.lifetime import TALLY, Danced, Lifetime, Room, Trial, room_for
+from epuckhebb.sim.light import Lights, lights
+from epuckhebb.sim.maze import Pose, Side, boxes, gap
+from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
+from epuckhebb.sim.physics import Handles, PymunkSpace, mover, pose
+from epuckhebb.sim.random import normal_numbers
+from epuckhebb.sim.robot import EPUCK, STEP_S, Robot, blinding, senses
+from epuckhebb.sim.scenario import Scenario
+
+_QUARTER = 10  # steps at full speed in which an e-puck turns by 89 degrees
+_TO_LEFT, _TO_RIGHT = 3, 4  # steps at full speed, 4 mm each, that bring it within 3 mm of the side walls
+_HOLD = 12  # steps for which it looks at a wall
+_CLEAR_M = 0.001  # a robot nearer to a wall than this may touch it
+
+
+def _steps() -> NDArray[np.float64]:
+    rest, ahead, back, left, right = [(0.0, 0.0)], [(1.0, 1.0)], [(-1.0, -1.0)], [(-1.0, 1.0)], [(1.0, -1.0)]
+    there = left * _QUARTER + rest + ahead * _TO_LEFT + rest * _HOLD + back * _TO_LEFT + rest + left * _QUARTER
+    across = right * (3 * _QUARTER) + rest + ahead * _TO_RIGHT + rest * _HOLD + back * _TO_RIGHT + rest
+    return np.array(there + across + right * _QUARTER + left * (2 * _QUARTER) + rest * 2)
+
+
+STEPS = _steps()  # (124, 2) of the left and the right wheel, in shares of the motors' full speed
+
+
+# The parts of a dance, as the paper's robot has them; `_kernel_of` puts those of another in their place.
+sense, blind, draw_noise, move = senses(EPUCK), blinding(EPUCK), normal_numbers(EPUCK.inputs), mover(EPUCK)
+misread, turn_wheels = faults.hooks(EPUCK, more=False)
+
+
+def dance(
+    space: Handles,
+    lit: Lights,
+    trial: Trial,
+    noise_level: float,
+    key: np.uint64,
+    room: Room,
+    tallies: NDArray[np.void],
+    danced: Danced,
+) -> None:
+    """Let the robot that stands in `space` dance, sensing and moving as it does in its life.
+
+    key: of its sensor noise. tallies: one record of `TALLY`. danced: its speeds are commanded, the rest is written.
+    """
+    tally = tallies[0]
+    x, y, heading = pose(space)
+    for step in range(danced.speeds.shape[0]):
+        danced.poses[step, 0], danced.poses[step, 1], danced.poses[step, 2] = x, y, heading
+        cos, sin = math.cos(heading), math.sin(heading)
+        if noise_level > 0.0:
+            draw_noise(key, step, room.noise)
+        readings = danced.readings[step]
+        sense(x, y, cos, sin, space.walls, lit, room.noise, noise_level, room.senses, readings)
+        misread(readings, trial.faults)
+        blind(readings, trial.faults.dead_sensors)
+        left, right = danced.speeds[step, 0], danced.speeds[step, 1]
+        left, right = turn_wheels(trial.faults, tally, left, right, 1.0, key, step)
+        move(space, cos, sin, left, right)
+        x, y, heading = pose(space)
+    last = danced.speeds.shape[0]
+    danced.poses[last, 0], danced.poses[last, 1], danced.poses[last, 2] = x, y, heading
+
+
+@cache
+def _kernel_of(robot: Robot, more_faults: bool) -> Any:
+    misread, turn_wheels = faults.hooks(robot, more_faults)
+    return kernel(
+        dance,
+        sense=senses(robot),
+        blind=blinding(robot),
+        draw_noise=normal_numbers(robot.inputs),
+        move=mover(robot),
+        misread=misread,
+        turn_wheels=turn_wheels,
+    )
+
+
+def danced(
+    world: Scenario, side: Side, key: np.uint64, noise: float = 1.0, start: Pose | None = None, *, walls: bool = True
+) -> Danced:
+    """What a robot does and feels that dances in a world, as it is at birth.
+
+    key: of its sensor noise. noise: 1 for the sensors' own, 0 for none. start: None where the maze has it. walls:
+    False for a dance on an empty floor.
+    """
+    robot = world.robot
+    placed = boxes(world.maze, world.obstacles, world.layout) if walls else np.empty((0, 4))
+    space = PymunkSpace(placed, robot, world.wall_friction)
+    space.place_robot(world.maze.start if start is None else start)
+    told = Danced(
+        poses=np.zeros((len(STEPS) + 1, 3)),
+        speeds=robot.motor_limit_rad_s * STEPS,
+        readings=np.zeros((len(STEPS), robot.inputs)),
+    )
+    trial = trial_of(world, side)
+    _kernel_of(robot, trial.faults.more)(
+        space.handles,
+        lights(world.light, world.lamp, lamp_on=side == "right"),
+        trial,
+        float(noise),
+        key,
+        room_for(Network((robot.inputs, *HIDDEN, OUTPUTS)), robot),
+        np.zeros(1, TALLY),
+        told,
+    )
+    return told
+
+
+def check_time(lifetime: Lifetime, world: Scenario) -> None:
+    """Refuse a lifetime that a dance which counts would fill, and a world that changes while the robot dances.
+
+    Raises:
+        ValueError: it would, or it does.
+    """
+    lasts = len(STEPS) * STEP_S
+    if lifetime.steps <= len(STEPS):
+        raise ValueError(
+            f"lifetime.duration_s must be more than {lasts:g} s, the time of the dance, with "
+            f"adaptation.dance_counts=true, got {lifetime.duration_s:g}"
+        )
+    if world.changes and world.changes[0]["at_s"] < lasts:
+        raise ValueError(
+            f"scenario.changes[0].at_s must be {lasts:g} s or more with adaptation.dance_counts=true, got "
+            f"{world.changes[0]['at_s']}: the world stays as it is while the robot dances"
+        )
+
+
+def check_room(home: Scenario) -> None:
+    """Refuse a world in which a sound robot would touch a wall while it dances.
+
+    Raises:
+        ValueError: it would; the message says how near it comes.
+    """
+    robot = home.robot
+    poses = danced(home, "left", np.uint64(0), noise=0.0, walls=False).poses
+    placed = boxes(home.maze, home.obstacles, home.layout)
+    nearest = min(gap(x, y, placed) for x, y, _ in poses.tolist()) - robot.radius_m
+    if nearest < _CLEAR_M:
+        way = f"{1000 * -nearest:.1f} mm into" if nearest < 0 else f"within {1000 * nearest:.1f} mm of"
+        raise ValueError(
+            f"the dance of the self-check would bring robot {robot.name} from the start of maze {home.maze.name} {way} "
+            f"a wall; {1000 * _CLEAR_M:g} mm must be left. Give another maze or start, or adaptation.self_check=false"
+        )

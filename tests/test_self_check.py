@@ -1,0 +1,374 @@
+"""The self-check: the dance, what it finds of itself and the light, and what is corrected all life long."""
+
+import json
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import reference
+from typer.testing import CliRunner
+
+from epuckhebb.app import files
+from epuckhebb.app.cli import app
+from epuckhebb.app.config import EvaluateConfig, typed
+from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.app.replay import found_in
+from epuckhebb.sim.adaptation.adaptation import Adaptation, Exploration
+from epuckhebb.sim.adaptation.change_signal import no_baseline
+from epuckhebb.sim.adaptation.self_check.check import check, clear, unexplained
+from epuckhebb.sim.adaptation.self_check.corrections import (
+    HEADINGS,
+    check_corrections,
+    corrected_readings,
+    corrected_wheel,
+    correction_room,
+    no_corrections,
+    sunlit,
+)
+from epuckhebb.sim.adaptation.self_check.dance import STEPS, check_room, danced
+from epuckhebb.sim.adaptation.self_check.memory import can_check_itself, moments, regression, remember_self
+from epuckhebb.sim.adaptation.wall_following import wall_following
+from epuckhebb.sim.block import Individual, live_block
+from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.maze import T_MAZE, Pose
+from epuckhebb.sim.robot import EPUCK, STEP_S
+from epuckhebb.sim.scenario import Scenario
+from epuckhebb.study.evaluate import evaluate
+from epuckhebb.study.replay import page
+from epuckhebb.study.self_checks import findings, in_words, self_checks, told
+
+BRIGHT = Scenario(name="highlight", experiment="light", light=1.0)
+KEY = np.uint64(4)
+
+
+def by(**adaptation):
+    return Controller(name="x", adaptation=Adaptation(**adaptation))
+
+
+CHECKS = by(self_check=True)
+
+
+@pytest.fixture(scope="module")
+def at_home(genomes):
+    """Readings of two lives in the bright training world, every twentieth."""
+    who = [Individual(genes=genomes[0], side=side, key=KEY, record=True) for side in ("left", "right")]
+    lived = live_block(who, BRIGHT, Lifetime(duration_s=60, gain_rad_s=4, record_every=20))
+    return np.concatenate([samples.sensors for _, samples in lived])
+
+
+@pytest.fixture(scope="module")
+def memory(at_home):
+    return remember_self(BRIGHT, [at_home[:30], at_home[30:]])
+
+
+def test_a_dance_ends_where_it_began_and_comes_near_both_walls():
+    poses = danced(BRIGHT, "left", KEY, noise=0.0).poses
+    assert len(STEPS) == 124
+    np.testing.assert_allclose(poses[-1], T_MAZE.start, atol=1e-12)
+    across = poses[:, 0] - T_MAZE.start.x
+    assert (across.min(), across.max()) == pytest.approx((-0.01206, 0.01607), abs=1e-4)
+
+
+def test_nothing_is_found_where_nothing_has_changed(memory):
+    for side in ("left", "right"):
+        for key in range(5):
+            checked = check(memory, BRIGHT, side, np.uint64(key))
+            assert (checked.corrected, unexplained(checked.found)) == ((), ())
+            assert checked.found.lamp == (side == "right")
+            assert checked.end == pytest.approx(T_MAZE.start)
+
+
+def test_without_a_change_a_life_after_a_self_check_is_the_same_bit_for_bit(genomes, memory):
+    checked = check(memory, BRIGHT, "right", KEY)
+    told = {"genes": genomes[0], "side": "right", "key": KEY, "start": checked.end, "record": True}
+    who = [Individual(**told), Individual(**told, controller=CHECKS, corrections=checked.corrections)]
+    (one, alone), (other, corrected) = live_block(who, BRIGHT, Lifetime(duration_s=8, gain_rad_s=4, record_every=1))
+    assert np.array(one).tobytes() == np.array(other).tobytes()
+    assert alone.sensors.tobytes() == corrected.sensors.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("fault", "corrected"),
+    [
+        ({"left_wheel": 0.9}, ("left wheel",)),
+        ({"right_wheel": 0.9}, ("right wheel",)),
+        ({"light": 0.3}, ("light",)),
+        ({"light": 1.5}, ("light",)),
+        ({"dead_sensors": (3,)}, ("dead sensors",)),
+        ({"left_wheel": 0.9, "light": 0.5, "dead_sensors": (6,)}, ("left wheel", "light", "dead sensors")),
+    ],
+)
+def test_a_fault_is_found_within_three_standard_errors(memory, fault, corrected):
+    for side in ("left", "right"):
+        checked = check(memory, replace(BRIGHT, **fault), side, KEY)
+        found = checked.found
+        assert checked.corrected == corrected
+        for place, wheel in enumerate(("left_wheel", "right_wheel")):
+            assert abs(found.wheel_loss[place] - (1 - fault.get(wheel, 1))) < 3 * found.wheel_loss_error[place]
+        assert abs(found.light_ratio - fault.get("light", 1)) < 3 * found.light_ratio_error
+        assert found.dead_sensors == fault.get("dead_sensors", ())
+        assert found.lamp == (side == "right")
+
+
+def test_what_no_known_cause_explains_is_not_corrected(memory):
+    checked = check(memory, replace(BRIGHT, left_wheel=0.5), "left", KEY)
+    assert unexplained(checked.found) == ("distance", "light")
+    assert checked.corrected == ()
+
+
+def test_what_cannot_be_finite_is_not_corrected(memory):
+    found = check(memory, BRIGHT, "left", KEY).found
+    dark = replace(found, light_ratio=0.0)
+    stuck = replace(found, wheel_loss=np.array([1.0, math.nan]))
+    assert [*clear(dark), *clear(stuck)] == []
+    assert [*clear(replace(found, light_ratio=0.5)), *clear(replace(found, wheel_loss=np.array([0.1, 0.0])))] == [
+        "light",
+        "left wheel",
+    ]
+
+
+def corrected(readings, corrections, room=None):
+    now = readings.copy()
+    corrected_readings(now, corrections, correction_room(EPUCK) if room is None else room)
+    return now
+
+
+@pytest.mark.parametrize("ratio", [1.0, 0.3, 2.5])
+def test_light_is_as_at_home(ratio):
+    by = no_corrections(EPUCK)._replace(
+        light_ratio=ratio, sun_now=sunlit(EPUCK, 0.3 * ratio), sun_home=sunlit(EPUCK, 0.3)
+    )
+    for heading in range(0, HEADINGS, 5):
+        readings, home = (np.append(sun[:, heading], np.full(8, 0.1)) for sun in (by.sun_now, by.sun_home))
+        now = corrected(readings, by)
+        if ratio == 1:
+            assert now.tobytes() == readings.tobytes()
+        np.testing.assert_allclose(now, home, atol=1e-12)
+
+
+def test_a_saturated_sensor_that_is_not_in_the_sun_sees_the_lamp():
+    by = no_corrections(EPUCK)._replace(light_ratio=2.0, sun_now=sunlit(EPUCK, 0.6), sun_home=sunlit(EPUCK, 0.3))
+    readings = np.append(by.sun_now[:, 0], np.full(8, 0.1))
+    assert readings[3] == 1.0
+    readings[3] = 0.0
+    assert corrected(readings, by)[3] == 0.0
+
+
+def test_darker_light_is_smoothed_as_much_as_it_is_magnified():
+    by, room = no_corrections(EPUCK)._replace(light_ratio=0.25), correction_room(EPUCK)
+    first = corrected(np.full(16, 0.9), by, room)
+    np.testing.assert_allclose(first[:8], 0.6)
+    second = corrected(np.full(16, 0.8), by, room)
+    np.testing.assert_allclose(second[:8], 1 - (0.1 + 0.25 * 0.1) / 0.25)
+    assert (second[8:] == 0.8).all()
+
+
+@pytest.mark.parametrize("places", [[3], [0, 5]])
+def test_dead_sensors_are_made_up_from_the_others(places):
+    samples = np.random.default_rng(0).random((2000, 16))
+    dead = np.array([*places, *(8 + place for place in places)])
+    others = np.setdiff1d(np.arange(16), dead)
+    for n, number in enumerate(dead):
+        samples[:, number] = 0.1 + 0.2 * n / 4 + 0.3 * samples[:, others[0]] + 0.2 * samples[:, others[1]] ** 2
+    by = no_corrections(EPUCK)._replace(
+        dead=dead, others=others, regression=regression(moments([samples[:900], samples[900:]]), 16, dead, others)
+    )
+    blind = samples[7].copy()
+    blind[dead] = np.repeat([1.0, 0.0], len(places))
+    np.testing.assert_allclose(corrected(blind, by), samples[7], atol=0.01)
+
+
+def test_a_wheel_that_is_known_to_be_weak_turns_as_a_sound_one(genomes, lived):
+    assert corrected_wheel(6.28)(0.7, 0.0, 4.0) == 0.7
+    assert corrected_wheel(6.28)(0.9, 0.5, 4.0) == 1.57  # no faster than the motor
+    _, sound = lived(genomes[0], seconds=6, controller=GA_ALONE, gain_rad_s=4)
+    weak = Scenario(left_wheel=0.9)
+    loss = no_corrections(EPUCK)._replace(left_loss=0.1)
+    _, samples = lived(genomes[0], seconds=6, controller=CHECKS, gain_rad_s=4, scenario=weak, corrections=loss)
+    np.testing.assert_allclose(samples.pose, sound.pose, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("fault", "adaptation"),
+    [
+        ({"left_wheel": 0.9, "light": 0.3, "dead_sensors": (2,)}, {"self_check": True}),
+        ({"light": 2.0, "dead_sensors": (0,)}, {"self_check": True}),
+        (
+            {"right_wheel": 0.9},
+            {"self_check": True, "change_signal": "novelty", "threshold": 0.1, "active_s": 2, "rest_s": 1}
+            | {"exploration": Exploration.wall_following},
+        ),
+    ],
+)
+def test_agrees_with_the_oracle(genomes, memory, at_home, fault, adaptation):
+    world, controller = replace(BRIGHT, **fault), by(**adaptation)
+    checked = check(memory, world, "right", KEY)
+    baseline = no_baseline(16) if controller.adaptation.needs_baseline else None
+    who = Individual(
+        genes=genomes[0],
+        side="right",
+        key=KEY,
+        controller=controller,
+        corrections=checked.corrections,
+        start=checked.end,
+        baseline=baseline,
+        record=True,
+    )
+    [(outcome, samples)] = live_block([who], world, Lifetime(duration_s=10, gain_rad_s=4, record_every=1))
+    robot = reference.Robot(
+        genomes[0], world, "right", controller, gain=4, key=KEY, baseline=baseline, home=(memory, at_home)
+    )
+    np.testing.assert_allclose(robot.loss, [checked.corrections.left_loss, checked.corrections.right_loss], atol=1e-9)
+    assert robot.ratio == pytest.approx(checked.corrections.light_ratio, abs=1e-9)
+    expected, steps = reference.live(robot, len(samples.time))
+    np.testing.assert_allclose(samples.sensors, [s[3] for s in steps], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(samples.pose, [s[:3] for s in steps], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(outcome, expected, rtol=1e-6, atol=1e-7)
+
+
+def test_a_late_robot_follows_the_nearer_wall_and_others_do_not(genomes, lived):
+    never_late = no_baseline(16)
+    late = never_late._replace(time_to_goal_s=0.5)
+    follows = by(change_signal="lateness", threshold=1.0, exploration=Exploration.wall_following)
+    told = {"seconds": 8, "gain_rad_s": 4, "controller": follows}
+    _, alone = lived(genomes[0], seconds=8, gain_rad_s=4, controller=GA_ALONE)
+    assert lived(genomes[0], **told, baseline=never_late)[1].pose.tobytes() == alone.pose.tobytes()
+    _, samples = lived(genomes[0], **told, baseline=late)
+    parts = np.flatnonzero((samples.pose != alone.pose).any(axis=1))[0]
+    assert parts * STEP_S == pytest.approx(0.5, abs=0.1)
+    nearest = samples.sensors[parts + 60 :, 8:].max(axis=1)
+    assert 0.15 < np.median(nearest) < 0.6  # it keeps a wall at 0.3
+
+
+def test_walls_are_followed_on_the_side_that_is_nearer():
+    follow, hand = wall_following(EPUCK), np.zeros(1)
+    near = np.zeros(16)
+    near[8 + 2] = 0.5
+    assert follow(near, hand) == pytest.approx((5 * 0.6, 5.0))  # too near a wall on the right: away from it
+    assert hand[0] == -1
+    near[8 + 5] = 0.9
+    assert follow(near, hand) == pytest.approx((5.0, 5 * 0.8))  # a narrow way: to its middle
+    near[8] = 0.4
+    assert follow(near, hand) == pytest.approx((-5.0, 5.0))  # something ahead: turn on the spot
+    blind = replace(EPUCK, distance_places=EPUCK.distance_places[:2], light_places=EPUCK.light_places[:2])
+    with pytest.raises(ValueError, match="robot epuck has not all of them"):
+        wall_following(blind)
+
+
+def test_a_dance_that_counts_is_the_beginning_of_the_lifetime(genomes, memory):
+    lifetime = Lifetime(duration_s=10, gain_rad_s=4, record_every=4)
+    checks = self_checks(memory, BRIGHT, 1.0, repeats=1, seed=1)
+    after, counted = by(self_check=True), replace(by(self_check=True, dance_counts=True), name="y")
+    told = {"repeats": 1, "seed": 1, "checks": checks}
+    metrics, traces = evaluate(genomes[0], BRIGHT, [after, counted], lifetime, **told)
+    one, other = (traces.samples.pose[[name == who for name in traces.controller]] for who in "xy")
+    dances = [checks[side, 0].danced.poses[:-1:4] for side in ("left", "right")]
+    np.testing.assert_array_equal(other[:, : len(STEPS) // 4], dances)
+    np.testing.assert_allclose(other[:, len(STEPS) // 4], one[:, 0], atol=1e-9)
+    path = metrics.set_index(["controller", "side"]).path_length_m
+    assert (path["y"] > 0).all()
+    with pytest.raises(ValueError, match="needs those of"):
+        evaluate(genomes[0], BRIGHT, [after], lifetime, repeats=1, seed=1)
+
+
+def test_a_world_that_cannot_be_danced_in_is_refused(memory, lidar):
+    narrow = replace(T_MAZE, start=Pose(-0.003, -0.35, math.pi / 2))
+    with pytest.raises(ValueError, match=r"7\.1 mm into a wall; 1 mm must be left"):
+        check_room(Scenario(maze=narrow))
+    assert can_check_itself(BRIGHT)
+    assert not can_check_itself(Scenario(maze=narrow))
+    assert not can_check_itself(Scenario(robot=lidar))
+    with pytest.raises(ValueError, match="those of robot epuck_lidar are others"):
+        check(memory, Scenario(robot=lidar), "left", KEY)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"light_ratio": math.inf}, "a correction must be finite, got light_ratio = inf"),
+        ({"left_loss": math.nan}, "a correction must be finite, got left_loss = nan"),
+        ({"light_ratio": 0.0}, "needs a ratio above 0"),
+        ({"right_loss": 1.0}, "needs a loss below 1"),
+        ({"others": np.arange(12)}, "do not fit robot epuck"),
+    ],
+)
+def test_corrections_that_cannot_be_are_refused(wrong, message):
+    corrections = no_corrections(EPUCK)._replace(**wrong)
+    with pytest.raises(ValueError, match=message):
+        check_corrections(corrections, EPUCK)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"dance_counts": True}, "does nothing without a dance"),
+        ({"exploration": Exploration.wall_following}, "adaptation.exploration does nothing without a signal"),
+        (
+            {"change_signal": "lateness", "exploration": Exploration.wall_following, "motor_noise": 1.0},
+            "give adaptation.exploration=both",
+        ),
+        ({"change_signal": "lateness", "exploration": Exploration.both}, "needs adaptation.motor_noise above 0"),
+    ],
+)
+def test_settings_that_do_nothing_are_refused(settings, message):
+    with pytest.raises(ValueError, match=message):
+        Adaptation(**settings)
+
+
+def test_findings_are_a_table_and_words(memory):
+    world = replace(BRIGHT, left_wheel=0.9, light=0.5, dead_sensors=(6,))
+    table = findings(self_checks(memory, world, 1.0, repeats=2, seed=1))
+    assert table[["side", "repeat", "lamp"]].to_numpy().tolist() == [
+        ["left", 0, "off"],
+        ["left", 1, "off"],
+        ["right", 0, "on"],
+        ["right", 1, "on"],
+    ]
+    words = "left wheel 10 % slow, light 0.5 times home's, sensor 6 dead"
+    assert in_words(table.to_dict("records")) == {"left": [(words, 2)], "right": [(words, 2)]}
+    nothing = {"corrected": "", "unexplained": "", "dead_sensors": ""}
+    assert told(nothing) == "nothing that has changed"
+    assert told({**nothing, "unexplained": "light"}) == "light readings that nothing known explains"
+
+
+def test_as_a_user_meets_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    brief = ["lifetime.duration_s=3", "lifetime.record_every=0", "repeats=1"]
+    done = CliRunner().invoke(app, ["evaluate", "adaptation=best", "scenario=lowlight", *brief, "hydra.run.dir=run"])
+    assert done.exit_code == 0, done.output
+    assert "has no memory for a self-check: it dances, and lives 10 lifetimes a side in highlight first" in done.stderr
+    assert (tmp_path / "run" / files.FINDINGS).read_text().count(",light\n") == 2
+    shown = CliRunner().invoke(app, ["show", "run"]).stdout
+    assert "light 0.1 times home's" in " ".join(shown.split())
+    refused = CliRunner().invoke(app, ["evaluate", "adaptation=self_check", "robot=epuck_lidar", *brief])
+    assert refused.exit_code == 2
+    assert "those of robot epuck_lidar are others" in " ".join(refused.stderr.split())
+
+
+def test_a_champion_remembers_the_dance(memory, tmp_path, genomes):
+    told = files.Genome(genes=genomes[0], name="x", self_memory=memory)
+    (tmp_path / "champion.npz").write_bytes(files.champion_file(told, 0.5, "light", 1, 3))
+    again = files.load_genome(str(tmp_path), "light")
+    assert again.self_memory_sha256 == told.self_memory_sha256 != ""
+    for name, value in vars(memory).items():
+        np.testing.assert_array_equal(value, getattr(again.self_memory, name))
+
+
+def test_the_page_of_a_replay_says_what_was_found(genomes, memory, tmp_path):
+    weak = replace(BRIGHT, left_wheel=0.9)
+    checks = self_checks(memory, weak, 1.0, repeats=1, seed=1)
+    findings(checks).to_csv(tmp_path / files.FINDINGS, index=False)
+    config = typed(composed("evaluate", ["adaptation=self_check", "scenario=highlight_weak"]), EvaluateConfig)
+    found = found_in(tmp_path, config)
+    sentence = "Before its life, the robot with “self_check” found: left wheel 10 % slow."
+    assert found == {"left": sentence, "right": sentence}
+    lifetime = Lifetime(duration_s=1, gain_rad_s=4, record_every=8)
+    told = {"repeats": 1, "seed": 1, "checks": checks}
+    _, traces = evaluate(genomes[0], weak, config.controllers, lifetime, **told)
+    shown = page(traces, genomes[0], weak, "title", gain_rad_s=4, found=found)
+    content = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', shown, re.DOTALL)[1])
+    assert content["outcomes"]["left"].endswith(sentence)
+    assert {one["note"] for one in content["controllers"]} == {"its connections stay as they were at birth"}
