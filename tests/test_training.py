@@ -37,6 +37,7 @@ class Unmoved(Optimizer):
 
     genomes: np.ndarray
     confirm: int = 1
+    individuals = 2
 
     def schedule(self, training, lifetime):
         return Schedule(1, training.loops)
