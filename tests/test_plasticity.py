@@ -108,7 +108,7 @@ def test_every_synapse_is_told_of_its_two_neurons(network):
     activation = np.random.default_rng(0).normal(size=network.neurons)
     genes = np.random.default_rng(1).normal(size=network.synapses)
     weights = genes.copy()
-    updated(Told, network, weights, genes, activation, rate=1.0, w_max=1e9)
+    updated(Told, network, weights, genes, activation, rate=1.0, w_max=1e6)
     for layer, (pre, post) in enumerate(network.shapes):
         first, gene = network.first_neuron[layer], network.first_synapse[layer]
         x, y = activation[first : first + pre, None], activation[network.first_neuron[layer + 1] :][None, :post]

@@ -66,7 +66,7 @@ def test_it_leaves_report_tables_and_figures(made):
 
 def test_the_page_needs_nothing_else(made):
     page = (made[0] / "report.html").read_text()
-    assert "http" not in re.sub(r'src="data:[^"]+"', "", page)
+    assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
     assert page.count('src="data:image/png;base64,') == 15
 
 

@@ -277,6 +277,8 @@ def read_traces(run: Path, state: str, lifetimes: int, samples: int) -> tuple[Tr
         ConfigError: They cannot be read.
     """
     with _told(f"{run / TRACES} cannot be read (the run is {state})"):
+        if not (run / TRACES).is_file():
+            raise ValueError("there is no such file")
         held = _Arrays(runs.content(run, TRACES))
         network = Network(held.layers() or PAPER_NETWORK.layers)
         each = (lifetimes, samples)

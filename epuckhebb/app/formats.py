@@ -147,6 +147,8 @@ def _check(told: Any, kind: Any, key: str) -> None:
     """
     if get_origin(kind) is NotRequired:
         kind = get_args(kind)[0]
+    if kind is Any:
+        return
     origin, inner = get_origin(kind), get_args(kind)
     if is_typeddict(kind) and isinstance(told, dict):
         for name, of_name in get_type_hints(kind).items():

@@ -15,6 +15,7 @@ from epuckhebb.study.tables import code
 
 _OUTCOMES = COLUMNS[COLUMNS.index("success") + 1 : COLUMNS.index("changed")]  # of which the summary has the mean
 _LIFETIME = ["experiment", "scenario", "controller", "N", "genome", "side", "seed", "repeat"]  # one of all
+_SUCCESS = ("n", "success", "success_low", "success_high")
 
 
 def summary(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
@@ -34,10 +35,10 @@ def summary(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
         successes, n = int((lifetimes.success == "1").sum()), len(lifetimes)
         low, high = wilson(successes, n)
         outcomes = lifetimes[list(_OUTCOMES)]
-        success = {"n": n, "success": successes / n, "success_low": low, "success_high": high}
+        success = dict(zip(_SUCCESS, (n, successes / n, low, high), strict=True))
         reached = {"n_reached": int(outcomes.time_to_goal_s.notna().sum())}
         found.append(dict(zip(by, condition, strict=True)) | success | reached | outcomes.mean().to_dict())
-    return pd.DataFrame(found) if found else pd.DataFrame(columns=[*by, "n"])
+    return pd.DataFrame(found) if found else pd.DataFrame(columns=[*by, *_SUCCESS])
 
 
 def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str, bytes] | None:
