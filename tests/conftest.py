@@ -23,7 +23,7 @@ HERE = Path(__file__).parent
 def pytest_collection_finish():
     """Search for garbage seldom: composing a configuration and compiling a kernel make next to none, and much else."""
     gc.freeze()
-    gc.set_threshold(100_000, 20, 20)
+    gc.set_threshold(20_000, 10, 10)
 
 
 def pytest_addoption(parser):

@@ -20,6 +20,8 @@ from epuckhebb.sim.genome import GenomePlan
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.random import Stream
 
+_MOST_DRAWS = 100_000  # of a tournament; with so many it is always the fittest who wins
+
 
 class Selection(Enum):
     """Who may be drawn for a tournament: everyone, or (as coded) only the best and the worst."""
@@ -66,6 +68,8 @@ class GA(Optimizer):
 
     def __post_init__(self) -> None:
         """Refuse algorithms that cannot be."""
+        if self.tournament > _MOST_DRAWS:
+            raise ValueError(f"ga.tournament must lie between 1 and {_MOST_DRAWS}, got {self.tournament}")
         for name in ("population", "generations", "loops", "tournament"):
             if getattr(self, name) < 1:
                 raise ValueError(f"ga.{name} must be 1 or more, got {getattr(self, name)}")
