@@ -283,7 +283,7 @@ def study_job(cfg: DictConfig) -> None:
     file = folder / _JOBS / f"{run}.json"
     job = record(file.read_bytes(), file, JobAsked)
     try:
-        _check_unchanged(job["config"], run)
+        check_unchanged(job["config"], run)
         config = as_config(job["config"], "evaluate")
         threads = hydra_bridge.threads_of_job(config.threads)
         facts = {"command": told["command"], "sweep": told["name"]}
@@ -300,8 +300,20 @@ def study_job(cfg: DictConfig) -> None:
         shutil.rmtree(attempt)
 
 
-def _check_unchanged(config: Plain, run: str) -> None:
-    if Identities().of(config) != run:
+def check_unchanged(config: Plain, run: str) -> None:
+    """Refuse a job that would no longer lead to the run that it was listed as.
+
+    Raises:
+        ConfigError: Its configuration cannot be used.
+        JobFailedError: It would lead to another.
+    """
+    try:
+        now = Identities().of(config)
+    except ConfigError:
+        raise
+    except Exception as error:  # what damaged settings may raise has no end
+        raise ConfigError(f"the settings of {run} cannot be used: {error}") from error
+    if now != run:
         raise JobFailedError(f"{run}: the genome or the program has changed since the study began")
 
 

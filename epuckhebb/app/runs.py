@@ -243,7 +243,10 @@ class RunFolder:
         errors.at_work.remove(self._interrupted)
         try:
             if error is None:
-                self._close("failed" if self.failure else "finished", error=self.failure)
+                try:
+                    self._close("failed" if self.failure else "finished", error=self.failure)
+                except OSError as full:
+                    raise JobFailedError(f"{self.path / _STATUS} cannot be written: {full.strerror}") from full
             elif isinstance(error, KeyboardInterrupt):
                 raise KeyboardInterrupt(self._interrupted()) from None
             elif isinstance(error, Exception):
@@ -335,6 +338,9 @@ def read(path: Path) -> dict[str, Any]:
             raise ConfigError(f"{path} is not a run folder: it has no {name}")
     status = record(_bytes(path / _STATUS), path / _STATUS, Status)
     told = record(content(path, _PROVENANCE), path / _PROVENANCE, Provenance)
+    missing = {"genome", "genome_sha256"} - told.keys() if told["verb"] == "evaluate" else None
+    if missing:
+        raise ConfigError(f"{path / _PROVENANCE} cannot be used: it has no {min(missing)}")
     if status["state"] == "running" and not is_held(path):
         status |= {"state": "interrupted", "error": "its process ended without a word"}
     return {**told, "status": status}

@@ -5,8 +5,9 @@ folder of that name is its result, whenever it was made. The folder of a sweep i
 command finds it again.
 """
 
+import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from epuckhebb.app.runs import RunFolder
 from epuckhebb.study import rescue, summary
 from epuckhebb.study.evaluate import COLUMNS
 
-_METRICS = "metrics.csv"
+_SWEEP = "sweep.csv"
 _SWEEP_DIR = "hydra.sweep.dir="
 _IN_METRICS = ("scenario", "seed")  # settings that every row of metrics.csv tells of anyway
 
@@ -97,14 +98,11 @@ def _write_tables(study: RunFolder, done: Sequence[Job], failures: Sequence[tupl
     failed = [_place(job) | {"error": error} for job, error in failures]
     failed_columns = [*_columns([job for job, _ in failures]), "error"]
     study.write("failed.csv", _csv(pd.DataFrame(failed, columns=failed_columns)))
-    parts = []
-    for job in done:
-        content = runs.content(study.path / job.run, _METRICS)
-        formats.table(content, study.path / job.run / _METRICS, formats.METRICS)
-        rows = pd.read_csv(io.BytesIO(content), dtype=str, keep_default_na=False)  # its numbers stay as they are
-        parts.append(pd.concat([pd.DataFrame([_place(job)] * len(rows), dtype=str), rows], axis=1))
-    whole = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*_columns([]), *COLUMNS])
-    study.write("sweep.csv", _csv(whole))
+    rows = [_place(job) | row for job in done for row in _lifetimes(study.path / job.run)]
+    whole = pd.DataFrame(rows, dtype=str) if rows else pd.DataFrame(columns=[*_columns([]), *COLUMNS])
+    content = _csv(whole)
+    formats.table(content, study.path / _SWEEP, formats.METRICS, rows=False)
+    study.write(_SWEEP, content)
     study.write("summary.csv", _csv(summary.summary(whole, _columns(done)[2:])))
     told = summary.rescue_and_harm(whole)
     if told is not None:
@@ -113,6 +111,11 @@ def _write_tables(study: RunFolder, done: Sequence[Job], failures: Sequence[tupl
             study.write(f"{name}.csv", _csv(table))
         study.write("report.md", page)
         study.write(f"figures/{rescue.FIGURE}", figure)
+
+
+def _lifetimes(run: Path) -> Iterator[dict[str, str]]:
+    """The rows of the table of a run, whose numbers stay as they stand there."""
+    yield from csv.DictReader(io.StringIO(runs.content(run, "metrics.csv").decode(), newline=""))
 
 
 def _place(job: Job) -> dict[str, str]:

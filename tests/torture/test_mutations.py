@@ -22,10 +22,10 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from epuckhebb.app import formats, runs
+from epuckhebb.app import engine, formats, runs
 from epuckhebb.app.cli import app
-from epuckhebb.app.config import EvaluateConfig, read_config, typed
-from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.config import read_config
+from epuckhebb.app.errors import ConfigError, JobFailedError
 from epuckhebb.app.files import load_genome
 from epuckhebb.app.runs import RunFolder
 from epuckhebb.sim.compiled import kernel
@@ -263,13 +263,12 @@ def job_read(folder):
     """What a job of a sweep reads."""
     try:
         told = formats.record(runs.content(folder, "sweep.json"), folder / "sweep.json", formats.ListOfJobs)
-        file = min((folder / "jobs" / "job").glob("*.yaml"))
-        cfg = read_config(file, "evaluate")
-        typed(cfg, EvaluateConfig)
-        runs.content(folder, f"jobs/job/{file.name}")
-    except ConfigError as error:
+        file = min((folder / "jobs").glob("*.json"))
+        job = formats.record(file.read_bytes(), file, formats.JobAsked)
+        engine.check_unchanged(job["config"], file.stem)
+    except (ConfigError, JobFailedError) as error:
         return 2, str(error)
-    return 0, (told, cfg)
+    return 0, (told, job["config"])
 
 
 SHOW, SHOW_JSON = verb("show", "{}"), verb("show", "{}", "--json")
@@ -287,7 +286,7 @@ CASES = [  # kind of run, file, how often, what reads it
     ("evolve", "checkpoint.npz", 60, [RESUME]),
     ("sweep", "summary.csv", 80, [SHOW]),
     ("sweep", "sweep.json", 80, [job_read]),
-    ("sweep", "jobs/job/*.yaml", 40, [job_read]),
+    ("sweep", "jobs/*.json", 40, [job_read]),
     ("rescue", "rescue_over_all.csv", 60, [SHOW]),
     ("reproduce", "claims.csv", 80, [SHOW]),
 ]
