@@ -41,7 +41,7 @@ def completed(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Pat
     Raises:
         ConfigError: The world, a rule or a name below `compare` cannot be used.
     """
-    if "scenario" not in cfg or cfg.get("changed") is not None:
+    if not {"scenario", "maze", "robot", "hebbian"} <= cfg.keys() or cfg.get("changed") is not None:
         return cfg
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
         for group in _GROUPS:
