@@ -299,3 +299,11 @@ def test_garbage_is_collected_while_jobs_run(tmp_path, monkeypatch):
     finally:
         gc.enable()
     assert seen == [True, True]
+
+
+@pytest.mark.parametrize("words", [["evaluate"], ["evaluate", "-m", "seed=1,2"], ["evolve"], ["sweep", "obstacles"]])
+def test_a_folder_of_configurations_must_be_there(here, words):
+    result = CliRunner().invoke(app, [*words, "--config-dir=nowhere"])
+    assert result.exit_code == 2
+    assert result.stderr.startswith("Error: --config-dir=nowhere is no folder")
+    assert list(here.iterdir()) == []

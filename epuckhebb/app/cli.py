@@ -270,11 +270,12 @@ def sweep(
     as_json: Json = False,
 ) -> None:
     """A named sweep on all cores; the same command again does only what is not done."""
-    from epuckhebb.app import engine, progress
+    from epuckhebb.app import engine, hydra_bridge, progress
     from epuckhebb.app import show as shown
     from epuckhebb.app.sweep import plan, told
     from epuckhebb.app.sweep import sweep as run
 
+    hydra_bridge.check_config_dir(config_dir)
     planned = plan(name, overrides or [], config_dir)
     _begin(quiet)
     todo = {job.run for job in engine.todo(planned.folder, planned.jobs)}
@@ -355,6 +356,7 @@ def _run(
     flags += ["--config-dir", config_dir] if config_dir else []
     _begin(quiet)
     hydra_bridge.check_words(verb, arguments)
+    hydra_bridge.check_config_dir(config_dir)
     if not cfg:
         hydra_bridge.check(verb, arguments, config_dir, asked, multirun=multirun)
     runs = hydra_bridge.run(verb, job, [*arguments, *flags])

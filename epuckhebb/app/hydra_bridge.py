@@ -372,6 +372,16 @@ def _with_rules_found(argument: str) -> str:
     return f"hebbian.rule={','.join(map(quoted, found))}"
 
 
+def check_config_dir(config_dir: str | None) -> None:
+    """Refuse a folder of configuration files that is not there, which Hydra only warns of.
+
+    Raises:
+        ConfigError: It is not there.
+    """
+    if config_dir is not None and not Path(config_dir).is_dir():
+        raise ConfigError(f"--config-dir={config_dir} is no folder; give one with files such as scenario/mine.yaml")
+
+
 def check_folders(arguments: list[str]) -> None:
     """Refuse an empty name of a folder, which would be the current one.
 
