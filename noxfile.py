@@ -1,4 +1,4 @@
-"""All commands of the project: `nox` runs lint, types, tests, newest and web; `nox --list` has the others."""
+"""All commands of the project: `nox` runs lint, types, tests and web; `nox --list` has the others."""
 
 import os
 import shutil
@@ -6,7 +6,7 @@ import subprocess
 
 import nox
 
-nox.options.sessions = ["lint", "types", "tests", "newest", "web"]
+nox.options.sessions = ["lint", "types", "tests", "web"]
 nox.options.default_venv_backend = "uv|venv"  # uv, where it is installed, makes an environment in seconds
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 STABLE = "hydra-core==1.3.*"  # some plug-ins ask for a Hydra in a way that lets pip take a pre-release
