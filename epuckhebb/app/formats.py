@@ -202,7 +202,7 @@ def table(content: bytes, file: Path, columns: Columns, *, rows: bool = True) ->
         raise ConfigError(f"{file} has no column {missing[0]}")
     if rows and found.empty:
         raise ConfigError(f"{file} has no rows")
-    for name in columns:
+    for name in columns if len(found) else ():
         if name in found:
             _check_column(found[name], columns[name], file)
     return found
