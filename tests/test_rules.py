@@ -123,7 +123,7 @@ class Simple(Rule):
 
 
 def one_update(weights, kept, genes, coefficients, activation, rate, of_updates, numbers, synapses, change):
-    return learn(weights, kept, genes, coefficients, activation, rate, of_updates, numbers, synapses, change)  # noqa: F821
+    return learn(weights, kept, genes, coefficients, activation, rate, of_updates, numbers, synapses, change)  # noqa: F821  # a part
 
 
 def test_a_rule_is_compiled_once_and_then_comes_from_disk(monkeypatch, tmp_path):

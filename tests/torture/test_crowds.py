@@ -51,7 +51,7 @@ def test_two_thousand_jobs_that_are_done_are_looked_at_again(tmp_path, monkeypat
 
 
 @pytest.mark.parametrize("verb", CALLS)
-def test_a_disk_that_is_full_sooner_or_later(disk, verb, request):  # noqa: F811
+def test_a_disk_that_is_full_sooner_or_later(disk, verb, request):  # noqa: F811  # pytest's way to ask for it
     chance = random.Random(f"{request.config.getoption('--torture-seed')} {verb}")
     first, second = CALLS[verb]
     for _ in range(FILLINGS):

@@ -89,7 +89,7 @@ class GA(Optimizer):
         """How many live in the largest generation."""
         return self.population
 
-    def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:  # noqa: ARG002
+    def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:  # noqa: ARG002  # others need them
         """As it is set, in whatever worlds."""
         return Schedule(self.generations, self.loops)
 
