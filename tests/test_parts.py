@@ -258,6 +258,7 @@ WRONG_RULES = {
     "raising.py": "x = 1\nraise RuntimeError('boom')\n",
     "unknown.py": HEAD + "    @staticmethod\n    def synapse(prae, post):\n        return prae\n",
     "uncompiled.py": HEAD + "    @staticmethod\n    def synapse(pre, post):\n        return open(pre) + post\n",
+    "array.py": f"import numpy as np\n{HEAD}    @staticmethod\n    def synapse(pre):\n        return sum(np.ones(2))\n",
     "nothing.py": "x = 1\n",
     "text.txt": "x = 1\n",
 }
@@ -271,6 +272,7 @@ BAD = {
     "a rule file without a name": (["hebbian.rule=my_rules.py"], ["FILE.py:NAME", "differential"]),
     "a rule that asks for something else": (["hebbian.rule=unknown.py:oja"], ["asks for prae", "pre, post, weight"]),
     "a rule that does not compile": (["hebbian.rule=uncompiled.py:oja"], ["oja", "uncompiled.py", "open"]),
+    "a rule that makes an array": (["hebbian.rule=array.py:oja"], ["oja", "array.py", "it makes an array", "kept"]),
     "not a setting of one's rule": ([*OJA, "hebbian.decya=1"], ["hebbian.decya", "did you mean decay?"]),
     "not a number for one's rule": ([*OJA, "hebbian.decay=fast"], ["hebbian.decay must be a number", "fast"]),
     "a rule of one's own below compare": (["compare.a={rule: nowhere.py:b}"], ["compare.a.rule=", "nowhere.py"]),

@@ -5,6 +5,7 @@ No robot knows of another. A life that meets a change of its world is paused, an
 
 import inspect
 import math
+import re
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -48,6 +49,8 @@ from epuckhebb.sim.scenario import Scenario
 _LIVES_PER_BLOCK = 50  # lifetimes that share a space, one after the other
 _SUMS = ("behaviour_sum", "weight_change_sum", "path_length", "goal_distance")  # of a tally, from which outcomes come
 _MESSAGE_LINES = 10  # of what is told of a rule that does not compile
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")  # numba colours its messages where it can
+_MAKES_AN_ARRAY = "Only accept returning of array passed into the function"  # what it says without memory of its own
 
 
 class Outcome(NamedTuple):
@@ -344,10 +347,13 @@ def _outcome(life: Life, lifetime: Lifetime, goal_radius: float) -> Outcome:
 
 def _explained(rule: type[Rule], error: Exception) -> str:
     """Why a rule does not compile, in ten lines at most: what numba says last of the function farthest in."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    text = _COLOUR.sub("", str(error))
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
     causes = [number for number, line in enumerate(lines) if line.startswith("Rejected as")]
     told = [line for line in lines[causes[-1] + 1 if causes else 0 :] if "Failed in nopython mode" not in line]
     told = told[: next((number for number, line in enumerate(told) if line.startswith("During: Pass")), None)]
+    if _MAKES_AN_ARRAY in text:
+        told = ["it makes an array, and a synapse has only numbers: keep what it remembers in `kept`"]
     heading = f"rule {rule.__name__} of {inspect.getsourcefile(rule.synapse)} does not compile:"
     return "\n".join([heading, *dict.fromkeys(told)][:_MESSAGE_LINES])
 
