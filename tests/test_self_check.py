@@ -128,7 +128,7 @@ def test_light_is_corrected_where_distances_are_unexplained(memory):
 
 
 def test_sensors_that_are_all_silent_are_not_dead(memory):
-    """A robot whose infra-red sensors all read 0 is not one that has eight dead sensors, of which none could be told."""
+    """Infra-red sensors that all read 0 are not eight dead sensors, of which none could be told from the others."""
     checked = check(memory, replace(BRIGHT, distance_offset=-0.999), "left", KEY)
     assert checked.found.dead_sensors == ()
     assert unexplained(checked.found) == ("distance",)
