@@ -70,7 +70,7 @@ def needs(config: EvaluateConfig, genome: Genome) -> list[Need]:
         Need(records, "what is recorded", "lower lifetime.duration_s, or raise lifetime.record_every"),
     ]
     pace = config.lifetime.gain_rad_s
-    if _change_signals(config) and (genome.baseline is None or genome.baseline.gain_rad_s != pace):
+    if _lacks(config, genome.baseline):
         home = training_world(config)
         room = room_to_remember(home.paper_duration_s, pace, genome.network)
         needed.append(Need(room, "life in the training world at this pace", "raise lifetime.gain_rad_s"))
@@ -227,27 +227,41 @@ def baseline_for(
     Raises:
         ConfigError: The baseline is of another experiment, or living there again gave nothing to be late against.
     """
-    asking = _change_signals(config)
-    if not asking:
+    if not any(controller.adaptation.needs_baseline for controller in config.controllers):
         return None
     baseline, experiment, pace = genome.baseline, config.world.experiment, config.lifetime.gain_rad_s
     if baseline is not None:
         _check_home(genome.name, baseline, experiment)
-    if baseline is None or baseline.gain_rad_s != pace:
-        why = "has no baseline" if baseline is None else f"remembers a pace of {baseline.gain_rad_s:g} rad/s"
+    why = _lacks(config, baseline)
+    if why:
         tell(
             f"genome={genome.name} {why}: it lives {REPEATS} lifetimes a side in {TRAINED[experiment]} first, "
             f"at {pace:g} rad/s."
         )
         home = training_world(config)
         baseline = remember(genome.weights, home, pace, threads, genome.network)
-        if "lateness" in asking and np.isnan(baseline.time_to_goal_s).all():
+        if "lateness" in _change_signals(config) and np.isnan(baseline.time_to_goal_s).all():
             raise ConfigError(
                 f"adaptation.change_signal=lateness needs a time to the goal to remember, and genome={genome.name} "
                 f"reached neither goal in {baseline.scenario}; give a champion that does, or change_signal=novelty or "
                 "shortfall"
             )
     return baseline
+
+
+def _lacks(config: EvaluateConfig, baseline: Baseline | None) -> str:
+    """Why a champion has to live in the training world again, so that adaptations have something to compare with."""
+    over = [controller.adaptation for controller in config.controllers]
+    pace = config.lifetime.gain_rad_s
+    if not any(one.needs_baseline for one in over):
+        return ""
+    if baseline is None:
+        return "has no baseline"
+    if any(one.is_gated for one in over) and baseline.gain_rad_s != pace:
+        return f"remembers a pace of {baseline.gain_rad_s:g} rad/s"
+    if any(one.homeostasis for one in over) and not len(baseline.patterns):
+        return "does not remember what the light looks like"
+    return ""
 
 
 def _change_signals(config: EvaluateConfig) -> set[str]:

@@ -26,6 +26,7 @@ from epuckhebb.app.machine import path_of
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.evolution.optimizer import State
 from epuckhebb.sim.adaptation.baseline import Baseline
+from epuckhebb.sim.adaptation.homeostasis import PATTERNS
 from epuckhebb.sim.adaptation.self_check.dance import STEPS
 from epuckhebb.sim.adaptation.self_check.memory import EFFECTS, SelfMemory
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
@@ -455,12 +456,12 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
         plan=plan,
         optimizer=texts.get("optimizer", ""),
         training=texts.get("training", ""),
-        baseline=_baseline(held, path, network.inputs),
+        baseline=_baseline(held, path, network.inputs, lights),
         self_memory=_self_memory(held, path, network.inputs),
     )
 
 
-def _baseline(held: _Arrays, path: Path, inputs: int) -> Baseline | None:
+def _baseline(held: _Arrays, path: Path, inputs: int, lights: int) -> Baseline | None:
     """The baseline in a champion's file, if there is one."""
     if not any(name.startswith(_BASELINE) for name in held.names):
         return None
@@ -469,11 +470,17 @@ def _baseline(held: _Arrays, path: Path, inputs: int) -> Baseline | None:
     with _told(f"genome={path} holds a baseline of the training world that this program cannot read"):
         if held.take(f"{_BASELINE}fitness", "f").size == 0:
             raise ValueError("its fitness is of no second")
+        known: dict[str, Any] = {"patterns": np.zeros((0, lights)), "novelty": np.inf}  # before version 0.2
+        if f"{_BASELINE}novelty" in held.names:
+            known["patterns"] = held.take(f"{_BASELINE}patterns", "f", (PATTERNS, lights)).astype(np.float64)
+            known["novelty"] = float(held.take(f"{_BASELINE}novelty", "f", ()))
+        for name, shape in shapes.items():
+            known[name] = held.take(_BASELINE + name, "f", shape).astype(np.float64)
         return Baseline(
             experiment=held.text(f"{_BASELINE}experiment"),
             scenario=held.text(f"{_BASELINE}scenario"),
             gain_rad_s=float(held.take(f"{_BASELINE}gain_rad_s", "f", ())),
-            **{name: held.take(_BASELINE + name, "f", shape).astype(np.float64) for name, shape in shapes.items()},
+            **known,
         )
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from epuckhebb.sim import fitness
 from epuckhebb.sim.adaptation.adaptation import gate_numbers
 from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, check_baseline, no_baseline
+from epuckhebb.sim.adaptation.homeostasis import check_patterns
 from epuckhebb.sim.adaptation.self_check.corrections import Corrections, check_corrections
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.faults import Faults, lag_of
@@ -204,6 +205,7 @@ def _kind(controller: Controller, network: Network, robot: Robot, more_faults: b
             robot,
             follows_walls=adaptation.follows_walls,
             self_check=adaptation.self_check,
+            homeostatic=adaptation.homeostasis,
             more_faults=more_faults,
         ),
         plasticity=Plasticity(
@@ -226,6 +228,8 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
     first, rule = phases[0].scenario, type(who.controller.rule)
     if who.baseline is not None:
         check_baseline(who.baseline, first.robot.inputs)
+    if who.controller.adaptation.homeostasis:
+        check_patterns(kind.baseline if who.baseline is None else who.baseline, first.robot.lights)
     if who.corrections is not None:
         check_corrections(who.corrections, first.robot)
     of_updates = kind.signs if who.signs is None else who.signs
@@ -339,7 +343,7 @@ def _outcome(life: Life, lifetime: Lifetime, goal_radius: float) -> Outcome:
         float(tally["behaviour_sum"]) / lifetime.steps,
         fitness.reward(goal_distance),
         float(tally["weight_change_sum"]) / lifetime.steps,
-        float(tally["weight_change"]),
+        float(tally["weight_change"] + tally["scaling"]),
         int(tally["contacts"]) / lifetime.steps,
         goal_distance < goal_radius,
     )
