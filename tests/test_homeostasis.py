@@ -60,7 +60,7 @@ def test_the_scale_finds_the_level_of_the_light(home):
     tally, rng = np.zeros(1, TALLY).view(np.recarray), np.random.default_rng(3)
     tally["scale"] = 1.0
     for step in range(2000):
-        seen = home.patterns[step // 50 % PATTERNS] if step % 50 == 0 else seen
+        seen = home.patterns[step // 50 % PATTERNS]
         readings = np.append(1 - 0.4 * seen + rng.normal(0, 0.003, 8), np.zeros(8))
         scale(readings, np.ones(PAPER_NETWORK.synapses), tally[0], room, home.of("left"), step)
     assert tally["scale"][0] == pytest.approx(2.5, rel=0.15)
@@ -96,8 +96,8 @@ def test_patterns_are_remembered(home):
 
 
 def test_what_cannot_be_is_refused(genomes, home):
+    who = Individual(genes=genomes[0], side="left", key=KEY, controller=HOMEOSTATIC, baseline=no_baseline(16))
     with pytest.raises(ValueError, match="64 patterns of 8 light sensors"):
-        who = Individual(genes=genomes[0], side="left", key=KEY, controller=HOMEOSTATIC, baseline=no_baseline(16))
         live_block([who], BRIGHT, Lifetime(duration_s=1))
     told = {name: getattr(home, name) for name in Baseline.__dataclass_fields__}
     with pytest.raises(ValueError, match="novelty must be more than 0"):
