@@ -305,7 +305,7 @@ class Robot:
             if self.novelty[0] > home.novelty:
                 self.scale = np.clip(self.scale * np.exp(np.clip(3 * 4 * STEP * pull, -0.2, 0.2)), 0.05, 20)
             self.change_signal = self.novelty[0] / home.novelty
-            self.used_scale = self.scale if self.novelty[0] < 0.8 * self.novelty[1] else 1.0
+            self.used_scale = self.scale if self.novelty[0] < 0.7 * self.novelty[1] else 1.0
         if self.used_scale != 1:
             readings[: self.kind.lights] = 1 - np.minimum(1, self.used_scale * self.brightness)
         return readings

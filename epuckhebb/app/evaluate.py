@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import pandas as pd
@@ -30,6 +30,10 @@ from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.study import tables
 from epuckhebb.study.evaluate import Traces, evaluate, room_to_evaluate
 from epuckhebb.study.self_checks import Checks, findings, self_checks
+
+_Memory = TypeVar("_Memory", Baseline, SelfMemory)
+_made: dict[tuple[object, ...], Baseline | SelfMemory] = {}
+_MOST_MADE = 256  # a self-check's memory takes 0.2 MB
 
 
 def evaluate_job(cfg: DictConfig) -> None:
@@ -239,7 +243,10 @@ def baseline_for(
             f"at {pace:g} rad/s."
         )
         home = training_world(config)
-        baseline = remember(genome.weights, home, pace, threads, genome.network)
+        baseline = _once(
+            ("baseline", genome.sha256, repr(home), pace),
+            lambda: remember(genome.weights, home, pace, threads, genome.network),
+        )
         if "lateness" in _change_signals(config) and np.isnan(baseline.time_to_goal_s).all():
             raise ConfigError(
                 f"adaptation.change_signal=lateness needs a time to the goal to remember, and genome={genome.name} "
@@ -297,11 +304,24 @@ def self_checks_for(
                 f"in {TRAINED[experiment]} first."
             )
             home = training_world(config)
-            lived = live_at_home(genome.weights, home, 1.0, threads, genome.network)
-            memory = remember_self(home, [samples.sensors for side in lived for _, samples in side])
+
+            def remembered() -> SelfMemory:
+                lived = live_at_home(genome.weights, home, 1.0, threads, genome.network)
+                return remember_self(home, [samples.sensors for side in lived for _, samples in side])
+
+            memory = _once(("self-check", genome.sha256, repr(home)), remembered)
         return self_checks(memory, config.world, config.lifetime.noise, repeats=config.repeats, seed=config.seed)
     except (ValueError, LostRobotError) as error:
         raise error if isinstance(error, ConfigError) else ConfigError(str(error)) from error
+
+
+def _once(key: tuple[object, ...], make: Callable[[], _Memory]) -> _Memory:
+    """What a champion remembers, made once a process: the jobs of a sweep ask for the same ones again and again."""
+    if key not in _made:
+        if len(_made) >= _MOST_MADE:
+            _made.clear()
+        _made[key] = make()
+    return cast(_Memory, _made[key])
 
 
 def _check_home(name: str, remembered: Baseline | SelfMemory, experiment: str) -> None:

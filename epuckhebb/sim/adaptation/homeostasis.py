@@ -8,7 +8,7 @@ patterns of brightness that it remembers of home. It knows only what it senses: 
     t                                   the remembered pattern in whose direction v points best: largest v t / |t|
     n(k) = mean over 5 s of rms(t - v)  novelty with the scale k; n(1): without it
     dk/dt = 3 k  (t - v) k u / (v v)    while n(k) is more than it ever was at home; else the scale rests
-    reading = 1 - v                     if n(k) < 0.8 n(1): only a scale that makes the light familiar is used
+    reading = 1 - v                     if n(k) < 0.7 n(1): only a scale that makes the light familiar is used
 
 A scale of readings is one of the first layer's weights w: w (1 - k u) = k w (1 - u) + (1 - k) w, so w becomes k w, and
 the neuron's bias changes by (1 - k) w. That is the weight change which is reported.
@@ -29,7 +29,7 @@ from epuckhebb.sim.robot import STEP_S
 PATTERNS = 64  # that are remembered
 EVERY = 4  # steps from one comparison to the next
 RATE_PER_S = 3.0  # how fast the scale follows
-MAKES_FAMILIAR = 0.8  # share of the novelty that may be left with a scale that is used
+MAKES_FAMILIAR = 0.7  # share of the novelty that may be left with a scale that is used
 LEAST, MOST = 0.05, 20.0  # scale; no light level of any scenario asks for more
 _LARGEST_STEP = 0.2  # of log k
 _SHARE = EVERY * STEP_S / (RECENT_S + EVERY * STEP_S)
