@@ -3,9 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 import reference
+from typer.testing import CliRunner
 
+from epuckhebb.app.cli import app
 from epuckhebb.sim.adaptation.adaptation import Adaptation, hooks
 from epuckhebb.sim.adaptation.baseline import Baseline, remember
 from epuckhebb.sim.adaptation.change_signal import no_baseline
@@ -44,7 +47,7 @@ def test_where_nothing_has_changed_a_life_is_the_same_bit_for_bit(genomes, home)
         assert 0 < np.nanmax(samples.change_signal) <= 1.1  # novelty over the largest of home
 
 
-@pytest.mark.parametrize("level", [0.7, 0.3])
+@pytest.mark.parametrize("level", [0.5, 0.3])
 def test_in_dimmer_light_the_scale_is_as_much_larger(genomes, home, level):
     outcome, samples = life(genomes[0], home, replace(BRIGHT, light=level), seconds=20.0)
     lit = np.clip(genomes[0], -2, 2)[:56].reshape(8, 7)
@@ -93,6 +96,16 @@ def test_patterns_are_remembered(home):
     patterns, novelty = remember_patterns(few)
     assert {tuple(pattern) for pattern in patterns.tolist()} <= {(0.5, 0.0), (0.25, 0.25)}
     assert novelty == 0.01  # the noise of a light sensor is no news
+
+
+def test_as_a_user_meets_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["scenario=lowlight", "adaptation=homeostasis", "repeats=1", "lifetime.duration_s=2", "hydra.run.dir=run"]
+    result = CliRunner().invoke(app, ["evaluate", *words])
+    assert result.exit_code == 0, result.output
+    assert "does not remember what the light looks like" in result.output
+    rows = pd.read_csv("run/metrics.csv")
+    assert set(rows.controller) == {"GA", "homeostasis"}
 
 
 def test_what_cannot_be_is_refused(genomes, home):

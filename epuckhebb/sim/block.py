@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from epuckhebb.sim import fitness
 from epuckhebb.sim.adaptation.adaptation import gate_numbers
 from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, check_baseline, no_baseline
-from epuckhebb.sim.adaptation.homeostasis import check_patterns
+from epuckhebb.sim.adaptation.homeostasis import check_patterns, no_patterns
 from epuckhebb.sim.adaptation.self_check.corrections import Corrections, check_corrections
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.faults import Faults, lag_of
@@ -379,6 +379,7 @@ def load_kernel(
         controller=controller,
         network=net,
         signs=np.ones(net.synapses),
+        baseline=no_patterns(no_baseline(net.inputs), world.robot.lights),
         key=np.uint64(0),
     )
     live_block([unborn], world, Lifetime(duration_s=STEP_S, gain_rad_s=min(1.0, world.robot.motor_limit_rad_s)))

@@ -71,6 +71,11 @@ def lengths_of(patterns: NDArray[np.float64]) -> NDArray[np.float64]:
     return lengths
 
 
+def no_patterns(home: BaselineOfSide, lights: int) -> BaselineOfSide:
+    """The baseline with room for patterns, all dark: for who is never to live with it."""
+    return home._replace(patterns=np.zeros((lights, PATTERNS)), lengths=np.ones(PATTERNS))
+
+
 def check_patterns(home: BaselineOfSide, lights: int) -> None:
     """Refuse a baseline that does not tell what the light looks like at home, or is of another robot.
 
