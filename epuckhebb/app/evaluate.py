@@ -247,7 +247,9 @@ def baseline_for(
             ("baseline", genome.sha256, repr(home), pace),
             lambda: remember(genome.weights, home, pace, threads, genome.network),
         )
-        if "lateness" in _change_signals(config) and np.isnan(baseline.time_to_goal_s).all():
+        was_known = genome.baseline is not None and genome.baseline.gain_rad_s == pace
+        never_arrived = np.isnan(baseline.time_to_goal_s).all()
+        if "lateness" in _change_signals(config) and never_arrived and not was_known:
             raise ConfigError(
                 f"adaptation.change_signal=lateness needs a time to the goal to remember, and genome={genome.name} "
                 f"reached neither goal in {baseline.scenario}; give a champion that does, or change_signal=novelty or "
