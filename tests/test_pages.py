@@ -5,6 +5,7 @@ import re
 import shlex
 import shutil
 import sys
+import webbrowser
 from pathlib import Path
 
 import pytest
@@ -28,7 +29,7 @@ BRIEF_GA = ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=1"]
 def brief(verb, words):
     """What makes a command of a page take little time."""
     if verb != "evolve":
-        return BRIEF[verb]
+        return [*BRIEF[verb], *(["lifetime.record_every=250"] if "--open" in words else [])]
     other = any(word.startswith("optimizer=") for word in words)
     return [*BRIEF[verb], *(["optimizer.generations=1"] if other else BRIEF_GA)]
 
@@ -50,8 +51,9 @@ def checkout(tmp_path, monkeypatch):
 
 
 @pytest.mark.usefixtures("checkout")
-def test_the_commands_of_the_pages_run():
+def test_the_commands_of_the_pages_run(monkeypatch):
     """In one folder, page after page; what stands on two of them runs once."""
+    monkeypatch.setattr(webbrowser, "open", lambda _: True)
     shown = {page: "".join(blocks(page, "sh")).splitlines() for page in WITH_COMMANDS}
     assert all(shown.values())
     for line in filter(None, dict.fromkeys(itertools.chain(*shown.values()))):
