@@ -307,7 +307,7 @@ def read_findings(run: Path) -> list[dict[str, Any]]:
     if not runs.has(run, FINDINGS):
         return []
     found = runs.table(run, FINDINGS, formats.FOUND)
-    texts = {name: "" for name, kind in formats.FOUND.items() if kind == formats.TEXT_OR_EMPTY}
+    texts = {name: "" for name, column in formats.FOUND.items() if column.kind == formats.TEXT_OR_EMPTY}
     return [{str(name): value for name, value in row.items()} for row in found.fillna(texts).to_dict("records")]
 
 
