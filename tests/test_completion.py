@@ -88,6 +88,7 @@ def test_keys_and_values(here):
     assert data.complete_override("sweep", "lifetime.dur")[0] == "lifetime.duration_s="
     assert data.complete_override("evaluate", "nothing=") == []
     assert data.complete_sweep("n") == ["n_sweep"]
+    assert data.complete_group("ev") == ["evaluate", "evolve"]
     assert data.complete_run("") == ["runs/evolve/one"]
 
 

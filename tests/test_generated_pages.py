@@ -7,17 +7,22 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from typer.testing import CliRunner
 
-from epuckhebb.app import files, formats
+from epuckhebb.app import files, formats, keys
+from epuckhebb.app.cli import app
+from epuckhebb.app.config import _keys_below
+from epuckhebb.app.data import groups
+from epuckhebb.app.hydra_bridge import composed
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.sim.lifetime import empty_samples
 from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.study import evaluate, findings, self_checks, summary
 from epuckhebb.study.evaluate import Traces
-from epuckhebb.study.tables import markdown_table
+from epuckhebb.study.tables import markdown_table, plain
 
 ROOT = Path(__file__).parents[1]
-FILES = ROOT / "docs" / "files.md"
+FILES, KEYS = ROOT / "docs" / "files.md", ROOT / "docs" / "keys.md"
 REFERENCE = ROOT / "runs" / "reference"
 
 
@@ -27,6 +32,21 @@ def tables():
     for name, (told, columns) in formats.TABLES.items():
         rows = [[f"`{column}`", meaning.told] for column, meaning in columns.items()]
         parts.append(f"\n## Columns of {name}\n\n{told}\n\n{markdown_table(['column', 'what it is'], rows)}")
+    return "".join(parts)
+
+
+def all_keys():
+    """Every group, its choices and its keys, as sections of a page."""
+    parts = []
+    for group in keys.all_groups():
+        parts.append(f"\n## {keys.title(group)}\n")
+        if group.choices:
+            rows = [[f"`{choice}`", plain(told)] for choice, told in group.choices.items()]
+            parts.append(f"\n{markdown_table(['choice', 'what it is'], rows)}")
+        for told, own in keys.sections(group):
+            rows = [[f"`{key.name}`", f"`{key.default}`" if key.default else "", plain(key.told)] for key in own]
+            table = markdown_table(["key", "default", "what it is"], rows)
+            parts.append(f"\n{told}\n\n{table}" if told else f"\n{table}")
     return "".join(parts)
 
 
@@ -42,6 +62,37 @@ def test_the_page_of_files_tells_what_the_code_tells(generated):
     generated(FILES, "tables", tables())
     generated(FILES, "traces", arrays(formats.TRACES))
     generated(FILES, "champion", arrays(formats.CHAMPION))
+
+
+def test_the_page_of_keys_tells_what_the_files_of_conf_tell(generated):
+    generated(KEYS, "keys", all_keys())
+
+
+@pytest.mark.parametrize("verb", ["evaluate", "evolve", "reproduce"])
+def test_every_key_is_told(verb):
+    told = {key.name: key.told for group in keys.all_groups() for _, own in keys.sections(group) for key in own}
+    assert [name for name, meaning in told.items() if not meaning] == []
+    assert [name for group in keys.all_groups() for name, meaning in group.choices.items() if not meaning] == []
+    names = {f"{group}.name" for group in groups(verb)}  # of files, which the program fills in
+    whole = ("maze.", "robot.")  # their first keys are told, and not what a maze names below them
+    for name in set(_keys_below(composed(verb, []), "")) - names:
+        parent = ".".join(name.split(".")[: 2 if name.startswith(whole) else None])
+        assert parent in told or any(other.startswith(f"{parent}.") for other in told) or parent in groups(verb), name
+
+
+@pytest.mark.parametrize("words", [[], ["scenario"], ["evolve"]])
+def test_the_verb_prints_keys(words, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    result = CliRunner().invoke(app, ["keys", *words])
+    assert result.exit_code == 0, result.output
+    assert ("scenario.light" in result.stdout) == (words != ["evolve"])
+    assert max(map(len, result.stdout.splitlines())) <= 80
+
+
+def test_an_unknown_group_is_refused():
+    result = CliRunner().invoke(app, ["keys", "scenery"])
+    assert result.exit_code == 2
+    assert "must be one of evaluate, evolve" in result.stderr
 
 
 def test_every_column_is_told_once():

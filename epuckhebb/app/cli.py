@@ -305,6 +305,20 @@ def show(run: Run, as_json: Json = False) -> None:
 
 @app.command()
 @_told()
+def keys(
+    group: Annotated[
+        str | None,
+        typer.Argument(metavar="[GROUP]", help="One group, or a verb.  [all]", autocompletion=data.complete_group),
+    ] = None,
+) -> None:
+    """Every key: its default, what it is, and the choices of its group."""
+    from epuckhebb.app import keys as known
+
+    known.tell([known.group_named(group)] if group else known.all_groups(), Terminal())
+
+
+@app.command()
+@_told()
 def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
     """Repeat a run, and say whether its CSV files are the same bytes."""
     from epuckhebb.app.rerun import rerun as repeat

@@ -48,6 +48,13 @@ def complete_run(incomplete: str) -> list[str]:
     return [run for run in _runs("*") if run.startswith(incomplete)]
 
 
+def complete_group(incomplete: str) -> list[str]:
+    """Completions of a group of keys; a verb stands for its own ones."""
+    verbs = ("evaluate", "evolve", "reproduce")
+    known = [*verbs, *(name for verb in verbs for name in groups(verb) if name != "experiment")]
+    return [name for name in dict.fromkeys(known) if name.startswith(incomplete)]
+
+
 def _primary(verb: str) -> Path:
     """The configuration file of a verb; a sweep is of evaluations."""
     return data_folder("conf") / f"{'evaluate' if verb == 'sweep' else verb}.yaml"

@@ -231,13 +231,19 @@ def optimizer_from(settings: Mapping[str, Any], ga: Optimizer | None) -> Optimiz
         raise ConfigError(f"optimizer.algorithm must be one of {', '.join(optimizer_names())}, got {algorithm!r}")
     if ga is not None:
         raise not_its_settings(str(algorithm))
+    kind = optimizer_class(str(algorithm))
+    return kind(**_settings(kind, given, "optimizer", f"optimizer {algorithm}"))
+
+
+def optimizer_class(algorithm: str) -> type[Optimizer]:
+    """The class of the optimizer of this name, whose fields are its settings."""
     module = importlib.import_module(f"{optimizers.__name__}.{algorithm}")
     kind: type[Optimizer] = next(
         kind
         for kind in vars(module).values()
         if isinstance(kind, type) and issubclass(kind, Optimizer) and kind.__module__ == module.__name__
     )
-    return kind(**_settings(kind, given, "optimizer", f"optimizer {algorithm}"))
+    return kind
 
 
 def not_its_settings(optimizer: str) -> ConfigError:
