@@ -65,7 +65,8 @@ class Genome:
         robot: The name of the robot that it was evolved for.
         lights: How many of its readings are of light; the others are of distance.
         plan: The parts of the genes; the weights come first.
-        optimizer, training: The names of what it was evolved by, and in which worlds; nothing if that is not known.
+        experiment, optimizer, training: Of which experiment it is, the names of what it was evolved by, and in which
+            worlds; nothing if that is not known.
         baseline: What the champion remembers of its training world.
         self_memory: What its self-check compares with.
     """
@@ -76,6 +77,7 @@ class Genome:
     robot: str = EPUCK.name
     lights: int = EPUCK.lights
     plan: GenomePlan = field(default_factory=lambda: plan_of(PAPER_NETWORK))
+    experiment: str = ""
     optimizer: str = ""
     training: str = ""
     baseline: Baseline | None = None
@@ -136,6 +138,11 @@ def load_genome(where: str, experiment: str, layers: tuple[int, ...] | None = No
     if not path.is_file():
         raise ConfigError(f"genome={where} does not exist; {allowed}")
     return _read_genome(path, name, layers)
+
+
+def is_bundled(where: str) -> bool:
+    """Whether `genome=...` names a champion that comes with the program."""
+    return where == REFERENCE or _OF_SEED.fullmatch(where) is not None
 
 
 def checked_genes(genes: NDArray[np.generic], where: str, plan: GenomePlan) -> NDArray[np.float64]:
@@ -453,6 +460,7 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
         robot=texts.get("robot", EPUCK.name),
         lights=lights,
         plan=plan,
+        experiment=texts.get("experiment", ""),
         optimizer=texts.get("optimizer", ""),
         training=texts.get("training", ""),
         baseline=_baseline(held, path, network.inputs),
