@@ -15,7 +15,7 @@ from epuckhebb.app.cli import app
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
+PAGES = [*ROOT.glob("*.md"), ROOT / "runs" / "README.md", *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
 WITH_COMMANDS = [ROOT / "README.md", *(ROOT / "docs" / f"{name}.md" for name in ("keys", "parts")), *EXAMPLES]
 BRIEF = {
     # longer than until the changes of the pages
@@ -64,6 +64,28 @@ def test_the_commands_of_the_pages_run(monkeypatch):
         assert result.exit_code == 0, f"{line}\n{result.output}"
 
 
+@pytest.mark.slow
+def test_the_tutorial(checkout, monkeypatch):
+    """Its commands with shorter lifetimes, its sweep and its plot."""
+    page = ROOT / "docs" / "tutorial.md"
+    monkeypatch.setattr(webbrowser, "open", lambda _: True)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    (checkout / "my_conf" / "experiment").mkdir(parents=True)
+    (sweep,) = blocks(page, "yaml")
+    (checkout / "my_conf" / "experiment" / "dim.yaml").write_text(sweep)
+    short = ["repeats=1", "lifetime.duration_s=64", "threads=1", "-q"]
+    more = {"evaluate": short, "sweep": [*short, "hydra/launcher=basic"]}
+    for line in "".join(blocks(page, "sh")).splitlines():
+        _, verb, *words = shlex.split(line)
+        result = CliRunner().invoke(
+            app, [verb, *words, *more.get(verb, brief(verb, words) if verb == "evolve" else [])]
+        )
+        assert result.exit_code == 0, f"{line}\n{result.output}"
+    (plot,) = blocks(page, "python")
+    exec(plot, {})
+    assert (checkout / "dim.png").read_bytes().startswith(b"\x89PNG")
+
+
 @pytest.mark.usefixtures("checkout")
 def test_a_sweep_with_the_rule_of_the_example():
     words = ["hebbian.rule=examples/own_rule/my_rules.py:Gated", "hebbian.N=0.0002", "scenario=base"]
@@ -95,8 +117,17 @@ def test_the_page_of_an_example_is_short(page):
     assert len(page.read_text().splitlines()) <= 25
 
 
+def anchors(page):
+    """The places in a page that a link may name: its headings, as GitHub writes them."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading).lower().replace(" ", "-") for heading in headings}
+
+
 @pytest.mark.parametrize("page", PAGES, ids=told)
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)]+)\)", page.read_text()):
         if "://" not in target:
-            assert (page.parent / target.partition("#")[0]).exists(), target
+            file, _, place = target.partition("#")
+            found = page.parent / file if file else page
+            assert found.exists(), target
+            assert not place or place in anchors(found), target

@@ -25,7 +25,8 @@ def test_the_readme_is_short_and_its_picture_small():
 
 def test_the_clone_line_and_the_citation_name_one_repository_and_version():
     told = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    assert f"git clone {told['repository-code']} && cd epuckhebb" in README.read_text()
+    for page in (README, ROOT / "CONTRIBUTING.md"):
+        assert f"git clone {told['repository-code']} && cd epuckhebb" in page.read_text()
     assert told["version"] == epuckhebb.__version__
     assert isinstance(told["date-released"], datetime.date)
 
