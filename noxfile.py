@@ -110,6 +110,13 @@ def web(session: nox.Session) -> None:
 
 
 @nox.session
+def notebooks(session: nox.Session) -> None:
+    """Run the notebooks of the examples from beginning to end."""
+    session.install(".", *group("notebooks"), STABLE)
+    session.run("pytest", "--nbmake", "examples", "--override-ini", "addopts=", *session.posargs)
+
+
+@nox.session
 def bench(session: nox.Session) -> None:
     """Measure a step, its parts, scale and whole commands; writes benchmarks/results.md."""
     session.install(".")

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from epuckhebb.app import notebook
 from epuckhebb.app.cli import app
 
 ROOT = Path(__file__).parents[1]
@@ -84,6 +85,26 @@ def test_the_tutorial(checkout, monkeypatch):
     (plot,) = blocks(page, "python")
     exec(plot, {})
     assert (checkout / "dim.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("checkout")
+def test_the_python_page(monkeypatch):
+    """All its blocks, one after the other, with short lifetimes."""
+    evaluate, evolve = notebook.evaluate, notebook.evolve
+
+    def briefly(genome, overrides, *more):
+        return evaluate(genome, [*overrides, "lifetime.duration_s=2"], *more)
+
+    monkeypatch.setattr(notebook, "evaluate", briefly)
+    monkeypatch.setattr(
+        notebook, "evolve", lambda overrides, *more: evolve([*overrides, "lifetime.duration_s=1"], *more)
+    )
+    names = {}
+    for block in blocks(ROOT / "docs" / "python.md", "python"):
+        exec(block, names)
+    assert set(names["success"].index.get_level_values("scenario")) == {"base", "4obstacles"}
+    assert Path("paths.png").is_file()
 
 
 @pytest.mark.usefixtures("checkout")

@@ -266,9 +266,14 @@ class Checkpoint:
 
 
 def traces_file(traces: Traces, weights: NDArray[np.float64], network: Network) -> bytes:
-    """The content of `traces.npz`: recorded lifetimes, and the weights and the network that they began with."""
+    """The content of `traces.npz`."""
+    return _compressed(traces_arrays(traces, weights, network))
+
+
+def traces_arrays(traces: Traces, weights: NDArray[np.float64], network: Network) -> dict[str, NDArray[Any]]:
+    """Recorded lifetimes as arrays by name, with the weights and the network that they began with; `formats.TRACES`."""
     told = {"controller": np.array(traces.controller), "side": np.array(traces.side), "genome": weights}
-    return _compressed(told | {"layers": np.array(network.layers)} | traces.samples._asdict())
+    return told | {"layers": np.array(network.layers)} | traces.samples._asdict()
 
 
 def read_traces(run: Path, state: str, lifetimes: int, samples: int) -> tuple[Traces, NDArray[np.float64], Network]:

@@ -4,6 +4,7 @@ import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -36,10 +37,11 @@ class _Bar(Progress):
     def __init__(self, what: str, total: int, *, quiet: bool = False) -> None:
         console = Terminal(stderr=True)
         quiet = quiet or is_quiet()
+        live = console.is_terminal and not (console.is_jupyter and find_spec("ipywidgets") is None)
         columns = TextColumn(what), MofNCompleteColumn(), BarColumn(bar_width=20), TextColumn("{task.description}")
-        disable = quiet or not console.is_terminal
+        disable = quiet or not live
         super().__init__(*columns, TimeRemainingColumn(compact=True), console=console, disable=disable)
-        self._plain = None if console.is_terminal or quiet else console
+        self._plain = None if live or quiet else console
         self._total, self._task = total, self.add_task("", total=total)
 
     def put(self, completed: int, told: str) -> None:
@@ -75,9 +77,9 @@ class EvolutionProgress(_Bar):
 class TaskProgress(_Bar):
     """Shows which task of a study is at work."""
 
-    def __init__(self, total: int) -> None:
-        """Prepare to show so many tasks."""
-        super().__init__("", total)
+    def __init__(self, total: int, *, quiet: bool = False) -> None:
+        """Prepare to show so many tasks; say nothing if `quiet`."""
+        super().__init__("", total, quiet=quiet)
 
     def show(self, number: int, name: str) -> None:
         """Show the task of this number, from 0, as it begins."""
