@@ -48,6 +48,7 @@ def test_a_result_has_tables_traces_a_picture_and_a_page(tmp_path, monkeypatch):
     result = epuckhebb.evaluate("reference", compare={"wrong": {"N": 0.002, "sign": "shuffled"}}, **BRIEF)
     assert list(result.table.columns.get_level_values(0).unique()) == ["GA", "Hebbian", "wrong"]
     assert "Time-to-Goal" in result._repr_html_()
+    assert "Time-to-Goal" in repr(result)
     assert set(result.traces) == set(formats.TRACES)
     assert result.traces["pose"].shape == (6, 20, 3)
     assert result.findings is None
@@ -62,12 +63,12 @@ def test_a_result_has_tables_traces_a_picture_and_a_page(tmp_path, monkeypatch):
 
 
 def test_a_sweep_is_one_table_the_same_each_time(capfd):
-    over = {"scenario": ["base", "lowlight"], "hebbian.N": [0.0002, 0.002]}
+    over = {"scenario": ["base", "lowlight"], "hebbian": [epuckhebb.Hebbian(N=N) for N in (0.0002, 0.002)]}
     one, again = (epuckhebb.sweep("reference", over=over, lifetime={"duration_s": 0.064}, repeats=1) for _ in range(2))
     pd.testing.assert_frame_equal(one, again)
-    assert list(one.columns) == ["hebbian.N", *COLUMNS]
+    assert list(one.columns) == ["hebbian", *COLUMNS]
     assert len(one) == 4 * 4
-    assert "4/4  scenario=lowlight, hebbian.N=0.002" in capfd.readouterr().err
+    assert "4/4  scenario=lowlight, hebbian=Hebbian, N = 0.002\n" in capfd.readouterr().err
 
 
 def test_an_evolution_is_a_champion_and_its_history(capfd):

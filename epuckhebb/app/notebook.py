@@ -26,6 +26,7 @@ from epuckhebb.app.parts import controller_of, network_for
 from epuckhebb.app.progress import EvolutionProgress, TaskProgress
 from epuckhebb.evolution.evolve import evolve as generations
 from epuckhebb.evolution.evolve import history_row
+from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.plasticity.rule import Rule
 from epuckhebb.study import figures, replay, self_checks, tables
@@ -70,7 +71,7 @@ class Page:
         return Path(path)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Evaluation:
     """What the lifetimes of an evaluation came to; a notebook shows the paper's table.
 
@@ -128,6 +129,10 @@ class Evaluation:
             network=self.genome.network,
         )
         return Page(text)
+
+    def __repr__(self) -> str:
+        """The paper's table."""
+        return str(tables.formatted(self.table))
 
     def _repr_html_(self) -> str:
         return str(tables.formatted(self.table).to_html())
@@ -217,6 +222,8 @@ def sweep(
 
 def _label(value: Any) -> Any:
     """A value of a sweep in a table."""
+    if isinstance(value, Rule):
+        return f"{controller_of(value, Adaptation()).name}, N = {value.N:g}"
     return value if isinstance(value, str | int | float) else str(value)
 
 

@@ -4,7 +4,6 @@ import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -37,11 +36,10 @@ class _Bar(Progress):
     def __init__(self, what: str, total: int, *, quiet: bool = False) -> None:
         console = Terminal(stderr=True)
         quiet = quiet or is_quiet()
-        live = console.is_terminal and not (console.is_jupyter and find_spec("ipywidgets") is None)
         columns = TextColumn(what), MofNCompleteColumn(), BarColumn(bar_width=20), TextColumn("{task.description}")
-        disable = quiet or not live
+        disable = quiet or not console.is_terminal
         super().__init__(*columns, TimeRemainingColumn(compact=True), console=console, disable=disable)
-        self._plain = None if live or quiet else console
+        self._plain = None if console.is_terminal or quiet else console
         self._total, self._task = total, self.add_task("", total=total)
 
     def put(self, completed: int, told: str) -> None:
