@@ -24,6 +24,7 @@ WORDS = {
     "replay": ["evaluated"],
     "show": ["evaluated"],
     "keys": ["scenario"],
+    "export": ["evaluated", "--webots"],
     "rerun": ["evaluated"],
 }
 pytestmark = pytest.mark.slow

@@ -17,13 +17,14 @@ from epuckhebb.app.cli import app
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
 PAGES = [*ROOT.glob("*.md"), ROOT / "runs" / "README.md", *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
-WITH_COMMANDS = [ROOT / "README.md", *(ROOT / "docs" / f"{name}.md" for name in ("keys", "parts")), *EXAMPLES]
+WITH_COMMANDS = [ROOT / "README.md", *(ROOT / "docs" / f"{name}.md" for name in ("keys", "parts", "webots")), *EXAMPLES]
 BRIEF = {
     # longer than until the changes of the pages
     "evaluate": ["repeats=1", "lifetime.duration_s=64", "lifetime.record_every=0", "threads=1", "-q"],
     "evolve": ["lifetime.duration_s=1", "-q"],
     "sweep": ["--dry-run"],
     "keys": [],
+    "export": [],
 }
 BRIEF_GA = ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=1"]
 

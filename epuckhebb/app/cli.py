@@ -335,6 +335,30 @@ def keys(
 
 @app.command()
 @_told()
+def export(
+    what: Annotated[
+        str,
+        typer.Argument(
+            help="A run of `epuckhebb evaluate`, or a champion: a run of `epuckhebb evolve`, a file, reference_7.",
+            metavar="RUN",
+            autocompletion=data.complete_shown,
+        ),
+    ],
+    webots: Annotated[bool, typer.Option("--webots", help="As a controller for the e-puck of Webots.")] = False,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to write it; the controller's name.")
+    ] = Path("epuckhebb_champion"),
+) -> None:
+    """Take a champion, and its plasticity, to another simulator."""
+    from epuckhebb.app import export as exported
+
+    if not webots:
+        raise ConfigError("export writes controllers for Webots only; say so with --webots")
+    typer.echo(exported.webots(what, output))
+
+
+@app.command()
+@_told()
 def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
     """Repeat a run, and say whether its CSV files are the same bytes."""
     from epuckhebb.app import runs
