@@ -116,6 +116,7 @@ def test_both_bundled_champions_load():
         (lambda: epuckhebb.evaluate("reference", hebbian=epuckhebb.Hebbian), "got a class; give an object of it"),
         (lambda: epuckhebb.evaluate("reference", lifetime={"duration": 3}), "duration_s"),
         (lambda: epuckhebb.evaluate("reference", config_dir="nowhere"), "nowhere is no folder"),
+        (lambda: epuckhebb.evaluate("reference", adaptation=epuckhebb.Adaptation(self_check=True)), "needs a name"),
         (lambda: epuckhebb.evolve(hebbian=epuckhebb.Hebbian(N=0.1)), "cannot be an object"),
         (lambda: epuckhebb.sweep("reference", over={"seed": 3}), "seed must have a list of values"),
         (lambda: epuckhebb.sweep("reference", over={"seed": [3]}, seed=1), "seed is given twice"),

@@ -313,7 +313,7 @@ def show(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Tell what a run or a champion's file holds; without one, what the latest runs came to."""
+    """Tell what a run or a champion holds, or list the latest runs."""
     from epuckhebb.app import show as shown
 
     _out(as_json, False, lambda: shown.shown_as_json(what), lambda console: shown.show(what, console))
@@ -327,7 +327,7 @@ def keys(
         typer.Argument(metavar="GROUP", help="One group, or a verb.  [all]", autocompletion=data.complete_group),
     ] = None,
 ) -> None:
-    """Every key: its default, what it is, and the choices of its group."""
+    """Every key, its default, what it is, and choices of groups."""
     from epuckhebb.app import keys as known
 
     known.tell([known.group_named(group)] if group else known.all_groups(), Terminal())

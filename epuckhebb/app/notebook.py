@@ -26,7 +26,7 @@ from epuckhebb.app.parts import controller_of, network_for
 from epuckhebb.app.progress import EvolutionProgress, TaskProgress
 from epuckhebb.evolution.evolve import evolve as generations
 from epuckhebb.evolution.evolve import history_row
-from epuckhebb.sim.adaptation.adaptation import Adaptation
+from epuckhebb.sim.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.plasticity.rule import Rule
 from epuckhebb.study import figures, replay, self_checks, tables
@@ -281,6 +281,8 @@ def _override(key: str, value: Any) -> Iterator[str]:
         raise ConfigError(
             f"{key} of this call cannot be an object; give {key}='FILE.py:{type(value).__name__}' by its file"
         )
+    if isinstance(value, Adaptation) and value.acts and value.name == NONE:
+        raise ConfigError(f"{key} needs a name for tables and figures; give Adaptation(name='mine', ...)")
     if is_dataclass(value):
         value = {field.name: getattr(value, field.name) for field in fields(value)}
     if isinstance(value, Mapping):
