@@ -35,7 +35,7 @@ class ConfiguredCommand(TyperCommand):
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write the groups and their choices below the options."""
-        with formatter.section("Configuration groups (GROUP=CHOICE; any key of a group: GROUP.KEY=VALUE)"):
+        with formatter.section("Configuration groups (GROUP=CHOICE; any key: GROUP.KEY=VALUE, see epuckhebb keys)"):
             formatter.write_dl(
                 [(name, ", ".join(choices)) for name, choices in data.groups(str(ctx.info_name)).items()]
             )
