@@ -219,11 +219,11 @@ def test_in_a_multirun(here, launcher):
 @pytest.mark.usefixtures("here")
 def test_an_object_from_python():
     rule = rule_class("my_rules.py:oja", "hebbian")
-    rows = epuckhebb.evaluate(epuckhebb.load(), "scenario=base", *BRIEF, hebbian=rule(N=0.0001, decay=2.0))
+    rows = epuckhebb.evaluate(epuckhebb.load(), "scenario=base", *BRIEF, hebbian=rule(N=0.0001, decay=2.0)).metrics
     assert list(rows.controller.unique()) == ["GA", "oja"]
-    named = epuckhebb.evaluate(epuckhebb.load(), "scenario=base", *BRIEF, *OJA, "hebbian.decay=2")
+    named = epuckhebb.evaluate(epuckhebb.load(), "scenario=base", *BRIEF, *OJA, "hebbian.decay=2").metrics
     pd.testing.assert_frame_equal(rows, named)
-    late = epuckhebb.evaluate(epuckhebb.load(), "adaptation=late", *BRIEF, hebbian=rule(N=0.0001))
+    late = epuckhebb.evaluate(epuckhebb.load(), "adaptation=late", *BRIEF, hebbian=rule(N=0.0001)).metrics
     assert list(late.controller.unique()) == ["GA", "late"]
     assert (late.weight_change_mean == 0).all()  # two seconds are not late
 
@@ -237,7 +237,7 @@ def test_what_a_rule_evolves_goes_with_the_champion():
     assert genome.plan.told() == "234 weights, 5 grow, 5 leak"
     assert "234 weights, 5 grow, 5 leak" in done("show", "evolved").stdout
     done("evaluate", "genome=evolved", *own, *BRIEF, "hydra.run.dir=out")
-    rows = epuckhebb.evaluate(genome.genes, *own, *BRIEF)
+    rows = epuckhebb.evaluate(genome.genes, *own, *BRIEF).metrics
     written = metrics("out")
     measured = ["controller", "weight_change_mean", "path_length_m", "fitness"]
     pd.testing.assert_frame_equal(rows[measured], written[measured])

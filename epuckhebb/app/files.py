@@ -66,7 +66,8 @@ class Genome:
         robot: The name of the robot that it was evolved for.
         lights: How many of its readings are of light; the others are of distance.
         plan: The parts of the genes; the weights come first.
-        optimizer, training: The names of what it was evolved by, and in which worlds; nothing if that is not known.
+        experiment, optimizer, training: Of which experiment it is, the names of what it was evolved by, and in which
+            worlds; nothing if that is not known.
         baseline: What the champion remembers of its training world.
         self_memory: What its self-check compares with.
     """
@@ -77,6 +78,7 @@ class Genome:
     robot: str = EPUCK.name
     lights: int = EPUCK.lights
     plan: GenomePlan = field(default_factory=lambda: plan_of(PAPER_NETWORK))
+    experiment: str = ""
     optimizer: str = ""
     training: str = ""
     baseline: Baseline | None = None
@@ -137,6 +139,11 @@ def load_genome(where: str, experiment: str, layers: tuple[int, ...] | None = No
     if not path.is_file():
         raise ConfigError(f"genome={where} does not exist; {allowed}")
     return _read_genome(path, name, layers)
+
+
+def is_bundled(where: str) -> bool:
+    """Whether `genome=...` names a champion that comes with the program."""
+    return where == REFERENCE or _OF_SEED.fullmatch(where) is not None
 
 
 def checked_genes(genes: NDArray[np.generic], where: str, plan: GenomePlan) -> NDArray[np.float64]:
@@ -260,9 +267,14 @@ class Checkpoint:
 
 
 def traces_file(traces: Traces, weights: NDArray[np.float64], network: Network) -> bytes:
-    """The content of `traces.npz`: recorded lifetimes, and the weights and the network that they began with."""
+    """The content of `traces.npz`."""
+    return _compressed(traces_arrays(traces, weights, network))
+
+
+def traces_arrays(traces: Traces, weights: NDArray[np.float64], network: Network) -> dict[str, NDArray[Any]]:
+    """Recorded lifetimes as arrays by name, with the weights and the network that they began with; `formats.TRACES`."""
     told = {"controller": np.array(traces.controller), "side": np.array(traces.side), "genome": weights}
-    return _compressed(told | {"layers": np.array(network.layers)} | traces.samples._asdict())
+    return told | {"layers": np.array(network.layers)} | traces.samples._asdict()
 
 
 def read_traces(run: Path, state: str, lifetimes: int, samples: int) -> tuple[Traces, NDArray[np.float64], Network]:
@@ -308,7 +320,7 @@ def read_findings(run: Path) -> list[dict[str, Any]]:
     if not runs.has(run, FINDINGS):
         return []
     found = runs.table(run, FINDINGS, formats.FOUND)
-    texts = {name: "" for name, kind in formats.FOUND.items() if kind == formats.TEXT_OR_EMPTY}
+    texts = {name: "" for name, column in formats.FOUND.items() if column.kind == formats.TEXT_OR_EMPTY}
     return [{str(name): value for name, value in row.items()} for row in found.fillna(texts).to_dict("records")]
 
 
@@ -454,6 +466,7 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
         robot=texts.get("robot", EPUCK.name),
         lights=lights,
         plan=plan,
+        experiment=texts.get("experiment", ""),
         optimizer=texts.get("optimizer", ""),
         training=texts.get("training", ""),
         baseline=_baseline(held, path, network.inputs, lights),
