@@ -206,3 +206,11 @@ def test_a_page_needs_what_was_recorded(run, tmp_path):
     assert result.exit_code == USAGE
     assert "--open shows what was recorded" in result.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("value", ["range(1,3),range(1,4)", "0.1,range(1,3)", "0.1,glob(*)"])
+def test_a_range_in_a_list_is_refused(run, value):
+    for verb in (["sweep", "light"], ["evaluate", "-m"]):
+        result = run(*verb, f"scenario.light={value}")
+        assert result.exit_code == 2
+        assert f"scenario.light={value}: a list of values has no ranges in it" in result.stderr

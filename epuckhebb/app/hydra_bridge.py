@@ -24,7 +24,7 @@ from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import ChoiceSweep, Glob, Override, Sweep
 from hydra.errors import HydraException
 from hydra.plugins.sweeper import Sweeper
 from hydra.types import RunMode
@@ -291,7 +291,10 @@ def check_words(verb: str, words: list[str]) -> None:
             raise not_its_settings(optimizer)
         if key == "changed":
             raise ConfigError("changed is filled in by the program, with what differs from the named scenario")
-        value = None if override.is_sweep_override() else override.value()
+        value: Any = override.value()
+        if isinstance(value, ChoiceSweep) and any(isinstance(one, Sweep | Glob) for one in value.list):
+            raise ConfigError(f"{override.input_line}: a list of values has no ranges in it; give one range, or values")
+        value = None if override.is_sweep_override() else value
         is_name = override.is_delete() or override.is_sweep_override() or isinstance(value, str | list)
         if not is_name and (key in known or "/" in key or (data_folder("conf") / key).is_dir()):
             allowed = f"one of {', '.join(known[key])}" if key in known else "the name of a file"
