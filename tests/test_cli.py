@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -307,3 +308,13 @@ def test_a_folder_of_configurations_must_be_there(here, words):
     assert result.exit_code == 2
     assert result.stderr.startswith("Error: --config-dir=nowhere is no folder")
     assert list(here.iterdir()) == []
+
+
+def test_what_is_slow_is_told_and_what_is_quick_is_not(monkeypatch):
+    said, heard = [], threading.Event()
+    monkeypatch.setattr(progress, "say", lambda note: (said.append(note), heard.set()))
+    with progress.saying_if_slow("compiling", after_s=0.0):
+        assert heard.wait(60)
+    with progress.saying_if_slow("not told", after_s=3600.0):
+        pass
+    assert said == ["compiling"]

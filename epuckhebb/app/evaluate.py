@@ -19,7 +19,7 @@ from epuckhebb.app.files import Genome
 from epuckhebb.app.machine import Need, require
 from epuckhebb.app.named import maze_asked, scenario_of
 from epuckhebb.app.parts import NONE, rule_file, sha256_of
-from epuckhebb.app.progress import say
+from epuckhebb.app.progress import say, saying_if_slow
 from epuckhebb.app.runs import RunFolder
 from epuckhebb.sim.adaptation.baseline import REPEATS, Baseline, live_at_home, remember, room_to_remember
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, remember_self
@@ -150,7 +150,8 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
         **({"rules": {str(file): sha256_of(file) for file in rules}} if rules else {}),
         **facts,
     }
-    compile_for(config, genome.network)
+    with saying_if_slow("Compiling; a first start takes some ten seconds, later ones do not."):
+        compile_for(config, genome.network)
     baseline = baseline_for(genome, config, threads, say)
     checks = self_checks_for(genome, config, threads, say)
     with RunFolder.new(path, "evaluate", cfg, overrides, facts) as run, ThreadPoolExecutor(1) as aside:

@@ -30,6 +30,18 @@ def say(note: str) -> None:
         Terminal(stderr=True).print(note, markup=False, soft_wrap=True)
 
 
+@contextmanager
+def saying_if_slow(note: str, after_s: float = 2.0) -> Iterator[None]:
+    """Tell the user something if what is done meanwhile takes longer than usual."""
+    timer = threading.Timer(after_s, say, [note])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
 class _Bar(Progress):
     """A bar of so many steps on a terminal; a context manager that leaves the terminal tidy."""
 
