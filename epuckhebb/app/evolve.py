@@ -5,11 +5,13 @@ so it does not matter between which two files a run was killed: it goes on to th
 """
 
 import hashlib
+import io
 import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import yaml
 from numpy.typing import NDArray
 from omegaconf import DictConfig, OmegaConf
@@ -137,6 +139,11 @@ def evolve_into(
         weights = plan_of(network, type(config.controller.rule)).split(after.generation.champion)[WEIGHTS]
         remembered = home(weights, config.world, threads, network)
         run.write(CHAMPION, champion_of(after.generation, config, config.seed, *remembered))
+        from epuckhebb.study import charts  # matplotlib takes a while to load, and nothing else here needs it
+
+        history = pd.read_csv(io.StringIO(after.history))
+        title = f"{config.world.name}, seed {config.seed}, {config.algorithm.name}"
+        run.write("figures/learning.png", charts.learning_curves({title: [history]}))
 
 
 def home(

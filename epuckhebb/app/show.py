@@ -23,14 +23,20 @@ from epuckhebb.study import rescue, tables
 from epuckhebb.study.self_checks import in_words
 
 _LATEST = 10  # runs that are told of when none is named
+_CHANGED = {"light": "lowlight", "obstacles": "4obstacles"}  # a changed world of each experiment
 _MANY = 6  # files of a folder that are counted and not named
 
 
 def tell(finished: list[Path], console: Console) -> None:
     """Say what the runs of one call came to: the results of one, a line for each of many."""
     if len(finished) == 1:
-        _results(finished[0], console)
+        _results(finished[0], console, in_short=True)
         _line(console, f"Run folder: {finished[0]}")
+        if runs.has(finished[0], files.CHAMPION):
+            home = files.load_genome(str(finished[0]), "").baseline
+            changed = _CHANGED[home.experiment] if home else _CHANGED["obstacles"]
+            _line(console, "What it remembers of its training world: epuckhebb show latest")
+            _line(console, f"To let it live in a changed one: epuckhebb evaluate genome=latest scenario={changed}")
     elif finished:
         told = [(path, runs.read(path)) for path in finished]
         rows = [(path.name, " ".join(run["overrides"]), _in_short(path, run["status"])) for path, run in told]
@@ -245,8 +251,8 @@ def _files(path: Path) -> Iterator[str]:
         yield f"{inside} runs"
 
 
-def _results(path: Path, console: Console) -> None:
-    """What a run came to; nothing of a study that has not come to its tables yet."""
+def _results(path: Path, console: Console, *, in_short: bool = False) -> None:
+    """What a run came to; nothing of a study that has not come to its tables yet. in_short: not what it remembers."""
     if runs.has(path, "claims.csv"):
         tell_reproduction(path, console)
     elif runs.has(path, "summary.csv"):
@@ -257,7 +263,7 @@ def _results(path: Path, console: Console) -> None:
     if found:
         rows = [(side, text, count) for side, said in found.items() for text, count in said]
         console.print(_table("Found by the self-check", ("side", "it found", "lifetimes"), rows))
-    if runs.has(path, files.CHAMPION):
+    if runs.has(path, files.CHAMPION) and not in_short:
         _tell_genome(files.load_genome(str(path), ""), console)
     if runs.has(path, "history.csv"):
         history = runs.table(path, "history.csv", formats.HISTORY)

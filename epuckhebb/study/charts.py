@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullFormatter
+from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from epuckhebb.sim.controller import CONTROLS, GA
@@ -89,7 +89,7 @@ def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) ->
 
 
 def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> bytes:
-    """A PNG: best and mean fitness over the generations, median and quartiles over the champions of each experiment."""
+    """A PNG: best and mean fitness over the generations; of many evolutions of an experiment, median and quartiles."""
     figure = Figure(figsize=(5 * len(histories), 3.6), layout="constrained")
     for axes, (experiment, runs) in zip(
         figure.subplots(1, len(histories), squeeze=False)[0], histories.items(), strict=True
@@ -100,10 +100,13 @@ def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> bytes:
             generation = np.arange(1, len(middle) + 1)
             axes.plot(generation, middle, color=colour, linestyle=line, label=column.replace("_", " "))
             axes.fill_between(generation, low, high, color=colour, alpha=0.2, linewidth=0)
-        axes.set(title=f"{experiment}, {len(runs)} evolutions", xlabel="generation", ylabel="fitness", ylim=(0, 1))
+        title = f"{experiment}, {len(runs)} evolutions" if len(runs) > 1 else experiment
+        axes.set(title=plain(title), xlabel="generation", ylabel="fitness", ylim=(0, 1))
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.spines[["top", "right"]].set_visible(False)
         axes.legend(frameon=False, fontsize=9, loc="lower right")
-    figure.suptitle("Median over evolutions, with quartiles", fontsize=10)
+    if any(len(runs) > 1 for runs in histories.values()):
+        figure.suptitle("Median over evolutions, with quartiles", fontsize=10)
     return to_png(figure)
 
 
