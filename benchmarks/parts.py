@@ -53,7 +53,7 @@ def network_loop(n, weights, activation, drive):
 @loop
 def plasticity_loop(n, weights, kept, genes, coefficients, activation, signs, numbers, room, change):
     for _ in range(n):
-        learn(weights, kept, genes, coefficients, activation, 1e-9, signs, numbers, room, change)
+        learn(weights, kept, genes, coefficients, activation, 1e-9, 0.5, signs, numbers, room, change)
 
 
 @loop

@@ -32,6 +32,7 @@ from epuckhebb.app.parts import (
     optimizer_from,
     scenario_from,
 )
+from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
 from epuckhebb.sim.adaptation.adaptation import Adaptation
@@ -179,6 +180,7 @@ class EvolveConfig(WorldConfig):
         self.algorithm = optimizer_from(self.optimizer, self.ga)
         self.schedule = self.algorithm.schedule(self.training, self.lifetime)
         self.training.check(self.world, self.lifetime, self.schedule.loops)
+        evolved_plan(network_for(self.world.robot, self.layers), self.controller.rule)
 
 
 class LiveFitness(Enum):

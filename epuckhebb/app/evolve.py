@@ -24,11 +24,12 @@ from epuckhebb.app.machine import Need, path_of, require
 from epuckhebb.app.parts import network_for, sha256_of
 from epuckhebb.app.progress import EvolutionProgress, say
 from epuckhebb.app.runs import RunFolder
-from epuckhebb.evolution.evolve import Generation, evolve, room_to_evolve
+from epuckhebb.evolution.evolve import Generation, evolve, evolved_plan, room_to_evolve
 from epuckhebb.sim.adaptation.baseline import Baseline, baseline_of, live_at_home, room_to_remember
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, can_check_itself, remember_self
 from epuckhebb.sim.genome import WEIGHTS, plan_of
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.plasticity.rule import NoRule, name_of
 from epuckhebb.sim.scenario import Scenario
 
 RESUME = "resume="
@@ -157,16 +158,17 @@ def champion_of(
     self_memory: SelfMemory | None = None,
 ) -> bytes:
     """The `champion.npz` of a generation of an evolution."""
-    network = network_of(config)
+    network, rule = network_of(config), config.controller.rule
     genome = Genome(
         genes=last.champion,
         name=CHAMPION,
         network=network,
         robot=config.world.robot.name,
         lights=config.world.robot.lights,
-        plan=plan_of(network, type(config.controller.rule)),
+        plan=plan_of(network, type(rule)),
         optimizer=config.algorithm.name,
         training=config.training.name,
+        rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
         baseline=baseline,
         self_memory=self_memory,
     )
@@ -208,9 +210,13 @@ def resume(arguments: list[str]) -> Path:
     changeable = _changeable(typed(cfg, EvolveConfig))
     _change(cfg, path, changes, changeable)
     config = asked(cfg)
-    plan, generations = plan_of(network_of(config), type(config.controller.rule)), config.schedule.generations
+    network, rule, generations = network_of(config), config.controller.rule, config.schedule.generations
+    plan = evolved_plan(network, rule)
     after = Checkpoint.read(
-        path, plan.genes, lambda state: config.algorithm.search(plan, config.seed, state), _digest(path, changeable)
+        path,
+        plan_of(network, type(rule)).genes,
+        lambda state: config.algorithm.search(plan, config.seed, state),
+        _digest(path, changeable),
     )
     done = after.generation.number + 1 if after else 0
     key = changeable[0]

@@ -203,7 +203,8 @@ def _tell_genome(genome: Genome, console: Console) -> None:
     """What a champion is made of, what it remembers of its training world, and how well it can check itself."""
     _line(console, f"Genome: {genome.plan.told()}; network {genome.network}; robot {genome.robot}")
     if genome.optimizer:
-        _line(console, f"Evolved by {genome.optimizer}, in training worlds {genome.training}")
+        rule = f", with rule {genome.rule}" if genome.rule else ""
+        _line(console, f"Evolved by {genome.optimizer}, in training worlds {genome.training}{rule}")
     if genome.baseline is not None:
         _tell_baseline(genome.baseline, genome, console)
     if genome.self_memory is not None:

@@ -19,6 +19,8 @@ from epuckhebb.sim.maze import SIDES
 
 _PAPER_LIFETIMES = 50 * 30 * 3 * len(SIDES)  # population, generations, loops and sides of the paper's algorithm
 
+CANDIDATES, CONFIRM = 3, 12  # who may be the champion of what learns, and in how many fresh lifetimes it is decided
+
 State = dict[str, NDArray[Any]]
 
 

@@ -5,6 +5,7 @@ No robot knows of another. A life that meets a change of its world is paused, an
 
 import inspect
 import math
+import re
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -41,12 +42,22 @@ from epuckhebb.sim.maze import Pose, Region, Side, added, boxes, gap
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, PAPER_NETWORK, Network, weights_at_birth
 from epuckhebb.sim.physics import PymunkSpace
 from epuckhebb.sim.plasticity.control import Sign, signs
-from epuckhebb.sim.plasticity.rule import NoRule, Rule, coefficients, kept_at_birth
+from epuckhebb.sim.plasticity.rule import (
+    BIRTH_RANGE,
+    Births,
+    NoRule,
+    Rule,
+    coefficients,
+    kept_at_birth,
+    modulatory_weights,
+)
+from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.scenario import Scenario
 
 _LIVES_PER_BLOCK = 50  # lifetimes that share a space, one after the other
 _SUMS = ("behaviour_sum", "weight_change_sum", "path_length", "goal_distance")  # of a tally, from which outcomes come
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _MESSAGE_LINES = 10  # of what is told of a rule that does not compile
 
 
@@ -161,7 +172,7 @@ def _live_in_one_space(
     for who in individuals:
         place = (id(who.controller), id(who.network))
         if place not in kinds:
-            kinds[place] = _kind(who.controller, who.network, robot, more_faults, spare)
+            kinds[place] = _kind(who.controller, who.network, robot, lifetime.gain_rad_s, more_faults, spare)
         lived.append(_live_one(who, kinds[place], phases, lifetime))
     return lived
 
@@ -179,11 +190,13 @@ class _Kind(NamedTuple):
     no_samples: Samples
 
 
-def _kind(controller: Controller, network: Network, robot: Robot, more_faults: bool, spare: type[Rule]) -> _Kind:
+def _kind(
+    controller: Controller, network: Network, robot: Robot, gain: float, more_faults: bool, spare: type[Rule]
+) -> _Kind:
     """What individuals of this kind share.
 
-    spare: a rule that others of the block have. Who has no rule lives in its kernel, with N = 0, to the same bits:
-    one kernel less to compile.
+    gain: of their wheels [rad/s]. spare: a rule that others of the block have. Who has no rule lives in its kernel,
+    with N = 0, to the same bits: one kernel less to compile.
     """
     rule, adaptation = controller.rule, controller.adaptation
     if rule.signal is Signal.light_code and (robot.lights, robot.distances) != LIGHT_CODE_SENSORS:
@@ -204,7 +217,7 @@ def _kind(controller: Controller, network: Network, robot: Robot, more_faults: b
             more_faults=more_faults,
         ),
         plasticity=Plasticity(
-            float(rule.N) if compiled_for is type(rule) else 0.0,
+            float(rule.N) * rule.pace(gain) if compiled_for is type(rule) else 0.0,
             float(rule.floor),
             int(rule.signal),
             tuple(numbers.values()),
@@ -229,10 +242,14 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
     if of_updates is None:
         raise ValueError("a rule with sign=shuffled needs the signs of its updates, Individual.signs")
     parts = kind.plan.split(who.genes)
+    inherited = parts[WEIGHTS]
+    if who.controller.rule.births is Births.random:
+        inherited = rng(int(who.key), Stream.births).uniform(-BIRTH_RANGE, BIRTH_RANGE, who.network.synapses)
     birth = Birth(
-        weights_at_birth(parts[WEIGHTS]),
+        weights_at_birth(inherited),
         kind.kept,
         coefficients(rule, who.network, parts),
+        modulatory_weights(rule, parts),
         of_updates,
     )
     life = born(birth, who.network, first.robot, kind.room, who.corrections)
@@ -344,7 +361,8 @@ def _outcome(life: Life, lifetime: Lifetime, goal_radius: float) -> Outcome:
 
 def _explained(rule: type[Rule], error: Exception) -> str:
     """Why a rule does not compile, in ten lines at most: what numba says last of the function farthest in."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    plain = _COLOUR.sub("", str(error))  # numba colours what it says where colorama is installed
+    lines = [line.strip() for line in plain.splitlines() if line.strip()]
     causes = [number for number, line in enumerate(lines) if line.startswith("Rejected as")]
     told = [line for line in lines[causes[-1] + 1 if causes else 0 :] if "Failed in nopython mode" not in line]
     told = told[: next((number for number, line in enumerate(told) if line.startswith("During: Pass")), None)]

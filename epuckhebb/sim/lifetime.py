@@ -24,7 +24,7 @@ from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, forward_pass
 from epuckhebb.sim.physics import Handles, is_lost, mover, pose
 from epuckhebb.sim.plasticity.rule import NoRule, Rule
-from epuckhebb.sim.plasticity.update import effective_rate, update_of
+from epuckhebb.sim.plasticity.update import effective_rate, modulation_of, update_of
 from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
 from epuckhebb.sim.random import normal_numbers, room_for_noise
 from epuckhebb.sim.robot import EPUCK, STEP_S, Robot, SenseRoom, blinding, largest_distance_reading, sense_room, senses
@@ -99,12 +99,14 @@ class Birth(NamedTuple):
     """What a life begins with and never changes.
 
     weights: (synapses,), the genes. kept: (synapses,) records, what each synapse keeps at birth. coefficients:
-    (parameters, synapses) evolved parameters of the rule. signs: (synapses,) of the updates.
+    (parameters, synapses) evolved parameters of the rule. modulatory: weights of its modulatory neuron, none if it has
+    none. signs: (synapses,) of the updates.
     """
 
     weights: NDArray[np.float64]
     kept: NDArray[np.void]
     coefficients: NDArray[np.float64]
+    modulatory: NDArray[np.float64]
     signs: NDArray[np.float64]
 
 
@@ -126,7 +128,8 @@ class Trial(NamedTuple):
 class Plasticity(NamedTuple):
     """The settings of a rule and of what is laid over it, as numbers.
 
-    rate: N. floor, signal: of the live fitness. numbers: all settings of the rule. gate: of the adaptation.
+    rate: N at the pace of this life. floor, signal: of the live fitness. numbers: all settings of the rule. gate: of
+    the adaptation.
     """
 
     rate: float
@@ -171,7 +174,7 @@ class Danced(NamedTuple):
 WHEELS, HAS_RULE = PAPER_NETWORK.wheels, False
 sense, blind, nearest = senses(EPUCK), blinding(EPUCK), largest_distance_reading(EPUCK)
 draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
-learn = update_of(NoRule, PAPER_NETWORK)
+learn, modulate = update_of(NoRule, PAPER_NETWORK), modulation_of(NoRule, PAPER_NETWORK)
 correct, open_gate, explore, compensate = over.hooks(over.NONE, EPUCK)
 misread, turn_wheels = faults.hooks(EPUCK, more=False)
 
@@ -237,6 +240,7 @@ def live(
         tally.need = need
         rate = effective_rate(plasticity.rate, need, live_fitness, plasticity.floor)
         if HAS_RULE and plasticity.rate > 0.0 and need > 0.0:
+            rate *= modulate(birth.modulatory, activation)
             tally.weight_change = learn(
                 weights,
                 life.kept,
@@ -244,6 +248,7 @@ def live(
                 birth.coefficients,
                 activation,
                 rate,
+                live_fitness,
                 birth.signs,
                 plasticity.numbers,
                 life.room.synapses,
@@ -360,6 +365,7 @@ def _made(rule: type[Rule], laid: over.Hooks, network: Network, robot: Robot, mo
         draw_noise=normal_numbers(robot.inputs),
         forward=forward_pass(network),
         learn=update_of(rule, network),
+        modulate=modulation_of(rule, network),
         correct=laid.correct,
         open_gate=laid.open_gate,
         explore=laid.explore,

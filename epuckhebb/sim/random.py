@@ -28,6 +28,7 @@ class Stream(IntEnum):
     baseline_noise = 7
     dance_noise = 8
     training_world = 9
+    births = 10
 
 
 def rng(seed: int, stream: Stream, *place: int) -> np.random.Generator:

@@ -13,7 +13,16 @@ import numpy as np
 from cmaes import SepCMA
 from numpy.typing import NDArray
 
-from epuckhebb.evolution.optimizer import Optimizer, Schedule, Search, State, initial, limits, paper_generations
+from epuckhebb.evolution.optimizer import (
+    CANDIDATES,
+    Optimizer,
+    Schedule,
+    Search,
+    State,
+    initial,
+    limits,
+    paper_generations,
+)
 from epuckhebb.evolution.training import Training
 from epuckhebb.sim import random
 from epuckhebb.sim.genome import GenomePlan
@@ -22,7 +31,6 @@ from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.random import Stream
 
 _KEPT = ("_mean", "_sigma", "_C", "_p_sigma", "_pc", "_g")  # all that changes in a SepCMA, and is used again
-_CANDIDATES = 3
 
 
 @dataclass(kw_only=True)
@@ -78,7 +86,7 @@ class SepCmaEs(Optimizer):
         if self.generations is not None:
             return Schedule(self.generations, loops)
         round_ = loops * len(SIDES)
-        confirmation = _CANDIDATES * -(-self.confirm // round_) * round_
+        confirmation = CANDIDATES * -(-self.confirm // round_) * round_
         return Schedule(
             paper_generations(self.starts * round_, self.population * round_, confirmation, training.stretch(lifetime)),
             loops,
@@ -145,7 +153,7 @@ class SepCmaEsSearch(Search):
     def candidates(self) -> NDArray[np.float64]:
         """The mean, and the two fittest."""
         assert self._cma is not None  # since the first `tell`
-        return np.array([self._cma.mean, *self._ranked[: _CANDIDATES - 1]]) * self._unit
+        return np.array([self._cma.mean, *self._ranked[: CANDIDATES - 1]]) * self._unit
 
     @property
     def state(self) -> State:

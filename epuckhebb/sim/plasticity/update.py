@@ -1,6 +1,7 @@
 """The plastic update, the same for all rules, after every control step and in force from the next one on.
 
-    N_e = N g max(0.2, F)                  effective rate; g is the need for plasticity, 1 in the paper
+    N_e = N s g m max(0.2, F)              effective rate; g is the need for plasticity, 1 in the paper; so are
+                                           s, the pace at which N holds, and m, the output of a modulatory neuron
     W'  = clip(W + N_e S D, -W_max, W_max) D is the direction that the rule says, S a sign, 1 but in controls
 
 The weights are a copy made at birth: the genome is never written, so a robot forgets by being born again.
@@ -14,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.compiled import compiled, in_module, in_turn
-from epuckhebb.sim.network import Network
-from epuckhebb.sim.plasticity.rule import NoRule, Rule, asked
+from epuckhebb.sim.network import Network, tanh
+from epuckhebb.sim.plasticity.rule import NoRule, Rule, asked, coefficient_names, is_modulated
 from epuckhebb.sim.plasticity.weight_change import total_of, weight_change
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
@@ -95,6 +96,32 @@ def _fill_correlation(
 
 _FILLS = {PRE: _fill_pre, POST: _fill_post, CORRELATION: _fill_correlation}
 Update = Callable[..., float]
+Modulate = Callable[[NDArray[np.float64], NDArray[np.float64]], float]
+
+
+def _unmodulated(modulatory: NDArray[np.float64], activation: NDArray[np.float64]) -> float:
+    """Without a modulatory neuron nothing is multiplied."""
+    return 1.0
+
+
+def modulation_of(rule: type[Rule], network: Network) -> Modulate:
+    """The function `modulate(modulatory, activation)` that says by what all updates of a step are multiplied.
+
+    It is the output tanh(m / 2) of a modulatory neuron, m = v . h + v0, where h are the neurons of the layer before the
+    wheels; 1 for a rule that has none. modulatory: v and v0. activation: (neurons,).
+    """
+    if not is_modulated(rule):
+        return compiled(_unmodulated)
+    heard, first = network.layers[-2], network.first_neuron[-2]
+
+    @compiled
+    def modulate(modulatory: NDArray[np.float64], activation: NDArray[np.float64]) -> float:
+        drive = float(modulatory[heard])
+        for k in range(heard):
+            drive += modulatory[k] * activation[first + k]
+        return tanh(drive / 2.0)
+
+    return modulate
 
 
 def _stay(
@@ -104,6 +131,7 @@ def _stay(
     coefficients: NDArray[np.float64],
     activation: NDArray[np.float64],
     rate: float,
+    fitness: float,
     signs: NDArray[np.float64],
     numbers: tuple[float, ...],
     room: NDArray[np.float64],
@@ -117,10 +145,10 @@ def update_of(rule: type[Rule], network: Network) -> Update:
     """The function that updates all weights of a network once by a rule, and returns the weight change.
 
     The function is
-    `learn(weights, kept, genes, coefficients, activation, rate, signs, numbers, room, change)`: weights (synapses,)
-    and what the synapses keep are updated; genes: weights at birth; coefficients: (evolved parameters, synapses);
-    activation: (neurons,); rate: N_e; signs: (synapses,); numbers: the settings; room (3, synapses) and change:
-    workspace.
+    `learn(weights, kept, genes, coefficients, activation, rate, fitness, signs, numbers, room, change)`: weights
+    (synapses,) and what the synapses keep are updated; genes: weights at birth; coefficients: (evolved parameters,
+    synapses); activation: (neurons,); rate: N_e; fitness: live; signs: (synapses,); numbers: the settings; room
+    (3, synapses) and change: workspace.
 
     Raises:
         ValueError: the rule asks for something that there is not.
@@ -129,12 +157,14 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         return compiled(_stay)
     names = asked(rule)
     By = _namedtuple("By", rule.settings())
-    evolved = {name: f"coefficients[{row}, k]" for row, name in enumerate(rule.evolved)}
+    evolved = {name: f"coefficients[{row}, k]" for row, name in enumerate(coefficient_names(rule))}
     told = {
         "correlation": f"room[{CORRELATION}, k]",
         "pre": f"room[{PRE}, k]",
         "post": f"room[{POST}, k]",
         "weight": "weights[k]",
+        "at_birth": "genes[k]",
+        "fitness": "fitness",
         "kept": "kept[k]",
         "by": "by",
         **evolved,
@@ -142,7 +172,8 @@ def update_of(rule: type[Rule], network: Network) -> Update:
     # A rule names what it needs, and only that is worked out; so the call is written when the rule is known.
     direction = compiled(
         eval(
-            f"lambda k, weights, kept, coefficients, room, by: synapse({', '.join(told[name] for name in names)})",
+            "lambda k, weights, kept, genes, coefficients, fitness, room, by: "
+            f"synapse({', '.join(told[name] for name in names)})",
             {"synapse": compiled(in_module(rule.synapse, __name__))},
         )
     )
@@ -159,6 +190,7 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         coefficients: NDArray[np.float64],
         activation: NDArray[np.float64],
         rate: float,
+        fitness: float,
         signs: NDArray[np.float64],
         numbers: tuple[float, ...],
         room: NDArray[np.float64],
@@ -169,7 +201,7 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         fill_post(activation, room)
         fill_correlation(activation, room)
         for k in range(synapses):
-            towards = direction(k, weights, kept, coefficients, room, by)
+            towards = direction(k, weights, kept, genes, coefficients, fitness, room, by)
             weights[k] = next_weight(weights[k], rate * signs[k], towards, by.w_max)
             change[k] = weight_change(weights[k], genes[k])
         return total(change)
