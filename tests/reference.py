@@ -72,9 +72,14 @@ class Robot:
 
         self.shapes = list(pairwise([*network.layers]))
         self.shapes[0] = (network.layers[0] + 1, network.layers[1])
-        self.genes = self.by_layer(np.clip(genes[: sum(n * m for n, m in self.shapes)], -2, 2))
+        synapses = sum(n * m for n, m in self.shapes)
+        self.genes = self.by_layer(np.clip(genes[:synapses], -2, 2))
+        if controller.rule.births.name == "random":
+            drawn = random.rng(int(self.key), random.Stream.births).uniform(-0.1, 0.1, synapses)
+            self.genes = self.by_layer(drawn)
         self.signs = self.by_layer(np.ones(sum(g.size for g in self.genes)) if signs is None else signs)
         self.controller, self.rule, self.adaptation = controller, controller.rule, controller.adaptation
+        self.evolved = self.parts_of(genes[synapses:])
         self.be_born()
         self.junction, self.undirected = 0.0, 0.0
         self.baseline, self.recent, self.arrived, self.away, self.late = baseline, None, False, 0.0, 0.0
@@ -86,6 +91,21 @@ class Robot:
     def by_layer(self, values):
         cuts = np.cumsum([n * m for n, m in self.shapes])[:-1]
         return [part.reshape(shape) for part, shape in zip(np.split(values, cuts), self.shapes, strict=True)]
+
+    def parts_of(self, genes):
+        """The evolved parameters of the rule by name: a number, or lists by layer, by neuron, by synapse."""
+        layers = [self.shapes[0][0], *(m for _, m in self.shapes)]
+        sizes = {"network": 1, "layer": len(self.shapes), "neuron": sum(layers), "modulator": layers[-2] + 1}
+        parts = {}
+        for name, evolved in self.rule.evolved.items():
+            size = sizes.get(evolved.per, evolved.per)
+            part, genes = np.split(genes, [sum(g.size for g in self.genes) if size == "synapse" else size])
+            if size == "synapse":
+                part = self.by_layer(part)
+            elif evolved.per == "neuron":
+                part = np.split(part, np.cumsum(layers)[:-1])
+            parts[name] = part
+        return parts
 
     def be_born(self):
         """The weights are the genes, and nothing is kept."""
@@ -148,6 +168,12 @@ class Robot:
         fitness = self.live_fitness(readings, left, right, combined, math.dist((x, y), self.goal))
         need = self.need(readings, fitness, (x, y)) if self.adaptation.needs_baseline else 1.0
         rate = self.rule.N * need * max(self.rule.floor, fitness)
+        if self.rule.N_gain_rad_s:
+            rate *= self.gain / self.rule.N_gain_rad_s
+        if "v" in self.evolved and self.rule.N > 0:
+            *v, v0 = self.evolved["v"]
+            rate *= np.tanh((np.dot(v, activations[-2]) + v0) / 2)
+        self.fitness = fitness
         if need == 0:
             self.be_born()
         elif self.rule.N > 0:
@@ -370,6 +396,25 @@ class Robot:
         kept["pre"] = kept["pre"] + share * (pre - kept["pre"])
         kept["post"] = kept["post"] + share * (post - kept["post"])
         return kept["pre"] * post - pre * kept["post"]
+
+    def abcd(self, layer, pre, post, kept):
+        A, B, C, D, eta = (self.evolved[name][layer] for name in ("A", "B", "C", "D", "eta"))
+        back = self.rule.leak * (self.weights[layer] - self.genes[layer])
+        return eta * (A * pre * post + B * pre + C * post + D) - back
+
+    abcdshared = abcd
+
+    def abcdneuron(self, layer, pre, post, kept):
+        (A, _), (_, B), C, D, eta = (self.evolved[name][layer : layer + 2] for name in ("A", "B", "C", "D", "eta"))
+        both = C[0][:, None] * C[1] * pre * post + A[:, None] * pre + B * post + D[0][:, None] * D[1]
+        return (eta[0][:, None] + eta[1]) / 2 * both - self.rule.leak * (self.weights[layer] - self.genes[layer])
+
+    def modulated(self, layer, pre, post, kept):
+        A, B, C, D, eta = (self.evolved[name][0] for name in ("A", "B", "C", "D", "eta"))
+        return eta * (A * pre * post + B * pre + C * post + D)
+
+    def baldwinn(self, layer, pre, post, kept):
+        return 10 ** self.evolved["theta"][0] * self.paper(layer, pre, post, kept)
 
     def move(self, left, right, heading):
         kind = self.kind
