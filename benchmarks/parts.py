@@ -51,9 +51,9 @@ def network_loop(n, weights, activation, drive):
 
 
 @loop
-def plasticity_loop(n, weights, kept, genes, coefficients, activation, signs, numbers, room, change):
+def plasticity_loop(n, weights, kept, genes, coefficients, activation, lengths, signs, numbers, room, change):
     for _ in range(n):
-        learn(weights, kept, genes, coefficients, activation, 1e-9, 0.5, signs, numbers, room, change)
+        learn(weights, kept, genes, coefficients, activation, 1e-9, 0.5, lengths, signs, numbers, room, change)
 
 
 @loop
@@ -74,6 +74,7 @@ def measure() -> list[tuple[str, str]]:
         genes,
         np.empty((0, network.synapses)),
         activation,
+        np.empty(0),
         np.ones(network.synapses),
         settings,
         np.empty((3, network.synapses)),

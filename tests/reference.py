@@ -379,6 +379,9 @@ class Robot:
         for k, (pre, post) in enumerate(pairwise(activations)):
             direction = getattr(self, type(self.rule).__name__.lower())(k, pre[:, None], post[None, :], self.kept[k])
             self.weights[k] = np.clip(self.weights[k] + rate * self.signs[k] * direction, -w_max, w_max)
+            if self.rule.keeps_lengths:
+                now, at_birth = (np.linalg.norm(w, axis=0) for w in (self.weights[k], self.genes[k]))
+                self.weights[k] = np.clip(self.weights[k] / now * at_birth, -w_max, w_max)
 
     def paper(self, layer, pre, post, kept):
         kept["trace"] = self.rule.trace_decay * kept["trace"] + self.rule.trace_update * (pre * post)
@@ -412,6 +415,14 @@ class Robot:
     def modulated(self, layer, pre, post, kept):
         A, B, C, D, eta = (self.evolved[name][0] for name in ("A", "B", "C", "D", "eta"))
         return eta * (A * pre * post + B * pre + C * post + D)
+
+    def discrete(self, layer, pre, post, kept):
+        high, low = 0.8 + 0.2 * self.evolved["high"][0], 0.6 + 0.2 * self.evolved["low"][0]
+        if low <= self.fitness <= high:
+            return np.zeros(pre.shape[0])[:, None] * post
+        table = self.evolved["when_better" if self.fitness > high else "when_worse"]
+        fires = [(x > self.evolved["threshold"][0]).astype(int) for x in (pre, post)]
+        return self.evolved["eta"][0] * np.round(table)[2 * fires[0] + fires[1]]
 
     def baldwinn(self, layer, pre, post, kept):
         return 10 ** self.evolved["theta"][0] * self.paper(layer, pre, post, kept)

@@ -21,14 +21,16 @@ from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.lifetime import Lifetime
-from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.sim.plasticity.abcd import ABCD
 from epuckhebb.sim.plasticity.abcd_neuron import ABCDNeuron
 from epuckhebb.sim.plasticity.abcd_shared import ABCDShared
 from epuckhebb.sim.plasticity.baldwin_n import BaldwinN
+from epuckhebb.sim.plasticity.discrete import Discrete
 from epuckhebb.sim.plasticity.modulated import Modulated
 from epuckhebb.sim.plasticity.rule import Births, NoRule, coefficients, modulatory_weights
-from epuckhebb.sim.plasticity.update import modulation_of
+from epuckhebb.sim.plasticity.update import lengths_at_birth, modulation_of, update_of
+from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
 from epuckhebb.sim.scenario import Scenario
 
 SIZES = {
@@ -37,6 +39,7 @@ SIZES = {
     ABCDNeuron: "234 weights, 43 A, 43 B, 43 C, 43 D, 43 eta",
     Modulated: "234 weights, 5 v, 1 A, 1 B, 1 C, 1 D, 1 eta",
     BaldwinN: "234 weights, 1 theta",
+    Discrete: "234 weights, 4 when_better, 4 when_worse, 1 eta, 1 threshold, 1 high, 1 low",
 }
 LIVED = {
     ABCD: ABCD(N=0.003, leak=0.5),
@@ -44,6 +47,7 @@ LIVED = {
     ABCDNeuron: ABCDNeuron(N=0.002, leak=1.0),
     Modulated: Modulated(N=0.003),
     BaldwinN: BaldwinN(N=0.01),
+    Discrete: Discrete(N=0.001),
 }
 TINY = ["optimizer=sep_cma_es", "optimizer.population=4", "optimizer.starts=3", "optimizer.confirm=2"]
 TINY += ["optimizer.generations=2", "lifetime.duration_s=3", "threads=1", "-q"]
@@ -100,6 +104,31 @@ def test_three_steps_of_the_papers_rule_with_an_evolved_rate():
         assert BaldwinN.synapse(correlation, state, factor[0], by) == pytest.approx(np.sqrt(10) * trace)
 
 
+def test_three_steps_of_the_discrete_rule():
+    genes = {"when_better": [0.2, -0.6, 0.9, 0.6], "when_worse": [1, -1, 0.4, -0.5]}  # 0 -1 1 1, 1 -1 0 0
+    told = coefficients_of(Discrete, **genes, eta=[2], threshold=[0.1], high=[0.5], low=[-0.5])[:, 0]
+    for fitness, expected in ((0.91, (0, -2, 2, 2)), (0.7, (0, 0, 0, 0)), (0.49, (2, -2, 0, 0))):
+        states = ((0.1, -0.5), (0.0, 0.2), (0.3, 0.05), (0.8, 0.9))
+        assert tuple(Discrete.synapse(*x, fitness, *told) for x in states) == pytest.approx(expected)
+
+
+def test_the_incoming_weights_of_each_neuron_keep_their_length():
+    network = Network((3, 2, 2))
+    genes = np.random.default_rng(0).uniform(-1, 1, network.synapses)
+    weights, told = genes.copy(), dict.fromkeys(Discrete.evolved, np.ones(1))
+    told |= {"when_better": np.ones(4), "when_worse": np.ones(4)}
+    numbers, room = tuple(Discrete(N=1.0).numbers().values()), np.empty((3, network.synapses))
+    learn, change = update_of(Discrete, network), np.empty(weight_change_room(network))
+    spread, activation, ones = coefficients(Discrete, network, told), np.ones(network.neurons), np.ones_like(genes)
+    lengths = lengths_at_birth(Discrete, network, genes)
+    total = learn(weights, np.empty(0), genes, spread, activation, 0.1, 0.1, lengths, ones, numbers, room, change)
+    assert total == pytest.approx(np.abs(weights - genes).sum()) != 0
+    for now, before in zip(by_layer(network, weights), by_layer(network, genes), strict=True):
+        np.testing.assert_allclose(np.linalg.norm(now, axis=0), np.linalg.norm(before, axis=0))
+        grown = before + 0.1
+        np.testing.assert_allclose(now, grown / np.linalg.norm(grown, axis=0) * np.linalg.norm(before, axis=0))
+
+
 def test_what_a_synapse_of_the_neuron_centric_rule_does_follows_from_its_two_neurons():
     network = Network((2, 2))  # neurons: two sensors, the bias, two wheels
     p = {name: np.arange(5.0) + 10 * k for k, name in enumerate(("A", "B", "C", "D", "eta"))}
@@ -114,6 +143,8 @@ def test_a_rule_agrees_with_its_twin_in_plain_python(rule, beside_the_oracle, ge
     """At a gain of 1, as walls that a robot bumps into make much of the last bit."""
     genes = initial(np.random.default_rng(130), 1, plan_of(PAPER_NETWORK, rule))[0]
     genes[:234] = genomes[0]
+    if rule is Discrete:  # a table of which all is used
+        genes[234:] = [0.0, 1.0, -1.0, 1.0, -1.0, 0.0, 1.0, 0.7, 0.8, 0.2, -0.6, 0.2]
     controller = Controller(name="own", rule=LIVED[rule])
     outcome, samples, robot = beside_the_oracle(genes, "right", controller=controller, seconds=100.0, gain=1.0)
     for k, weights in enumerate(robot.weights):
@@ -203,7 +234,9 @@ def test_what_cannot_evolve_is_refused(overrides, message):
     assert message in str(told.value)
 
 
-@pytest.mark.parametrize("name", ["abcd", "abcd_neuron", "abcd_shared", "baldwin", "baldwin_n", "modulated"])
+@pytest.mark.parametrize(
+    "name", ["abcd", "abcd_neuron", "abcd_shared", "baldwin", "baldwin_n", "discrete", "modulated"]
+)
 def test_a_rule_is_chosen_by_its_name(name):
     config = typed(composed("evolve", [f"hebbian={name}"]), EvolveConfig)
     assert config.controller.name == name

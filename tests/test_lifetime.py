@@ -161,6 +161,7 @@ class Paused:
             kept_at_birth(type(rule), network),
             np.empty((0, network.synapses)),
             np.empty(0),
+            np.empty(0),
             np.ones_like(genes),
         )
         self.life = born(self.birth, network, robot)

@@ -51,6 +51,7 @@ from epuckhebb.sim.plasticity.rule import (
     kept_at_birth,
     modulatory_weights,
 )
+from epuckhebb.sim.plasticity.update import lengths_at_birth
 from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.scenario import Scenario
@@ -245,11 +246,13 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
     inherited = parts[WEIGHTS]
     if who.controller.rule.births is Births.random:
         inherited = rng(int(who.key), Stream.births).uniform(-BIRTH_RANGE, BIRTH_RANGE, who.network.synapses)
+    weights = weights_at_birth(inherited)
     birth = Birth(
-        weights_at_birth(inherited),
+        weights,
         kind.kept,
         coefficients(rule, who.network, parts),
         modulatory_weights(rule, parts),
+        lengths_at_birth(rule, who.network, weights),
         of_updates,
     )
     life = born(birth, who.network, first.robot, kind.room, who.corrections)

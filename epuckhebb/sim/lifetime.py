@@ -98,15 +98,17 @@ class Life(NamedTuple):
 class Birth(NamedTuple):
     """What a life begins with and never changes.
 
-    weights: (synapses,), the genes. kept: (synapses,) records, what each synapse keeps at birth. coefficients:
-    (parameters, synapses) evolved parameters of the rule. modulatory: weights of its modulatory neuron, none if it has
-    none. signs: (synapses,) of the updates.
+    weights: (synapses,), the genes. kept: (synapses,) records, what each synapse keeps at birth. coefficients: (names,
+    synapses) evolved parameters of the rule. modulatory: weights of its modulatory neuron, none if it has none.
+    lengths: (neurons,) of each neuron's incoming weights, none if the rule does not keep them. signs: (synapses,) of
+    the updates.
     """
 
     weights: NDArray[np.float64]
     kept: NDArray[np.void]
     coefficients: NDArray[np.float64]
     modulatory: NDArray[np.float64]
+    lengths: NDArray[np.float64]
     signs: NDArray[np.float64]
 
 
@@ -249,6 +251,7 @@ def live(
                 activation,
                 rate,
                 live_fitness,
+                birth.lengths,
                 birth.signs,
                 plasticity.numbers,
                 life.room.synapses,

@@ -69,6 +69,8 @@ class Rule:
     kept: name -> value at birth, of what each synapse keeps during a life. evolved: name -> `Evolved`. A rule that
     evolves something per `modulator` has a modulatory neuron, and its updates are multiplied by that neuron's output.
     coefficients: names that `synapse` may ask for instead of those in `evolved`, if `express` makes others of them.
+    keeps_lengths: whether the incoming weights of each neuron are scaled after each update, to the length, that is the
+    root of the sum of their squares, that they had at birth.
 
     Raises:
         ValueError: a number is not finite or outside the range named in the message.
@@ -77,6 +79,7 @@ class Rule:
     kept: ClassVar[Mapping[str, float]] = {}
     evolved: ClassVar[Mapping[str, Evolved]] = {}
     coefficients: ClassVar[tuple[str, ...]] = ()
+    keeps_lengths: ClassVar[bool] = False
 
     N: float = 0.0
     N_gain_rad_s: float = 0.0
@@ -268,6 +271,11 @@ def modulatory_weights(rule: type[Rule], genes: Mapping[str, NDArray[np.float64]
     """
     name = _modulator(rule)
     return np.empty(0) if name is None else np.ascontiguousarray(genes[name])
+
+
+def is_alike(rule: type[Rule]) -> bool:
+    """Whether all synapses have the same coefficients."""
+    return all(evolved.per not in ("layer", "synapse", "neuron") for evolved in rule.evolved.values())
 
 
 def is_modulated(rule: type[Rule]) -> bool:
