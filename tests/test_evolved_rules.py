@@ -50,7 +50,7 @@ LIVED = {
     Discrete: Discrete(N=0.001),
 }
 TINY = ["optimizer=sep_cma_es", "optimizer.population=4", "optimizer.starts=3", "optimizer.confirm=2"]
-TINY += ["optimizer.generations=2", "lifetime.duration_s=3", "threads=1", "-q"]
+TINY += ["optimizer.generations=2", "lifetime.duration_s=3", "scenario.paper_duration_s=10", "threads=1", "-q"]
 BRIEF = ["lifetime.duration_s=3", "repeats=1", "threads=1"]
 
 
@@ -223,6 +223,11 @@ def test_only_the_rule_evolves_where_weights_are_drawn_or_given():
     ("overrides", "message"),
     [
         (["hebbian=paper", "hebbian.births=random"], "nothing would be evolved: the weights at birth are random, and"),
+        (
+            ["hebbian=paper", "genome=reference"],
+            "nothing would be evolved: the weights are given, and rule paper has nothing",
+        ),
+        (["genome=reference"], "nothing would be evolved: the weights are given, and there is no rule"),
         (["hebbian=abcd_shared", "hebbian.leak=-1"], "hebbian.leak must be 0 or more, got -1"),
         (["hebbian=modulated", "hebbian.N_gain_rad_s=-4"], "hebbian.N_gain_rad_s must be 0 or more, got -4"),
         (["hebbian=abcd", "hebbian.births=early"], "hebbian.births must be one of evolved, random, got 'early'"),
@@ -289,6 +294,25 @@ def test_an_evolution_of_a_rule_goes_on_to_the_same_bytes(rule, champions, monke
     done("evolve", "resume=run", "optimizer.generations=2", "-q")
     for name in ("history.csv", "champion.npz", "checkpoint.npz"):
         assert (champions / rule / name).read_bytes() == Path("run", name).read_bytes()
+
+
+def test_a_rule_evolves_for_a_given_champion(champions, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    own = [f"genome={champions / 'modulated'}", "hebbian=abcd_shared", *TINY]
+    done("evolve", *own, "optimizer.generations=1", "hydra.run.dir=run")
+    done("evolve", "resume=run", "optimizer.generations=2", "-q")
+    genome, given = files.load_genome("run", ""), files.load_genome(str(champions / "modulated"), "")
+    assert (genome.rule, genome.plan.told()) == ("abcd_shared", SIZES[ABCDShared])
+    np.testing.assert_array_equal(genome.weights, given.weights)
+    champion, _ = epuckhebb.evolve(*own[:-1])
+    np.testing.assert_array_equal(champion, genome.genes)
+    done("rerun", "run", "-q")
+    refused = call("evolve", f"genome={champions / 'modulated'}", "hebbian=abcd_shared", "network.layers=[16,3,2]")
+    assert refused.exit_code == 2
+    config = Path("run/.hydra/config.yaml")
+    for words in (["evolve", "genome=nowhere", "hebbian=modulated"], ["evolve", "resume=run", "genome=reference"]):
+        assert call(*words).exit_code == 2
+    assert f"genome: {champions / 'modulated'}" in config.read_text()
 
 
 @pytest.mark.parametrize(

@@ -160,10 +160,12 @@ class EvaluateConfig(WorldConfig):
 class EvolveConfig(WorldConfig):
     """All keys of `epuckhebb evolve`.
 
+    genome: whose weights all individuals are given, so that only the rule is evolved; None for weights that evolve.
     controller: what drives the robots besides their genes. algorithm: the optimizer, of `optimizer` and `ga`. schedule:
-    how long it goes on.
+    how long it goes on. plan: what is evolved.
     """
 
+    genome: str | None = None
     ga: GA | None = field(default_factory=GA)  # None if the optimizer is another
     optimizer: dict[str, Any] = field(default_factory=lambda: {"algorithm": GA.key})
     training: Training = field(default_factory=Training)
@@ -180,7 +182,8 @@ class EvolveConfig(WorldConfig):
         self.algorithm = optimizer_from(self.optimizer, self.ga)
         self.schedule = self.algorithm.schedule(self.training, self.lifetime)
         self.training.check(self.world, self.lifetime, self.schedule.loops)
-        evolved_plan(network_for(self.world.robot, self.layers), self.controller.rule)
+        network = network_for(self.world.robot, self.layers)
+        self.plan = evolved_plan(network, self.controller.rule, given=self.genome is not None)
 
 
 class LiveFitness(Enum):

@@ -24,7 +24,7 @@ from epuckhebb.app.machine import Need, path_of, require
 from epuckhebb.app.parts import network_for, sha256_of
 from epuckhebb.app.progress import EvolutionProgress, say
 from epuckhebb.app.runs import RunFolder
-from epuckhebb.evolution.evolve import Generation, evolve, evolved_plan, room_to_evolve
+from epuckhebb.evolution.evolve import Generation, evolve, room_to_evolve
 from epuckhebb.sim.adaptation.baseline import Baseline, baseline_of, live_at_home, room_to_remember
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, can_check_itself, remember_self
 from epuckhebb.sim.genome import WEIGHTS, plan_of
@@ -53,6 +53,7 @@ def asked(cfg: DictConfig) -> EvolveConfig:
         ConfigError: A value is outside its range, or a rule does not compile.
     """
     config = typed(cfg, EvolveConfig)
+    given_weights(config)
     require(needs(config, network_of(config)))
     compiled_for(config.controller, network_of(config), config.world)
     return config
@@ -72,6 +73,24 @@ def needs(config: EvolveConfig, network: Network) -> list[Need]:
 def network_of(config: EvolveConfig) -> Network:
     """The network that is evolved."""
     return network_for(config.world.robot, config.layers)
+
+
+def given_weights(config: EvolveConfig) -> NDArray[np.float64] | None:
+    """The weights that all individuals are given, (synapses,); None if weights evolve.
+
+    Raises:
+        ConfigError: There is no such genome, or it is for another robot or network.
+    """
+    if config.genome is None:
+        return None
+    robot, network = config.world.robot, network_of(config)
+    genome = files.load_genome(config.genome, config.world.experiment, config.layers)
+    if genome.robot != robot.name or genome.network != network:
+        raise ConfigError(
+            f"genome={config.genome} is for robot {genome.robot} and a network of layers {genome.network}; evolved is "
+            f"for robot {robot.name} and layers {network}. Give another genome, robot or network.layers"
+        )
+    return genome.weights
 
 
 def new_run(path: Path, cfg: DictConfig, overrides: list[str], facts: dict[str, Any]) -> RunFolder:
@@ -129,6 +148,7 @@ def evolve_into(
             training=config.training,
             network=network,
             controller=config.controller,
+            weights=given_weights(config),
         ):
             after = Checkpoint.following(after, generation)
             run.write(CHECKPOINT, after.as_bytes(digest))
@@ -211,13 +231,15 @@ def resume(arguments: list[str]) -> Path:
     _change(cfg, path, changes, changeable)
     config = asked(cfg)
     network, rule, generations = network_of(config), config.controller.rule, config.schedule.generations
-    plan = evolved_plan(network, rule)
     after = Checkpoint.read(
         path,
         plan_of(network, type(rule)).genes,
-        lambda state: config.algorithm.search(plan, config.seed, state),
+        lambda state: config.algorithm.search(config.plan, config.seed, state),
         _digest(path, changeable),
     )
+    given = given_weights(config)
+    if after and given is not None and not np.array_equal(after.generation.champion[: network.synapses], given):
+        raise ConfigError(f"genome={config.genome} is not whose weights {path} began with")
     done = after.generation.number + 1 if after else 0
     key = changeable[0]
     if generations < done:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from epuckhebb.app import files
 from epuckhebb.app.config import EvaluateConfig, EvolveConfig, thread_count, typed
 from epuckhebb.app.evaluate import baseline_for, lives, needs, self_checks_for
+from epuckhebb.app.evolve import given_weights
 from epuckhebb.app.evolve import needs as evolve_needs
 from epuckhebb.app.hydra_bridge import composed
 from epuckhebb.app.machine import require
@@ -54,6 +55,7 @@ def evolve(overrides: list[str]) -> tuple[NDArray[np.float64], pd.DataFrame]:
             training=config.training,
             network=network,
             controller=config.controller,
+            weights=given_weights(config),
         )
     )
     return lived[-1].champion, pd.DataFrame(map(history_row, lived))

@@ -134,9 +134,10 @@ def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> Genome
         return plan
     if not rule.evolved:
         why = "the weights are given" if given else "the weights at birth are random"
+        has = "there is no rule" if isinstance(rule, NoRule) else f"rule {name_of(type(rule))} has nothing to evolve"
         raise ValueError(
-            f"nothing would be evolved: {why}, and rule {name_of(type(rule))} has nothing to evolve; choose another "
-            "rule below hebbian, or let the weights be evolved"
+            f"nothing would be evolved: {why}, and {has}; choose another rule, for example hebbian=modulated, or let "
+            "the weights be evolved"
         )
     return plan.of_rule
 
