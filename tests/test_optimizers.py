@@ -157,6 +157,36 @@ def test_a_step_of_open_es_goes_by_ranks_of_antithetic_pairs():
     np.testing.assert_allclose(search.candidates()[0][weights], expected[weights], atol=1e-12)
 
 
+RULES = GenomePlan((Part("weights", 3), Part("A", 16, limit=2.0), Part("eta", 16, limit=2.0)))
+
+
+def test_rules_of_synapses_are_merged_into_half_as_many():
+    merging = OpenEs(population=4, starts=3, merges=3, merge_every=2)
+    search = merging.search(RULES, seed=5)
+    counts = []
+    for _ in range(10):
+        population = search.ask()
+        rules = [np.unique(np.stack([one[3:19], one[19:]], axis=1), axis=0) for one in population]
+        counts.append(max(map(len, rules)))
+        search.tell(sphere(population))
+    assert counts[:3] == [16, 16, 16]
+    assert counts[3] <= 8
+    assert counts[5] <= 4
+    assert 1 <= counts[7] == counts[9] <= 2
+    again = merging.search(RULES, seed=5)
+    generations(again, 4)
+    again = merging.search(RULES, 5, through_a_file(again.state))
+    assert generations(again, 6).tobytes() == population.tobytes()
+
+
+@pytest.mark.parametrize(
+    "plan", [PLAN, GenomePlan((Part("weights", 20),)), GenomePlan((Part("weights", 4), Part("N", 1)))]
+)
+def test_where_synapses_have_no_rules_there_is_nothing_to_merge(plan):
+    with pytest.raises(ValueError, match=r"optimizer\.merges needs a rule of which all is evolved for each synapse"):
+        OpenEs(merges=1).check(plan)
+
+
 def test_what_is_stored_of_a_search_is_all_that_the_library_changes():
     """The library keeps it under private names; a new version of it must be looked at."""
     search = SepCMA(mean=np.zeros(5), sigma=0.5, bounds=np.tile([-2.0, 2.0], (5, 1)), population_size=4, seed=1)
@@ -258,6 +288,8 @@ def test_a_multirun_may_vary_seed_and_training(tmp_path):
             ["optimizer=open_es", "optimizer.population=5"],
             "optimizer.population must be even, as individuals come in pairs",
         ),
+        (["optimizer=evolve_and_merge"], "optimizer.merges needs a rule of which all is evolved for each synapse, as"),
+        (["optimizer=open_es", "optimizer.merges=-1"], "optimizer.merges must be 0 or more, got -1"),
         (["optimizer=open_es", "optimizer.learning_rate=0"], "optimizer.learning_rate must be more than 0, got 0"),
         (
             ["optimizer=open_es", "optimizer.learning_rate_decay=2"],

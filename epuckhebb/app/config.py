@@ -184,6 +184,7 @@ class EvolveConfig(WorldConfig):
         self.training.check(self.world, self.lifetime, self.schedule.loops)
         network = network_for(self.world.robot, self.layers)
         self.plan = evolved_plan(network, self.controller.rule, given=self.genome is not None)
+        self.algorithm.check(self.plan)
 
 
 class LiveFitness(Enum):

@@ -87,6 +87,13 @@ class Optimizer(ABC):
     def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:
         """How long a search in these worlds goes on, with what the settings leave open filled in."""
 
+    def check(self, plan: GenomePlan) -> None:  # noqa: B027  # most can search any plan
+        """Refuse a plan for which these settings make no sense.
+
+        Raises:
+            ValueError: they make none.
+        """
+
     @abstractmethod
     def search(self, plan: GenomePlan, seed: int, state: State | None = None) -> Search:
         """A search for the genes of a plan; with a state, one that goes on from there to the same bits.

@@ -29,6 +29,7 @@ class Stream(IntEnum):
     dance_noise = 8
     training_world = 9
     births = 10
+    merging = 11
 
 
 def rng(seed: int, stream: Stream, *place: int) -> np.random.Generator:
