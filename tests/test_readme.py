@@ -60,8 +60,9 @@ def test_the_bundled_champion_is_the_showcase_of_the_reference_run(experiment):
 def test_every_scenario_and_group_named_exists():
     text = README.read_text()
     told_elsewhere = re.findall(r"`(\w+)`", (ROOT / "docs" / "changes.md").read_text())
+    rules = re.findall(r"`(\w+)`", (ROOT / "docs" / "rules.md").read_text())
     for choice in re.findall(r"scenario=(\w+)", text):
         assert choice in groups("evaluate")["scenario"] or choice == "base"
     for verb, group in (("evaluate", "hebbian"), ("evolve", "ga"), ("evaluate", "scenario")):
         for choice in groups(verb)[group]:
-            assert f"`{choice}`" in text or choice.partition("_")[2] in told_elsewhere
+            assert f"`{choice}`" in text or choice in rules or choice.partition("_")[2] in told_elsewhere

@@ -249,7 +249,8 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         for k in range(synapses):
             towards = direction(k, weights, kept, genes, coefficients, alike, fitness, room, by)
             weights[k] = next_weight(weights[k], rate * signs[k], towards, by.w_max)
-            change[k] = weight_change(weights[k], genes[k])
+            if not scales:
+                change[k] = weight_change(weights[k], genes[k])
         if scales:
             fill_scale(weights, lengths, room)
             for k in range(synapses):
