@@ -18,7 +18,7 @@ from epuckhebb.sim.network import PAPER_NETWORK
 
 STEP = 0.032
 WALL, ROBOT = pymunk.ShapeFilter(categories=1), pymunk.ShapeFilter(categories=2)
-_ROOM, _BITS = {}, numba.njit(random.bits)
+_ROOM, _BITS, _NORMAL = {}, numba.njit(random.bits), numba.njit(random.normal)
 
 
 def noise(key, step, count):
@@ -423,6 +423,20 @@ class Robot:
         table = self.evolved["when_better" if self.fitness > high else "when_worse"]
         fires = [(x > self.evolved["threshold"][0]).astype(int) for x in (pre, post)]
         return self.evolved["eta"][0] * np.round(table)[2 * fires[0] + fires[1]]
+
+    def online(self, layer, pre, post, kept):
+        weights, first = self.weights[layer], sum(g.size for g in self.genes[:layer])
+        if "child" not in kept:
+            kept |= {"child": weights, "parent": weights, "best": -1, "window": []}
+        kept["window"].append(self.fitness)
+        if len(kept["window"]) == int(self.rule.window_s / STEP):
+            mean = sum(kept["window"]) / len(kept["window"])
+            if mean > kept["best"]:
+                kept |= {"parent": kept["child"], "best": mean}
+            place = 2**52 + (self.step_number - 1) * 2**17 + first
+            drawn = [_NORMAL(self.key, place + k) for k in range(weights.size)]
+            kept |= {"child": kept["parent"] + self.rule.sigma * np.reshape(drawn, weights.shape), "window": []}
+        return kept["child"] - weights
 
     def baldwinn(self, layer, pre, post, kept):
         return 10 ** self.evolved["theta"][0] * self.paper(layer, pre, post, kept)

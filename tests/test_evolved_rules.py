@@ -18,6 +18,7 @@ from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers import ga as ga_module
 from epuckhebb.evolution.optimizers.ga import GA
+from epuckhebb.sim import random
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.lifetime import Lifetime
@@ -28,8 +29,9 @@ from epuckhebb.sim.plasticity.abcd_shared import ABCDShared
 from epuckhebb.sim.plasticity.baldwin_n import BaldwinN
 from epuckhebb.sim.plasticity.discrete import Discrete
 from epuckhebb.sim.plasticity.modulated import Modulated
+from epuckhebb.sim.plasticity.online import Online
 from epuckhebb.sim.plasticity.rule import Births, NoRule, coefficients, modulatory_weights
-from epuckhebb.sim.plasticity.update import lengths_at_birth, modulation_of, update_of
+from epuckhebb.sim.plasticity.update import Now, lengths_at_birth, modulation_of, update_of
 from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
 from epuckhebb.sim.scenario import Scenario
 
@@ -48,6 +50,7 @@ LIVED = {
     Modulated: Modulated(N=0.003),
     BaldwinN: BaldwinN(N=0.01),
     Discrete: Discrete(N=0.001),
+    Online: Online(window_s=4.0, sigma=0.05),
 }
 TINY = ["optimizer=sep_cma_es", "optimizer.population=4", "optimizer.starts=3", "optimizer.confirm=2"]
 TINY += ["optimizer.generations=2", "lifetime.duration_s=3", "scenario.paper_duration_s=10", "threads=1", "-q"]
@@ -121,12 +124,33 @@ def test_the_incoming_weights_of_each_neuron_keep_their_length():
     learn, change = update_of(Discrete, network), np.empty(weight_change_room(network))
     spread, activation, ones = coefficients(Discrete, network, told), np.ones(network.neurons), np.ones_like(genes)
     lengths = lengths_at_birth(Discrete, network, genes)
-    total = learn(weights, np.empty(0), genes, spread, activation, 0.1, 0.1, lengths, ones, numbers, room, change)
+    now = Now(0.1, np.uint64(1), 0)
+    total = learn(weights, np.empty(0), genes, spread, activation, 0.1, now, lengths, ones, numbers, room, change)
     assert total == pytest.approx(np.abs(weights - genes).sum()) != 0
     for now, before in zip(by_layer(network, weights), by_layer(network, genes), strict=True):
         np.testing.assert_allclose(np.linalg.norm(now, axis=0), np.linalg.norm(before, axis=0))
         grown = before + 0.1
         np.testing.assert_allclose(now, grown / np.linalg.norm(grown, axis=0) * np.linalg.norm(before, axis=0))
+
+
+@pytest.mark.filterwarnings("ignore:overflow")  # which random bits are made of
+def test_three_windows_of_evolution_in_life():
+    by, state, key = SimpleNamespace(window_s=0.064, sigma=0.5), SimpleNamespace(**Online.kept), np.uint64(3)
+
+    def lived(weight, step, *fitness):
+        """A window of two steps; the weight that is tried next."""
+        for k, live in enumerate(fitness):
+            towards = Online.synapse(weight, live, key, step + k, 7, state, by)
+        return weight + towards
+
+    def drawn(step):
+        return 0.5 * random.normal(key, 2**52 + step * 2**17 + 7)
+
+    first = lived(1.0, 0, 0.4, 0.6)
+    assert first == pytest.approx(1.0 + drawn(1))
+    second = lived(first, 2, 0.5, 0.7)  # better: it is the parent now
+    assert second == pytest.approx(first + drawn(3))
+    assert lived(second, 4, 0.5, 0.6) == pytest.approx(first + drawn(5))  # worse: back to the parent, and another child
 
 
 def test_what_a_synapse_of_the_neuron_centric_rule_does_follows_from_its_two_neurons():
@@ -230,6 +254,8 @@ def test_only_the_rule_evolves_where_weights_are_drawn_or_given():
         (["genome=reference"], "nothing would be evolved: the weights are given, and there is no rule"),
         (["hebbian=abcd_shared", "hebbian.leak=-1"], "hebbian.leak must be 0 or more, got -1"),
         (["hebbian=modulated", "hebbian.N_gain_rad_s=-4"], "hebbian.N_gain_rad_s must be 0 or more, got -4"),
+        (["hebbian=online", "hebbian.window_s=0.01"], "hebbian.window_s must be at least one step, 0.032 s, got 0.01"),
+        (["hebbian=online", "hebbian.sigma=0"], "hebbian.sigma must be more than 0, got 0"),
         (["hebbian=abcd", "hebbian.births=early"], "hebbian.births must be one of evolved, random, got 'early'"),
     ],
 )

@@ -245,7 +245,7 @@ def _tell_baseline(baseline: Baseline, genome: Genome, console: Console) -> None
 
 def _course(fitness: NDArray[np.float64]) -> str:
     """The course of fitness as twelve bars from 0 to 1, and the means of its first and last twelfth."""
-    parts = [part.mean() for part in np.array_split(fitness, 12)]
+    parts = [part.mean() for part in np.array_split(fitness, min(12, len(fitness)))]
     return "".join("▁▂▃▄▅▆▇█"[min(7, int(8 * max(0.0, part)))] for part in parts) + f" {parts[0]:.2f} → {parts[-1]:.2f}"
 
 

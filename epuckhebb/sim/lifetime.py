@@ -24,7 +24,7 @@ from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, forward_pass
 from epuckhebb.sim.physics import Handles, is_lost, mover, pose
 from epuckhebb.sim.plasticity.rule import NoRule, Rule
-from epuckhebb.sim.plasticity.update import effective_rate, modulation_of, update_of
+from epuckhebb.sim.plasticity.update import Now, effective_rate, modulation_of, update_of
 from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
 from epuckhebb.sim.random import normal_numbers, room_for_noise
 from epuckhebb.sim.robot import EPUCK, STEP_S, Robot, SenseRoom, blinding, largest_distance_reading, sense_room, senses
@@ -250,7 +250,7 @@ def live(
                 birth.coefficients,
                 activation,
                 rate,
-                live_fitness,
+                Now(live_fitness, key, step),
                 birth.lengths,
                 birth.signs,
                 plasticity.numbers,

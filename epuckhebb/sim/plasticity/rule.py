@@ -16,7 +16,7 @@ from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.control import Sign
 
-QUANTITIES = ("correlation", "pre", "post", "weight", "at_birth", "fitness", "kept", "by")
+QUANTITIES = ("correlation", "pre", "post", "weight", "at_birth", "fitness", "key", "step", "number", "kept", "by")
 TAKEN = (*QUANTITIES, "weights")  # names that nothing else can have; `weights` are those of the network
 MODULATOR = "modulator"
 BIRTH_RANGE = 0.1  # of weights that are drawn at birth; that of Najarro & Risi 2020
@@ -62,6 +62,8 @@ class Rule:
         weight        the weight as it is now
         at_birth      the weight at birth
         fitness       the live fitness, the same for all synapses
+        key, step     of the lifetime's noise, and of this step; with `number`, the place of a random number
+        number        of this synapse, from 0
         kept          what this synapse keeps: numbers named in `kept`, to be read and set
         by            the rule's settings
         (a name in `evolved`: that parameter, as evolved; if it is evolved per neuron, A_pre and A_post for A)

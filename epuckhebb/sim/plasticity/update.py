@@ -9,7 +9,7 @@ The weights are a copy made at birth: the genome is never written, so a robot fo
 
 from collections import namedtuple
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,6 +133,14 @@ def lengths_at_birth(rule: type[Rule], network: Network, genes: NDArray[np.float
     return np.concatenate([inputs, *(np.linalg.norm(layer, axis=0) for layer in by_layer(network, genes))])
 
 
+class Now(NamedTuple):
+    """What of a step is the same for all synapses. fitness: live. key: of the lifetime's noise."""
+
+    fitness: float
+    key: np.uint64
+    step: int
+
+
 Update = Callable[..., float]
 Modulate = Callable[[NDArray[np.float64], NDArray[np.float64]], float]
 
@@ -169,7 +177,7 @@ def _stay(
     coefficients: NDArray[np.float64],
     activation: NDArray[np.float64],
     rate: float,
-    fitness: float,
+    now: Now,
     lengths: NDArray[np.float64],
     signs: NDArray[np.float64],
     numbers: tuple[float, ...],
@@ -184,10 +192,10 @@ def update_of(rule: type[Rule], network: Network) -> Update:
     """The function that updates all weights of a network once by a rule, and returns the weight change.
 
     The function is
-    `learn(weights, kept, genes, coefficients, activation, rate, fitness, lengths, signs, numbers, room, change)`:
+    `learn(weights, kept, genes, coefficients, activation, rate, now, lengths, signs, numbers, room, change)`:
     weights (synapses,) and what the synapses keep are updated; genes: weights at birth; coefficients: (names,
-    synapses); activation: (neurons,); rate: N_e; fitness: live; lengths: (neurons,) of incoming weights, if they are
-    kept; signs: (synapses,); numbers: the settings; room (3, synapses) and change: workspace.
+    synapses); activation: (neurons,); rate: N_e; now: what else a rule is told; lengths: (neurons,) of incoming
+    weights, if they are kept; signs: (synapses,); numbers: the settings; room (3, synapses) and change: workspace.
 
     Raises:
         ValueError: the rule asks for something that there is not.
@@ -203,7 +211,10 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         "post": f"room[{POST}, k]",
         "weight": "weights[k]",
         "at_birth": "genes[k]",
-        "fitness": "fitness",
+        "fitness": "now.fitness",
+        "key": "now.key",
+        "step": "now.step",
+        "number": "k",
         "kept": "kept[k]",
         "by": "by",
         **{name: f"alike[{row}]" if alike else f"coefficients[{row}, k]" for row, name in enumerate(evolved)},
@@ -211,7 +222,7 @@ def update_of(rule: type[Rule], network: Network) -> Update:
     # A rule names what it needs, and only that is worked out; so the call is written when the rule is known.
     direction = compiled(
         eval(
-            "lambda k, weights, kept, genes, coefficients, alike, fitness, room, by: "
+            "lambda k, weights, kept, genes, coefficients, alike, now, room, by: "
             f"synapse({', '.join(told[name] for name in names)})",
             {"synapse": compiled(in_module(rule.synapse, __name__))},
         )
@@ -235,7 +246,7 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         coefficients: NDArray[np.float64],
         activation: NDArray[np.float64],
         rate: float,
-        fitness: float,
+        now: Now,
         lengths: NDArray[np.float64],
         signs: NDArray[np.float64],
         numbers: tuple[float, ...],
@@ -247,7 +258,7 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         fill_post(activation, room)
         fill_correlation(activation, room)
         for k in range(synapses):
-            towards = direction(k, weights, kept, genes, coefficients, alike, fitness, room, by)
+            towards = direction(k, weights, kept, genes, coefficients, alike, now, room, by)
             weights[k] = next_weight(weights[k], rate * signs[k], towards, by.w_max)
             if not scales:
                 change[k] = weight_change(weights[k], genes[k])
