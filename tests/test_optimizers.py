@@ -288,7 +288,10 @@ def test_a_multirun_may_vary_seed_and_training(tmp_path):
             ["optimizer=open_es", "optimizer.population=5"],
             "optimizer.population must be even, as individuals come in pairs",
         ),
-        (["optimizer=evolve_and_merge"], "optimizer.merges needs a rule of which all is evolved for each synapse, as"),
+        (
+            ["optimizer=evolve_and_merge", "hebbian=none"],
+            "optimizer.merges needs a rule of which all is evolved for each synapse, as",
+        ),
         (["optimizer=open_es", "optimizer.merges=-1"], "optimizer.merges must be 0 or more, got -1"),
         (["optimizer=open_es", "optimizer.learning_rate=0"], "optimizer.learning_rate must be more than 0, got 0"),
         (
