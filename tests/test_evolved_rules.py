@@ -346,6 +346,11 @@ def test_a_rule_evolves_for_a_given_champion(champions, monkeypatch, tmp_path):
     [
         (["genome=modulated"], "was evolved with rule modulated, and Hebbian has rule paper; give hebbian=modulated"),
         (["genome=abcd", "hebbian=abcd_shared"], "was evolved with rule abcd, and abcd_shared has rule abcd_shared"),
+        (
+            ["genome=abcd", "hebbian=abcd", "hebbian.births=evolved"],
+            "was evolved with hebbian.births=random, and abcd has",
+        ),
+        (["genome=modulated", "hebbian=modulated", "hebbian.births=random"], "give hebbian.births=evolved"),
         (["genome=reference", "hebbian=modulated"], "rule Modulated takes v, A, B, C, D, eta from the genome"),
     ],
 )

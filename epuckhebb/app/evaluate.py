@@ -26,7 +26,7 @@ from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, remember_self
 from epuckhebb.sim.block import LostRobotError, load_kernel
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.network import Network
-from epuckhebb.sim.plasticity.rule import NoRule, evolved_sizes, name_of
+from epuckhebb.sim.plasticity.rule import Births, NoRule, evolved_sizes, name_of
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.study import tables
 from epuckhebb.study.evaluate import Traces, evaluate, room_to_evaluate
@@ -101,6 +101,12 @@ def fit(genome: Genome, config: EvaluateConfig) -> None:
                 f"genome={genome.name} was evolved with rule {genome.rule}, and {controller.name} has rule "
                 f"{name_of(rule)}; give hebbian={genome.rule} (your own: hebbian.rule=FILE.py:{genome.rule}), "
                 "or hebbian=none for a life of its weights alone"
+            )
+        births = Births.evolved if genome.weights.any() else Births.random
+        if genome.plan.of_rule.parts and controller.rule.births is not births:
+            raise ConfigError(
+                f"genome={genome.name} was evolved with hebbian.births={births.name}, and {controller.name} has "
+                f"{controller.rule.births.name}; give hebbian.births={births.name}"
             )
         taken = evolved_sizes(rule, genome.network)
         missing = [name for name, size in taken.items() if sizes.get(name) != size]
