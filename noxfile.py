@@ -1,4 +1,4 @@
-"""All commands of the project: `nox` runs lint, types, tests and web; `nox --list` has the others."""
+"""All commands of the project: `nox` runs lint, types, tests, web, notebooks and docs; `nox --list` has the others."""
 
 import os
 import shutil
@@ -6,7 +6,7 @@ import subprocess
 
 import nox
 
-nox.options.sessions = ["lint", "types", "tests", "web"]
+nox.options.sessions = ["lint", "types", "tests", "web", "notebooks", "docs"]
 nox.options.default_venv_backend = "uv|venv"  # uv, where it is installed, makes an environment in seconds
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 STABLE = "hydra-core==1.3.*"  # some plug-ins ask for a Hydra in a way that lets pip take a pre-release
@@ -107,6 +107,20 @@ def web(session: nox.Session) -> None:
         session.skip("no Chromium: `apt-get install chromium`, or set EPUCKHEBB_CHROMIUM to where it is")
     session.install(".", *group("web"))
     session.run("pytest", "tests/web", *session.posargs)
+
+
+@nox.session
+def notebooks(session: nox.Session) -> None:
+    """Run the notebooks of the examples from beginning to end."""
+    session.install(".", *group("notebooks"), STABLE)
+    session.run("pytest", "--nbmake", "examples", "--override-ini", "addopts=", *session.posargs)
+
+
+@nox.session
+def docs(session: nox.Session) -> None:
+    """Make the site of the pages in `site/`; a link that leads nowhere ends it."""
+    session.install(".", *group("docs"))
+    session.run("mkdocs", "build", "--strict", env={"NO_MKDOCS_2_WARNING": "1"})
 
 
 @nox.session

@@ -11,67 +11,160 @@ evolution/training, optimizer, optimizers/ga, evolve; then study/evaluate, table
 what many champions tell. app/ is the program around it, conf/ its settings.
 
     import epuckhebb
-    champion = epuckhebb.load("reference")                           # 234 genes
-    rows = epuckhebb.evaluate(champion, "scenario=4obstacles")       # a pandas DataFrame, a row a lifetime
-    champion, history = epuckhebb.evolve("seed=7")                   # the fittest, and how the generations went
+    result = epuckhebb.evaluate("reference", scenario="4obstacles")  # .metrics, .table, .traces, .plot(), .replay()
+    champion, history = epuckhebb.evolve(seed=7)                     # the fittest, and how the generations went
+    epuckhebb.evaluate(champion, hebbian=epuckhebb.Hebbian(N=0.0002), repeats=5)
 """
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
-__all__ = ["Evolved", "Rule", "evaluate", "evolve", "load"]
+__all__ = [
+    "GA",
+    "Adaptation",
+    "Evaluation",
+    "Evolution",
+    "Evolved",
+    "Hebbian",
+    "Lifetime",
+    "Rule",
+    "evaluate",
+    "evolve",
+    "load",
+    "sweep",
+]
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
     from numpy.typing import NDArray
 
+    from epuckhebb.app.notebook import Evaluation, Evolution
+    from epuckhebb.evolution.optimizers.ga import GA
+    from epuckhebb.sim.adaptation.adaptation import Adaptation
+    from epuckhebb.sim.lifetime import Lifetime
+    from epuckhebb.sim.plasticity.paper import Paper as Hebbian
     from epuckhebb.sim.plasticity.rule import Evolved, Rule
+
+_FROM = {  # name -> where it is, and what it is called there; loaded when asked for
+    "GA": ("evolution.optimizers.ga", "GA"),
+    "Adaptation": ("sim.adaptation.adaptation", "Adaptation"),
+    "Evaluation": ("app.notebook", "Evaluation"),
+    "Evolution": ("app.notebook", "Evolution"),
+    "Evolved": ("sim.plasticity.rule", "Evolved"),
+    "Hebbian": ("sim.plasticity.paper", "Paper"),
+    "Lifetime": ("sim.lifetime", "Lifetime"),
+    "Rule": ("sim.plasticity.rule", "Rule"),
+}
 
 
 def __getattr__(name: str) -> object:
-    """`epuckhebb.Rule`, of which plasticity rules are made, and `Evolved`, what of them is; loaded when asked for."""
-    if name not in ("Evolved", "Rule"):
+    """The classes that users make objects of; loaded when asked for, so that `import epuckhebb` takes no time."""
+    if name not in _FROM:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from epuckhebb.sim.plasticity import rule
+    module, called = _FROM[name]
+    return getattr(import_module(f"{__name__}.{module}"), called)
 
-    return getattr(rule, name)
 
+def load(where: str | Path = "reference", experiment: str = "obstacles") -> "NDArray[np.float64]":
+    """The genes of a champion.
 
-def load(where: str = "reference", experiment: str = "obstacles") -> "NDArray[np.float64]":
-    """A genome (234,): `reference`, the bundled champion of an experiment, or one from a run folder, .npz or .npy.
+    Args:
+        where: `reference`, the bundled champion of an experiment; `reference_7`, the one of seed 7; a run folder of
+            `epuckhebb evolve`, `latest`, a `.npz` or a `.npy`.
+        experiment: `light` or `obstacles`, for the bundled ones.
+
+    Returns:
+        The genes, 234 in the paper's network.
 
     Raises:
-        ValueError: there is no genome there; the message says why.
+        ValueError: There is no genome there; the message says why.
     """
-    from epuckhebb.app import files
+    from epuckhebb.app import files, runs
 
-    return files.load_genome(where, experiment).genes
+    return files.load_genome(str(runs.found(where, "evolve")), experiment).genes
 
 
-def evaluate(genome: "NDArray[np.float64]", *overrides: str, hebbian: "Rule | None" = None) -> "pd.DataFrame":
-    """Let a genome (234,) live with and without plasticity; overrides as on the command line.
+def evaluate(
+    genome: "NDArray[np.float64] | Evolution | str | Path" = "reference",
+    *overrides: str,
+    config_dir: str | Path | None = None,
+    progress: bool = True,
+    **keys: Any,
+) -> "Evaluation":
+    """Let a genome live with and without plasticity, on the same random numbers. Nothing is written.
 
-    hebbian: a rule of your own as an object, in place of the one that the overrides name.
+    Every key of the command line is a keyword: `scenario="4obstacles"`, `repeats=5`, `threads=1`. What has a dot is
+    given as settings, `lifetime={"duration_s": 60}`, or as text, `"lifetime.duration_s=60"`. Objects go where they
+    belong: `hebbian=Hebbian(N=0.0002)` or a rule of your own, `lifetime=Lifetime(...)`, `adaptation=Adaptation(...)`.
 
-    Returns one row a lifetime, with the columns of `metrics.csv`. Writes nothing.
+    Args:
+        genome: Genes, or where they are, as for `load`.
+        overrides: Settings as on the command line; they come after the keywords.
+        config_dir: A folder with YAML files of your own.
+        progress: Whether to say on standard error what takes long.
+        keys: Settings as keywords.
+
+    Returns:
+        The results: `.metrics` (a row a lifetime), `.table` (the paper's), `.traces` (the arrays of `traces.npz`),
+        `.findings` (of self-checks), `.plot()` (the paths) and `.replay()` (the page); a notebook shows the last two.
 
     Raises:
-        ValueError: an override or the genome cannot be used; the message says why.
+        ValueError: A setting or the genome cannot be used; the message says why.
     """
     from epuckhebb.app import notebook
 
-    return notebook.evaluate(genome, list(overrides), hebbian)
+    return notebook.evaluate(genome, overrides, config_dir, progress, keys)
 
 
-def evolve(*overrides: str) -> "tuple[NDArray[np.float64], pd.DataFrame]":
-    """Evolve a controller; overrides as on the command line, for example "seed=7", "scenario=highlight".
+def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool = True, **keys: Any) -> "Evolution":
+    """Evolve a controller. Nothing is written.
 
-    Returns the champion (234,) of the last generation, and the rows of `history.csv`. Writes nothing.
+    Args:
+        overrides: Settings as on the command line, for example "seed=7".
+        config_dir: A folder with YAML files of your own.
+        progress: Whether to show each generation on standard error.
+        keys: Settings as keywords: `seed=7`, `scenario="highlight"`, `ga=GA(population=20)`.
+
+    Returns:
+        The champion of the last generation, and the rows of `history.csv`.
 
     Raises:
-        ValueError: an override cannot be used; the message says why.
+        ValueError: A setting cannot be used; the message says why.
     """
     from epuckhebb.app import notebook
 
-    return notebook.evolve(list(overrides))
+    return notebook.evolve(overrides, config_dir, progress, keys)
+
+
+def sweep(
+    genome: "NDArray[np.float64] | Evolution | str | Path" = "reference",
+    *overrides: str,
+    over: Mapping[str, Sequence[Any]],
+    config_dir: str | Path | None = None,
+    progress: bool = True,
+    **keys: Any,
+) -> "pd.DataFrame":
+    """Every combination of values, in one table. Nothing is written; `epuckhebb sweep` does it on many machines.
+
+    Args:
+        genome: As for `evaluate`.
+        overrides: As for `evaluate`.
+        over: For each key its values, for example `{"scenario": ["base", "lowlight"], "hebbian.N": [0.0002, 0.002]}`;
+            `genome`, `seed` and objects, as `{"hebbian": [Hebbian(N=0.001), MyRule(N=0.001)]}`, too.
+        config_dir: As for `evaluate`.
+        progress: Whether to show each combination on standard error.
+        keys: Settings that all have in common; the same `seed` gives the same numbers.
+
+    Returns:
+        The rows of all `metrics.csv`, with what was set in columns before them.
+
+    Raises:
+        ValueError: A setting or a genome cannot be used; the message says why.
+    """
+    from epuckhebb.app import notebook
+
+    return notebook.sweep(genome, overrides, over, config_dir, progress, keys)

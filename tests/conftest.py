@@ -1,6 +1,7 @@
 """What the tests share: genomes, robots, lives beside the oracle, golden files, a limit on the size of files."""
 
 import gc
+import re
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -46,6 +47,22 @@ def golden(request):
         if request.config.getoption("--regenerate"):
             path.write_text(text)
         assert text == path.read_text(), f"{name} differs; if that is meant, run pytest --regenerate and read the diff"
+
+    return compare
+
+
+@pytest.fixture
+def generated(request):
+    """Compare a part of a page, between two marks, with what it should be, or write it with --regenerate."""
+
+    def compare(page, name, expected):
+        text = page.read_text(encoding="utf-8")
+        begin, end = re.search(rf"<!-- {name}: .* -->\n", text).end(), text.index(f"<!-- end of {name} -->")
+        if request.config.getoption("--regenerate"):
+            page.write_text(text[:begin] + expected + text[end:], encoding="utf-8")
+        else:
+            told = f"{page.name} is stale; run: pytest tests/{request.path.name} --regenerate"
+            assert text[begin:end] == expected, told
 
     return compare
 

@@ -85,6 +85,7 @@ class Robot:
         self.baseline, self.recent, self.arrived, self.away, self.late = baseline, None, False, 0.0, 0.0
         self.change_signal = math.nan
         self.hand, self.smooth, self.loss, self.ratio, self.dead = None, None, np.zeros(2), 1.0, []
+        self.scale, self.novelty, self.brightness, self.used_scale = 1.0, None, None, 1.0
         if self.adaptation.self_check:
             self.check_itself(*home)
 
@@ -153,7 +154,7 @@ class Robot:
         self.change()
         x, y = self.body.position
         heading = self.body.angle
-        readings = self.correct(self.sense(x, y, heading))
+        readings = self.scaled(self.correct(self.sense(x, y, heading)))
         activations = self.act(readings)
         left, right = activations[-1]
         arm = self.world.maze.arms[self.side]
@@ -166,7 +167,7 @@ class Robot:
         self.undirected += (forward + 2 * avoid + spin) / 5
         self.step_number += 1
         fitness = self.live_fitness(readings, left, right, combined, math.dist((x, y), self.goal))
-        need = self.need(readings, fitness, (x, y)) if self.adaptation.needs_baseline else 1.0
+        need = self.need(readings, fitness, (x, y)) if self.adaptation.is_gated else 1.0
         rate = self.rule.N * need * max(self.rule.floor, fitness)
         if self.rule.N_gain_rad_s:
             rate *= self.gain / self.rule.N_gain_rad_s
@@ -179,6 +180,8 @@ class Robot:
         elif self.rule.N > 0:
             self.learn(activations, rate)
         change = sum(np.abs(w - g).sum() for w, g in zip(self.weights, self.genes, strict=True))
+        lit = self.weights[0][: self.kind.lights] * (1 - self.used_scale)
+        change += np.abs(lit).sum() + np.abs(lit.sum(axis=0)).sum()
         self.move(*self.command(left, right, readings, need), heading)
         return x, y, heading, readings, left, right, combined, fitness, rate, change
 
@@ -308,10 +311,35 @@ class Robot:
             readings[self.gone] = np.clip(self.features(readings[None, self.used]) @ self.predict, 0, 1)[0]
         return readings
 
+    def scaled(self, readings):
+        """Readings with the light as homeostasis scales it."""
+        if not self.adaptation.homeostasis:
+            return readings
+        home, bright = self.baseline, 1 - readings[: self.kind.lights]
+        before = bright if self.brightness is None else self.brightness
+        self.brightness = before + (bright - before) / max(1, self.scale)
+        if self.step_number % 4 == 0:
+            patterns, told = home.patterns.T, []
+            for scale in (self.scale, 1.0):
+                seen = np.minimum(1, scale * self.brightness)
+                miss = patterns[np.argmax(patterns @ seen / home.lengths)] - seen
+                told.append(np.sqrt((miss**2).mean()))
+                if len(told) == 1:
+                    pull = scale * (miss @ self.brightness) / (1e-6 + seen @ seen)
+            share = 4 * STEP / (5 + 4 * STEP)
+            self.novelty = np.array(told) if self.novelty is None else self.novelty + share * (told - self.novelty)
+            if self.novelty[0] > home.novelty:
+                self.scale = np.clip(self.scale * np.exp(np.clip(3 * 4 * STEP * pull, -0.2, 0.2)), 0.05, 20)
+            self.change_signal = self.novelty[0] / home.novelty
+            self.used_scale = self.scale if self.novelty[0] < 0.7 * self.novelty[1] else 1.0
+        if self.used_scale != 1:
+            readings[: self.kind.lights] = 1 - np.minimum(1, self.used_scale * self.brightness)
+        return readings
+
     def command(self, left, right, readings, need):
         """What the wheels get of the network's outputs."""
         fastest = self.kind.motor_limit_rad_s / self.gain
-        if self.adaptation.follows_walls and self.adaptation.needs_baseline:
+        if self.adaptation.follows_walls and self.adaptation.is_gated:
             if need > 0:
                 left, right = (speed / self.gain for speed in self.follow(readings[self.kind.lights :]))
             else:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from epuckhebb.sim.adaptation.adaptation import Adaptation, change_signals
 from epuckhebb.sim.adaptation.baseline import REPEATS, remember
-from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, Now, keep_recent, no_baseline
+from epuckhebb.sim.adaptation.change_signal import Now, keep_recent, no_baseline
 from epuckhebb.sim.adaptation.change_signals.lateness import change_signal as lateness
 from epuckhebb.sim.adaptation.change_signals.novelty import change_signal as novelty
 from epuckhebb.sim.adaptation.change_signals.shortfall import change_signal as shortfall
@@ -90,7 +90,7 @@ def test_shortfall_is_what_is_missing_at_this_time_of_life():
 @pytest.mark.parametrize("inputs", [16, 32])
 def test_novelty_counts_spreads_from_the_likelier_baseline(inputs):
     mean, spread = np.array([np.full(inputs, 0.2), np.full(inputs, 0.8)]), np.full((2, inputs), 0.09)
-    baseline = BaselineOfSide(1.0, 0.0, np.zeros(1), mean, spread)
+    baseline = no_baseline(inputs)._replace(reading_mean=mean, reading_spread=spread)
     assert novelty(now(recent=np.full(inputs + 1, 0.7)), baseline) == pytest.approx(1.0)
     assert novelty(now(recent=np.full(inputs + 1, 0.2)), baseline) == pytest.approx(0.0)
 

@@ -95,7 +95,7 @@ def test_compared_plasticities_share_the_lifetimes():
 
 
 def test_from_python():
-    rows = epuckhebb.evaluate(epuckhebb.load("reference_101"), "adaptation=novelty", *BRIEF)
+    rows = epuckhebb.evaluate(epuckhebb.load("reference_101"), "adaptation=novelty", *BRIEF).metrics
     assert list(rows.controller.unique()) == [GA, "novelty"]
 
 

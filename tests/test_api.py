@@ -1,25 +1,90 @@
 """The Python interface for notebooks: the same keys, the same numbers, no files."""
 
+import html
+import io
+import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 import epuckhebb
+from epuckhebb.app import formats
 from epuckhebb.app.cli import app
 from epuckhebb.study.evaluate import COLUMNS
 
 FAST = ["lifetime.duration_s=8", "repeats=2"]
+BRIEF = {"lifetime": {"duration_s": 0.64, "record_every": 1}, "repeats": 1}
+TINY = {"lifetime.duration_s": 3, "progress": False}
 
 
 def test_evaluate_gives_what_the_command_line_writes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    rows = epuckhebb.evaluate(epuckhebb.load("reference"), "scenario=4obstacles", *FAST)
+    rows = epuckhebb.evaluate(epuckhebb.load("reference"), "scenario=4obstacles", *FAST).metrics
     assert tuple(rows.columns) == COLUMNS
     assert list(tmp_path.iterdir()) == []
     CliRunner().invoke(app, ["evaluate", "scenario=4obstacles", *FAST, "hydra.run.dir=run"])
     assert rows.assign(genome="reference").to_csv(index=False) == Path("run/metrics.csv").read_text()
+
+
+def test_keywords_and_objects_are_overrides():
+    words = ["scenario=lowlight", "seed=3", "hebbian.N=0.0005", "lifetime.gain_rad_s=2", "lifetime.duration_s=0.64"]
+    named = epuckhebb.evaluate("reference_7", *words, "lifetime.record_every=0", "repeats=1").metrics
+    lifetime = epuckhebb.Lifetime(duration_s=0.64, gain_rad_s=2.0)
+    own = {"scenario": "lowlight", "seed": np.int64(3), "lifetime": lifetime, "repeats": 1}
+    result = epuckhebb.evaluate("reference_7", **own, hebbian=epuckhebb.Hebbian(N=0.0005))
+    pd.testing.assert_frame_equal(result.metrics, named)
+    assert result.traces == {}
+    for show in (result.plot, result.replay):
+        with pytest.raises(ValueError, match="give 8, or leave it out"):
+            show()
+
+
+def test_a_result_has_tables_traces_a_picture_and_a_page(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = epuckhebb.evaluate("reference", compare={"wrong": {"N": 0.002, "sign": "shuffled"}}, **BRIEF)
+    assert list(result.table.columns.get_level_values(0).unique()) == ["GA", "Hebbian", "wrong"]
+    assert "Time-to-Goal" in result._repr_html_()
+    assert "Time-to-Goal" in repr(result)
+    assert set(result.traces) == set(formats.TRACES)
+    assert result.traces["pose"].shape == (6, 20, 3)
+    assert result.findings is None
+    with Image.open(io.BytesIO(result.plot()._repr_png_())) as picture:
+        assert picture.width > picture.height
+    page = result.replay()
+    shown = re.search(r'srcdoc="([^"]*)"', page._repr_html_())[1]
+    assert html.unescape(shown) == page.text
+    assert list(tmp_path.iterdir()) == []
+    assert page.save("own/page.html").read_text(encoding="utf-8") == page.text
+    assert result.plot().save("path.png").stat().st_size > 1000
+
+
+def test_a_sweep_is_one_table_the_same_each_time(capfd):
+    over = {"scenario": ["base", "lowlight"], "hebbian": [epuckhebb.Hebbian(N=N) for N in (0.0002, 0.002)]}
+    one, again = (epuckhebb.sweep("reference", over=over, lifetime={"duration_s": 0.064}, repeats=1) for _ in range(2))
+    pd.testing.assert_frame_equal(one, again)
+    assert list(one.columns) == ["hebbian", *COLUMNS]
+    assert len(one) == 4 * 4
+    assert "4/4  scenario=lowlight, hebbian=Hebbian, N = 0.002\n" in capfd.readouterr().err
+
+
+def test_an_evolution_is_a_champion_and_its_history(capfd):
+    champion, history = evolution = epuckhebb.evolve(
+        seed=7, ga=epuckhebb.GA(population=4, generations=2, elites=1), **TINY
+    )
+    assert capfd.readouterr().err == ""
+    assert len(history) == 2
+    rows = epuckhebb.evaluate(evolution, **BRIEF).metrics
+    pd.testing.assert_frame_equal(rows, epuckhebb.evaluate(champion, **BRIEF).metrics)
+
+
+def test_files_of_your_own_are_found():
+    folder = Path(__file__).parents[1] / "examples" / "own_maze"
+    result = epuckhebb.evaluate("reference", maze="zigzag", config_dir=folder, **BRIEF)
+    assert "maze=zigzag" in result.metrics.changed[0]
 
 
 def test_evolve_gives_a_champion_and_its_history():
@@ -42,6 +107,19 @@ def test_both_bundled_champions_load():
         (lambda: epuckhebb.evaluate(np.zeros(227)), "234"),
         (lambda: epuckhebb.evaluate(np.zeros(234), "repeats=0"), "repeats must be 1 or more"),
         (lambda: epuckhebb.evolve("ga=sound"), "textbook"),
+        (lambda: epuckhebb.evaluate(None), "genome must be genes"),
+        (lambda: epuckhebb.evaluate("nowhere"), "genome=nowhere does not exist"),
+        (lambda: epuckhebb.evaluate("reference", {"repeats": 1}), "overrides are texts such as"),
+        (lambda: epuckhebb.evaluate("reference", senario="base"), "senario"),
+        (lambda: epuckhebb.evaluate("reference", scenario="bas"), "4obstacles"),
+        (lambda: epuckhebb.evaluate("reference", seed=pd.Series([1])), "seed must be text, a number"),
+        (lambda: epuckhebb.evaluate("reference", hebbian=epuckhebb.Hebbian), "got a class; give an object of it"),
+        (lambda: epuckhebb.evaluate("reference", lifetime={"duration": 3}), "duration_s"),
+        (lambda: epuckhebb.evaluate("reference", config_dir="nowhere"), "nowhere is no folder"),
+        (lambda: epuckhebb.evaluate("reference", adaptation=epuckhebb.Adaptation(self_check=True)), "needs a name"),
+        (lambda: epuckhebb.evolve(hebbian=epuckhebb.Hebbian(N=0.1)), "cannot be an object"),
+        (lambda: epuckhebb.sweep("reference", over={"seed": 3}), "seed must have a list of values"),
+        (lambda: epuckhebb.sweep("reference", over={"seed": [3]}, seed=1), "seed is given twice"),
     ],
 )
 def test_mistakes_are_value_errors_that_say_what_is_wrong(call, message):

@@ -83,12 +83,15 @@ def test_keys_and_values(here):
         "maze=t_maze_wide",
     ]
     assert data.complete_override("evaluate", "genome=r") == ["genome=reference", "genome=runs/evolve/one"]
+    assert data.complete_override("evaluate", "genome=l") == ["genome=latest"]
     assert data.complete_override("evolve", "ga=") == ["ga=as_coded", "ga=textbook"]
-    assert data.complete_override("evolve", "resume=") == ["resume=runs/evolve/one"]
+    assert data.complete_override("evolve", "resume=") == ["resume=latest", "resume=runs/evolve/one"]
     assert data.complete_override("sweep", "lifetime.dur")[0] == "lifetime.duration_s="
     assert data.complete_override("evaluate", "nothing=") == []
     assert data.complete_sweep("n") == ["n_sweep"]
-    assert data.complete_run("") == ["runs/evolve/one"]
+    assert data.complete_group("ev") == ["evaluate", "evolve"]
+    assert data.complete_run("") == ["latest", "runs/evolve/one"]
+    assert data.complete_shown("") == ["latest", "reference", "runs/evolve/one"]
 
 
 @pytest.mark.parametrize("verb", ["evaluate", "evolve", "sweep"])

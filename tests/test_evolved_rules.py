@@ -364,7 +364,7 @@ def test_a_champion_of_another_rule_is_refused(words, message, champions, monkey
 def test_the_weights_of_a_champion_may_live_alone(champions, monkeypatch):
     monkeypatch.chdir(champions)
     genome = files.load_genome("modulated", "obstacles")
-    alone = epuckhebb.evaluate(genome.weights, "hebbian=none", *BRIEF)
-    beside = epuckhebb.evaluate(genome.genes, "hebbian=modulated", *BRIEF)
+    alone = epuckhebb.evaluate(genome.weights, "hebbian=none", *BRIEF).metrics
+    beside = epuckhebb.evaluate(genome.genes, "hebbian=modulated", *BRIEF).metrics
     measured = ["side", "path_length_m", "fitness"]
     pd.testing.assert_frame_equal(alone[measured], beside[beside.controller == "GA"][measured])

@@ -197,7 +197,7 @@ def test_names_are_shown_to_the_letter(rendered):
     charts.weight_change(dict.fromkeys(names, lived), "light", title)
     shown = [text._preprocess_math(text.get_text())[0] for text in rendered[0].findobj(matplotlib.text.Text)]
     assert title in shown
-    assert {f"GA with plasticity “{name}”" for name in names} <= set(shown)
+    assert {f"GA with “{name}”" for name in names} <= set(shown)
 
 
 @pytest.mark.parametrize(
@@ -207,7 +207,7 @@ def test_names_are_shown_to_the_letter(rendered):
         ("Hebbian", "GA with Hebbian plasticity"),
         ("anti-Hebbian", "GA with anti-Hebbian plasticity"),
         ("shuffled signs", "GA with Hebbian plasticity, shuffled signs"),
-        ("late", "GA with plasticity “late”"),
+        ("late", "GA with “late”"),
     ],
 )
 def test_titles_of_controllers(name, title):

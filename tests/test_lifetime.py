@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuckhebb.sim.adaptation.adaptation import Adaptation, gate_numbers
-from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, no_baseline
+from epuckhebb.sim.adaptation.change_signal import no_baseline
 from epuckhebb.sim.block import Individual, LostRobotError, live_block, load_kernel
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.faults import Faults
@@ -282,7 +282,7 @@ def test_sizes_that_do_not_fit_are_refused_with_their_numbers(lidar):
     refused(r"must begin with 16, the readings of robot epuck, got 12", 26, network=Network((12, 2)))
     refused(r"must begin with 32, the readings of robot epuck_lidar, got 16", scenario=Scenario(robot=lidar))
     refused(r"16 readings has a reading_mean of shape \(2, 16\), got \(2, 32\)", baseline=no_baseline(32))
-    silent = BaselineOfSide(math.nan, 0.0, np.zeros(0), np.zeros((2, 16)), np.ones((2, 16)))
+    silent = no_baseline(16)._replace(fitness=np.zeros(0))
     refused("one second or more", baseline=silent)
     coded = Controller(name="x", rule=Paper(signal=Signal.light_code))
     refused(

@@ -23,6 +23,8 @@ WORDS = {
     "reproduce": ["light", "champions=1", "repeats=1", "rates=[0.002]", *SMALL_GA, "-q"],
     "replay": ["evaluated"],
     "show": ["evaluated"],
+    "keys": ["scenario"],
+    "export": ["evaluated", "--webots"],
     "rerun": ["evaluated"],
 }
 pytestmark = pytest.mark.slow

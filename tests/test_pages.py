@@ -5,30 +5,36 @@ import re
 import shlex
 import shutil
 import sys
+import webbrowser
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+from epuckhebb.app import notebook
 from epuckhebb.app.cli import app
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
+PAGES = [*ROOT.glob("*.md"), ROOT / "runs" / "README.md", *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
 WITH_COMMANDS = [ROOT / "README.md", ROOT / "docs" / "parts.md", *EXAMPLES]
+MORE_COMMANDS = [ROOT / "docs" / f"{name}.md" for name in ("changes", "clusters", "keys", "webots")]
 BRIEF = {
-    # longer than until the changes of the pages
-    "evaluate": ["repeats=1", "lifetime.duration_s=64", "lifetime.record_every=0", "threads=1", "-q"],
+    # longer than until the changes of the worlds on the pages
+    "evaluate": ["repeats=1", "lifetime.duration_s=SECONDS", "lifetime.record_every=0", "threads=1", "-q"],
     "evolve": ["lifetime.duration_s=1", "-q"],
     "sweep": ["--dry-run"],
+    "keys": [],
+    "export": [],
 }
 BRIEF_GA = ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=1"]
 
 
-def brief(verb, words):
+def brief(verb, words, seconds=64):
     """What makes a command of a page take little time."""
     if verb != "evolve":
-        return BRIEF[verb]
+        shorter = [word.replace("SECONDS", str(seconds)) for word in BRIEF[verb]]
+        return [*shorter, *(["lifetime.record_every=250"] if "--open" in words else [])]
     other = any(word.startswith("optimizer=") for word in words)
     return [*BRIEF[verb], *(["optimizer.generations=1"] if other else BRIEF_GA)]
 
@@ -50,21 +56,69 @@ def checkout(tmp_path, monkeypatch):
 
 
 @pytest.mark.usefixtures("checkout")
-def test_the_commands_of_the_pages_run():
-    """In one folder, page after page; what stands on two of them runs once."""
-    shown = {page: "".join(blocks(page, "sh")).splitlines() for page in WITH_COMMANDS}
+@pytest.mark.parametrize(
+    ("pages", "seconds"),
+    [pytest.param(WITH_COMMANDS, 64, id="most"), pytest.param(MORE_COMMANDS, 200, id="more", marks=pytest.mark.slow)],
+)
+def test_the_commands_of_the_pages_run(pages, seconds, monkeypatch):
+    """In one folder, page after page; what stands on two of them runs once. Some want a champion to be there."""
+    monkeypatch.setattr(webbrowser, "open", lambda _: True)
+    shown = {page: "".join(blocks(page, "sh")).splitlines() for page in pages}
     assert all(shown.values())
+    assert CliRunner().invoke(app, ["evolve", *brief("evolve", [])]).exit_code == 0
     for line in filter(None, dict.fromkeys(itertools.chain(*shown.values()))):
-        program, verb, *words = shlex.split(line)
+        program, verb, *words = shlex.split(line, comments=True)
         assert program == "epuckhebb"
-        result = CliRunner().invoke(app, [verb, *words, *brief(verb, words)])
+        result = CliRunner().invoke(app, [verb, *words, *brief(verb, words, seconds)])
         assert result.exit_code == 0, f"{line}\n{result.output}"
+
+
+@pytest.mark.slow
+def test_the_tutorial(checkout, monkeypatch):
+    """Its commands with shorter lifetimes, its sweep and its plot."""
+    page = ROOT / "docs" / "tutorial.md"
+    monkeypatch.setattr(webbrowser, "open", lambda _: True)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    (checkout / "my_conf" / "experiment").mkdir(parents=True)
+    (sweep,) = blocks(page, "yaml")
+    (checkout / "my_conf" / "experiment" / "dim.yaml").write_text(sweep)
+    short = ["repeats=1", "lifetime.duration_s=64", "threads=1", "-q"]
+    more = {"evaluate": short, "sweep": [*short, "hydra/launcher=basic"]}
+    for line in "".join(blocks(page, "sh")).splitlines():
+        _, verb, *words = shlex.split(line)
+        result = CliRunner().invoke(
+            app, [verb, *words, *more.get(verb, brief(verb, words) if verb == "evolve" else [])]
+        )
+        assert result.exit_code == 0, f"{line}\n{result.output}"
+    (plot,) = blocks(page, "python")
+    exec(plot, {})
+    assert (checkout / "dim.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("checkout")
+def test_the_python_page(monkeypatch):
+    """All its blocks, one after the other, with short lifetimes."""
+    evaluate, evolve = notebook.evaluate, notebook.evolve
+
+    def briefly(genome, overrides, *more):
+        return evaluate(genome, [*overrides, "lifetime.duration_s=2"], *more)
+
+    monkeypatch.setattr(notebook, "evaluate", briefly)
+    monkeypatch.setattr(
+        notebook, "evolve", lambda overrides, *more: evolve([*overrides, "lifetime.duration_s=1"], *more)
+    )
+    names = {}
+    for block in blocks(ROOT / "docs" / "python.md", "python"):
+        exec(block, names)
+    assert set(names["success"].index.get_level_values("scenario")) == {"base", "4obstacles"}
+    assert Path("paths.png").is_file()
 
 
 @pytest.mark.usefixtures("checkout")
 def test_a_sweep_with_the_rule_of_the_example():
     words = ["hebbian.rule=examples/own_rule/my_rules.py:Gated", "hebbian.N=0.0002", "scenario=base"]
-    words += BRIEF["evaluate"]
+    words += brief("evaluate", words)
     result = CliRunner().invoke(app, ["sweep", "n_sweep", *words, "hydra/launcher=basic"])
     assert result.exit_code == 0, result.output
 
@@ -92,8 +146,17 @@ def test_the_page_of_an_example_is_short(page):
     assert len(page.read_text().splitlines()) <= 25
 
 
+def anchors(page):
+    """The places in a page that a link may name: its headings, as GitHub writes them."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading).lower().replace(" ", "-") for heading in headings}
+
+
 @pytest.mark.parametrize("page", PAGES, ids=told)
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)]+)\)", page.read_text()):
         if "://" not in target:
-            assert (page.parent / target.partition("#")[0]).exists(), target
+            file, _, place = target.partition("#")
+            found = page.parent / file if file else page
+            assert found.exists(), target
+            assert not place or place in anchors(found), target

@@ -219,11 +219,11 @@ def test_in_a_multirun(here, launcher):
 @pytest.mark.usefixtures("here")
 def test_an_object_from_python():
     rule = rule_class("my_rules.py:oja", "hebbian")
-    rows = epuckhebb.evaluate(epuckhebb.load(), "scenario=base", *BRIEF, hebbian=rule(N=0.0001, decay=2.0))
+    rows = epuckhebb.evaluate(epuckhebb.load(), "scenario=base", *BRIEF, hebbian=rule(N=0.0001, decay=2.0)).metrics
     assert list(rows.controller.unique()) == ["GA", "oja"]
-    named = epuckhebb.evaluate(epuckhebb.load(), "scenario=base", *BRIEF, *OJA, "hebbian.decay=2")
+    named = epuckhebb.evaluate(epuckhebb.load(), "scenario=base", *BRIEF, *OJA, "hebbian.decay=2").metrics
     pd.testing.assert_frame_equal(rows, named)
-    late = epuckhebb.evaluate(epuckhebb.load(), "adaptation=late", *BRIEF, hebbian=rule(N=0.0001))
+    late = epuckhebb.evaluate(epuckhebb.load(), "adaptation=late", *BRIEF, hebbian=rule(N=0.0001)).metrics
     assert list(late.controller.unique()) == ["GA", "late"]
     assert (late.weight_change_mean == 0).all()  # two seconds are not late
 
@@ -237,7 +237,7 @@ def test_what_a_rule_evolves_goes_with_the_champion():
     assert genome.plan.told() == "234 weights, 5 grow, 5 leak"
     assert "234 weights, 5 grow, 5 leak" in done("show", "evolved").stdout
     done("evaluate", "genome=evolved", *own, *BRIEF, "hydra.run.dir=out")
-    rows = epuckhebb.evaluate(genome.genes, *own, *BRIEF)
+    rows = epuckhebb.evaluate(genome.genes, *own, *BRIEF).metrics
     written = metrics("out")
     measured = ["controller", "weight_change_mean", "path_length_m", "fitness"]
     pd.testing.assert_frame_equal(rows[measured], written[measured])
@@ -258,6 +258,7 @@ WRONG_RULES = {
     "raising.py": "x = 1\nraise RuntimeError('boom')\n",
     "unknown.py": HEAD + "    @staticmethod\n    def synapse(prae, post):\n        return prae\n",
     "uncompiled.py": HEAD + "    @staticmethod\n    def synapse(pre, post):\n        return open(pre) + post\n",
+    "array.py": f"import numpy as np\n{HEAD}    @staticmethod\n    def synapse(pre):\n        return sum(np.ones(2))\n",
     "nothing.py": "x = 1\n",
     "text.txt": "x = 1\n",
 }
@@ -271,6 +272,7 @@ BAD = {
     "a rule file without a name": (["hebbian.rule=my_rules.py"], ["FILE.py:NAME", "differential"]),
     "a rule that asks for something else": (["hebbian.rule=unknown.py:oja"], ["asks for prae", "pre, post, weight"]),
     "a rule that does not compile": (["hebbian.rule=uncompiled.py:oja"], ["oja", "uncompiled.py", "open"]),
+    "a rule that makes an array": (["hebbian.rule=array.py:oja"], ["oja", "array.py", "it makes an array", "kept"]),
     "not a setting of one's rule": ([*OJA, "hebbian.decya=1"], ["hebbian.decya", "did you mean decay?"]),
     "not a number for one's rule": ([*OJA, "hebbian.decay=fast"], ["hebbian.decay must be a number", "fast"]),
     "a rule of one's own below compare": (["compare.a={rule: nowhere.py:b}"], ["compare.a.rule=", "nowhere.py"]),

@@ -119,6 +119,22 @@ def test_what_no_known_cause_explains_is_not_corrected(memory):
     assert checked.corrected == ()
 
 
+def test_light_is_corrected_where_distances_are_unexplained(memory):
+    """Infra-red sensors that read too little at every distance say nothing against what the light sensors read."""
+    checked = check(memory, replace(BRIGHT, distance_gain=0.6, light=0.3), "left", KEY)
+    assert unexplained(checked.found) == ("distance",)
+    assert checked.corrected == ("light",)
+    assert abs(checked.found.light_ratio - 0.3) < 3 * checked.found.light_ratio_error
+
+
+def test_sensors_that_are_all_silent_are_not_dead(memory):
+    """Infra-red sensors that all read 0 are not eight dead sensors, of which none could be told from the others."""
+    checked = check(memory, replace(BRIGHT, distance_offset=-0.999), "left", KEY)
+    assert checked.found.dead_sensors == ()
+    assert unexplained(checked.found) == ("distance",)
+    assert checked.corrected == ()
+
+
 def test_what_cannot_be_finite_is_not_corrected(memory):
     found = check(memory, BRIGHT, "left", KEY).found
     dark = replace(found, light_ratio=0.0)

@@ -192,9 +192,9 @@ def test_a_job_that_is_refused_among_many_is_told_once(run):
     assert len(result.stderr.splitlines()) == 1
 
 
-def test_show_of_a_folder_with_runs_in_it(run):
+def test_a_folder_with_runs_in_it_where_one_run_is_wanted(run):
     assert run("evaluate", "-m", *QUICK, "seed=1", "hydra.sweep.dir=many").exit_code == 0
-    result = run("show", "many")
+    result = run("rerun", "many")
     assert result.exit_code == USAGE
     assert result.stderr == "Error: many is a folder with runs in it; give one of them, for example many/0\n"
     Path("empty").mkdir()

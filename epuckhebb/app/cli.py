@@ -35,7 +35,7 @@ class ConfiguredCommand(TyperCommand):
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write the groups and their choices below the options."""
-        with formatter.section("Configuration groups (GROUP=CHOICE; any key of a group: GROUP.KEY=VALUE)"):
+        with formatter.section("Configuration groups (GROUP=CHOICE; any key: GROUP.KEY=VALUE, see epuckhebb keys)"):
             formatter.write_dl(
                 [(name, ", ".join(choices)) for name, choices in data.groups(str(ctx.info_name)).items()]
             )
@@ -72,7 +72,7 @@ Overrides = Annotated[
     list[str] | None,
     typer.Argument(metavar="[KEY=VALUE]...", help="Settings to change.", autocompletion=_complete_override),
 ]
-Run = Annotated[Path, typer.Argument(help="A run folder.", metavar="RUN", autocompletion=data.complete_run)]
+Run = Annotated[Path, typer.Argument(help="A run folder, or latest.", metavar="RUN", autocompletion=data.complete_run)]
 Multirun = Annotated[bool, typer.Option("--multirun", "-m", help="Run every combination of comma-separated values.")]
 
 
@@ -137,13 +137,14 @@ def evolve(
     as_json: Json = False,
 ) -> None:
     """Evolve a controller."""
+    from epuckhebb.app import hydra_bridge
     from epuckhebb.app.evolve import asked, evolve_job, resume
 
     if any(word.startswith("resume=") for word in overrides or []):
         if multirun or cfg or config_dir:
             raise ConfigError("resume=RUN goes on with the settings of RUN: no -m, --cfg or --config-dir with it")
         _begin(quiet)
-        _tell("evolve", [resume(overrides or [])], quiet, as_json)
+        _tell("evolve", [resume(hydra_bridge.with_latest_found(overrides or []))], quiet, as_json)
         return
     _run("evolve", evolve_job, asked, overrides or [], multirun, cfg, config_dir, quiet, as_json)
 
@@ -191,7 +192,9 @@ def evaluate(
 def replay(
     run: Annotated[
         Path,
-        typer.Argument(help="A run folder of `epuckhebb evaluate`.", metavar="RUN", autocompletion=data.complete_run),
+        typer.Argument(
+            help="A run folder of `epuckhebb evaluate`, or latest.", metavar="RUN", autocompletion=data.complete_run
+        ),
     ],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="Where to write the page.  [RUN/replay.html]")
@@ -203,11 +206,13 @@ def replay(
     open_page: Open = False,
 ) -> None:
     """A page to watch a run's lifetimes, or a film of them."""
+    from epuckhebb.app import runs
     from epuckhebb.app.replay import recording, require_video, write_movie, write_page
     from epuckhebb.study import movie
 
     if mp4:
         require_video()
+    run = runs.found(run, "evaluate")
     recorded = recording(run)
     written = []
     if output or open_page or not (gif or mp4):
@@ -242,11 +247,12 @@ def reproduce(
     as_json: Json = False,
 ) -> None:
     """The paper's tables and figures, ours beside theirs, and how often its claims hold."""
+    from epuckhebb.app import hydra_bridge
     from epuckhebb.app import show as shown
     from epuckhebb.app.reproduce import reproduce as run
 
     _begin(quiet)
-    experiment, overrides = "all", list(words or [])
+    experiment, overrides = "all", hydra_bridge.with_latest_found(words or [])
     if overrides and "=" not in overrides[0]:
         experiment = overrides.pop(0)
     folder = run(experiment, overrides, quick=quick)
@@ -276,7 +282,7 @@ def sweep(
     from epuckhebb.app.sweep import sweep as run
 
     hydra_bridge.check_config_dir(config_dir)
-    planned = plan(name, overrides or [], config_dir)
+    planned = plan(name, hydra_bridge.with_latest_found(overrides or []), config_dir)
     _begin(quiet)
     todo = {job.run for job in engine.todo(planned.folder, planned.jobs)}
     summary = {"verb": "sweep", "folder": str(planned.folder)}
@@ -296,20 +302,70 @@ def sweep(
 
 @app.command()
 @_told()
-def show(run: Run, as_json: Json = False) -> None:
-    """Tell what a run holds."""
+def show(
+    what: Annotated[
+        str | None,
+        typer.Argument(
+            help="A run, sweep, multirun or reproduction, latest, a champion's file, or reference_7.  [latest runs]",
+            metavar="WHAT",
+            autocompletion=data.complete_shown,
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Tell what a run or a champion holds, or list the latest runs."""
     from epuckhebb.app import show as shown
 
-    _out(as_json, False, lambda: shown.as_json(run), lambda console: shown.show(run, console))
+    _out(as_json, False, lambda: shown.shown_as_json(what), lambda console: shown.show(what, console))
+
+
+@app.command()
+@_told()
+def keys(
+    group: Annotated[
+        str | None,
+        typer.Argument(metavar="GROUP", help="One group, or a verb.  [all]", autocompletion=data.complete_group),
+    ] = None,
+) -> None:
+    """Every key, its default, what it is, and choices of groups."""
+    from epuckhebb.app import keys as known
+
+    known.tell([known.group_named(group)] if group else known.all_groups(), Terminal())
+
+
+@app.command()
+@_told()
+def export(
+    what: Annotated[
+        str,
+        typer.Argument(
+            help="A run of `epuckhebb evaluate`, or a champion: a run of `epuckhebb evolve`, a file, reference_7.",
+            metavar="RUN",
+            autocompletion=data.complete_shown,
+        ),
+    ],
+    webots: Annotated[bool, typer.Option("--webots", help="As a controller for the e-puck of Webots.")] = False,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to write it; the controller's name.")
+    ] = Path("epuckhebb_champion"),
+) -> None:
+    """Take a champion, and its plasticity, to another simulator."""
+    from epuckhebb.app import export as exported
+
+    if not webots:
+        raise ConfigError("export writes controllers for Webots only; say so with --webots")
+    typer.echo(exported.webots(what, output))
 
 
 @app.command()
 @_told()
 def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
     """Repeat a run, and say whether its CSV files are the same bytes."""
+    from epuckhebb.app import runs
     from epuckhebb.app.rerun import rerun as repeat
 
     _begin(quiet)
+    run = runs.found(run, "evaluate", "evolve")
     new, difference = repeat(run)
     if as_json:
         typer.echo(_json({"verb": "rerun", "run": str(run), "new": str(new), "difference": difference}))
@@ -355,6 +411,7 @@ def _run(
     flags += ["--cfg", cfg] if cfg else []
     flags += ["--config-dir", config_dir] if config_dir else []
     _begin(quiet)
+    arguments = hydra_bridge.with_latest_found(arguments)
     hydra_bridge.check_words(verb, arguments)
     hydra_bridge.check_config_dir(config_dir)
     if not cfg:

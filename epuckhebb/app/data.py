@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 _PACKAGE = Path(__file__).resolve().parents[1]
+LATEST = "latest"  # the word for the run of the last call
 
 
 def data_folder(name: str) -> Path:
@@ -45,7 +46,19 @@ def complete_sweep(incomplete: str) -> list[str]:
 
 def complete_run(incomplete: str) -> list[str]:
     """Completions of a run folder."""
-    return [run for run in _runs("*") if run.startswith(incomplete)]
+    return [run for run in [LATEST, *_runs("*")] if run.startswith(incomplete)]
+
+
+def complete_shown(incomplete: str) -> list[str]:
+    """Completions of what `show` can tell of."""
+    return [name for name in [LATEST, "reference", *_runs("*")] if name.startswith(incomplete)]
+
+
+def complete_group(incomplete: str) -> list[str]:
+    """Completions of a group of keys; a verb stands for its own ones."""
+    verbs = ("evaluate", "evolve", "reproduce")
+    known = [*verbs, *(name for verb in verbs for name in groups(verb) if name != "experiment")]
+    return [name for name in dict.fromkeys(known) if name.startswith(incomplete)]
 
 
 def _primary(verb: str) -> Path:
@@ -75,14 +88,14 @@ def _offers(verb: str) -> Iterator[str]:
     for key, value in _keys(verb):
         yield from (f"{key}=", f"{key}={value}")
     if verb == "evolve":
-        yield from (f"resume={run}" for run in _runs("evolve"))
+        yield from (f"resume={run}" for run in [LATEST, *_runs("evolve")])
 
 
 def _choices(verb: str, key: str) -> list[str]:
     if key in groups(verb):
         return groups(verb)[key]
     if key in ("genome", "resume"):
-        return [*(["reference"] if key == "genome" else []), *_runs("evolve")]
+        return [*(["reference"] if key == "genome" else []), LATEST, *_runs("evolve")]
     return [str(value) for name, value in _keys(verb) if name == key]
 
 

@@ -280,8 +280,8 @@ def study_job(cfg: DictConfig) -> None:
         attempt.rmdir()
         return
     told = record(runs.content(folder, _LIST), folder / _LIST, ListOfJobs)
-    file = folder / _JOBS / f"{run}.json"
-    job = record(file.read_bytes(), file, JobAsked)
+    name = f"{_JOBS}/{run}.json"
+    job = record(runs.content(folder, name), folder / name, JobAsked)
     try:
         check_unchanged(job["config"], run)
         config = as_config(job["config"], "evaluate")

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import pandas as pd
@@ -31,6 +31,10 @@ from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.study import tables
 from epuckhebb.study.evaluate import Traces, evaluate, room_to_evaluate
 from epuckhebb.study.self_checks import Checks, findings, self_checks
+
+_Memory = TypeVar("_Memory", Baseline, SelfMemory)
+_made: dict[tuple[object, ...], Baseline | SelfMemory] = {}
+_MOST_MADE = 256  # a self-check's memory takes 0.2 MB
 
 
 def evaluate_job(cfg: DictConfig) -> None:
@@ -71,7 +75,7 @@ def needs(config: EvaluateConfig, genome: Genome) -> list[Need]:
         Need(records, "what is recorded", "lower lifetime.duration_s, or raise lifetime.record_every"),
     ]
     pace = config.lifetime.gain_rad_s
-    if _change_signals(config) and (genome.baseline is None or genome.baseline.gain_rad_s != pace):
+    if _lacks(config, genome.baseline):
         home = training_world(config)
         room = room_to_remember(home.paper_duration_s, pace, genome.network)
         needed.append(Need(room, "life in the training world at this pace", "raise lifetime.gain_rad_s"))
@@ -245,27 +249,46 @@ def baseline_for(
     Raises:
         ConfigError: The baseline is of another experiment, or living there again gave nothing to be late against.
     """
-    asking = _change_signals(config)
-    if not asking:
+    if not any(controller.adaptation.needs_baseline for controller in config.controllers):
         return None
     baseline, experiment, pace = genome.baseline, config.world.experiment, config.lifetime.gain_rad_s
     if baseline is not None:
         _check_home(genome.name, baseline, experiment)
-    if baseline is None or baseline.gain_rad_s != pace:
-        why = "has no baseline" if baseline is None else f"remembers a pace of {baseline.gain_rad_s:g} rad/s"
+    why = _lacks(config, baseline)
+    if why:
         tell(
             f"genome={genome.name} {why}: it lives {REPEATS} lifetimes a side in {TRAINED[experiment]} first, "
             f"at {pace:g} rad/s."
         )
         home = training_world(config)
-        baseline = remember(genome.weights, home, pace, threads, genome.network)
-        if "lateness" in asking and np.isnan(baseline.time_to_goal_s).all():
+        baseline = _once(
+            ("baseline", genome.sha256, repr(home), pace),
+            lambda: remember(genome.weights, home, pace, threads, genome.network),
+        )
+        was_known = genome.baseline is not None and genome.baseline.gain_rad_s == pace
+        never_arrived = np.isnan(baseline.time_to_goal_s).all()
+        if "lateness" in _change_signals(config) and never_arrived and not was_known:
             raise ConfigError(
                 f"adaptation.change_signal=lateness needs a time to the goal to remember, and genome={genome.name} "
                 f"reached neither goal in {baseline.scenario}; give a champion that does, or change_signal=novelty or "
                 "shortfall"
             )
     return baseline
+
+
+def _lacks(config: EvaluateConfig, baseline: Baseline | None) -> str:
+    """Why a champion has to live in the training world again, so that adaptations have something to compare with."""
+    over = [controller.adaptation for controller in config.controllers]
+    pace = config.lifetime.gain_rad_s
+    if not any(one.needs_baseline for one in over):
+        return ""
+    if baseline is None:
+        return "has no baseline"
+    if any(one.is_gated for one in over) and baseline.gain_rad_s != pace:
+        return f"remembers a pace of {baseline.gain_rad_s:g} rad/s"
+    if any(one.homeostasis for one in over) and not len(baseline.patterns):
+        return "does not remember what the light looks like"
+    return ""
 
 
 def _change_signals(config: EvaluateConfig) -> set[str]:
@@ -301,11 +324,24 @@ def self_checks_for(
                 f"in {TRAINED[experiment]} first."
             )
             home = training_world(config)
-            lived = live_at_home(genome.weights, home, 1.0, threads, genome.network)
-            memory = remember_self(home, [samples.sensors for side in lived for _, samples in side])
+
+            def remembered() -> SelfMemory:
+                lived = live_at_home(genome.weights, home, 1.0, threads, genome.network)
+                return remember_self(home, [samples.sensors for side in lived for _, samples in side])
+
+            memory = _once(("self-check", genome.sha256, repr(home)), remembered)
         return self_checks(memory, config.world, config.lifetime.noise, repeats=config.repeats, seed=config.seed)
     except (ValueError, LostRobotError) as error:
         raise error if isinstance(error, ConfigError) else ConfigError(str(error)) from error
+
+
+def _once(key: tuple[object, ...], make: Callable[[], _Memory]) -> _Memory:
+    """What a champion remembers, made once a process: the jobs of a sweep ask for the same ones again and again."""
+    if key not in _made:
+        if len(_made) >= _MOST_MADE:
+            _made.clear()
+        _made[key] = make()
+    return cast(_Memory, _made[key])
 
 
 def _check_home(name: str, remembered: Baseline | SelfMemory, experiment: str) -> None:

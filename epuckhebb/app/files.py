@@ -26,6 +26,7 @@ from epuckhebb.app.machine import path_of
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.evolution.optimizer import State
 from epuckhebb.sim.adaptation.baseline import Baseline
+from epuckhebb.sim.adaptation.homeostasis import PATTERNS
 from epuckhebb.sim.adaptation.self_check.dance import STEPS
 from epuckhebb.sim.adaptation.self_check.memory import EFFECTS, SelfMemory
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
@@ -66,7 +67,8 @@ class Genome:
         robot: The name of the robot that it was evolved for.
         lights: How many of its readings are of light; the others are of distance.
         plan: The parts of the genes; the weights come first.
-        optimizer, training: The names of what it was evolved by, and in which worlds; nothing if that is not known.
+        experiment, optimizer, training: Of which experiment it is, the names of what it was evolved by, and in which
+            worlds; nothing if that is not known.
         rule: The name of the plasticity rule that it evolved with; nothing without one, or if that is not known.
         baseline: What the champion remembers of its training world.
         self_memory: What its self-check compares with.
@@ -78,6 +80,7 @@ class Genome:
     robot: str = EPUCK.name
     lights: int = EPUCK.lights
     plan: GenomePlan = field(default_factory=lambda: plan_of(PAPER_NETWORK))
+    experiment: str = ""
     optimizer: str = ""
     training: str = ""
     rule: str = ""
@@ -139,6 +142,11 @@ def load_genome(where: str, experiment: str, layers: tuple[int, ...] | None = No
     if not path.is_file():
         raise ConfigError(f"genome={where} does not exist; {allowed}")
     return _read_genome(path, name, layers)
+
+
+def is_bundled(where: str) -> bool:
+    """Whether `genome=...` names a champion that comes with the program."""
+    return where == REFERENCE or _OF_SEED.fullmatch(where) is not None
 
 
 def checked_genes(genes: NDArray[np.generic], where: str, plan: GenomePlan) -> NDArray[np.float64]:
@@ -264,9 +272,14 @@ class Checkpoint:
 
 
 def traces_file(traces: Traces, weights: NDArray[np.float64], network: Network) -> bytes:
-    """The content of `traces.npz`: recorded lifetimes, and the weights and the network that they began with."""
+    """The content of `traces.npz`."""
+    return _compressed(traces_arrays(traces, weights, network))
+
+
+def traces_arrays(traces: Traces, weights: NDArray[np.float64], network: Network) -> dict[str, NDArray[Any]]:
+    """Recorded lifetimes as arrays by name, with the weights and the network that they began with; `formats.TRACES`."""
     told = {"controller": np.array(traces.controller), "side": np.array(traces.side), "genome": weights}
-    return _compressed(told | {"layers": np.array(network.layers)} | traces.samples._asdict())
+    return told | {"layers": np.array(network.layers)} | traces.samples._asdict()
 
 
 def read_traces(run: Path, state: str, lifetimes: int, samples: int) -> tuple[Traces, NDArray[np.float64], Network]:
@@ -312,7 +325,7 @@ def read_findings(run: Path) -> list[dict[str, Any]]:
     if not runs.has(run, FINDINGS):
         return []
     found = runs.table(run, FINDINGS, formats.FOUND)
-    texts = {name: "" for name, kind in formats.FOUND.items() if kind == formats.TEXT_OR_EMPTY}
+    texts = {name: "" for name, column in formats.FOUND.items() if column.kind == formats.TEXT_OR_EMPTY}
     return [{str(name): value for name, value in row.items()} for row in found.fillna(texts).to_dict("records")]
 
 
@@ -458,15 +471,16 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
         robot=texts.get("robot", EPUCK.name),
         lights=lights,
         plan=plan,
+        experiment=texts.get("experiment", ""),
         optimizer=texts.get("optimizer", ""),
         training=texts.get("training", ""),
         rule=texts.get("rule", ""),
-        baseline=_baseline(held, path, network.inputs),
+        baseline=_baseline(held, path, network.inputs, lights),
         self_memory=_self_memory(held, path, network.inputs),
     )
 
 
-def _baseline(held: _Arrays, path: Path, inputs: int) -> Baseline | None:
+def _baseline(held: _Arrays, path: Path, inputs: int, lights: int) -> Baseline | None:
     """The baseline in a champion's file, if there is one."""
     if not any(name.startswith(_BASELINE) for name in held.names):
         return None
@@ -475,11 +489,17 @@ def _baseline(held: _Arrays, path: Path, inputs: int) -> Baseline | None:
     with _told(f"genome={path} holds a baseline of the training world that this program cannot read"):
         if held.take(f"{_BASELINE}fitness", "f").size == 0:
             raise ValueError("its fitness is of no second")
+        known: dict[str, Any] = {"patterns": np.zeros((0, lights)), "novelty": np.inf}  # before version 0.2
+        if f"{_BASELINE}novelty" in held.names:
+            known["patterns"] = held.take(f"{_BASELINE}patterns", "f", (PATTERNS, lights)).astype(np.float64)
+            known["novelty"] = float(held.take(f"{_BASELINE}novelty", "f", ()))
+        for name, shape in shapes.items():
+            known[name] = held.take(_BASELINE + name, "f", shape).astype(np.float64)
         return Baseline(
             experiment=held.text(f"{_BASELINE}experiment"),
             scenario=held.text(f"{_BASELINE}scenario"),
             gain_rad_s=float(held.take(f"{_BASELINE}gain_rad_s", "f", ())),
-            **{name: held.take(_BASELINE + name, "f", shape).astype(np.float64) for name, shape in shapes.items()},
+            **known,
         )
 
 

@@ -10,15 +10,24 @@ import types
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, NotRequired, TypedDict, TypeVar, get_args, get_origin, get_type_hints, is_typeddict
+from typing import (
+    Any,
+    Literal,
+    NamedTuple,
+    NotRequired,
+    TypedDict,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+    is_typeddict,
+)
 
 import pandas as pd
 from pandas.api.types import is_bool_dtype, is_numeric_dtype
 
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.sim.maze import SIDES
-from epuckhebb.study.evaluate import COLUMNS
-from epuckhebb.study.self_checks import COLUMNS as FOUND_COLUMNS
 
 
 class Code(TypedDict):
@@ -91,29 +100,313 @@ class JobAsked(TypedDict):
 
 
 NUMBER, NUMBER_OR_EMPTY, TEXT, TEXT_OR_EMPTY = "a number", "a number or empty", "text", "text or empty"
-Columns = Mapping[str, str | tuple[str, ...]]  # name -> one of these, or the texts that there may be
+
+
+class Column(NamedTuple):
+    """A column of a table. kind: what stands in it, one of the above or the texts that there may be. told: its meaning.
+
+    What is told here is what `docs/files.md` shows.
+    """
+
+    kind: str | tuple[str, ...]
+    told: str = ""
+
+
+class Array(NamedTuple):
+    """An array of a `.npz` file. shape: its axes. unit: "" where it has none. told: its meaning."""
+
+    shape: tuple[str | int, ...]
+    unit: str
+    told: str
+
+
+Columns = Mapping[str, Column]
 _LATER = ("changed",)  # columns that tables of version 0.1 do not have
+
+_CONDITION: Columns = {
+    "experiment": Column(TEXT, "`light` or `obstacles`"),
+    "scenario": Column(TEXT, "the name of the world"),
+    "controller": Column(
+        TEXT, "`GA` (the genes alone), `Hebbian` (the paper's rule), or the name of another rule or adaptation"
+    ),
+    "N": Column(NUMBER, "base rate of the plasticity rule; 0 without plasticity"),
+}
 METRICS: Columns = {
-    **dict.fromkeys(COLUMNS, NUMBER),
-    **dict.fromkeys(("genome", "experiment", "scenario", "controller"), TEXT),
-    **dict.fromkeys(("signal", "changed"), TEXT_OR_EMPTY),
-    "side": SIDES,
-    "time_to_goal_s": NUMBER_OR_EMPTY,
+    "genome": Column(TEXT, "the name of the genome: `reference`, a run folder, or a file without its ending"),
+    "experiment": Column(TEXT, "`light` or `obstacles`: to which of the paper's experiments the world belongs"),
+    "scenario": Column(TEXT, "the name of the world; `changed` tells what differs from it"),
+    "light": Column(NUMBER, "level of the sun at the start: 1 bright, 0.1 dim"),
+    "obstacles": Column(NUMBER, "how many obstacles stand in the maze at the start"),
+    "controller": _CONDITION["controller"],
+    "N": _CONDITION["N"],
+    "signal": Column(TEXT_OR_EMPTY, "the live fitness F that scales the rate; empty for `GA`"),
+    "side": Column(SIDES, "where the goal is: `left` (lamp off) or `right` (lamp on)"),
+    "repeat": Column(
+        NUMBER, "number of the noise repeat, from 0; all controllers of a repeat have the same random numbers"
+    ),
+    "seed": Column(NUMBER, "seed of the random numbers"),
+    "success": Column(NUMBER, "1 if the robot is within 5 cm of its goal at the last step, else 0"),
+    "time_to_goal_s": Column(
+        NUMBER_OR_EMPTY,
+        "s until it was within 5 cm of its goal for the first time; empty if it never was. A robot that comes there "
+        "and drives on has a time here and success 0",
+    ),
+    "path_length_m": Column(NUMBER, "m that it travelled: the sum of all steps"),
+    "average_speed_m_s": Column(NUMBER, "m/s: the path over the whole lifetime, also the time it stood at the goal"),
+    "final_position_error_m": Column(NUMBER, "m from its goal at the last step"),
+    "weight_change_mean": Column(
+        NUMBER,
+        "how far plasticity has moved the weights: the sum of abs(W - W_gene) over all weights, its mean over the "
+        "steps",
+    ),
+    "weight_change_final": Column(NUMBER, "the same sum at the last step"),
+    "fitness": Column(
+        NUMBER,
+        "what `evolve` would give: the mean of the combined fitness over the steps and the reward for the goal, halved",
+    ),
+    "contact_fraction": Column(
+        NUMBER, "share of the steps in which a distance sensor read above 0.8, which is next to touching"
+    ),
+    "changed": Column(
+        TEXT_OR_EMPTY, "what differs from the named scenario, the paper's maze and the e-puck; empty: nothing"
+    ),
 }
 FOUND: Columns = {
-    **dict.fromkeys(FOUND_COLUMNS, NUMBER),
-    **dict.fromkeys(("dead_sensors", "unexplained", "corrected"), TEXT_OR_EMPTY),
-    "side": SIDES,
-    "lamp": ("on", "off"),
+    "side": METRICS["side"],
+    "repeat": METRICS["repeat"],
+    "lamp": Column(("on", "off"), "whether the robot took the lamp to be lit"),
+    "dead_sensors": Column(
+        TEXT_OR_EMPTY, "numbers of the places on its rim where it found itself blind, with `; ` between them"
+    ),
+    "left_wheel_loss": Column(NUMBER, "share of its speed that the left wheel loses; below 0 it is too fast"),
+    "left_wheel_loss_error": Column(NUMBER, "standard error of that"),
+    "right_wheel_loss": Column(NUMBER, "the same of the right wheel"),
+    "right_wheel_loss_error": Column(NUMBER, "standard error of that"),
+    "light_ratio": Column(NUMBER, "today's light over that of the training world"),
+    "light_ratio_error": Column(NUMBER, "standard error of that"),
+    "distance_misfit": Column(
+        NUMBER, "what is left of the distance readings that nothing found explains, in standard deviations"
+    ),
+    "light_misfit": Column(NUMBER, "the same of the light readings"),
+    "unexplained": Column(
+        TEXT_OR_EMPTY, "`distance`, `light` or both, where the misfit is too large; these findings are not used"
+    ),
+    "corrected": Column(TEXT_OR_EMPTY, "what is corrected all life long, with `; ` between"),
 }
-HISTORY: Columns = dict.fromkeys(("generation", "best_fitness", "mean_fitness", "best_success"), NUMBER)
-CLAIMS: Columns = {**dict.fromkeys(("experiment", "claim", "verdict"), TEXT), **dict.fromkeys(("true", "n"), NUMBER)}
-SUMMARY: Columns = dict.fromkeys(("n", "success", "success_low", "success_high"), NUMBER)
+HISTORY: Columns = {
+    "generation": Column(NUMBER, "its number, from 0"),
+    "best_fitness": Column(NUMBER, "fitness of the fittest individual, as the mean over its lifetimes"),
+    "mean_fitness": Column(NUMBER, "mean over all individuals"),
+    "worst_fitness": Column(NUMBER, "fitness of the least fit"),
+    "best_success": Column(NUMBER, "share of its lifetimes that the fittest ended at its goal"),
+    "mean_success": Column(NUMBER, "the same share over all individuals"),
+    "robot_steps": Column(NUMBER, "control steps of 32 ms that all of them lived"),
+}
+_INTERVAL: Columns = {
+    "low": Column(NUMBER_OR_EMPTY, "lower end of its 95 % interval"),
+    "high": Column(NUMBER_OR_EMPTY, "upper end of it"),
+}
+_JOB: Columns = {
+    "job": Column(NUMBER, "number of the job, from 0"),
+    "run": Column(TEXT, "its run folder in the folder of the sweep"),
+    "KEY": Column(
+        TEXT_OR_EMPTY, "a column for each key that was set; `override.KEY` where the name is one of those below"
+    ),
+}
+SUMMARY: Columns = {
+    "n": Column(NUMBER, "lifetimes of this condition, controller and side: seeds times noise repeats"),
+    "success": Column(NUMBER, "share of them that ended at the goal"),
+    "success_low": Column(
+        NUMBER, "lower end of its 95 % interval (Wilson's), which is about the noise, for this genome"
+    ),
+    "success_high": Column(NUMBER, "upper end of it"),
+}
+_OUTCOMES = list(METRICS)[list(METRICS).index("success") + 1 : -1]
+SUMMARY_MEANS: Columns = {
+    "n_reached": Column(NUMBER, "lifetimes that came to the goal at all, of which `time_to_goal_s` is the mean"),
+    **{name: Column(NUMBER_OR_EMPTY, "mean of that column of `metrics.csv`") for name in _OUTCOMES},
+}
+CLAIMS: Columns = {
+    "experiment": _CONDITION["experiment"],
+    "claim": Column(TEXT, "what the paper says"),
+    "counted": Column(TEXT, "which trials could show it, and what counts as true"),
+    "true": Column(NUMBER, "in how many trials it comes true"),
+    "n": Column(NUMBER, "of how many"),
+    "champions": Column(NUMBER, "how many champions have such a trial"),
+    "share": Column(NUMBER_OR_EMPTY, "`true` over `n`"),
+    **_INTERVAL,
+    "verdict": Column(TEXT, "`holds`, `does not hold`, `mixed`, or that there is no trial to judge by"),
+}
+_COUNTS: Columns = {
+    "broken": Column(NUMBER, "mastered at home without plasticity, and failed in the changed world without it"),
+    "rescued": Column(NUMBER, "of the broken: succeed with plasticity"),
+    "sound": Column(NUMBER, "mastered at home, and in the changed world too, without plasticity"),
+    "harmed": Column(NUMBER, "of the sound: fail with plasticity"),
+    **{
+        f"{part}_{name}": Column(NUMBER_OR_EMPTY, told)
+        for part, whole in (("rescued", "broken"), ("harmed", "sound"))
+        for name, told in (
+            ("share", f"`{part}` over `{whole}`"),
+            ("low", _INTERVAL["low"].told),
+            ("high", _INTERVAL["high"].told),
+        )
+    },
+}
 RESCUE: Columns = {
-    "experiment": TEXT,
-    "controller": TEXT,
-    **dict.fromkeys(("N", "broken", "rescued", "sound", "harmed", "home_harmed", "home_mastered"), NUMBER),
-    **{f"{part}_{name}": NUMBER_OR_EMPTY for part in ("rescued", "harmed") for name in ("share", "low", "high")},
+    "experiment": _CONDITION["experiment"],
+    "controller": Column(TEXT, "which plasticity"),
+    "N": _CONDITION["N"],
+    **_COUNTS,
+    "home_harmed": Column(NUMBER, "trials mastered in the training world without plasticity that fail there with it"),
+    "home_mastered": Column(NUMBER, "of how many"),
+}
+_RESCUE_AND_HARM: Columns = {
+    **_CONDITION,
+    "mastered": Column(NUMBER, "trials that the genes alone master in the training world"),
+    **_COUNTS,
+    "difference": Column(NUMBER, "success with plasticity minus success without, over all trials, mastered or not"),
+    "difference_low": _INTERVAL["low"],
+    "difference_high": _INTERVAL["high"],
+    "sign_flip_p": Column(NUMBER_OR_EMPTY, "exact p value of the difference, signs flipped by champion"),
+}
+_RETENTION: Columns = {
+    "experiment": _CONDITION["experiment"],
+    "controller": _CONDITION["controller"],
+    "N": _CONDITION["N"],
+    "masters": Column(
+        ("any", "both"), "whose trials: those mastered at home (`any`), or those of champions that master `both` sides"
+    ),
+    "champions": Column(NUMBER_OR_EMPTY, "how many champions have such trials"),
+    "trials": Column(NUMBER, "these trials in all changed worlds"),
+    "retained": Column(NUMBER, "of them: succeed there"),
+    "share": Column(NUMBER_OR_EMPTY, "`retained` over `trials`"),
+    **_INTERVAL,
+}
+_TRIALS: Columns = {
+    **_CONDITION,
+    "genome": Column(TEXT, "the champion"),
+    "side": METRICS["side"],
+    **{
+        name: Column(NUMBER_OR_EMPTY, "mean over the noise repeats")
+        for name in ("success", "time_to_goal_s", "path_length_m", "final_position_error_m", "weight_change_mean")
+    },
+    "succeeds": Column(("True", "False"), "whether more than half of the repeats succeed"),
+}
+_SUCCESS: Columns = {
+    **_CONDITION,
+    "side": Column(("left", "right", "both"), "`both`: a champion counts that succeeds on either side"),
+    "successes": Column(NUMBER, "champions that succeed"),
+    "n": Column(NUMBER, "of how many"),
+    "share": Column(NUMBER, "`successes` over `n`"),
+    **_INTERVAL,
+}
+_DOSE_RESPONSE: Columns = {
+    **_CONDITION,
+    **{
+        f"{name}{end}": Column(NUMBER_OR_EMPTY, told)
+        for name in ("success", "time_to_goal_s", "weight_change_mean")
+        for end, told in (
+            ("", "mean over the champions"),
+            ("_low", _INTERVAL["low"].told),
+            ("_high", _INTERVAL["high"].told),
+        )
+    },
+}
+_COMPARISON: Columns = {
+    "table": Column(TEXT, "which table of the paper"),
+    "experiment": _CONDITION["experiment"],
+    "scenario": _CONDITION["scenario"],
+    "controller": _CONDITION["controller"],
+    "side": METRICS["side"],
+    "metric": Column(TEXT, "which column of `metrics.csv`"),
+    "published": Column(NUMBER_OR_EMPTY, "the number in the paper"),
+    "ours": Column(NUMBER_OR_EMPTY, "that of the champion which is put beside the paper"),
+    "relative_deviation": Column(NUMBER_OR_EMPTY, "`ours` over `published`, less 1"),
+    "median": Column(NUMBER_OR_EMPTY, "of all champions"),
+    "q25": Column(NUMBER_OR_EMPTY, "their lower quartile"),
+    "q75": Column(NUMBER_OR_EMPTY, "their upper quartile"),
+    "n": Column(NUMBER, "champions that have this number"),
+}
+
+TABLES: Mapping[str, tuple[str, Columns]] = {
+    "metrics.csv": ("Of `evaluate` and `reproduce`: a row a lifetime.", METRICS),
+    "findings.csv": ("Of `evaluate` with a self-check: a row for each robot that checked itself.", FOUND),
+    "history.csv": ("Of `evolve`: a row a generation.", HISTORY),
+    "sweep.csv": ("Of `sweep`: the rows of all `metrics.csv`, with these columns before them.", _JOB),
+    "summary.csv": (
+        "Of `sweep`: a row for each condition, controller and side. Before these columns are those that tell it.",
+        {**SUMMARY, **SUMMARY_MEANS},
+    ),
+    "failed.csv": (
+        "Of `sweep`: a row for each job without a result; empty if all is well.",
+        {**_JOB, "error": Column(TEXT, "why")},
+    ),
+    "rescue_over_all.csv": (
+        "Of sweeps over champions in changed worlds: a row for each plasticity, all changed worlds together.",
+        RESCUE,
+    ),
+    "rescue_and_harm.csv": (
+        "Of `reproduce` and such sweeps: the same for each world. A trial is one champion on one side.",
+        _RESCUE_AND_HARM,
+    ),
+    "retention.csv": ("Of both: how much of what is mastered at home succeeds in the changed worlds.", _RETENTION),
+    "claims.csv": ("Of `reproduce`: a row for each claim of the paper.", CLAIMS),
+    "trials.csv": ("Of `reproduce`: a row for each champion, side and condition.", _TRIALS),
+    "success.csv": ("Of `reproduce`: a row for each condition and side, over the champions.", _SUCCESS),
+    "dose_response.csv": ("Of `reproduce`: a row for each rate; N = 0 is the genes alone.", _DOSE_RESPONSE),
+    "comparison.csv": ("Of `reproduce`: a row for each number of the paper's tables.", _COMPARISON),
+}
+
+TRACES: Mapping[str, Array] = {
+    "controller": Array(("lifetimes",), "", "the name of the controller, as in `metrics.csv`"),
+    "side": Array(("lifetimes",), "", "`left` or `right`"),
+    "genome": Array(("synapses",), "", "the weights at birth"),
+    "layers": Array(("layers",), "", "how many neurons each layer has, sensors first, wheels last"),
+    "time": Array(("lifetimes", "samples"), "s", "since the start of the lifetime"),
+    "pose": Array(
+        ("lifetimes", "samples", 3),
+        "m, m, rad",
+        "x (to the right), y (ahead at the start), heading, anticlockwise from x",
+    ),
+    "sensors": Array(
+        ("lifetimes", "samples", "inputs"),
+        "0 to 1",
+        "what the network reads, light first; light: 1 is dark; distance: 1 is touching",
+    ),
+    "motors": Array(
+        ("lifetimes", "samples", 2),
+        "-1 to 1",
+        "the network's outputs, left and right wheel; times `lifetime.gain_rad_s` they are rad/s",
+    ),
+    "fitness": Array(("lifetimes", "samples"), "", "live fitness F"),
+    "change_signal": Array(
+        ("lifetimes", "samples"), "", "the signal that opens the gate of an adaptation; nan where there is none"
+    ),
+    "rate": Array(("lifetimes", "samples"), "per step", "effective rate N_e"),
+    "weight_change": Array(("lifetimes", "samples"), "", "sum of abs(W - W_gene) over all weights"),
+    "weights": Array(
+        ("lifetimes", "samples", "synapses"),
+        "",
+        "all weights, layer by layer, a row for each neuron that they come from",
+    ),
+}
+
+CHAMPION: Mapping[str, Array] = {
+    "genome": Array(("genes",), "", "all genes: the weights, layer by layer, then what of a rule is evolved"),
+    "layers": Array(("layers",), "", "how many neurons each layer has"),
+    "parts": Array(("parts",), "", "the names of the parts of the genome"),
+    "part_sizes": Array(("parts",), "", "how many genes each has"),
+    "fitness": Array((), "", "what it was chosen by"),
+    "experiment": Array((), "", "`light` or `obstacles`"),
+    "seed": Array((), "", "of its evolution"),
+    "generation": Array((), "", "its last one, from 0"),
+    "robot": Array((), "", "the name of the robot that it is for"),
+    "lights": Array((), "", "how many of the readings are of light"),
+    "optimizer": Array((), "", "what it was evolved by"),
+    "training": Array((), "", "in which worlds"),
+    "rule": Array((), "", "the plasticity rule that it evolved with, if there was one"),
+    "memory_*": Array((), "", "the baseline: what it remembers of its training world, for adaptations"),
+    "self_*": Array((), "", "what a self-check compares with"),
 }
 
 Record = TypeVar("Record", Provenance, Status, ListOfJobs, JobAsked)
@@ -184,7 +477,7 @@ def table(content: bytes, file: Path, columns: Columns, *, rows: bool = True) ->
     Raises:
         ConfigError: It is something else.
     """
-    texts = [name for name, kind in columns.items() if kind not in (NUMBER, NUMBER_OR_EMPTY)]
+    texts = [name for name, column in columns.items() if column.kind not in (NUMBER, NUMBER_OR_EMPTY)]
     try:
         with warnings.catch_warnings(action="error"):  # pandas warns where rows are longer than the header
             found = pd.read_csv(
@@ -204,7 +497,7 @@ def table(content: bytes, file: Path, columns: Columns, *, rows: bool = True) ->
         raise ConfigError(f"{file} has no rows")
     for name in columns if len(found) else ():
         if name in found:
-            _check_column(found[name], columns[name], file)
+            _check_column(found[name], columns[name].kind, file)
     return found
 
 

@@ -31,8 +31,9 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
+from epuckhebb.app import runs
 from epuckhebb.app.config import SCHEMAS, literal, near_keys, thread_count
-from epuckhebb.app.data import data_folder, groups
+from epuckhebb.app.data import LATEST, data_folder, groups
 from epuckhebb.app.errors import ConfigError, JobFailedError, end_with
 from epuckhebb.app.machine import path_of
 from epuckhebb.app.named import NAMED, completed, world_name
@@ -358,8 +359,27 @@ def run(verb: str, job: Callable[[DictConfig], None], arguments: list[str]) -> l
         arguments = [f"{_SWEEP_DIR}{Path('runs') / verb / stamp}_multirun", *arguments]
     call(verb, job, arguments, stamp)
     folder = Path(value_of([argument for argument in arguments if argument.startswith(_SWEEP_DIR)][-1]))
-    runs = [status.parent for status in folder.glob("*/status.json")]
-    return sorted(runs, key=lambda run: (not run.name.isdigit(), int(run.name) if run.name.isdigit() else 0, run.name))
+    return runs.of_multirun(folder)
+
+
+def with_latest_found(arguments: list[str]) -> list[str]:
+    """Overrides in which `genome=latest` and `resume=latest` name the run folder of the latest evolution.
+
+    So what is written down of a call stays true when there are later ones.
+
+    Raises:
+        ConfigError: There is none yet.
+    """
+
+    def one(argument: str) -> str:
+        key, _, value = argument.partition("=")
+        if key not in ("genome", "resume") or LATEST not in value.split(","):
+            return argument
+        folder = str(runs.found(LATEST, "evolve"))
+        named = folder if key == "resume" else quoted(folder)
+        return f"{key}={','.join(named if word == LATEST else word for word in value.split(','))}"
+
+    return list(map(one, arguments))
 
 
 def _with_rules_found(argument: str) -> str:

@@ -63,7 +63,7 @@ def completed(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Pat
 
 
 def _acts(adaptation: DictConfig) -> bool:
-    return bool(adaptation.change_signal != NONE or adaptation.self_check)
+    return bool(adaptation.change_signal != NONE or adaptation.self_check or adaptation.homeostasis)
 
 
 def world_name(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> str:

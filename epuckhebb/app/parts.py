@@ -231,13 +231,19 @@ def optimizer_from(settings: Mapping[str, Any], ga: Optimizer | None) -> Optimiz
         raise ConfigError(f"optimizer.algorithm must be one of {', '.join(optimizer_names())}, got {algorithm!r}")
     if ga is not None:
         raise not_its_settings(str(algorithm))
+    kind = optimizer_class(str(algorithm))
+    return kind(**_settings(kind, given, "optimizer", f"optimizer {algorithm}"))
+
+
+def optimizer_class(algorithm: str) -> type[Optimizer]:
+    """The class of the optimizer of this name, whose fields are its settings."""
     module = importlib.import_module(f"{optimizers.__name__}.{algorithm}")
     kind: type[Optimizer] = next(
         kind
         for kind in vars(module).values()
         if isinstance(kind, type) and issubclass(kind, Optimizer) and kind.__module__ == module.__name__
     )
-    return kind(**_settings(kind, given, "optimizer", f"optimizer {algorithm}"))
+    return kind
 
 
 def not_its_settings(optimizer: str) -> ConfigError:
@@ -254,16 +260,20 @@ def controller_from(hebbian: Mapping[str, Any], adaptation: Adaptation, key: str
     Raises:
         ConfigError: The rule or a setting cannot be used.
     """
-    rule = rule_from(hebbian, key)
+    return controller_of(rule_from(hebbian, key), adaptation, hebbian.get("name") or "")
+
+
+def controller_of(rule: Rule, adaptation: Adaptation, called: str = "") -> Controller:
+    """The controller of a rule and what is laid over it. called: the name of the rule; its class unless given."""
     control = "" if rule.sign is Sign.hebbian else f" ({rule.sign.name})"
     if adaptation.acts:
         name = f"{adaptation.name}{control}"
     elif isinstance(rule, NoRule):
         name = GA
-    elif hebbian.get("name") in ("paper", "", None) and isinstance(rule, Paper):
+    elif called in ("paper", "") and isinstance(rule, Paper):
         name = CONTROLS[rule.sign]
     else:
-        name = f"{hebbian.get('name') or type(rule).__name__.lower()}{control}"
+        name = f"{called or type(rule).__name__.lower()}{control}"
     return Controller(name=name, rule=rule, adaptation=adaptation)
 
 

@@ -75,9 +75,9 @@ class EvolutionProgress(_Bar):
 class TaskProgress(_Bar):
     """Shows which task of a study is at work."""
 
-    def __init__(self, total: int) -> None:
-        """Prepare to show so many tasks."""
-        super().__init__("", total)
+    def __init__(self, total: int, *, quiet: bool = False) -> None:
+        """Prepare to show so many tasks; say nothing if `quiet`."""
+        super().__init__("", total, quiet=quiet)
 
     def show(self, number: int, name: str) -> None:
         """Show the task of this number, from 0, as it begins."""

@@ -29,6 +29,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb import __version__
 from epuckhebb.app import errors, formats, machine
+from epuckhebb.app.data import LATEST
 from epuckhebb.app.errors import ConfigError, JobFailedError
 from epuckhebb.app.formats import Columns, Provenance, Status, record
 
@@ -320,6 +321,38 @@ def _throw_away(path: Path) -> None:
         with suppress(FileNotFoundError):  # it has just been finished
             if not is_held(attempt):
                 shutil.rmtree(attempt)
+
+
+def below_runs() -> list[Path]:
+    """All folders below `runs/` in which this program has worked, the one of the last call last.
+
+    Runs of a multirun come one by one, the jobs of a sweep or a reproduction only as a whole.
+    """
+    found = [status for pattern in ("*/*", "*/*_multirun/*") for status in Path("runs").glob(f"{pattern}/{_STATUS}")]
+    return [status.parent for status in sorted(found, key=lambda status: (status.stat().st_mtime_ns, status))]
+
+
+def of_multirun(path: Path) -> list[Path]:
+    """The runs in the folder of a multirun, in the order of its jobs; none if it is the folder of something else."""
+    if (path / _STATUS).exists():
+        return []
+    inside = [status.parent for status in path.glob(f"*/{_STATUS}")]
+    return sorted(inside, key=lambda run: (not run.name.isdigit(), int(run.name) if run.name.isdigit() else 0, run))
+
+
+def found(what: str | Path, *verbs: str) -> Path:
+    """The folder of a run that a user names, or the latest one of these verbs (none: of any) if it is `latest`.
+
+    Raises:
+        ConfigError: There is none yet.
+    """
+    if str(what) != LATEST:
+        return Path(what)
+    of_verbs = [path for path in below_runs() if not verbs or path.relative_to("runs").parts[0] in verbs]
+    if not of_verbs:
+        whose = f" of `epuckhebb {'` or `epuckhebb '.join(verbs)}`" if verbs else ""
+        raise ConfigError(f"{LATEST}: there is no run{whose} in {Path('runs').absolute()} yet; give a run folder")
+    return of_verbs[-1]
 
 
 def read(path: Path) -> dict[str, Any]:

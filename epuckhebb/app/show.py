@@ -13,13 +13,16 @@ from rich.text import Text
 
 from epuckhebb.app import files, formats, runs
 from epuckhebb.app.config import settings
+from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.files import Genome
 from epuckhebb.sim.adaptation.baseline import Baseline
 from epuckhebb.sim.adaptation.self_check.findings import find
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
+from epuckhebb.sim.scenario import EXPERIMENTS
 from epuckhebb.study import rescue, tables
 from epuckhebb.study.self_checks import in_words
 
+_LATEST = 10  # runs that are told of when none is named
 _MANY = 6  # files of a folder that are counted and not named
 
 
@@ -75,12 +78,80 @@ def tell_sweep(folder: Path, console: Console) -> None:
     _line(console, f"Tables: {folder}/: {written}")
 
 
-def show(path: Path, console: Console) -> None:
-    """Tell all of a run: what was asked, by which program, how it ended, and its results.
+def show(what: str | None, console: Console) -> None:
+    """Tell all of a run, or of whatever else a user names: a multirun, a champion; of nothing named, the latest runs.
 
     Raises:
-        ConfigError: It is not a run folder.
+        ConfigError: It is none of these.
     """
+    if what is None:
+        _latest(console)
+        return
+    genomes = _genomes(what)
+    for genome, experiment in genomes:
+        console.print(Text(f"{genome.name}, of the {experiment} experiment", style="bold"))
+        _line(console, f"SHA-256 of its genes: {genome.sha256}")
+        _tell_genome(genome, console)
+    if not genomes:
+        path = runs.found(what)
+        many = runs.of_multirun(path)
+        if many:
+            tell(many, console)
+        else:
+            _run(path, console)
+
+
+def shown_as_json(what: str | None) -> dict[str, Any]:
+    """What `show` tells, as JSON values.
+
+    Raises:
+        ConfigError: It cannot be told of.
+    """
+    if what is None:
+        return {"runs": [str(path) for path in runs.below_runs()]}
+    genomes = _genomes(what)
+    if genomes:
+        return {"genomes": [_genome_as_json(genome, experiment) for genome, experiment in genomes]}
+    path = runs.found(what)
+    many = runs.of_multirun(path)
+    return {"run": str(path), "runs": list(map(as_json, many))} if many else as_json(path)
+
+
+def _latest(console: Console) -> None:
+    """What the latest runs came to, the last one last."""
+    known = runs.below_runs()
+    if not known:
+        _line(console, f"There are no runs in {Path('runs').absolute()} yet; begin with: epuckhebb evaluate")
+        return
+    rows = []
+    for path in known[-_LATEST:]:
+        try:
+            rows.append((str(path), _in_short(path, runs.read(path)["status"])))
+        except ConfigError as error:
+            rows.append((str(path), str(error)))
+    console.print(_table(f"The latest of {len(known)} runs" if len(known) > _LATEST else "", ("run", "result"), rows))
+
+
+def _genomes(what: str) -> list[tuple[Genome, str]]:
+    """The genomes of a champion's file, or of a bundled champion in either experiment; none if it is something else."""
+    if files.is_bundled(what):
+        return [(files.load_genome(what, experiment), experiment) for experiment in EXPERIMENTS]
+    path = Path(what)
+    if path.suffix not in (".npz", ".npy") or path.is_dir():
+        return []
+    genome = files.load_genome(what, "")
+    return [(genome, genome.experiment or "unknown")]
+
+
+def _genome_as_json(genome: Genome, experiment: str) -> dict[str, Any]:
+    parts = {part.name: part.size for part in genome.plan.parts}
+    known = {"layers": list(genome.network.layers), "parts": parts, "robot": genome.robot}
+    evolved = {"optimizer": genome.optimizer, "training": genome.training}
+    return {"genome": genome.name, "sha256": genome.sha256, "experiment": experiment, **known, **evolved}
+
+
+def _run(path: Path, console: Console) -> None:
+    """Tell all of a run: what was asked, by which program, how it ended, and its results."""
     told = runs.read(path)
     status, code = told["status"], told["code"]
     commit = f", commit {code['commit'][:10]}{' with changes' if code['dirty'] else ''}" if code["commit"] else ""
@@ -272,7 +343,13 @@ def _paper_table(metrics: pd.DataFrame) -> Table:
 
 def _in_short(path: Path, status: dict[str, Any]) -> str:
     if status["state"] != "finished":
-        return f"{status['state']}: {status.get('error', '')}"
+        return ": ".join(filter(None, (status["state"], status.get("error", ""))))
+    if runs.has(path, "claims.csv"):
+        claims = runs.table(path, "claims.csv", formats.CLAIMS)
+        return f"{(claims.verdict == 'holds').sum()} of {len(claims)} claims hold"
+    if runs.has(path, "summary.csv"):
+        rows = len(runs.table(path, "summary.csv", formats.SUMMARY, rows=False))
+        return f"success of {rows} conditions, controllers and sides"
     if runs.has(path, "metrics.csv"):
         metrics = runs.table(path, "metrics.csv", formats.METRICS)
         success = metrics.groupby(["controller", "side"], sort=False).success.mean().unstack(sort=False)

@@ -13,8 +13,8 @@ class Terminal(Console):
     """Standard output, or standard error, for a reader; who stops reading does not stop the work."""
 
     def __init__(self, *, stderr: bool = False) -> None:
-        """Write names as they are: nothing in them is an emoji."""
-        super().__init__(stderr=stderr, highlight=not stderr, emoji=False)
+        """Write names as they are: nothing in them is an emoji. A notebook gets the lines that a file would get."""
+        super().__init__(stderr=stderr, highlight=not stderr, emoji=False, force_jupyter=False)
 
     def on_broken_pipe(self) -> None:
         """Say nothing more."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from epuckhebb.sim import fitness
 from epuckhebb.sim.adaptation.adaptation import gate_numbers
 from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, check_baseline, no_baseline
+from epuckhebb.sim.adaptation.homeostasis import check_patterns, no_patterns
 from epuckhebb.sim.adaptation.self_check.corrections import Corrections, check_corrections
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.faults import Faults, lag_of
@@ -58,8 +59,9 @@ from epuckhebb.sim.scenario import Scenario
 
 _LIVES_PER_BLOCK = 50  # lifetimes that share a space, one after the other
 _SUMS = ("behaviour_sum", "weight_change_sum", "path_length", "goal_distance")  # of a tally, from which outcomes come
-_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _MESSAGE_LINES = 10  # of what is told of a rule that does not compile
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")  # numba colours its messages where it can
+_MAKES_AN_ARRAY = "Only accept returning of array passed into the function"  # what it says without memory of its own
 
 
 class Outcome(NamedTuple):
@@ -215,6 +217,7 @@ def _kind(
             robot,
             follows_walls=adaptation.follows_walls,
             self_check=adaptation.self_check,
+            homeostatic=adaptation.homeostasis,
             more_faults=more_faults,
         ),
         plasticity=Plasticity(
@@ -237,6 +240,8 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
     first, rule = phases[0].scenario, type(who.controller.rule)
     if who.baseline is not None:
         check_baseline(who.baseline, first.robot.inputs)
+    if who.controller.adaptation.homeostasis:
+        check_patterns(kind.baseline if who.baseline is None else who.baseline, first.robot.lights)
     if who.corrections is not None:
         check_corrections(who.corrections, first.robot)
     of_updates = kind.signs if who.signs is None else who.signs
@@ -356,7 +361,7 @@ def _outcome(life: Life, lifetime: Lifetime, goal_radius: float) -> Outcome:
         float(tally["behaviour_sum"]) / lifetime.steps,
         fitness.reward(goal_distance),
         float(tally["weight_change_sum"]) / lifetime.steps,
-        float(tally["weight_change"]),
+        float(tally["weight_change"] + tally["scaling"]),
         int(tally["contacts"]) / lifetime.steps,
         goal_distance < goal_radius,
     )
@@ -364,11 +369,13 @@ def _outcome(life: Life, lifetime: Lifetime, goal_radius: float) -> Outcome:
 
 def _explained(rule: type[Rule], error: Exception) -> str:
     """Why a rule does not compile, in ten lines at most: what numba says last of the function farthest in."""
-    plain = _COLOUR.sub("", str(error))  # numba colours what it says where colorama is installed
-    lines = [line.strip() for line in plain.splitlines() if line.strip()]
+    text = _COLOUR.sub("", str(error))
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
     causes = [number for number, line in enumerate(lines) if line.startswith("Rejected as")]
     told = [line for line in lines[causes[-1] + 1 if causes else 0 :] if "Failed in nopython mode" not in line]
     told = told[: next((number for number, line in enumerate(told) if line.startswith("During: Pass")), None)]
+    if _MAKES_AN_ARRAY in text:
+        told = ["it makes an array, and a synapse has only numbers: keep what it remembers in `kept`"]
     heading = f"rule {rule.__name__} of {inspect.getsourcefile(rule.synapse)} does not compile:"
     return "\n".join([heading, *dict.fromkeys(told)][:_MESSAGE_LINES])
 
@@ -390,6 +397,7 @@ def load_kernel(
         controller=controller,
         network=net,
         signs=np.ones(net.synapses),
+        baseline=no_patterns(no_baseline(net.inputs), world.robot.lights),
         key=np.uint64(0),
     )
     live_block([unborn], world, Lifetime(duration_s=STEP_S, gain_rad_s=min(1.0, world.robot.motor_limit_rad_s)))

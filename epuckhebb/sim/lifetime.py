@@ -43,6 +43,8 @@ TALLY = np.dtype(
         ("behaviour_sum", np.float64),  # of combined fitness
         ("weight_change", np.float64),  # sum of |W - W_gene|
         ("weight_change_sum", np.float64),
+        ("scale", np.float64),  # of the light synapses, by homeostasis
+        ("scaling", np.float64),  # sum of |W - W_gene| that it amounts to
         ("path_length", np.float64),  # m
         ("goal_distance", np.float64),  # m
         ("time_to_goal", np.float64),  # s, nan until it arrives
@@ -145,8 +147,8 @@ class Samples(NamedTuple):
     """What is recorded of a lifetime, every so many steps; first axis: samples.
 
     time [s]; pose: x, y [m], heading [rad]; sensors: the network's inputs; motors: the 2 network outputs; fitness:
-    live F; change_signal: nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|; weights: (samples,
-    synapses), after the step's update.
+    live F; change_signal: nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|, that of homeostasis
+    included; weights: (samples, synapses), after the step's update, without the scale of homeostasis.
     """
 
     time: NDArray[np.float64]
@@ -177,7 +179,7 @@ WHEELS, HAS_RULE = PAPER_NETWORK.wheels, False
 sense, blind, nearest = senses(EPUCK), blinding(EPUCK), largest_distance_reading(EPUCK)
 draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
 learn, modulate = update_of(NoRule, PAPER_NETWORK), modulation_of(NoRule, PAPER_NETWORK)
-correct, open_gate, explore, compensate = over.hooks(over.NONE, EPUCK)
+correct, scale, open_gate, explore, compensate = over.hooks(over.NONE, EPUCK)
 misread, turn_wheels = faults.hooks(EPUCK, more=False)
 
 
@@ -216,6 +218,7 @@ def live(
         misread(activation, trial.faults)
         blind(activation, trial.faults.dead_sensors)
         correct(activation, corrections, correcting)
+        scale(activation, weights, tally, life.over.homeostasis, baseline, step)
 
         # Act.
         forward(weights, activation, life.room.drive)
@@ -257,7 +260,7 @@ def live(
                 life.room.synapses,
                 life.room.change,
             )
-        tally.weight_change_sum += tally.weight_change
+        tally.weight_change_sum += tally.weight_change + tally.scaling
 
         if record_every > 0 and step % record_every == 0:
             record(samples, step // record_every, step * STEP_S, x, y, heading, life, live_fitness, rate)
@@ -317,7 +320,7 @@ def record(
         samples.sensors[place, i] = life.activation[i]
     samples.motors[place, 0], samples.motors[place, 1] = life.activation[wheels], life.activation[wheels + 1]
     samples.fitness[place], samples.change_signal[place] = live_fitness, tally.change_signal
-    samples.rate[place], samples.weight_change[place] = rate, tally.weight_change
+    samples.rate[place], samples.weight_change[place] = rate, tally.weight_change + tally.scaling
     for k in range(synapses):
         samples.weights[place, k] = life.weights[k]
 
@@ -333,9 +336,10 @@ def kernel_of(
     *,
     follows_walls: bool = False,
     self_check: bool = False,
+    homeostatic: bool = False,
     more_faults: bool = False,
 ) -> Any:
-    """`live` with these parts: rule, signal of change, network, robot, exploration and self-check.
+    """`live` with these parts: rule, signal of change, network, robot, exploration, self-check and homeostasis.
 
     It is compiled, or comes from the cache.
 
@@ -343,9 +347,16 @@ def kernel_of(
 
     Raises:
         ValueError: the rule asks for something that there is not, the network does not fit the robot, or the robot
-            cannot follow walls.
+            cannot do what the adaptation asks of it.
     """
-    laid = over.hooks(change_signal, robot, follows_walls=follows_walls, self_check=self_check)
+    laid = over.hooks(
+        change_signal,
+        robot,
+        network.post[0],
+        follows_walls=follows_walls,
+        self_check=self_check,
+        homeostatic=homeostatic,
+    )
     place = (rule, laid, network, robot, more_faults)
     if place not in _kernels:
         _kernels[place] = _made(*place)
@@ -370,6 +381,7 @@ def _made(rule: type[Rule], laid: over.Hooks, network: Network, robot: Robot, mo
         learn=update_of(rule, network),
         modulate=modulation_of(rule, network),
         correct=laid.correct,
+        scale=laid.scale,
         open_gate=laid.open_gate,
         explore=laid.explore,
         compensate=laid.compensate,
@@ -394,6 +406,7 @@ def born(
         )
     tally = np.zeros(1, TALLY)
     tally["time_to_goal"], tally["change_signal"], tally["need"] = math.nan, math.nan, 1.0
+    tally["scale"] = 1.0
     activation = np.zeros(network.neurons)
     activation[network.bias] = 1.0
     return Life(

@@ -93,7 +93,7 @@ def maze(scenario: Scenario) -> bytes:
 
 def controller_title(controller: str) -> str:
     """What stands above a controller's panel."""
-    return _TITLES.get(controller, f"GA with plasticity “{controller}”")
+    return _TITLES.get(controller, f"GA with “{controller}”")
 
 
 def plain(text: str) -> str:

@@ -85,7 +85,7 @@ def markdown(found: Findings, figures: Mapping[str, str]) -> str:
 
 
 def summary(claims: pd.DataFrame, success: pd.DataFrame, harm: pd.DataFrame, provenance: str) -> str:
-    """The results section of the README: claims, success, rescue and harm."""
+    """The tables of `docs/results.md`: claims, success, rescue and harm."""
     return "\n".join(
         [
             f"{provenance} A *trial* is one champion on one side; it succeeds if most of its noise repeats do. "
@@ -99,6 +99,27 @@ def summary(claims: pd.DataFrame, success: pd.DataFrame, harm: pd.DataFrame, pro
             rescue_table(harm),
         ]
     )
+
+
+def answer(harm: pd.DataFrame, over_all: pd.DataFrame) -> str:
+    """Whether plasticity helps, in five rows: the paper's rule in three worlds, and `late` in those of its study.
+
+    Args:
+        harm: Of `findings.rescue_and_harm`, with the paper's rule.
+        over_all: Of `findings.rescue_over_all`, with the adaptation `late`.
+    """
+    worlds = {"highlight": "nothing", "lowlight": "light dimmed to a tenth", "4obstacles": "four obstacles"}
+    paper = harm[harm.controller == HEBBIAN].set_index("scenario")
+    own = [row for row in paper.loc[list(worlds)].itertuples() if PAPER_N[row.experiment] == row.N]
+    rows = [[worlds[row.Index], f"the paper's, N = {row.N:g}", *_rescued_and_harmed(row)] for row in own]
+    for row in over_all[over_all.controller == "late"].itertuples():
+        worlds_told = f"eight changes of the {row.experiment} experiment"
+        rows.append([worlds_told, "`adaptation=late`: only when late", *_rescued_and_harmed(row)])
+    return markdown_table(["what changed", "plasticity", "rescued of broken", "harmed of sound"], rows)
+
+
+def _rescued_and_harmed(row: Any) -> list[str]:
+    return [rescue.count(row, "rescued", "broken"), rescue.count(row, "harmed", "sound")]
 
 
 def html(text: str, picture: Callable[[str], bytes]) -> str:
@@ -179,7 +200,7 @@ def rescue_table(harm: pd.DataFrame) -> str:
     own = harm[[PAPER_N[row.experiment] == row.N for row in harm.itertuples()]]
     rows = [
         [row.scenario, f"{row.controller}{_rate(row.N)}"]
-        + [rescue.count(row, "rescued", "broken"), rescue.count(row, "harmed", "sound")]
+        + _rescued_and_harmed(row)
         + [f"{row.difference:+.2f} [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"]
         + ["–" if np.isnan(row.sign_flip_p) else f"{row.sign_flip_p:.2g}"]
         for row in own.itertuples()

@@ -60,7 +60,7 @@ def markdown(
 
 
 def summary(over_all: pd.DataFrame) -> str:
-    """The tables of the README, one for each experiment."""
+    """The tables of `docs/results.md`, one for each experiment."""
     parts = [
         f"The {experiment} experiment:\n\n{_over_all(own)}"
         for experiment, own in over_all.groupby("experiment", sort=False)

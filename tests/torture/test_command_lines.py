@@ -99,21 +99,29 @@ UNKNOWN = ["hebian.N", "light", "scenario.ligth", "hydra.job.name", "job", "x", 
 def command_line(rng):
     """A command line: words that a user may type, and many that only a slip or malice would."""
     verb = rng.choices([*FLAGS, "nope", ""], [*(6 if verb in BRIEF else 2 for verb in FLAGS), 1, 1])[0]
-    words = [flag for flag in FLAGS.get(verb, ["--help"]) if rng.random() < 0.12]
+    good = rng.random() < 0.4
+    words = [flag for flag in FLAGS.get(verb, ["--help"]) if rng.random() < (0.04 if good else 0.12)]
     if verb in ("show", "replay", "rerun"):
-        words += rng.choices(
-            ["evaluated", "evolved", "own", "nowhere", "own/text.npz", *HOSTILE], k=rng.choice([1, 1, 1, 2])
-        )
+        places = ["evaluated", "evolved"] if good else ["evaluated", "evolved", "own", "nowhere", *HOSTILE]
+        words += rng.choices(places, k=1 if good else rng.choice([1, 1, 1, 2]))
     elif verb in BRIEF:
-        words += [setting(verb, rng) for _ in range(rng.choice([1, 1, 1, 2, 3]))]
+        some = good_setting if good else setting
+        words += [some(verb, rng) for _ in range(rng.choice([1, 1, 1, 2, 3]))]
         if verb == "sweep":
-            words.insert(0, rng.choice(["obstacles", "light", "n_sweep", "nope", "../light", ""]))
+            words.insert(0, rng.choice(["obstacles", "light", "n_sweep", *([] if good else ["nope", "../light", ""])]))
         elif verb == "reproduce" and rng.random() < 0.5:
             words.insert(0, rng.choice(["light", "obstacles", "all", "nope", ""]))
         given = {word.lstrip("+~").partition("=")[0] for word in words}
         brief = [word for word in BRIEF[verb] if word.partition("=")[0] not in given]
         words += [] if "resume" in given else brief
     return [verb, *words]
+
+
+def good_setting(verb, rng):
+    """A choice of a group of a verb, or a key as it is anyway."""
+    choices = {group: names for group, names in groups(verb).items() if names}
+    key = rng.choice([*choices, *choices, *dict(_keys(verb))])
+    return f"{key}={rng.choice(choices[key]) if key in choices else dict(_keys(verb))[key]}"
 
 
 def setting(verb, rng):

@@ -263,8 +263,8 @@ def job_read(folder):
     """What a job of a sweep reads."""
     try:
         told = formats.record(runs.content(folder, "sweep.json"), folder / "sweep.json", formats.ListOfJobs)
-        file = min((folder / "jobs").glob("*.json"))
-        job = formats.record(file.read_bytes(), file, formats.JobAsked)
+        file = folder / "jobs" / f"{min(told['jobs'])}.json"
+        job = formats.record(runs.content(folder, f"jobs/{file.name}"), file, formats.JobAsked)
         engine.check_unchanged(job["config"], file.stem)
     except (ConfigError, JobFailedError) as error:
         return 2, str(error)

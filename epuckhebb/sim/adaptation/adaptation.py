@@ -16,6 +16,7 @@ from epuckhebb.sim.adaptation import change_signals as signals
 from epuckhebb.sim.adaptation import exploration
 from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, ChangeSignal, Now, keep_recent
 from epuckhebb.sim.adaptation.gate import need, resting
+from epuckhebb.sim.adaptation.homeostasis import HomeostasisRoom, homeostasis, homeostasis_room
 from epuckhebb.sim.adaptation.self_check.corrections import (
     CorrectionRoom,
     Corrections,
@@ -26,10 +27,12 @@ from epuckhebb.sim.adaptation.self_check.corrections import (
 )
 from epuckhebb.sim.adaptation.wall_following import wall_following
 from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.network import HIDDEN
 from epuckhebb.sim.random import room_for_noise
 from epuckhebb.sim.robot import STEP_S, Robot
 
 NONE = "none"
+_OF_NO_GATE = ("self_check", "dance_counts", "homeostasis")  # settings that need no signal of change
 
 
 @cache
@@ -61,7 +64,8 @@ class Adaptation:
     for so long, then closed for so long, and again; active_s 0: no rests. exploration: what the robot does while the
     gate is open. motor_noise: how hard it shakes, standard deviation of noise on both wheels' outputs. self_check:
     whether it dances before its life, and corrects what it finds. dance_counts: whether the dance is part of the
-    lifetime; otherwise the clock starts after it.
+    lifetime; otherwise the clock starts after it. homeostasis: whether its light synapses are scaled until the light
+    looks as it did at home.
 
     Raises:
         ValueError: a value is outside the range named in the message.
@@ -77,6 +81,7 @@ class Adaptation:
     motor_noise: float = 0.0
     self_check: bool = False
     dance_counts: bool = False
+    homeostasis: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
@@ -110,7 +115,7 @@ class Adaptation:
                 "follows a wall"
             )
         if self.change_signal == NONE:
-            of_gate = [field for field in fields(self)[2:] if field.name not in ("self_check", "dance_counts")]
+            of_gate = [field for field in fields(self)[2:] if field.name not in _OF_NO_GATE]
             unused = [field.name for field in of_gate if getattr(self, field.name) != field.default]
             if unused:
                 raise ValueError(
@@ -119,9 +124,14 @@ class Adaptation:
                 )
 
     @property
+    def is_gated(self) -> bool:
+        """Whether a signal of change opens and closes a gate."""
+        return self.change_signal != NONE
+
+    @property
     def needs_baseline(self) -> bool:
         """Whether it compares with what is remembered of the training world."""
-        return self.change_signal != NONE
+        return self.is_gated or self.homeostasis
 
     @property
     def acts(self) -> bool:
@@ -153,13 +163,15 @@ class AdaptationRoom(NamedTuple):
     """What an adaptation carries through a life besides its tally.
 
     recent: recent means, (inputs + 1,). hand: (1,) the side on which it follows a wall, 1 left, -1 right, 0 while it
-    follows none. corrections, correcting: what it corrects, and room for that. noise: workspace.
+    follows none. corrections, correcting: what it corrects, and room for that. homeostasis: of the light's scale.
+    noise: workspace.
     """
 
     recent: NDArray[np.float64]
     hand: NDArray[np.float64]
     corrections: Corrections
     correcting: CorrectionRoom
+    homeostasis: HomeostasisRoom
     noise: NDArray[np.float64]
 
 
@@ -170,6 +182,7 @@ def adaptation_room(robot: Robot, corrections: Corrections | None = None) -> Ada
         hand=np.zeros(1),
         corrections=no_corrections(robot) if corrections is None else corrections,
         correcting=correction_room(robot),
+        homeostasis=homeostasis_room(robot.lights),
         noise=np.zeros(room_for_noise(16)),
     )
 
@@ -177,21 +190,33 @@ def adaptation_room(robot: Robot, corrections: Corrections | None = None) -> Ada
 class Hooks(NamedTuple):
     """The functions of an adaptation that a lifetime calls.
 
-    correct(readings, corrections, room): makes the readings those that home would give. open_gate(gate, tally, room,
+    correct(readings, corrections, room): makes the readings those that home would give. scale(readings, weights, tally,
+    room, baseline, step): scales those of the light. open_gate(gate, tally, room,
     readings, fitness, baseline, at_goal, step, key): the need g for plasticity at this step. explore(gate, tally, room,
     readings, left, right, gain): what the wheels get of the network's outputs. compensate(output, loss, gain): what a
     wheel gets that turns by so much too slowly.
     """
 
     correct: Callable[..., None]
+    scale: Callable[..., None]
     open_gate: Callable[..., float]
     explore: Callable[..., tuple[float, float]]
     compensate: Callable[..., float]
 
 
 @cache
-def hooks(change_signal: str, robot: Robot, *, follows_walls: bool = False, self_check: bool = False) -> Hooks:
-    """The functions for a signal of change, an exploration and a self-check; without them, they are nothing.
+def hooks(
+    change_signal: str,
+    robot: Robot,
+    first_post: int = HIDDEN[0],
+    *,
+    follows_walls: bool = False,
+    self_check: bool = False,
+    homeostatic: bool = False,
+) -> Hooks:
+    """The functions for a signal of change, an exploration, a self-check and homeostasis; without them, nothing.
+
+    first_post: how many neurons the first layer of connections leads to.
 
     Raises:
         ValueError: the robot has not the sensors to follow walls with.
@@ -203,6 +228,7 @@ def hooks(change_signal: str, robot: Robot, *, follows_walls: bool = False, self
         explore = _following(wall_following(robot), limit)
     return Hooks(
         correct=corrected_readings if self_check else _as_sensed,
+        scale=homeostasis(robot.lights, first_post) if homeostatic else _unscaled,
         open_gate=_gated_by(_signal(change_signal)) if gated else _always_open,
         explore=explore if gated else _as_it_is,
         compensate=corrected_wheel(limit) if self_check else _as_commanded,
@@ -211,6 +237,18 @@ def hooks(change_signal: str, robot: Robot, *, follows_walls: bool = False, self
 
 @compiled
 def _as_sensed(readings: NDArray[np.float64], by: Corrections, room: CorrectionRoom) -> None:
+    pass
+
+
+@compiled
+def _unscaled(
+    readings: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    tally: Any,
+    room: HomeostasisRoom,
+    home: BaselineOfSide,
+    step: int,
+) -> None:
     pass
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim import random
 from epuckhebb.sim.adaptation.change_signal import RECENT_S, BaselineOfSide
+from epuckhebb.sim.adaptation.homeostasis import EVERY, lengths_of, remember_patterns
 from epuckhebb.sim.block import Individual, Outcome, live_block
 from epuckhebb.sim.lifetime import Lifetime, Samples, sample_bytes
 from epuckhebb.sim.maze import SIDES, Place, Side
@@ -22,8 +23,9 @@ from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import EXPERIMENTS, Scenario
 
 REPEATS = 10  # lifetimes a side
-_RECORD_EVERY = 4  # steps: eight samples a second
-_MOST = {"success": 1, "time_to_goal_s": np.inf, "away_s": np.inf, "fitness": 1, "reading_mean": 1, "reading_spread": 1}
+_RECORD_EVERY = EVERY  # steps: eight samples a second
+_SHARES = ("success", "fitness", "reading_mean", "reading_spread", "patterns")
+_MOST = {"time_to_goal_s": np.inf, "away_s": np.inf, **dict.fromkeys(_SHARES, 1)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +34,9 @@ class Baseline:
 
     experiment, scenario: where. gain_rad_s: at which pace. success: (2,) share of its lifetimes. time_to_goal_s: (2,)
     slowest arrival, nan if it never arrived. away_s: (2,) longest excursion from the goal afterwards. fitness:
-    (2, seconds) least recent live fitness. reading_mean, reading_spread: (2, inputs).
+    (2, seconds) least recent live fitness. reading_mean, reading_spread: (2, inputs). patterns: (64, lights) what the
+    light looks like there, and novelty: how unlike that it ever was; none, and infinite, in files that were written
+    before it was remembered.
 
     Raises:
         ValueError: a number is outside the range named in the message.
@@ -47,6 +51,8 @@ class Baseline:
     fitness: NDArray[np.float64]
     reading_mean: NDArray[np.float64]
     reading_spread: NDArray[np.float64]
+    patterns: NDArray[np.float64]
+    novelty: float
 
     def __post_init__(self) -> None:
         """Refuse memories that nobody can have."""
@@ -54,6 +60,8 @@ class Baseline:
             raise ValueError(f"experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
         if not 0 < self.gain_rad_s < np.inf:
             raise ValueError(f"gain_rad_s must be more than 0, got {self.gain_rad_s}")
+        if not self.novelty > 0:
+            raise ValueError(f"novelty must be more than 0, got {self.novelty}")
         for name, most in _MOST.items():
             values = getattr(self, name)
             never = np.isnan(values) if name == "time_to_goal_s" else False
@@ -69,6 +77,9 @@ class Baseline:
             self.fitness[k],
             self.reading_mean,
             self.reading_spread,
+            np.ascontiguousarray(self.patterns.T),
+            lengths_of(self.patterns),
+            self.novelty,
         )
 
 
@@ -130,6 +141,8 @@ def baseline_of(sides: list[Lived], scenario: Scenario, gain_rad_s: float) -> Ba
     """What is remembered of these lifetimes, of `live_at_home`."""
     arrivals = np.array([[outcome.time_to_goal for outcome, _ in side] for side in sides])
     readings = [np.concatenate([samples.sensors for _, samples in side]) for side in sides]
+    lights = scenario.robot.lights
+    patterns, novelty = remember_patterns([1.0 - samples.sensors[:, :lights] for side in sides for _, samples in side])
     return Baseline(
         experiment=scenario.experiment,
         scenario=scenario.name,
@@ -147,6 +160,8 @@ def baseline_of(sides: list[Lived], scenario: Scenario, gain_rad_s: float) -> Ba
         fitness=np.array([np.min([_recent_fitness(samples) for _, samples in side], axis=0) for side in sides]),
         reading_mean=np.array([side.mean(axis=0) for side in readings]),
         reading_spread=np.array([side.std(axis=0) for side in readings]),
+        patterns=patterns,
+        novelty=novelty,
     )
 
 

@@ -36,7 +36,9 @@ class BaselineOfSide(NamedTuple):
 
     time_to_goal_s: the slowest arrival; nan if it never arrived. away_s: the longest excursion from the goal
     afterwards. fitness: (seconds,) the least recent live fitness in each second. reading_mean, reading_spread:
-    (2, inputs) of the network's inputs, without and with the lamp.
+    (2, inputs) of the network's inputs, without and with the lamp. patterns, lengths: (lights, patterns) and
+    (patterns,) what the light looks like, and novelty: how unlike that it ever was (`epuckhebb.sim.adaptation
+    .homeostasis`); empty if that is not remembered.
     """
 
     time_to_goal_s: float
@@ -44,11 +46,16 @@ class BaselineOfSide(NamedTuple):
     fitness: NDArray[np.float64]
     reading_mean: NDArray[np.float64]
     reading_spread: NDArray[np.float64]
+    patterns: NDArray[np.float64]
+    lengths: NDArray[np.float64]
+    novelty: float
 
 
 def no_baseline(inputs: int) -> BaselineOfSide:
     """What a robot remembers that has nothing to compare with."""
-    return BaselineOfSide(np.nan, 0.0, np.zeros(1), np.zeros((2, inputs)), np.ones((2, inputs)))
+    return BaselineOfSide(
+        np.nan, 0.0, np.zeros(1), np.zeros((2, inputs)), np.ones((2, inputs)), np.zeros((0, 0)), np.zeros(0), np.inf
+    )
 
 
 def check_baseline(baseline: BaselineOfSide, inputs: int) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from epuckhebb.sim import random
 from epuckhebb.sim.adaptation.self_check.corrections import Corrections, no_corrections, sunlit
 from epuckhebb.sim.adaptation.self_check.dance import danced
-from epuckhebb.sim.adaptation.self_check.findings import Findings, find
+from epuckhebb.sim.adaptation.self_check.findings import MISFIT, Findings, find
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, check_robot, regression
 from epuckhebb.sim.lifetime import Danced
 from epuckhebb.sim.maze import Pose, Side
@@ -26,7 +26,6 @@ from epuckhebb.sim.scenario import Scenario
 
 LEAST_LIGHT, LEAST_LOSS = 0.1, 0.02  # smaller changes are not corrected
 ERRORS = 3.0  # nor those within so many standard errors
-MISFIT = 2.0  # more is left than known causes explain: spreads
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,6 +1,7 @@
 """What the self-check finds: dead sensors, weak wheels, and how bright the light is, each with its standard error.
 
-    dead    an infra-red sensor that read exactly 0 all the time; a healthy one always feels a little
+    dead    an infra-red sensor that read exactly 0 all the time; a healthy one always feels a little. If more than half
+            did, they are not dead: something else is wrong with all of them
     loss    of the wheels: least squares of (IR - M) / (s + 0.003) on [J_left, J_right, J_x, J_y, J_heading]
     rho     today's light over home's: sum(u u0) / sum(u0^2), u = 1 - reading, where the lamp makes no difference
     lamp    lit or not, whichever fits the light readings better where it does make one
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from epuckhebb.sim import light
 from epuckhebb.sim.adaptation.self_check.memory import REPEATS, SelfMemory
 
+MISFIT = 2.0  # more is left than known causes explain: spreads
 _LEAST_SPREAD = 0.003  # of a reading
 _LAMP_SHOWS = 0.01  # a reading differs by so much or more with the lamp
 _DARKEST, _BRIGHTEST = 0.02, 0.97  # of u: below there is nothing to compare, above a sensor is saturated
@@ -49,7 +51,8 @@ def find(readings: NDArray[np.float64], memory: SelfMemory) -> Findings:
     working = np.setdiff1d(np.arange(readings.shape[1] - lights), dead)
     causes, error, distance_misfit = _causes(readings, memory, lights + working)
     seeing = np.setdiff1d(np.arange(lights), dead)
-    shift = np.tensordot(causes, memory.effects[:, :, seeing], axes=1)
+    known = causes if distance_misfit <= MISFIT else np.zeros_like(causes)
+    shift = np.tensordot(known, memory.effects[:, :, seeing], axes=1)
     home = 1.0 - (memory.mean[:, :, seeing] + shift)
     ratio, ratio_error, light_misfit = light_ratio(1.0 - readings[:, seeing], home, memory.spread[:, seeing])
     return Findings(
@@ -65,8 +68,9 @@ def find(readings: NDArray[np.float64], memory: SelfMemory) -> Findings:
 
 
 def dead_sensors(distances: NDArray[np.float64]) -> NDArray[np.int64]:
-    """The numbers of those distance sensors, of (steps, sensors), that read exactly 0 all the time."""
-    return np.flatnonzero((distances == 0.0).all(axis=0))
+    """The numbers of those distance sensors, of (steps, sensors), that read exactly 0 all the time; half at most."""
+    silent = np.flatnonzero((distances == 0.0).all(axis=0))
+    return silent if 2 * len(silent) <= distances.shape[1] else silent[:0]
 
 
 def least_squares(

@@ -1,0 +1,109 @@
+"""`epuckhebb export RUN --webots`: a champion as a controller for Webots' e-puck."""
+
+import io
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from epuckhebb.app import files, runs
+from epuckhebb.app.config import EvaluateConfig, stored, typed
+from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.files import Genome
+from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.sim.controller import Controller
+from epuckhebb.sim.fitness import HISTORY_MEAN, HISTORY_STEPS
+from epuckhebb.sim.plasticity.control import Sign
+from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.robot import EPUCK
+
+_LIGHT_FULL_SCALE = 4095.0  # of Webots' e-puck in the dark, where our readings are 1
+_GPS_AXES = [[0, 1.0], [2, -1.0]]  # X and Y of a maze among the axes of a Webots world whose y points up
+_CONTROLLER = Path(__file__).with_name("webots_controller.py")
+
+
+def webots(what: str, folder: Path) -> Path:
+    """Write a controller that plays what a user names: a run of `evaluate`, with its plasticity, or a champion without.
+
+    Args:
+        what: A run folder of `evaluate` or `evolve`, `latest`, the file of a champion, `reference` or `reference_7`.
+        folder: The folder of the controller; the controller is called as it is.
+
+    Returns:
+        The controller.
+
+    Raises:
+        ConfigError: It cannot be played there, or the folder holds something.
+    """
+    genome, config = _asked(what)
+    if (genome.robot, genome.network.inputs) != (EPUCK.name, EPUCK.inputs):
+        raise ConfigError(f"{what} is for robot {genome.robot}; only {EPUCK.name} can be taken to Webots")
+    if folder.exists() and any(folder.iterdir()):
+        raise ConfigError(f"{folder} holds files already; give another folder with --output")
+    told = _told(genome, config)
+    genes = io.BytesIO()
+    np.save(genes, genome.weights.astype("<f8"))
+    try:
+        runs.write_whole(folder / "champion.json", (json.dumps(told, indent=1, allow_nan=False) + "\n").encode())
+        runs.write_whole(folder / "genes.npy", genes.getvalue())
+        runs.write_whole(folder / f"{folder.resolve().name}.py", _CONTROLLER.read_bytes())
+    except OSError as error:
+        raise ConfigError(f"cannot write {folder}: {error.strerror}") from error
+    return folder / f"{folder.resolve().name}.py"
+
+
+def _asked(what: str) -> tuple[Genome, EvaluateConfig]:
+    """The genome and the settings of a run; of a champion those of its experiment, without plasticity."""
+    path = runs.found(what)
+    if path.is_dir() and runs.read(path)["verb"] == "evaluate":
+        config = typed(stored(path, "evaluate"), EvaluateConfig)
+        genome = files.load_genome(config.genome, config.world.experiment, config.layers)
+        if genome.sha256 != runs.read(path)["genome_sha256"]:
+            raise ConfigError(f"genome={config.genome} is not the genome of {path}; its SHA-256 differs")
+        return genome, config
+    genome = files.load_genome(str(path), "obstacles")
+    home = "highlight" if genome.experiment == "light" else "base"
+    return genome, typed(composed("evaluate", [f"scenario={home}", "hebbian=none"]), EvaluateConfig)
+
+
+def _told(genome: Genome, config: EvaluateConfig) -> dict[str, Any]:
+    """All that the controller has to know, as JSON values."""
+    world = config.world
+    arms = {side: _bounds(arm._asdict()) for side, arm in world.maze.arms.items()}
+    return {
+        "genome": genome.name,
+        "sha256": genome.sha256,
+        "layers": list(genome.network.layers),
+        "lights": EPUCK.lights,
+        "weights": genome.weights.tolist(),
+        "gain_rad_s": config.lifetime.gain_rad_s,
+        "light_full_scale": _LIGHT_FULL_SCALE,
+        "distance_full_scale": EPUCK.full_scale,
+        "gps_axes": _GPS_AXES,
+        "arms": arms,
+        "goals": {side: list(goal) for side, goal in world.goals_now.items()},
+        "rule": _rule(config.controllers[0]) if config.controllers else None,
+    }
+
+
+def _bounds(arm: dict[str, float]) -> dict[str, float | None]:
+    return {name: bound if math.isfinite(bound) else None for name, bound in arm.items()}
+
+
+def _rule(controller: Controller) -> dict[str, Any]:
+    """The settings of the rule.
+
+    Raises:
+        ConfigError: It is not the paper's, or something is laid over it.
+    """
+    rule = controller.rule
+    if not isinstance(rule, Paper) or rule.sign is not Sign.hebbian or controller.adaptation.acts:
+        raise ConfigError(
+            f"controller {controller.name} cannot be taken to Webots: only the paper's rule can, without an adaptation "
+            "and with its own signs; or no plasticity (hebbian=none)"
+        )
+    history = {"history_steps": HISTORY_STEPS, "history_mean": HISTORY_MEAN}
+    return {**asdict(rule), "signal": rule.signal.name, "sign": rule.sign.name, **history}

@@ -1,0 +1,157 @@
+"""`epuckhebb export --webots`: the controller drives as our own robot does, given what that one felt."""
+
+import importlib.util
+import json
+import re
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import epuckhebb
+from epuckhebb.app import files
+from epuckhebb.app.cli import app
+from epuckhebb.sim.network import PAPER_NETWORK, forward_pass
+
+ROOT = Path(__file__).parents[1]
+SECONDS = 6.4
+
+
+def call(*words):
+    return CliRunner().invoke(app, list(words))
+
+
+class StandIn:
+    """The devices of Webots, which give back what one of our robots felt, step by step, and note the commands."""
+
+    def __init__(self, sensors, pose):
+        self.sensors, self.pose, self.now, self.speeds = sensors, pose, -1, []
+        self.module = types.ModuleType("controller")
+        self.module.Robot = lambda: self
+
+    def getDevice(self, name):  # noqa: N802  # as Webots has it
+        return Device(self, name)
+
+    def step(self, duration):
+        assert duration == 32
+        self.now += 1
+        return 0 if self.now < len(self.sensors) else -1
+
+
+class Device:
+    def __init__(self, robot, name):
+        self.robot, self.name = robot, name
+
+    def enable(self, period):
+        assert period == 32
+
+    def getValue(self):  # noqa: N802
+        number = int(self.name[2])
+        scale, first = (4095.0, 0) if self.name.startswith("ls") else (2000.0, 8)
+        return scale * self.robot.sensors[self.robot.now, first + number]
+
+    def getValues(self):  # noqa: N802
+        x, y, _ = self.robot.pose[self.robot.now]
+        return [x, 0.0, -y]
+
+    def setPosition(self, position):  # noqa: N802
+        assert position == np.inf
+
+    def setVelocity(self, speed):  # noqa: N802
+        if self.robot.now >= 0:
+            self.robot.speeds.append(speed)
+
+
+def played(monkeypatch, controller, traces, lifetime, side):
+    """Let the controller drive through a lifetime; returns its speeds and its weights in the end."""
+    robot = StandIn(traces["sensors"][lifetime], traces["pose"][lifetime])
+    monkeypatch.setitem(sys.modules, "controller", robot.module)
+    monkeypatch.setattr(sys, "argv", ["champion.py", side])
+    spec = importlib.util.spec_from_file_location("played", controller)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    players = []
+
+    class Noted(module.Player):
+        def __init__(self, *told):
+            super().__init__(*told)
+            players.append(self)
+
+    module.Player = Noted
+    module.main()
+    weights = np.concatenate([np.ravel(rows) for rows in players[0].weights])
+    return np.reshape(robot.speeds, (-1, 2)), weights
+
+
+@pytest.mark.parametrize("signal", ["behaviour", "final", "lifetime_mean", "light_code"])
+def test_the_controller_drives_and_learns_as_our_robot(tmp_path, monkeypatch, signal):
+    monkeypatch.chdir(tmp_path)
+    words = [f"hebbian.signal={signal}", "hebbian.N=0.002", "repeats=1", "lifetime.record_every=1", "seed=3"]
+    fast = ["lifetime.gain_rad_s=5", f"lifetime.duration_s={SECONDS}"]
+    start = "maze.start={x: 0.03, y: 0.15, heading_deg: 30}"  # soon in the arm: the junction term matters
+    result = call("evaluate", *words, *fast, start, "hydra.run.dir=run", "-q")
+    assert result.exit_code == 0, result.output
+    result = call("export", "run", "--webots", "-o", "controllers/mine")
+    assert result.exit_code == 0, result.output
+    assert result.stdout.strip() == "controllers/mine/mine.py"
+    with np.load("run/traces.npz") as held:
+        traces = dict(held)
+    for lifetime, (controller, side) in enumerate(zip(traces["controller"], traces["side"], strict=True)):
+        if controller == "GA":
+            continue
+        speeds, weights = played(monkeypatch, "controllers/mine/mine.py", traces, lifetime, side)
+        np.testing.assert_allclose(speeds, 5 * traces["motors"][lifetime], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(weights, traces["weights"][lifetime, -1], rtol=0, atol=1e-6)
+        assert np.abs(weights - traces["genome"]).sum() > 1
+    if signal == "behaviour":
+        x, y, _ = traces["pose"][-1, -1]
+        assert x > 0.08
+        assert y > 0.1
+
+
+def test_the_order_of_the_genes_is_that_of_the_page(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (script,) = re.findall(
+        r"^```python\n(.*?)^```$", (ROOT / "docs" / "webots.md").read_text(), re.MULTILINE | re.DOTALL
+    )
+    assert call("export", "reference_7", "--webots", "-o", "controllers/genes_only").exit_code == 0
+    names = {}
+    exec(script, names)
+    readings, first = np.random.default_rng(1).random(16), names["first"]
+    genes = epuckhebb.load("reference_7")
+    activation, drive = np.zeros(PAPER_NETWORK.neurons), np.zeros(16)
+    activation[:17] = [*readings, 1]
+    forward_pass(PAPER_NETWORK)(genes, activation, drive)
+    np.testing.assert_allclose(activation[17:24], np.tanh(readings @ first[:16] + first[16]), atol=1e-12)
+
+
+def test_a_champion_is_played_without_plasticity_with_genes_in_their_order(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert call("export", "reference_7", "--webots").exit_code == 0
+    told = json.loads(Path("epuckhebb_champion/champion.json").read_text())
+    assert told["rule"] is None
+    genes = np.load("epuckhebb_champion/genes.npy")
+    np.testing.assert_array_equal(genes, files.load_genome("reference_7", "obstacles").genes)
+    np.testing.assert_array_equal(genes, told["weights"])
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["reference"], "say so with --webots"),
+        (["nowhere", "--webots"], "nowhere does not exist"),
+        (["late", "--webots"], "controller late cannot be taken to Webots"),
+        (["reference", "--webots", "-o", "late"], "late holds files already"),
+    ],
+)
+def test_what_cannot_be_exported_is_refused(tmp_path, monkeypatch, words, message):
+    monkeypatch.chdir(tmp_path)
+    short = ["lifetime.duration_s=0.064", "repeats=1", "lifetime.record_every=0", "-q"]
+    assert call("evaluate", "adaptation=late", *short, "hydra.run.dir=late").exit_code == 0
+    result = call("export", *words)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["late"]

@@ -1,0 +1,112 @@
+"""`epuckhebb show` of everything that can be named, and the word `latest`."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from epuckhebb.app.cli import app
+
+SHORT = ["lifetime.duration_s=0.064", "repeats=1"]
+TINY = ["ga.population=4", "ga.generations=2", "ga.elites=1", "ga.loops=1", "lifetime.duration_s=0.064", "-q"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with an evolution, two evaluations, a multirun and a sweep, in this order."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("runs"))
+        for words in (
+            ["evolve", *TINY],
+            ["evaluate", *SHORT, "genome=latest", "-q"],
+            ["evaluate", *SHORT, "seed=2", "-q"],
+            ["evaluate", *SHORT, "-m", "seed=3,4", "lifetime.record_every=0", "-q"],
+            ["sweep", "light", *SHORT, "scenario.light=1,0.5", "hydra/launcher=basic", "-q"],
+        ):
+            result = call(*words)
+            assert result.exit_code == 0, result.output
+        yield Path.cwd()
+
+
+@pytest.fixture
+def _there(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("COLUMNS", "300")
+
+
+def call(*words):
+    return CliRunner().invoke(app, list(words))
+
+
+def shown(*words):
+    result = call("show", *words)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+@pytest.mark.usefixtures("_there")
+def test_without_a_name_it_tells_of_the_latest_runs():
+    told = shown()
+    assert "fitness" in told
+    assert "success of 8 conditions" in told
+    assert told.count("_multirun/") == 2
+    known = json.loads(shown("--json"))["runs"]
+    assert [Path(run).parts[1] for run in known] == ["evolve", *["evaluate"] * 4, "sweep"]
+
+
+def test_without_runs_it_says_how_to_begin(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert "epuckhebb evaluate" in shown()
+    assert json.loads(shown("--json")) == {"runs": []}
+
+
+@pytest.mark.usefixtures("_there")
+def test_latest_is_the_one_of_the_last_call():
+    assert json.loads(shown("latest", "--json"))["verb"] == "sweep"
+
+
+@pytest.mark.usefixtures("_there")
+def test_a_multirun_is_a_line_a_run():
+    (multirun,) = Path("runs/evaluate").glob("*_multirun")
+    told = shown(str(multirun))
+    assert "seed=3" in told
+    assert "seed=4" in told
+    assert [run["seed"] for run in json.loads(shown(str(multirun), "--json"))["runs"]] == [3, 4]
+
+
+@pytest.mark.usefixtures("_there")
+def test_champions_by_their_file_and_by_their_name():
+    (file,) = Path("runs/evolve").glob("*/champion.npz")
+    assert "234 weights" in shown(str(file))
+    told = shown("reference_7")
+    assert "reference_7, of the light experiment" in told
+    assert "reference_7, of the obstacles experiment" in told
+    assert [one["layers"] for one in json.loads(shown("reference", "--json"))["genomes"]] == [[16, 7, 5, 8, 4, 2]] * 2
+
+
+@pytest.mark.usefixtures("_there")
+def test_the_champion_of_the_latest_evolution_is_written_down_by_its_folder():
+    (evolved,) = Path("runs/evolve").iterdir()
+    runs = [json.loads(file.read_text()) for file in Path("runs/evaluate").glob("*_seed1/provenance.json")]
+    assert [run["genome"] for run in runs] == [evolved.name]
+    assert f"genome={evolved}" in runs[0]["overrides"]
+
+
+def test_verbs_take_the_latest_run_that_they_can_use(folder, tmp_path, monkeypatch):
+    monkeypatch.chdir(folder)
+    page = tmp_path / "page.html"
+    result = call("replay", "latest", "--output", str(page))
+    assert "recorded nothing" in result.stderr  # the second job of the multirun
+    assert "_multirun" in result.stderr
+    result = call("evolve", "resume=latest", "-q")
+    assert result.exit_code == 0, result.output
+
+
+@pytest.mark.parametrize("words", [["replay", "latest"], ["rerun", "latest"], ["evaluate", "genome=latest"]])
+def test_without_runs_there_is_no_latest(words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = call(*words)
+    assert result.exit_code == 2
+    assert "there is no run of `epuckhebb ev" in result.stderr
+    assert list(tmp_path.iterdir()) == []
