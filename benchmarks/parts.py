@@ -16,7 +16,7 @@ from epuckhebb.sim.network import PAPER_NETWORK, forward_pass, weights_at_birth
 from epuckhebb.sim.physics import PymunkSpace, mover
 from epuckhebb.sim.plasticity.paper import Paper
 from epuckhebb.sim.plasticity.rule import kept_at_birth
-from epuckhebb.sim.plasticity.update import update_of
+from epuckhebb.sim.plasticity.update import Now, update_of
 from epuckhebb.sim.plasticity.weight_change import room
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.robot import EPUCK, sense_room, senses
@@ -51,9 +51,22 @@ def network_loop(n, weights, activation, drive):
 
 
 @loop
-def plasticity_loop(n, weights, kept, genes, coefficients, activation, signs, numbers, room, change):
+def plasticity_loop(n, weights, kept, genes, coefficients, activation, lengths, signs, numbers, room, change):
     for _ in range(n):
-        learn(weights, kept, genes, coefficients, activation, 1e-9, signs, numbers, room, change)
+        learn(
+            weights,
+            kept,
+            genes,
+            coefficients,
+            activation,
+            1e-9,
+            Now(0.5, np.uint64(1), 0),
+            lengths,
+            signs,
+            numbers,
+            room,
+            change,
+        )
 
 
 @loop
@@ -74,6 +87,7 @@ def measure() -> list[tuple[str, str]]:
         genes,
         np.empty((0, network.synapses)),
         activation,
+        np.empty(0),
         np.ones(network.synapses),
         settings,
         np.empty((3, network.synapses)),

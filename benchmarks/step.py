@@ -13,15 +13,16 @@ from statistics import median
 
 import numpy as np
 
+from epuckhebb.app.parts import rule_class, rule_names
+from epuckhebb.evolution.optimizer import initial
 from epuckhebb.sim.block import Individual, live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.plasticity.bcm import BCM
-from epuckhebb.sim.plasticity.differential import Differential
-from epuckhebb.sim.plasticity.oja import Oja
+from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.plasticity.paper import Paper
-from epuckhebb.sim.plasticity.rule import Rule
+from epuckhebb.sim.plasticity.rule import Births, Rule
 from epuckhebb.sim.random import Stream, key
 from epuckhebb.sim.scenario import Scenario
 
@@ -35,16 +36,20 @@ GENES = Path(__file__).parents[1] / "runs" / "reference" / "champion_obstacles.n
 
 
 def by(rule: type[Rule]) -> Controller:
-    """A controller with this rule, at the paper's rate."""
-    return Controller(name="Hebbian", rule=rule(N=0.000015))
+    """A controller with this rule, at the paper's rate; weights at birth are the champion's."""
+    return Controller(name="Hebbian", rule=rule(N=0.000015, births=Births.evolved))
 
 
 HEBBIAN = by(Paper)
 
 
 def individuals(count: int, controller: Controller = HEBBIAN) -> list[Individual]:
-    """So many lifetimes of the bundled champion, each with its own noise, left and right in turn."""
-    genes = np.load(GENES)["genome"]
+    """So many lifetimes of the bundled champion, each with its own noise, left and right in turn.
+
+    What a rule evolves is drawn at random.
+    """
+    genes = initial(np.random.default_rng(1), 1, plan_of(PAPER_NETWORK, type(controller.rule)))[0]
+    genes[: PAPER_NETWORK.synapses] = np.load(GENES)["genome"]
     return [
         Individual(
             genes=genes, side=SIDES[robot % 2], controller=controller, key=key(1, Stream.evaluation_noise, robot)
@@ -63,7 +68,7 @@ def microseconds(run: Callable[[], int], clock: Callable[[], float] = time.proce
 def measure() -> list[tuple[str, str]]:
     """A step of each engine, measured in turn; CPU time, medians, and the median of the ratios pair by pair."""
     block, without = individuals(50), individuals(50, GA_ALONE)
-    others = {rule.__name__: individuals(50, by(rule)) for rule in (Oja, BCM, Differential)}
+    others = {name: individuals(50, by(rule_class(name, "hebbian"))) for name in rule_names() if name != "paper"}
 
     def ours(robots: list[Individual]) -> int:
         live_block(robots, SCENARIO, LIFETIME)
@@ -89,11 +94,17 @@ def measure() -> list[tuple[str, str]]:
         )
         for _ in range(REPEATS)
     ]
-    fast, fixed, slow, *rest = (median(column) for column in zip(*times, strict=True))
+    columns = list(zip(*times, strict=True))
+    fast, fixed, slow = (median(column) for column in columns[:3])
+    rest = columns[3:]
+    ratios = [median(one / none for one, none in zip(column, columns[1], strict=True)) for column in rest]
     return [
         ("plain pymunk + NumPy, plasticity on", f"{slow:.1f} us"),
         ("epuckhebb, block of 50, plasticity on", f"{fast:.2f} us"),
-        *((f"the same, rule {name}", f"{figure:.2f} us") for name, figure in zip(others, rest, strict=True)),
+        *(
+            (f"the same, rule {name}", f"{median(column):.2f} us, {ratio:.2f} x N = 0")
+            for name, column, ratio in zip(others, rest, ratios, strict=True)
+        ),
         ("epuckhebb, block of 50, N = 0", f"{fixed:.2f} us"),
         ("ratio, plasticity on", f"{median(p / f for f, _, p, *_ in times):.0f}"),
     ]
@@ -101,4 +112,4 @@ def measure() -> list[tuple[str, str]]:
 
 if __name__ == "__main__":
     for name, figure in measure():
-        print(f"{name:40s} {figure:>10s}")
+        print(f"{name:40s} {figure}")

@@ -18,7 +18,7 @@ from epuckhebb.sim.network import PAPER_NETWORK
 
 STEP = 0.032
 WALL, ROBOT = pymunk.ShapeFilter(categories=1), pymunk.ShapeFilter(categories=2)
-_ROOM, _BITS = {}, numba.njit(random.bits)
+_ROOM, _BITS, _NORMAL = {}, numba.njit(random.bits), numba.njit(random.normal)
 
 
 def noise(key, step, count):
@@ -72,9 +72,14 @@ class Robot:
 
         self.shapes = list(pairwise([*network.layers]))
         self.shapes[0] = (network.layers[0] + 1, network.layers[1])
-        self.genes = self.by_layer(np.clip(genes[: sum(n * m for n, m in self.shapes)], -2, 2))
+        synapses = sum(n * m for n, m in self.shapes)
+        self.genes = self.by_layer(np.clip(genes[:synapses], -2, 2))
+        if controller.rule.births.name == "random":
+            drawn = random.rng(int(self.key), random.Stream.births).uniform(-0.1, 0.1, synapses)
+            self.genes = self.by_layer(drawn)
         self.signs = self.by_layer(np.ones(sum(g.size for g in self.genes)) if signs is None else signs)
         self.controller, self.rule, self.adaptation = controller, controller.rule, controller.adaptation
+        self.evolved = self.parts_of(genes[synapses:])
         self.be_born()
         self.junction, self.undirected = 0.0, 0.0
         self.baseline, self.recent, self.arrived, self.away, self.late = baseline, None, False, 0.0, 0.0
@@ -87,6 +92,21 @@ class Robot:
     def by_layer(self, values):
         cuts = np.cumsum([n * m for n, m in self.shapes])[:-1]
         return [part.reshape(shape) for part, shape in zip(np.split(values, cuts), self.shapes, strict=True)]
+
+    def parts_of(self, genes):
+        """The evolved parameters of the rule by name: a number, or lists by layer, by neuron, by synapse."""
+        layers = [self.shapes[0][0], *(m for _, m in self.shapes)]
+        sizes = {"network": 1, "layer": len(self.shapes), "neuron": sum(layers), "modulator": layers[-2] + 1}
+        parts = {}
+        for name, evolved in self.rule.evolved.items():
+            size = sizes.get(evolved.per, evolved.per)
+            part, genes = np.split(genes, [sum(g.size for g in self.genes) if size == "synapse" else size])
+            if size == "synapse":
+                part = self.by_layer(part)
+            elif evolved.per == "neuron":
+                part = np.split(part, np.cumsum(layers)[:-1])
+            parts[name] = part
+        return parts
 
     def be_born(self):
         """The weights are the genes, and nothing is kept."""
@@ -149,6 +169,12 @@ class Robot:
         fitness = self.live_fitness(readings, left, right, combined, math.dist((x, y), self.goal))
         need = self.need(readings, fitness, (x, y)) if self.adaptation.is_gated else 1.0
         rate = self.rule.N * need * max(self.rule.floor, fitness)
+        if self.rule.N_gain_rad_s:
+            rate *= self.gain / self.rule.N_gain_rad_s
+        if "v" in self.evolved and self.rule.N > 0:
+            *v, v0 = self.evolved["v"]
+            rate *= np.tanh((np.dot(v, activations[-2]) + v0) / 2)
+        self.fitness = fitness
         if need == 0:
             self.be_born()
         elif self.rule.N > 0:
@@ -381,6 +407,9 @@ class Robot:
         for k, (pre, post) in enumerate(pairwise(activations)):
             direction = getattr(self, type(self.rule).__name__.lower())(k, pre[:, None], post[None, :], self.kept[k])
             self.weights[k] = np.clip(self.weights[k] + rate * self.signs[k] * direction, -w_max, w_max)
+            if self.rule.keeps_lengths:
+                now, at_birth = (np.linalg.norm(w, axis=0) for w in (self.weights[k], self.genes[k]))
+                self.weights[k] = np.clip(self.weights[k] / now * at_birth, -w_max, w_max)
 
     def paper(self, layer, pre, post, kept):
         kept["trace"] = self.rule.trace_decay * kept["trace"] + self.rule.trace_update * (pre * post)
@@ -398,6 +427,47 @@ class Robot:
         kept["pre"] = kept["pre"] + share * (pre - kept["pre"])
         kept["post"] = kept["post"] + share * (post - kept["post"])
         return kept["pre"] * post - pre * kept["post"]
+
+    def abcd(self, layer, pre, post, kept):
+        A, B, C, D, eta = (self.evolved[name][layer] for name in ("A", "B", "C", "D", "eta"))
+        back = self.rule.leak * (self.weights[layer] - self.genes[layer])
+        return eta * (A * pre * post + B * pre + C * post + D) - back
+
+    abcdshared = abcd
+
+    def abcdneuron(self, layer, pre, post, kept):
+        (A, _), (_, B), C, D, eta = (self.evolved[name][layer : layer + 2] for name in ("A", "B", "C", "D", "eta"))
+        both = C[0][:, None] * C[1] * pre * post + A[:, None] * pre + B * post + D[0][:, None] * D[1]
+        return (eta[0][:, None] + eta[1]) / 2 * both - self.rule.leak * (self.weights[layer] - self.genes[layer])
+
+    def modulated(self, layer, pre, post, kept):
+        A, B, C, D, eta = (self.evolved[name][0] for name in ("A", "B", "C", "D", "eta"))
+        return eta * (A * pre * post + B * pre + C * post + D)
+
+    def discrete(self, layer, pre, post, kept):
+        high, low = 0.8 + 0.2 * self.evolved["high"][0], 0.6 + 0.2 * self.evolved["low"][0]
+        if low <= self.fitness <= high:
+            return np.zeros(pre.shape[0])[:, None] * post
+        table = self.evolved["when_better" if self.fitness > high else "when_worse"]
+        fires = [(x > self.evolved["threshold"][0]).astype(int) for x in (pre, post)]
+        return self.evolved["eta"][0] * np.round(table)[2 * fires[0] + fires[1]]
+
+    def online(self, layer, pre, post, kept):
+        weights, first = self.weights[layer], sum(g.size for g in self.genes[:layer])
+        if "child" not in kept:
+            kept |= {"child": weights, "parent": weights, "best": -1, "window": []}
+        kept["window"].append(self.fitness)
+        if len(kept["window"]) == int(self.rule.window_s / STEP):
+            mean = sum(kept["window"]) / len(kept["window"])
+            if mean > kept["best"]:
+                kept |= {"parent": kept["child"], "best": mean}
+            place = 2**52 + (self.step_number - 1) * 2**17 + first
+            drawn = [_NORMAL(self.key, place + k) for k in range(weights.size)]
+            kept |= {"child": kept["parent"] + self.rule.sigma * np.reshape(drawn, weights.shape), "window": []}
+        return kept["child"] - weights
+
+    def baldwinn(self, layer, pre, post, kept):
+        return 10 ** self.evolved["theta"][0] * self.paper(layer, pre, post, kept)
 
     def move(self, left, right, heading):
         kind = self.kind

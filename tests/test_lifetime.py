@@ -160,6 +160,8 @@ class Paused:
             weights_at_birth(genes),
             kept_at_birth(type(rule), network),
             np.empty((0, network.synapses)),
+            np.empty(0),
+            np.empty(0),
             np.ones_like(genes),
         )
         self.life = born(self.birth, network, robot)

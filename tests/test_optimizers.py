@@ -20,6 +20,7 @@ from epuckhebb.app.parts import optimizer_from, optimizer_names
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizers import sep_cma_es
 from epuckhebb.evolution.optimizers.ga import GA
+from epuckhebb.evolution.optimizers.open_es import OpenEs
 from epuckhebb.evolution.optimizers.sep_cma_es import SepCmaEs
 from epuckhebb.evolution.training import HOME, Training
 from epuckhebb.sim.genome import GenomePlan, Part
@@ -30,6 +31,7 @@ PLAN = GenomePlan((Part("weights", 20), Part("rate", 3, start=0.5, limit=0.75), 
 SMALL = {
     "ga": GA(population=6, elites=2, loops=1, generations=4),
     "sep_cma_es": SepCmaEs(population=4, starts=5, generations=4, confirm=2),
+    "open_es": OpenEs(population=4, starts=5, generations=4, confirm=2),
 }
 TINY = ["optimizer=sep_cma_es", "optimizer.population=4", "optimizer.starts=3", "optimizer.confirm=2"]
 TINY += ["lifetime.duration_s=3", "threads=1", "-q"]
@@ -92,7 +94,11 @@ def test_another_seed_is_another_search(name):
 
 @pytest.mark.parametrize("name", SMALL)
 def test_genes_stay_within_the_limits_of_their_parts(name):
-    wide = {"ga": GA(mutation_range=9.0, mutation_rate=0.5), "sep_cma_es": SepCmaEs(sigma=4.0)}[name]
+    wide = {
+        "ga": GA(mutation_range=9.0, mutation_rate=0.5),
+        "sep_cma_es": SepCmaEs(sigma=4.0),
+        "open_es": OpenEs(sigma=4.0, learning_rate=9.0),
+    }[name]
     search = wide.search(PLAN, seed=1)
     limit = np.repeat([wide.gene_limit, 0.75, wide.gene_limit], [20, 3, 1])
     for _ in range(5):
@@ -103,7 +109,9 @@ def test_genes_stay_within_the_limits_of_their_parts(name):
     assert np.abs(population[:, 20:23]).max() == 0.75
 
 
-@pytest.mark.parametrize(("name", "spoilt"), [("ga", "population"), ("sep_cma_es", "mean"), ("sep_cma_es", "C")])
+@pytest.mark.parametrize(
+    ("name", "spoilt"), [("ga", "population"), ("sep_cma_es", "mean"), ("sep_cma_es", "C"), ("open_es", "mean")]
+)
 def test_a_state_of_another_search_is_refused(name, spoilt):
     search = SMALL[name].search(PLAN, seed=5)
     generations(search, 2)
@@ -113,8 +121,9 @@ def test_a_state_of_another_search_is_refused(name, spoilt):
         SMALL[name].search(PLAN, 5, {key: array for key, array in search.state.items() if key != spoilt})
 
 
-def test_sep_cma_es_begins_around_the_fittest_of_its_first_generation():
-    search = SMALL["sep_cma_es"].search(PLAN, seed=5)
+@pytest.mark.parametrize("name", ["sep_cma_es", "open_es"])
+def test_a_strategy_begins_around_the_fittest_of_its_first_generation(name):
+    search = SMALL[name].search(PLAN, seed=5)
     population = search.ask()
     assert population.shape == (5, 24)
     fitness = np.array([0.0, 1.0, 3.0, 2.0, 0.0])
@@ -127,6 +136,55 @@ def test_sep_cma_es_finds_what_there_is_to_find():
     search = SepCmaEs(population=12).search(PLAN, seed=5)
     generations(search, 150)
     np.testing.assert_allclose(search.candidates()[0], 0.6, atol=0.02)
+
+
+def test_open_es_finds_what_there_is_to_find():
+    search = OpenEs().search(PLAN, seed=5)
+    generations(search, 150)
+    np.testing.assert_allclose(search.candidates()[0], 0.6, atol=0.1)
+
+
+def test_a_step_of_open_es_goes_by_ranks_of_antithetic_pairs():
+    search = OpenEs(population=4, starts=2, sigma=0.1, learning_rate=0.2).search(PLAN, seed=5)
+    search.ask()
+    search.tell(np.array([1.0, 0.0]))
+    (mean, *_), population = search.candidates(), search.ask()
+    one, other = (population[:2] - mean) / 0.1  # e of both pairs
+    np.testing.assert_allclose(population[2:], [mean - 0.1 * one, mean - 0.1 * other], atol=1e-12)
+    search.tell(np.array([3.0, -1.0, 0.5, 2.0]))  # ranks .5, -.5, -1/6, 1/6
+    expected = mean + 0.2 / (4 * 0.1) * (0.5 * one - 0.5 * other + one / 6 - other / 6)
+    weights = slice(0, 20)  # in units of 1
+    np.testing.assert_allclose(search.candidates()[0][weights], expected[weights], atol=1e-12)
+
+
+RULES = GenomePlan((Part("weights", 3), Part("A", 16, limit=2.0), Part("eta", 16, limit=2.0)))
+
+
+def test_rules_of_synapses_are_merged_into_half_as_many():
+    merging = OpenEs(population=4, starts=3, merges=3, merge_every=2)
+    search = merging.search(RULES, seed=5)
+    counts = []
+    for _ in range(10):
+        population = search.ask()
+        rules = [np.unique(np.stack([one[3:19], one[19:]], axis=1), axis=0) for one in population]
+        counts.append(max(map(len, rules)))
+        search.tell(sphere(population))
+    assert counts[:3] == [16, 16, 16]
+    assert counts[3] <= 8
+    assert counts[5] <= 4
+    assert 1 <= counts[7] == counts[9] <= 2
+    again = merging.search(RULES, seed=5)
+    generations(again, 4)
+    again = merging.search(RULES, 5, through_a_file(again.state))
+    assert generations(again, 6).tobytes() == population.tobytes()
+
+
+@pytest.mark.parametrize(
+    "plan", [PLAN, GenomePlan((Part("weights", 20),)), GenomePlan((Part("weights", 4), Part("N", 1)))]
+)
+def test_where_synapses_have_no_rules_there_is_nothing_to_merge(plan):
+    with pytest.raises(ValueError, match=r"optimizer\.merges needs a rule of which all is evolved for each synapse"):
+        OpenEs(merges=1).check(plan)
 
 
 def test_what_is_stored_of_a_search_is_all_that_the_library_changes():
@@ -148,6 +206,8 @@ def test_what_is_stored_of_a_search_is_all_that_the_library_changes():
 )
 def test_sep_cma_es_takes_as_many_robot_steps_as_the_paper(training, generations):
     life, paper, es = Lifetime(duration_s=60, gain_rad_s=4), GA(), SepCmaEs()
+    assert OpenEs(population=30).schedule(training, life) == es.schedule(training, life)
+    assert OpenEs().schedule(HOME, life).generations == 111
     schedule = es.schedule(training, life)
     assert schedule == (generations, training.loops)
     lifetimes = (es.starts + (generations - 1) * es.population) * schedule.loops * 2 + 3 * es.confirm
@@ -156,11 +216,12 @@ def test_sep_cma_es_takes_as_many_robot_steps_as_the_paper(training, generations
     assert SepCmaEs(generations=7, loops=3).schedule(training, life) == (7, 3)
 
 
-def test_an_evolution_by_sep_cma_es_can_be_stopped_anywhere():
+@pytest.mark.parametrize("name", ["sep_cma_es", "open_es"])
+def test_an_evolution_by_a_strategy_can_be_stopped_anywhere(name):
     settings = {"training": Training(gain_rad_s=[3.0, 6.0], start_noise=1.0), "seed": 5}
     life = Lifetime(duration_s=3, gain_rad_s=4)
-    whole = list(evolve(SMALL["sep_cma_es"], Scenario(), life, **settings))
-    resumed = list(evolve(SMALL["sep_cma_es"], Scenario(), life, after=whole[1], threads=2, **settings))
+    whole = list(evolve(SMALL[name], Scenario(), life, **settings))
+    resumed = list(evolve(SMALL[name], Scenario(), life, after=whole[1], threads=2, **settings))
     assert [one.fitness.size for one in whole] == [5, 4, 4, 4]
     for one, other in zip(whole[2:], resumed, strict=True):
         assert one.fitness.tobytes() == other.fitness.tobytes()
@@ -218,11 +279,25 @@ def test_a_multirun_may_vary_seed_and_training(tmp_path):
         (["optimizer=sep_cma_es", "ga=as_coded"], "those of optimizer=sep_cma_es are optimizer.population"),
         (["optimizer.algorithm=sep_cma_es"], "Leave out ga, or give optimizer=ga"),
         (["optimizer.population=20"], "optimizer.population does nothing with optimizer=ga"),
-        (["optimizer.algorithm=other"], "optimizer.algorithm must be one of ga, sep_cma_es, got 'other'"),
+        (["optimizer.algorithm=other"], "optimizer.algorithm must be one of ga, open_es, sep_cma_es, got 'other'"),
         (["optimizer=other"], "sep_cma_es"),
         (["optimizer=sep_cma_es", "optimizer.elites=2"], "optimizer.elites is not a setting of optimizer sep_cma_es"),
         (["optimizer=sep_cma_es", "optimizer.population=1"], "optimizer.population must be 4 or more, got 1"),
         (["optimizer=sep_cma_es", "optimizer.sigma=0"], "optimizer.sigma must be more than 0, got 0"),
+        (
+            ["optimizer=open_es", "optimizer.population=5"],
+            "optimizer.population must be even, as individuals come in pairs",
+        ),
+        (
+            ["optimizer=evolve_and_merge", "hebbian=none"],
+            "optimizer.merges needs a rule of which all is evolved for each synapse, as",
+        ),
+        (["optimizer=open_es", "optimizer.merges=-1"], "optimizer.merges must be 0 or more, got -1"),
+        (["optimizer=open_es", "optimizer.learning_rate=0"], "optimizer.learning_rate must be more than 0, got 0"),
+        (
+            ["optimizer=open_es", "optimizer.learning_rate_decay=2"],
+            "optimizer.learning_rate_decay must be more than 0 and",
+        ),
         (["optimizer=sep_cma_es", "optimizer.generations=many"], "optimizer.generations must be a whole number"),
         (["optimizer=sep_cma_es", "training=varied", "optimizer.loops=1"], "which are 1"),
     ],

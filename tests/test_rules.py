@@ -19,7 +19,7 @@ from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.paper import Paper
 from epuckhebb.sim.plasticity.rule import Evolved, Rule, asked, coefficients, kept_at_birth
-from epuckhebb.sim.plasticity.update import update_of
+from epuckhebb.sim.plasticity.update import Now, update_of
 from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
 from epuckhebb.sim.scenario import Scenario
 
@@ -122,8 +122,8 @@ class Simple(Rule):
         return pre
 
 
-def one_update(weights, kept, genes, coefficients, activation, rate, of_updates, numbers, synapses, change):
-    return learn(weights, kept, genes, coefficients, activation, rate, of_updates, numbers, synapses, change)  # noqa: F821  # a part
+def one_update(weights, kept, genes, evolved, activation, rate, now, lengths, of_updates, numbers, room, change):
+    return learn(weights, kept, genes, evolved, activation, rate, now, lengths, of_updates, numbers, room, change)  # noqa: F821  # a part
 
 
 def test_a_rule_is_compiled_once_and_then_comes_from_disk(monkeypatch, tmp_path):
@@ -132,10 +132,10 @@ def test_a_rule_is_compiled_once_and_then_comes_from_disk(monkeypatch, tmp_path)
     genes, seen = np.random.default_rng(0).uniform(-1, 1, network.synapses), []
     for _ in range(2):
         made, weights = kernel(one_update, learn=update_of(Simple, network)), genes.copy()
-        nothing, ones, numbers = np.empty((0, network.synapses)), np.ones(network.synapses), (1.0, 0.2, 2.0)
+        nothing, ones, numbers = np.empty((0, network.synapses)), np.ones(network.synapses), (1.0, 0.0, 0.2, 2.0)
         room = np.empty((3, network.synapses)), np.empty(weight_change_room(network))
-        kept = kept_at_birth(Simple, network)
-        made(weights, kept, genes, nothing, np.ones(network.neurons), 0.5, ones, numbers, *room)
+        kept, now = kept_at_birth(Simple, network), Now(0.5, np.uint64(1), 0)
+        made(weights, kept, genes, nothing, np.ones(network.neurons), 0.5, now, np.empty(0), ones, numbers, *room)
         seen.append((weights.tolist(), sum(made.stats.cache_hits.values()), sum(made.stats.cache_misses.values())))
     assert seen[0][0] == seen[1][0] != genes.tolist()
     assert seen[0][1:] == (0, 1)
@@ -203,7 +203,7 @@ def test_a_rule_that_asks_for_what_there_is_not_is_refused(lived, rule, message)
 @pytest.mark.parametrize(
     ("evolved", "message"),
     [
-        ({"A": Evolved("neuron")}, "rule Own: A is evolved per neuron, not one of network, layer, synapse"),
+        ({"A": Evolved("sensor")}, "rule Own: A is evolved per sensor, not one of network, layer, synapse"),
         ({"weights": Evolved()}, "rule Own: what is evolved cannot be called weights"),
         ({"kept": Evolved()}, "rule Own: what is evolved cannot be called kept"),
     ],

@@ -32,6 +32,7 @@ from epuckhebb.app.parts import (
     optimizer_from,
     scenario_from,
 )
+from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
 from epuckhebb.sim.adaptation.adaptation import Adaptation
@@ -159,10 +160,12 @@ class EvaluateConfig(WorldConfig):
 class EvolveConfig(WorldConfig):
     """All keys of `epuckhebb evolve`.
 
+    genome: whose weights all individuals are given, so that only the rule is evolved; None for weights that evolve.
     controller: what drives the robots besides their genes. algorithm: the optimizer, of `optimizer` and `ga`. schedule:
-    how long it goes on.
+    how long it goes on. plan: what is evolved.
     """
 
+    genome: str | None = None
     ga: GA | None = field(default_factory=GA)  # None if the optimizer is another
     optimizer: dict[str, Any] = field(default_factory=lambda: {"algorithm": GA.key})
     training: Training = field(default_factory=Training)
@@ -179,6 +182,9 @@ class EvolveConfig(WorldConfig):
         self.algorithm = optimizer_from(self.optimizer, self.ga)
         self.schedule = self.algorithm.schedule(self.training, self.lifetime)
         self.training.check(self.world, self.lifetime, self.schedule.loops)
+        network = network_for(self.world.robot, self.layers)
+        self.plan = evolved_plan(network, self.controller.rule, given=self.genome is not None)
+        self.algorithm.check(self.plan)
 
 
 class LiveFitness(Enum):

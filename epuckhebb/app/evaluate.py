@@ -26,6 +26,7 @@ from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, remember_self
 from epuckhebb.sim.block import LostRobotError, load_kernel
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.plasticity.rule import Births, NoRule, evolved_sizes, name_of
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.study import tables
 from epuckhebb.study.evaluate import Traces, evaluate, room_to_evaluate
@@ -94,11 +95,28 @@ def fit(genome: Genome, config: EvaluateConfig) -> None:
             f"{robot.name} has {robot.inputs} readings. Give robot={genome.robot}, or a champion evolved for "
             f"{robot.name}"
         )
+    sizes = {part.name: part.size for part in genome.plan.parts}
     for controller in config.controllers:
-        missing = [name for name in controller.rule.evolved if name not in genome.plan.split(genome.genes)]
+        rule = type(controller.rule)
+        if isinstance(controller.rule, NoRule):
+            continue
+        if genome.plan.of_rule.parts and genome.rule not in ("", name_of(rule)):
+            raise ConfigError(
+                f"genome={genome.name} was evolved with rule {genome.rule}, and {controller.name} has rule "
+                f"{name_of(rule)}; give hebbian={genome.rule} (your own: hebbian.rule=FILE.py:{genome.rule}), "
+                "or hebbian=none for a life of its weights alone"
+            )
+        births = Births.evolved if genome.weights.any() else Births.random
+        if genome.plan.of_rule.parts and controller.rule.births is not births:
+            raise ConfigError(
+                f"genome={genome.name} was evolved with hebbian.births={births.name}, and {controller.name} has "
+                f"{controller.rule.births.name}; give hebbian.births={births.name}"
+            )
+        taken = evolved_sizes(rule, genome.network)
+        missing = [name for name, size in taken.items() if sizes.get(name) != size]
         if missing:
             raise ConfigError(
-                f"rule {type(controller.rule).__name__} takes {', '.join(missing)} from the genome, and "
+                f"rule {rule.__name__} takes {', '.join(missing)} from the genome, and "
                 f"genome={genome.name} has only {genome.plan.told()}; give a champion that was evolved with this rule"
             )
 

@@ -31,6 +31,7 @@ from epuckhebb.sim.adaptation.baseline import Baseline, baseline_of, live_at_hom
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, can_check_itself, remember_self
 from epuckhebb.sim.genome import WEIGHTS, plan_of
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.plasticity.rule import NoRule, name_of
 from epuckhebb.sim.scenario import Scenario
 
 RESUME = "resume="
@@ -54,6 +55,7 @@ def asked(cfg: DictConfig) -> EvolveConfig:
         ConfigError: A value is outside its range, or a rule does not compile.
     """
     config = typed(cfg, EvolveConfig)
+    given_weights(config)
     require(needs(config, network_of(config)))
     compiled_for(config.controller, network_of(config), config.world)
     return config
@@ -73,6 +75,24 @@ def needs(config: EvolveConfig, network: Network) -> list[Need]:
 def network_of(config: EvolveConfig) -> Network:
     """The network that is evolved."""
     return network_for(config.world.robot, config.layers)
+
+
+def given_weights(config: EvolveConfig) -> NDArray[np.float64] | None:
+    """The weights that all individuals are given, (synapses,); None if weights evolve.
+
+    Raises:
+        ConfigError: There is no such genome, or it is for another robot or network.
+    """
+    if config.genome is None:
+        return None
+    robot, network = config.world.robot, network_of(config)
+    genome = files.load_genome(config.genome, config.world.experiment, config.layers)
+    if genome.robot != robot.name or genome.network != network:
+        raise ConfigError(
+            f"genome={config.genome} is for robot {genome.robot} and a network of layers {genome.network}; evolved is "
+            f"for robot {robot.name} and layers {network}. Give another genome, robot or network.layers"
+        )
+    return genome.weights
 
 
 def new_run(path: Path, cfg: DictConfig, overrides: list[str], facts: dict[str, Any]) -> RunFolder:
@@ -130,6 +150,7 @@ def evolve_into(
             training=config.training,
             network=network,
             controller=config.controller,
+            weights=given_weights(config),
         ):
             after = Checkpoint.following(after, generation)
             run.write(CHECKPOINT, after.as_bytes(digest))
@@ -164,16 +185,17 @@ def champion_of(
     self_memory: SelfMemory | None = None,
 ) -> bytes:
     """The `champion.npz` of a generation of an evolution."""
-    network = network_of(config)
+    network, rule = network_of(config), config.controller.rule
     genome = Genome(
         genes=last.champion,
         name=CHAMPION,
         network=network,
         robot=config.world.robot.name,
         lights=config.world.robot.lights,
-        plan=plan_of(network, type(config.controller.rule)),
+        plan=plan_of(network, type(rule)),
         optimizer=config.algorithm.name,
         training=config.training.name,
+        rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
         baseline=baseline,
         self_memory=self_memory,
     )
@@ -215,10 +237,16 @@ def resume(arguments: list[str]) -> Path:
     changeable = _changeable(typed(cfg, EvolveConfig))
     _change(cfg, path, changes, changeable)
     config = asked(cfg)
-    plan, generations = plan_of(network_of(config), type(config.controller.rule)), config.schedule.generations
+    network, rule, generations = network_of(config), config.controller.rule, config.schedule.generations
     after = Checkpoint.read(
-        path, plan.genes, lambda state: config.algorithm.search(plan, config.seed, state), _digest(path, changeable)
+        path,
+        plan_of(network, type(rule)).genes,
+        lambda state: config.algorithm.search(config.plan, config.seed, state),
+        _digest(path, changeable),
     )
+    given = given_weights(config)
+    if after and given is not None and not np.array_equal(after.generation.champion[: network.synapses], given):
+        raise ConfigError(f"genome={config.genome} is not whose weights {path} began with")
     done = after.generation.number + 1 if after else 0
     key = changeable[0]
     if generations < done:

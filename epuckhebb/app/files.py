@@ -51,6 +51,7 @@ _KINDS = {
     "U": "text",
     "fiuU": "numbers or text",
 }  # of dtype, in words
+_TEXTS = ("robot", "experiment", "optimizer", "training", "rule")  # of a champion
 _OF_A_GENERATION = ("generation", "fitness", "success", "champion", "champion_fitness", "history", "settings")
 _Shape = Sequence[int | None]  # None where any length will do
 
@@ -68,6 +69,7 @@ class Genome:
         plan: The parts of the genes; the weights come first.
         experiment, optimizer, training: Of which experiment it is, the names of what it was evolved by, and in which
             worlds; nothing if that is not known.
+        rule: The name of the plasticity rule that it evolved with; nothing without one, or if that is not known.
         baseline: What the champion remembers of its training world.
         self_memory: What its self-check compares with.
     """
@@ -81,6 +83,7 @@ class Genome:
     experiment: str = ""
     optimizer: str = ""
     training: str = ""
+    rule: str = ""
     baseline: Baseline | None = None
     self_memory: SelfMemory | None = None
 
@@ -180,6 +183,8 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
         "optimizer": np.str_(genome.optimizer),
         "training": np.str_(genome.training),
     }
+    if genome.rule:
+        arrays["rule"] = np.str_(genome.rule)
     if genome.baseline is not None:
         arrays |= {_BASELINE + key: np.asarray(value) for key, value in asdict(genome.baseline).items()}
     if genome.self_memory is not None:
@@ -431,7 +436,7 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
             raise ValueError(f"it has {path.stat().st_size} bytes; at most {_MOST} are read")
         held = _Arrays(runs.content(path.parent, path.name))
         own = held.layers()
-        texts = {name: held.text(name) for name in ("robot", "experiment", "optimizer", "training") if name in held}
+        texts = {name: held.text(name) for name in _TEXTS if name in held}
         lights = int(held.take("lights", "iu", ())) if "lights" in held else EPUCK.lights
         parts = None
         if "parts" in held and "part_sizes" in held:
@@ -469,6 +474,7 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
         experiment=texts.get("experiment", ""),
         optimizer=texts.get("optimizer", ""),
         training=texts.get("training", ""),
+        rule=texts.get("rule", ""),
         baseline=_baseline(held, path, network.inputs, lights),
         self_memory=_self_memory(held, path, network.inputs),
     )

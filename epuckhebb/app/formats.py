@@ -404,6 +404,7 @@ CHAMPION: Mapping[str, Array] = {
     "lights": Array((), "", "how many of the readings are of light"),
     "optimizer": Array((), "", "what it was evolved by"),
     "training": Array((), "", "in which worlds"),
+    "rule": Array((), "", "the plasticity rule that it evolved with, if there was one"),
     "memory_*": Array((), "", "the baseline: what it remembers of its training world, for adaptations"),
     "self_*": Array((), "", "what a self-check compares with"),
 }

@@ -19,6 +19,7 @@ from epuckhebb.app.config import EvaluateConfig, EvolveConfig, thread_count, typ
 from epuckhebb.app.data import LATEST
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.evaluate import baseline_for, caption, fit, lives, needs, self_checks_for
+from epuckhebb.app.evolve import given_weights
 from epuckhebb.app.evolve import needs as evolve_needs
 from epuckhebb.app.hydra_bridge import check_config_dir, composed, quoted
 from epuckhebb.app.machine import require
@@ -186,6 +187,7 @@ def evolve(overrides: Sequence[Any], config_dir: str | Path | None, show: bool, 
             training=config.training,
             network=network,
             controller=config.controller,
+            weights=given_weights(config),
         ):
             lived.append(generation)
             bar.show(generation)

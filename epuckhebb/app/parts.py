@@ -40,7 +40,7 @@ from epuckhebb.sim.scenario import Scenario
 
 NONE = "none"
 GENETIC = "ga"  # the optimizer whose settings are a group of their own
-_NOT_RULES = ("control", "rule", "update", "weight_change")  # the other files beside the rules
+_NOT_RULES = ("control", "four_terms", "rule", "update", "weight_change")  # the other files beside the rules
 
 
 def rule_names() -> list[str]:

@@ -3,9 +3,11 @@
 from itertools import zip_longest
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from omegaconf import DictConfig
 
-from epuckhebb.app import evaluate, evolve, runs
+from epuckhebb.app import evaluate, evolve, files, runs
 from epuckhebb.app.config import literal, stored, thread_count
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.hydra_bridge import new_stamp
@@ -49,9 +51,17 @@ def rerun(path: Path) -> tuple[Path, str]:
         evaluate.evaluate_into(new, cfg, told["overrides"], facts, threads=thread_count(config.threads))
     else:
         again = evolve.asked(cfg)
+        given = evolve.given_weights(again)
+        if given is not None and not _begins_with(path, given):
+            raise ConfigError(f"genome={again.genome} is not whose weights {path} began with")
         run = evolve.new_run(new, cfg, told["overrides"], facts)
         evolve.evolve_into(run, again, None, threads=thread_count(again.threads))
     return new, _difference(path, new)
+
+
+def _begins_with(path: Path, weights: NDArray[np.float64]) -> bool:
+    """Whether these are the weights of the champion of a run."""
+    return np.array_equal(files.load_genome(str(path), "").weights, weights)
 
 
 def _check_rules(cfg: DictConfig, path: Path, rules: dict[str, str]) -> None:

@@ -280,7 +280,8 @@ def _tell_genome(genome: Genome, console: Console) -> None:
     """What a champion is made of, what it remembers of its training world, and how well it can check itself."""
     _line(console, f"Genome: {genome.plan.told()}; network {genome.network}; robot {genome.robot}")
     if genome.optimizer:
-        _line(console, f"Evolved by {genome.optimizer}, in training worlds {genome.training}")
+        rule = f", with rule {genome.rule}" if genome.rule else ""
+        _line(console, f"Evolved by {genome.optimizer}, in training worlds {genome.training}{rule}")
     if genome.baseline is not None:
         _tell_baseline(genome.baseline, genome, console)
     if genome.self_memory is not None:
@@ -321,7 +322,7 @@ def _tell_baseline(baseline: Baseline, genome: Genome, console: Console) -> None
 
 def _course(fitness: NDArray[np.float64]) -> str:
     """The course of fitness as twelve bars from 0 to 1, and the means of its first and last twelfth."""
-    parts = [part.mean() for part in np.array_split(fitness, 12)]
+    parts = [part.mean() for part in np.array_split(fitness, min(12, len(fitness)))]
     return "".join("▁▂▃▄▅▆▇█"[min(7, int(8 * max(0.0, part)))] for part in parts) + f" {parts[0]:.2f} → {parts[-1]:.2f}"
 
 

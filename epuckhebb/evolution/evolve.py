@@ -13,16 +13,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.evolution.optimizer import Optimizer, State
+from epuckhebb.evolution.optimizer import CANDIDATES, CONFIRM, Optimizer, State
 from epuckhebb.evolution.training import HOME, Training, World
 from epuckhebb.sim import random
 from epuckhebb.sim.block import Individual, Outcome, live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.genome import plan_of
+from epuckhebb.sim.genome import GenomePlan, plan_of
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.maze import SIDES, Pose
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.plasticity.control import signs
+from epuckhebb.sim.plasticity.rule import Births, NoRule, Rule, name_of
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.scenario import Scenario
 
@@ -62,34 +63,49 @@ def evolve(
     training: Training = HOME,
     network: Network = PAPER_NETWORK,
     controller: Controller = GA_ALONE,
+    weights: NDArray[np.float64] | None = None,
 ) -> Iterator[Generation]:
     """Evolve controllers in a scenario; yields one record a generation.
 
     after: the last record of an earlier, unfinished evolution with the same arguments, to go on from. training: in
     which worlds they are judged, the scenario itself or others around it. network: what is evolved. controller: what
     drives the robots besides their genes; with a plasticity rule they learn while they are judged, and what of the rule
-    is evolved is part of the genome.
+    is evolved is part of the genome. Those who learn all start alike and hear the same noise in a generation, and their
+    champion is the best of three in fresh lifetimes, whatever the optimizer. weights: those of a champion, (synapses,),
+    that are given to all; then only the rule is evolved. None for weights that are evolved too.
 
     Raises:
-        ValueError: network, robot and rule, or scenario and training, do not fit each other.
+        ValueError: network, robot and rule, or scenario and training, do not fit each other; nothing is evolved.
         LostRobotError: a pose or a weight stopped being finite.
     """
     generations, loops = optimizer.schedule(training, lifetime)
     training.check(scenario, lifetime, loops)
-    judge = _Judge(optimizer, loops, scenario, lifetime, training, seed, network, controller, threads)
-    search = optimizer.search(plan_of(network, type(controller.rule)), seed, None if after is None else after.state)
+    learns = not isinstance(controller.rule, NoRule)
+    shared = optimizer.common_random_numbers or learns
+    judge = _Judge(optimizer, loops, scenario, lifetime, training, seed, network, controller, threads, shared)
+    plan = evolved_plan(network, controller.rule, given=weights is not None)
+    if weights is None and controller.rule.births is Births.random:
+        weights = np.zeros(network.synapses)
+    search = optimizer.search(plan, seed, None if after is None else after.state)
+
+    def whole(genes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Genomes, (individuals, genes), of what is evolved and what is not."""
+        return genes if weights is None else np.hstack([np.tile(weights, (len(genes), 1)), genes])
+
     for number in range(0 if after is None else after.number + 1, generations):
         began = time.perf_counter()
-        population = search.ask()
+        population = whole(search.ask())
         fitness, success, robot_steps = judge.of(population, number)
         search.tell(fitness)
         best = int(np.argmax(fitness))
         champion, champion_fitness = population[best], float(fitness[best])
-        candidates = search.candidates()
+        candidates = whole(search.candidates())
+        if learns and len(candidates) == 1:
+            candidates = population[np.argsort(-fitness, kind="stable")[:CANDIDATES]]
         if number == generations - 1 and len(candidates) > 1:
             # The generations that nobody will have lived are fresh. Their steps are in no row of the history: a row
             # must not depend on whether it is the last.
-            rounds = -(-optimizer.confirm // (loops * len(_TRIALS)))
+            rounds = -(-max(optimizer.confirm, CONFIRM * learns) // (loops * len(_TRIALS)))
             fresh = [judge.of(candidates, generations + k)[0] for k in range(rounds)]
             confirmed = np.mean(fresh, axis=0)
             champion, champion_fitness = candidates[np.argmax(confirmed)], float(confirmed.max())
@@ -103,6 +119,27 @@ def evolve(
             robot_steps=robot_steps,
             seconds=time.perf_counter() - began,
         )
+
+
+def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> GenomePlan:
+    """The parts of the genome that are evolved: all, or those of the rule alone.
+
+    given: whether the weights at birth are given. Those that are random are not evolved either.
+
+    Raises:
+        ValueError: nothing is left to evolve.
+    """
+    plan = plan_of(network, type(rule))
+    if not given and rule.births is Births.evolved:
+        return plan
+    if not rule.evolved:
+        why = "the weights are given" if given else "the weights at birth are random"
+        has = "there is no rule" if isinstance(rule, NoRule) else f"rule {name_of(type(rule))} has nothing to evolve"
+        raise ValueError(
+            f"nothing would be evolved: {why}, and {has}; choose another rule, for example hebbian=modulated, or let "
+            "the weights be evolved"
+        )
+    return plan.of_rule
 
 
 def room_to_evolve(individuals: int, loops: int, genes: int) -> float:
@@ -122,6 +159,7 @@ class _Judge(NamedTuple):
     network: Network
     controller: Controller
     threads: int
+    shared: bool  # whether all individuals start alike and hear the same noise
 
     def of(
         self, population: NDArray[np.float64], generation: int
@@ -153,7 +191,7 @@ class _Judge(NamedTuple):
         )
         noise = max(self.optimizer.start_noise, world.start_noise)
         for individual, genes in enumerate(population):
-            hears = 0 if self.optimizer.common_random_numbers else individual
+            hears = 0 if self.shared else individual
             for loop in loops:
                 for side in _TRIALS:
                     place = (generation, hears, loop, SIDES.index(side))

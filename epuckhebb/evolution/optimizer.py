@@ -7,6 +7,7 @@ file, and its settings; `conf/optimizer/sep_cma_es.yaml` shows how it says that 
 
 import math
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -18,6 +19,8 @@ from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.maze import SIDES
 
 _PAPER_LIFETIMES = 50 * 30 * 3 * len(SIDES)  # population, generations, loops and sides of the paper's algorithm
+
+CANDIDATES, CONFIRM = 3, 12  # who may be the champion of what learns, and in how many fresh lifetimes it is decided
 
 State = dict[str, NDArray[Any]]
 
@@ -84,6 +87,13 @@ class Optimizer(ABC):
     def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:
         """How long a search in these worlds goes on, with what the settings leave open filled in."""
 
+    def check(self, plan: GenomePlan) -> None:  # noqa: B027  # most can search any plan
+        """Refuse a plan for which these settings make no sense.
+
+        Raises:
+            ValueError: they make none.
+        """
+
     @abstractmethod
     def search(self, plan: GenomePlan, seed: int, state: State | None = None) -> Search:
         """A search for the genes of a plan; with a state, one that goes on from there to the same bits.
@@ -92,6 +102,66 @@ class Optimizer(ABC):
             KeyError: something is missing in the state.
             ValueError: the state is of another search.
         """
+
+
+@dataclass(kw_only=True)
+class EvolutionStrategy(Optimizer):
+    """What evolution strategies have in common: a cloud of genomes around a mean, with common random numbers.
+
+    population: individuals of a generation, but for the first. generations: None for as many as fit into the number of
+    robot-steps that the paper's evolutions take. loops: how often an individual lives a lamp-on and a lamp-off lifetime
+    in a generation; None for once in each kind of world of the training. starts: individuals of the first generation,
+    uniform at random; the fittest is the first mean of the others (0 would be a saddle: a network of zeros stands
+    still, whatever one of its weights does). sigma: first standard deviation of a gene, in units of its part's start, 1
+    for weights. gene_limit: weights stay within +- this. confirm: in how many fresh lifetimes, at least, the last mean
+    and the two fittest of the last generation are tried; the best of them is the champion.
+
+    Raises:
+        ValueError: a value is outside the range named in the message.
+    """
+
+    common_random_numbers: ClassVar[bool] = True
+    least: ClassVar[dict[str, int]] = {"population": 4, "generations": 1, "loops": 1, "starts": 2, "confirm": 1}
+
+    population: int = 30
+    generations: int | None = None
+    loops: int | None = None
+    starts: int = 50
+    sigma: float = 0.5
+    gene_limit: float = 2.0
+    confirm: int = 12
+
+    def __post_init__(self) -> None:
+        """Refuse algorithms that cannot be."""
+        for name, bound in self.least.items():
+            value = getattr(self, name)
+            if value is not None and value < bound:
+                raise ValueError(f"optimizer.{name} must be {bound} or more, got {value}")
+        for name in ("sigma", "gene_limit"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise ValueError(f"optimizer.{name} must be more than 0, got {getattr(self, name)}")
+
+    @property
+    def individuals(self) -> int:
+        """How many live in the largest generation."""
+        return max(self.population, self.starts)
+
+    def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:
+        """As it is set; what is left open follows from the training and from the paper's number of robot-steps.
+
+        The paper's are 50 individuals x 30 generations x 3 loops x 2 sides x the steps of a lifetime. Of these the
+        first generation and the confirmation of the champion are taken; the rest is divided by what a generation takes,
+        population x loops x 2 lifetimes, which last longer on average where the gain varies.
+        """
+        loops = training.loops if self.loops is None else self.loops
+        if self.generations is not None:
+            return Schedule(self.generations, loops)
+        round_ = loops * len(SIDES)
+        confirmation = CANDIDATES * -(-self.confirm // round_) * round_
+        return Schedule(
+            paper_generations(self.starts * round_, self.population * round_, confirmation, training.stretch(lifetime)),
+            loops,
+        )
 
 
 def paper_generations(first: int, each: int, last: int, stretch: float) -> int:
@@ -107,6 +177,12 @@ def paper_generations(first: int, each: int, last: int, stretch: float) -> int:
 def initial(rng: np.random.Generator, count: int, plan: GenomePlan) -> NDArray[np.float64]:
     """Genomes at random: (count, genes), each part uniform in its +-start; weights in [-1, 1]."""
     return np.concatenate([rng.uniform(-part.start, part.start, (count, part.size)) for part in plan.parts], axis=1)
+
+
+def units(plan: GenomePlan) -> NDArray[np.float64]:
+    """The scale of each gene, (genes,): the start of its part; 1 where that is 0."""
+    starts = np.concatenate([np.full(part.size, part.start) for part in plan.parts])
+    return np.where(starts > 0, starts, 1.0)
 
 
 def limits(plan: GenomePlan, otherwise: float) -> NDArray[np.float64]:

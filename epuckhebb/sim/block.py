@@ -43,7 +43,17 @@ from epuckhebb.sim.maze import Pose, Region, Side, added, boxes, gap
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, PAPER_NETWORK, Network, weights_at_birth
 from epuckhebb.sim.physics import PymunkSpace
 from epuckhebb.sim.plasticity.control import Sign, signs
-from epuckhebb.sim.plasticity.rule import NoRule, Rule, coefficients, kept_at_birth
+from epuckhebb.sim.plasticity.rule import (
+    BIRTH_RANGE,
+    Births,
+    NoRule,
+    Rule,
+    coefficients,
+    kept_at_birth,
+    modulatory_weights,
+)
+from epuckhebb.sim.plasticity.update import lengths_at_birth
+from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.scenario import Scenario
 
@@ -165,7 +175,7 @@ def _live_in_one_space(
     for who in individuals:
         place = (id(who.controller), id(who.network))
         if place not in kinds:
-            kinds[place] = _kind(who.controller, who.network, robot, more_faults, spare)
+            kinds[place] = _kind(who.controller, who.network, robot, lifetime.gain_rad_s, more_faults, spare)
         lived.append(_live_one(who, kinds[place], phases, lifetime))
     return lived
 
@@ -183,11 +193,13 @@ class _Kind(NamedTuple):
     no_samples: Samples
 
 
-def _kind(controller: Controller, network: Network, robot: Robot, more_faults: bool, spare: type[Rule]) -> _Kind:
+def _kind(
+    controller: Controller, network: Network, robot: Robot, gain: float, more_faults: bool, spare: type[Rule]
+) -> _Kind:
     """What individuals of this kind share.
 
-    spare: a rule that others of the block have. Who has no rule lives in its kernel, with N = 0, to the same bits:
-    one kernel less to compile.
+    gain: of their wheels [rad/s]. spare: a rule that others of the block have. Who has no rule lives in its kernel,
+    with N = 0, to the same bits: one kernel less to compile.
     """
     rule, adaptation = controller.rule, controller.adaptation
     if rule.signal is Signal.light_code and (robot.lights, robot.distances) != LIGHT_CODE_SENSORS:
@@ -209,7 +221,7 @@ def _kind(controller: Controller, network: Network, robot: Robot, more_faults: b
             more_faults=more_faults,
         ),
         plasticity=Plasticity(
-            float(rule.N) if compiled_for is type(rule) else 0.0,
+            float(rule.N) * rule.pace(gain) if compiled_for is type(rule) else 0.0,
             float(rule.floor),
             int(rule.signal),
             tuple(numbers.values()),
@@ -236,10 +248,16 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
     if of_updates is None:
         raise ValueError("a rule with sign=shuffled needs the signs of its updates, Individual.signs")
     parts = kind.plan.split(who.genes)
+    inherited = parts[WEIGHTS]
+    if who.controller.rule.births is Births.random:
+        inherited = rng(int(who.key), Stream.births).uniform(-BIRTH_RANGE, BIRTH_RANGE, who.network.synapses)
+    weights = weights_at_birth(inherited)
     birth = Birth(
-        weights_at_birth(parts[WEIGHTS]),
+        weights,
         kind.kept,
         coefficients(rule, who.network, parts),
+        modulatory_weights(rule, parts),
+        lengths_at_birth(rule, who.network, weights),
         of_updates,
     )
     life = born(birth, who.network, first.robot, kind.room, who.corrections)

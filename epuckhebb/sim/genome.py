@@ -63,6 +63,11 @@ class GenomePlan:
                 raise ValueError(f"the genome has {self.told()}; wanted are {wanted.told()}")
         return np.concatenate([parts[part.name] for part in wanted.parts], axis=-1)
 
+    @property
+    def of_rule(self) -> "GenomePlan":
+        """The parts that are parameters of a rule: all but the weights."""
+        return GenomePlan(tuple(part for part in self.parts if part.name != WEIGHTS))
+
     def told(self) -> str:
         """The parts in words, for example "234 weights"."""
         return ", ".join(f"{part.size} {part.name}" for part in self.parts)

@@ -24,7 +24,7 @@ from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, forward_pass
 from epuckhebb.sim.physics import Handles, is_lost, mover, pose
 from epuckhebb.sim.plasticity.rule import NoRule, Rule
-from epuckhebb.sim.plasticity.update import effective_rate, update_of
+from epuckhebb.sim.plasticity.update import Now, effective_rate, modulation_of, update_of
 from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
 from epuckhebb.sim.random import normal_numbers, room_for_noise
 from epuckhebb.sim.robot import EPUCK, STEP_S, Robot, SenseRoom, blinding, largest_distance_reading, sense_room, senses
@@ -100,13 +100,17 @@ class Life(NamedTuple):
 class Birth(NamedTuple):
     """What a life begins with and never changes.
 
-    weights: (synapses,), the genes. kept: (synapses,) records, what each synapse keeps at birth. coefficients:
-    (parameters, synapses) evolved parameters of the rule. signs: (synapses,) of the updates.
+    weights: (synapses,), the genes. kept: (synapses,) records, what each synapse keeps at birth. coefficients: (names,
+    synapses) evolved parameters of the rule. modulatory: weights of its modulatory neuron, none if it has none.
+    lengths: (neurons,) of each neuron's incoming weights, none if the rule does not keep them. signs: (synapses,) of
+    the updates.
     """
 
     weights: NDArray[np.float64]
     kept: NDArray[np.void]
     coefficients: NDArray[np.float64]
+    modulatory: NDArray[np.float64]
+    lengths: NDArray[np.float64]
     signs: NDArray[np.float64]
 
 
@@ -128,7 +132,8 @@ class Trial(NamedTuple):
 class Plasticity(NamedTuple):
     """The settings of a rule and of what is laid over it, as numbers.
 
-    rate: N. floor, signal: of the live fitness. numbers: all settings of the rule. gate: of the adaptation.
+    rate: N at the pace of this life. floor, signal: of the live fitness. numbers: all settings of the rule. gate: of
+    the adaptation.
     """
 
     rate: float
@@ -173,7 +178,7 @@ class Danced(NamedTuple):
 WHEELS, HAS_RULE = PAPER_NETWORK.wheels, False
 sense, blind, nearest = senses(EPUCK), blinding(EPUCK), largest_distance_reading(EPUCK)
 draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
-learn = update_of(NoRule, PAPER_NETWORK)
+learn, modulate = update_of(NoRule, PAPER_NETWORK), modulation_of(NoRule, PAPER_NETWORK)
 correct, scale, open_gate, explore, compensate = over.hooks(over.NONE, EPUCK)
 misread, turn_wheels = faults.hooks(EPUCK, more=False)
 
@@ -240,6 +245,7 @@ def live(
         tally.need = need
         rate = effective_rate(plasticity.rate, need, live_fitness, plasticity.floor)
         if HAS_RULE and plasticity.rate > 0.0 and need > 0.0:
+            rate *= modulate(birth.modulatory, activation)
             tally.weight_change = learn(
                 weights,
                 life.kept,
@@ -247,6 +253,8 @@ def live(
                 birth.coefficients,
                 activation,
                 rate,
+                Now(live_fitness, key, step),
+                birth.lengths,
                 birth.signs,
                 plasticity.numbers,
                 life.room.synapses,
@@ -371,6 +379,7 @@ def _made(rule: type[Rule], laid: over.Hooks, network: Network, robot: Robot, mo
         draw_noise=normal_numbers(robot.inputs),
         forward=forward_pass(network),
         learn=update_of(rule, network),
+        modulate=modulation_of(rule, network),
         correct=laid.correct,
         scale=laid.scale,
         open_gate=laid.open_gate,

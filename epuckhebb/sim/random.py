@@ -28,6 +28,8 @@ class Stream(IntEnum):
     baseline_noise = 7
     dance_noise = 8
     training_world = 9
+    births = 10
+    merging = 11
 
 
 def rng(seed: int, stream: Stream, *place: int) -> np.random.Generator:
@@ -44,7 +46,7 @@ def key(seed: int, stream: Stream, *place: int) -> np.uint64:
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
-_S30, _S27, _S31, _S16, _S11, _S4 = (np.uint64(shift) for shift in (30, 27, 31, 16, 11, 4))
+_S30, _S27, _S31, _S16, _S11, _S4, _S52 = (np.uint64(shift) for shift in (30, 27, 31, 16, 11, 4, 52))
 _LOW_16 = np.uint64(0xFFFF)
 _A_DRAW = 4  # numbers that one draw of 64 bits gives
 
@@ -72,6 +74,12 @@ def bits(key: np.uint64, number: np.uint64) -> np.uint64:
 def uniform(key: np.uint64, number: int) -> float:
     """A number in [0, 1): the upper 53 bits of output `number` for this key."""
     return (bits(key, np.uint64(number)) >> _S11) * 2.0**-53
+
+
+@compiled
+def normal(key: np.uint64, number: int) -> float:
+    """A standard normal number: the upper 12 bits of output `number` for this key give its place in `QUANTILES`."""
+    return float(QUANTILES[bits(key, np.uint64(number)) >> _S52])
 
 
 def room_for_noise(count: int) -> int:

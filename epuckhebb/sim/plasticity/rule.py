@@ -16,29 +16,42 @@ from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.control import Sign
 
-QUANTITIES = ("correlation", "pre", "post", "weight", "kept", "by")
+QUANTITIES = ("correlation", "pre", "post", "weight", "at_birth", "fitness", "key", "step", "number", "kept", "by")
 TAKEN = (*QUANTITIES, "weights")  # names that nothing else can have; `weights` are those of the network
+MODULATOR = "modulator"
+BIRTH_RANGE = 0.1  # of weights that are drawn at birth; that of Najarro & Risi 2020
 _LARGEST_WEIGHT = 1e6  # a neuron is at its limit from a drive of 20 on, and sums over larger weights say nothing
 
 
 class Evolved(NamedTuple):
     """A parameter of a rule that is evolved with the weights.
 
-    per: one for the whole `network`, for each `layer` of connections, or for each `synapse`. start: genes of the first
-    generation are uniform in +-start. limit: genes are clipped to +-limit.
+    per: one for the whole `network`, for each `layer` of connections, for each `synapse`, or for each `neuron`, sensors
+    and bias among them; or so many numbers for the whole network. `modulator`: the weights of a modulatory neuron, one
+    from each neuron of the layer before the wheels, and its bias, last. start: genes of the first generation are
+    uniform in +-start. limit: genes are clipped to +-limit.
     """
 
-    per: str = "network"
+    per: str | int = "network"
     start: float = 1.0
     limit: float = 1.0
+
+
+class Births(Enum):
+    """Where the weights at birth come from: evolved, or random, drawn anew for each lifetime within +-0.1."""
+
+    evolved = "evolved"
+    random = "random"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rule:
     """A plasticity rule; subclasses add settings of their own as fields, and say what a synapse does.
 
-    N: base rate, 0 for a robot that does not learn. floor: the least factor on N, when fitness is low. w_max: bound of
-    the weights. signal: the live fitness that scales the rate. sign: of the updates, `hebbian` or a control.
+    N: base rate, 0 for a robot that does not learn. N_gain_rad_s: wheel gain at which N holds; at another gain it is in
+    proportion, so that a metre of way brings as many updates of the same size; 0 if N holds at any gain, as in the
+    paper. floor: the least factor on N, when fitness is low. w_max: bound of the weights. signal: the live fitness that
+    scales the rate. sign: of the updates, `hebbian` or a control. births: where the weights at birth come from.
 
     A subclass has a static method `synapse`, compiled by numba, which returns the direction of a weight's change; the
     program multiplies it by N_e, adds it to the weight and keeps that within +-w_max. Its arguments are any of these
@@ -47,11 +60,19 @@ class Rule:
         pre, post     activations x_j and x_i of the two neurons that the synapse joins
         correlation   their product
         weight        the weight as it is now
+        at_birth      the weight at birth
+        fitness       the live fitness, the same for all synapses
+        key, step     of the lifetime's noise, and of this step; with `number`, the place of a random number
+        number        of this synapse, from 0
         kept          what this synapse keeps: numbers named in `kept`, to be read and set
         by            the rule's settings
-        (a name in `evolved`: that parameter, as evolved)
+        (a name in `evolved`: that parameter, as evolved; if it is evolved per neuron, A_pre and A_post for A)
 
-    kept: name -> value at birth, of what each synapse keeps during a life. evolved: name -> `Evolved`.
+    kept: name -> value at birth, of what each synapse keeps during a life. evolved: name -> `Evolved`. A rule that
+    evolves something per `modulator` has a modulatory neuron, and its updates are multiplied by that neuron's output.
+    coefficients: names that `synapse` may ask for instead of those in `evolved`, if `express` makes others of them.
+    keeps_lengths: whether the incoming weights of each neuron are scaled after each update, to the length, that is the
+    root of the sum of their squares, that they had at birth.
 
     Raises:
         ValueError: a number is not finite or outside the range named in the message.
@@ -59,19 +80,23 @@ class Rule:
 
     kept: ClassVar[Mapping[str, float]] = {}
     evolved: ClassVar[Mapping[str, Evolved]] = {}
+    coefficients: ClassVar[tuple[str, ...]] = ()
+    keeps_lengths: ClassVar[bool] = False
 
     N: float = 0.0
+    N_gain_rad_s: float = 0.0
     floor: float = 0.2
     w_max: float = 2.0
     signal: Signal = Signal.behaviour
     sign: Sign = Sign.hebbian
+    births: Births = Births.evolved
 
     def __post_init__(self) -> None:
         """Refuse what no rule can have."""
         for name, value in self.numbers().items():
             if not math.isfinite(value):
                 raise ValueError(f"hebbian.{name} must be a finite number, got {value}")
-        for name in ("N", "floor"):
+        for name in ("N", "N_gain_rad_s", "floor"):
             if getattr(self, name) < 0:
                 raise ValueError(f"hebbian.{name} must be 0 or more, got {getattr(self, name)}")
         if not 0 < self.w_max <= _LARGEST_WEIGHT:
@@ -81,6 +106,18 @@ class Rule:
     def synapse(*_: Any) -> float:
         """The direction in which a weight goes; a subclass says it."""
         raise TypeError("a plasticity rule needs a static method `synapse`")
+
+    @classmethod
+    def express(cls, parameters: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
+        """What `synapse` may ask for, by name, (synapses,) each: made of the evolved parameters once, at birth.
+
+        parameters: by name, (synapses,) each; (numbers, synapses) for those of which there are so many.
+        """
+        return parameters
+
+    def pace(self, gain_rad_s: float) -> float:
+        """The factor on N at a wheel gain [rad/s]."""
+        return gain_rad_s / self.N_gain_rad_s if self.N_gain_rad_s else 1.0
 
     @classmethod
     def settings(cls) -> tuple[str, ...]:
@@ -129,12 +166,13 @@ def asked(rule: type[Rule]) -> tuple[str, ...]:
                 f"rule {rule.__name__}: {name} is no setting yet; write @dataclass(frozen=True, kw_only=True) above it"
             )
     names = tuple(inspect.signature(rule.synapse).parameters)
-    known = {*QUANTITIES, *rule.evolved}
+    evolved = coefficient_names(rule)
+    known = {*QUANTITIES, *evolved}
     unknown = [name for name in names if name not in known]
     if unknown:
         raise ValueError(
             f"rule {rule.__name__}: `synapse` asks for {', '.join(unknown)}; it may ask for {', '.join(QUANTITIES)}"
-            + (f", and what is evolved: {', '.join(rule.evolved)}" if rule.evolved else "")
+            + (f", and what is evolved: {', '.join(evolved)}" if evolved else "")
         )
     has = {"by": rule.settings(), "kept": tuple(rule.kept)}
     for before, then in pairwise(dis.get_instructions(rule.synapse)):
@@ -145,6 +183,19 @@ def asked(rule: type[Rule]) -> tuple[str, ...]:
                 f"rule {rule.__name__}: `{loaded}` has no {then.argval}; it has {', '.join(has[loaded]) or 'nothing'}"
             )
     return names
+
+
+def coefficient_names(rule: type[Rule]) -> tuple[str, ...]:
+    """The names by which `synapse` may ask for what is evolved."""
+    if rule.coefficients:
+        return rule.coefficients
+    names: list[str] = []
+    for name, evolved in rule.evolved.items():
+        if evolved.per == "neuron":
+            names += [f"{name}_pre", f"{name}_post"]
+        elif evolved.per != MODULATOR and isinstance(evolved.per, str):
+            names.append(name)
+    return tuple(names)
 
 
 def kept_at_birth(rule: type[Rule], network: Network) -> NDArray[np.void]:
@@ -158,24 +209,87 @@ def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
     """How many genes each evolved parameter of a rule takes.
 
     Raises:
-        ValueError: one is evolved per something else than network, layer or synapse, or has the name of something
-            else.
+        ValueError: one is evolved per something that there is not, or has the name of something else.
     """
-    per = {"network": 1, "layer": len(network.post), "synapse": network.synapses}
+    per = {
+        "network": 1,
+        "layer": len(network.post),
+        "synapse": network.synapses,
+        "neuron": network.neurons,
+        MODULATOR: network.layers[-2] + 1,
+    }
     for name, evolved in rule.evolved.items():
-        if evolved.per not in per:
-            raise ValueError(f"rule {rule.__name__}: {name} is evolved per {evolved.per}, not one of {', '.join(per)}")
+        if evolved.per not in per and not (isinstance(evolved.per, int) and evolved.per > 0):
+            raise ValueError(
+                f"rule {rule.__name__}: {name} is evolved per {evolved.per}, not one of {', '.join(per)}, or a number"
+            )
         if name in TAKEN:
             raise ValueError(
                 f"rule {rule.__name__}: what is evolved cannot be called {name}, which means something else"
             )
-    return {name: per[evolved.per] for name, evolved in rule.evolved.items()}
+    return {
+        name: evolved.per if isinstance(evolved.per, int) else per[evolved.per]
+        for name, evolved in rule.evolved.items()
+    }
 
 
 def coefficients(rule: type[Rule], network: Network, genes: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """The evolved parameters as every synapse has them: (parameters, synapses). genes: by name of the parameter."""
-    counts = [n * m for n, m in network.shapes]
-    spread = np.empty((len(rule.evolved), network.synapses))
-    for row, (name, evolved) in zip(spread, rule.evolved.items(), strict=True):
-        row[:] = np.repeat(genes[name], counts) if evolved.per == "layer" else genes[name]
+    """What a rule's `synapse` may ask for of its evolved parameters, as every synapse has it: (names, synapses).
+
+    genes: by name of the parameter.
+    """
+    names = coefficient_names(rule)
+    spread = np.empty((len(names), network.synapses))
+    if not names:
+        return spread
+    parameters: dict[str, NDArray[np.float64]] = {}
+    for name, evolved in rule.evolved.items():
+        if evolved.per == "layer":
+            parameters[name] = np.repeat(genes[name], [n * m for n, m in network.shapes])
+        elif evolved.per == "neuron":
+            pre, post = neurons_of(network)
+            parameters |= {f"{name}_pre": genes[name][pre], f"{name}_post": genes[name][post]}
+        elif isinstance(evolved.per, int):
+            parameters[name] = np.repeat(genes[name][:, None], network.synapses, axis=1)
+        elif evolved.per != MODULATOR:
+            parameters[name] = np.broadcast_to(genes[name], network.synapses)
+    expressed = rule.express(parameters)
+    for row, name in zip(spread, names, strict=True):
+        row[:] = expressed[name]
     return spread
+
+
+def neurons_of(network: Network) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The presynaptic and the postsynaptic neuron of each synapse, (synapses,) each."""
+    pre = [np.repeat(np.arange(n) + first, m) for first, _, _, n, m in network.connections]
+    post = [np.tile(np.arange(m) + first, n) for _, first, _, n, m in network.connections]
+    return np.concatenate(pre), np.concatenate(post)
+
+
+def modulatory_weights(rule: type[Rule], genes: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """The weights of a rule's modulatory neuron, its bias last; empty if it has none.
+
+    genes: by name of the parameter.
+    """
+    name = _modulator(rule)
+    return np.empty(0) if name is None else np.ascontiguousarray(genes[name])
+
+
+def is_alike(rule: type[Rule]) -> bool:
+    """Whether all synapses have the same coefficients."""
+    return all(evolved.per not in ("layer", "synapse", "neuron") for evolved in rule.evolved.values())
+
+
+def is_modulated(rule: type[Rule]) -> bool:
+    """Whether a rule has a modulatory neuron."""
+    return _modulator(rule) is not None
+
+
+def _modulator(rule: type[Rule]) -> str | None:
+    return next((name for name, evolved in rule.evolved.items() if evolved.per == MODULATOR), None)
+
+
+def name_of(rule: type[Rule]) -> str:
+    """What a rule is called: as its file, if it is one of the program, or else as its class."""
+    package, _, module = rule.__module__.rpartition(".")
+    return module if package == __package__ else rule.__name__

@@ -1,6 +1,7 @@
 """The plastic update, the same for all rules, after every control step and in force from the next one on.
 
-    N_e = N g max(0.2, F)                  effective rate; g is the need for plasticity, 1 in the paper
+    N_e = N s g m max(0.2, F)              effective rate; g is the need for plasticity, 1 in the paper; so are
+                                           s, the pace at which N holds, and m, the output of a modulatory neuron
     W'  = clip(W + N_e S D, -W_max, W_max) D is the direction that the rule says, S a sign, 1 but in controls
 
 The weights are a copy made at birth: the genome is never written, so a robot forgets by being born again.
@@ -8,18 +9,19 @@ The weights are a copy made at birth: the genome is never written, so a robot fo
 
 from collections import namedtuple
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.compiled import compiled, in_module, in_turn
-from epuckhebb.sim.network import Network
-from epuckhebb.sim.plasticity.rule import NoRule, Rule, asked
+from epuckhebb.sim.network import Network, by_layer, tanh
+from epuckhebb.sim.plasticity.rule import NoRule, Rule, asked, coefficient_names, is_alike, is_modulated
 from epuckhebb.sim.plasticity.weight_change import total_of, weight_change
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
 PRE, POST, CORRELATION = range(3)  # rows of the workspace of an update
+SCALE = POST  # when that has been used
 
 
 @compiled
@@ -94,7 +96,78 @@ def _fill_correlation(
 
 
 _FILLS = {PRE: _fill_pre, POST: _fill_post, CORRELATION: _fill_correlation}
+
+
+def _fill_scale(
+    pre: int,
+    post: int,
+    first: int,
+    inputs: int,
+    outputs: int,
+    weights: NDArray[np.float64],
+    lengths: NDArray[np.float64],
+    room: NDArray[np.float64],
+) -> None:
+    """Write for one layer of connections by what incoming weights must be multiplied to have their length at birth."""
+    for j in range(outputs):
+        squares = 0.0
+        for i in range(inputs):
+            squares += weights[first + i * outputs + j] * weights[first + i * outputs + j]
+        scale = lengths[post + j] / np.sqrt(squares) if squares > 0.0 else 1.0
+        for i in range(inputs):
+            room[SCALE, first + i * outputs + j] = scale
+
+
+def _fill_nothing(weights: NDArray[np.float64], lengths: NDArray[np.float64], room: NDArray[np.float64]) -> None:
+    """Weights of any length will do."""
+
+
+def lengths_at_birth(rule: type[Rule], network: Network, genes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The length of each neuron's incoming weights, (neurons,); empty for a rule that does not keep it.
+
+    genes: weights at birth.
+    """
+    if not rule.keeps_lengths:
+        return np.empty(0)
+    inputs = np.zeros(network.inputs + 1)
+    return np.concatenate([inputs, *(np.linalg.norm(layer, axis=0) for layer in by_layer(network, genes))])
+
+
+class Now(NamedTuple):
+    """What of a step is the same for all synapses. fitness: live. key: of the lifetime's noise."""
+
+    fitness: float
+    key: np.uint64
+    step: int
+
+
 Update = Callable[..., float]
+Modulate = Callable[[NDArray[np.float64], NDArray[np.float64]], float]
+
+
+def _unmodulated(modulatory: NDArray[np.float64], activation: NDArray[np.float64]) -> float:
+    """Without a modulatory neuron nothing is multiplied."""
+    return 1.0
+
+
+def modulation_of(rule: type[Rule], network: Network) -> Modulate:
+    """The function `modulate(modulatory, activation)` that says by what all updates of a step are multiplied.
+
+    It is the output tanh(m / 2) of a modulatory neuron, m = v . h + v0, where h are the neurons of the layer before the
+    wheels; 1 for a rule that has none. modulatory: v and v0. activation: (neurons,).
+    """
+    if not is_modulated(rule):
+        return compiled(_unmodulated)
+    heard, first = network.layers[-2], network.first_neuron[-2]
+
+    @compiled
+    def modulate(modulatory: NDArray[np.float64], activation: NDArray[np.float64]) -> float:
+        drive = float(modulatory[heard])
+        for k in range(heard):
+            drive += modulatory[k] * activation[first + k]
+        return tanh(drive / 2.0)
+
+    return modulate
 
 
 def _stay(
@@ -104,6 +177,8 @@ def _stay(
     coefficients: NDArray[np.float64],
     activation: NDArray[np.float64],
     rate: float,
+    now: Now,
+    lengths: NDArray[np.float64],
     signs: NDArray[np.float64],
     numbers: tuple[float, ...],
     room: NDArray[np.float64],
@@ -117,10 +192,10 @@ def update_of(rule: type[Rule], network: Network) -> Update:
     """The function that updates all weights of a network once by a rule, and returns the weight change.
 
     The function is
-    `learn(weights, kept, genes, coefficients, activation, rate, signs, numbers, room, change)`: weights (synapses,)
-    and what the synapses keep are updated; genes: weights at birth; coefficients: (evolved parameters, synapses);
-    activation: (neurons,); rate: N_e; signs: (synapses,); numbers: the settings; room (3, synapses) and change:
-    workspace.
+    `learn(weights, kept, genes, coefficients, activation, rate, now, lengths, signs, numbers, room, change)`:
+    weights (synapses,) and what the synapses keep are updated; genes: weights at birth; coefficients: (names,
+    synapses); activation: (neurons,); rate: N_e; now: what else a rule is told; lengths: (neurons,) of incoming
+    weights, if they are kept; signs: (synapses,); numbers: the settings; room (3, synapses) and change: workspace.
 
     Raises:
         ValueError: the rule asks for something that there is not.
@@ -129,27 +204,39 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         return compiled(_stay)
     names = asked(rule)
     By = _namedtuple("By", rule.settings())
-    evolved = {name: f"coefficients[{row}, k]" for row, name in enumerate(rule.evolved)}
+    evolved, alike = coefficient_names(rule), is_alike(rule)
     told = {
         "correlation": f"room[{CORRELATION}, k]",
         "pre": f"room[{PRE}, k]",
         "post": f"room[{POST}, k]",
         "weight": "weights[k]",
+        "at_birth": "genes[k]",
+        "fitness": "now.fitness",
+        "key": "now.key",
+        "step": "now.step",
+        "number": "k",
         "kept": "kept[k]",
         "by": "by",
-        **evolved,
+        **{name: f"alike[{row}]" if alike else f"coefficients[{row}, k]" for row, name in enumerate(evolved)},
     }
     # A rule names what it needs, and only that is worked out; so the call is written when the rule is known.
     direction = compiled(
         eval(
-            f"lambda k, weights, kept, coefficients, room, by: synapse({', '.join(told[name] for name in names)})",
+            "lambda k, weights, kept, genes, coefficients, alike, now, room, by: "
+            f"synapse({', '.join(told[name] for name in names)})",
             {"synapse": compiled(in_module(rule.synapse, __name__))},
         )
     )
+    # What all synapses have alike is read once.
+    read = "".join(f"coefficients[{row}, 0], " for row in range(len(evolved))) if alike and evolved else "0.0,"
+    read_alike = compiled(eval(f"lambda coefficients: ({read})"))
     fill_pre = _filled(network, PRE) if "pre" in names else compiled(_pass)
     fill_post = _filled(network, POST) if "post" in names else compiled(_pass)
     fill_correlation = _filled(network, CORRELATION) if "correlation" in names else compiled(_pass)
-    synapses, total = network.synapses, total_of(network)
+    fill_scale = compiled(_fill_nothing)
+    if rule.keeps_lengths:
+        fill_scale = in_turn(_fill_scale, network.connections, "weights, lengths, room")
+    scales, synapses, total = rule.keeps_lengths, network.synapses, total_of(network)
 
     @compiled
     def learn(
@@ -159,19 +246,27 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         coefficients: NDArray[np.float64],
         activation: NDArray[np.float64],
         rate: float,
+        now: Now,
+        lengths: NDArray[np.float64],
         signs: NDArray[np.float64],
         numbers: tuple[float, ...],
         room: NDArray[np.float64],
         change: NDArray[np.float64],
     ) -> float:
-        by = By(*numbers)
+        by, alike = By(*numbers), read_alike(coefficients)
         fill_pre(activation, room)
         fill_post(activation, room)
         fill_correlation(activation, room)
         for k in range(synapses):
-            towards = direction(k, weights, kept, coefficients, room, by)
+            towards = direction(k, weights, kept, genes, coefficients, alike, now, room, by)
             weights[k] = next_weight(weights[k], rate * signs[k], towards, by.w_max)
-            change[k] = weight_change(weights[k], genes[k])
+            if not scales:
+                change[k] = weight_change(weights[k], genes[k])
+        if scales:
+            fill_scale(weights, lengths, room)
+            for k in range(synapses):
+                weights[k] = min(max(weights[k] * room[SCALE, k], -by.w_max), by.w_max)
+                change[k] = weight_change(weights[k], genes[k])
         return total(change)
 
     return learn

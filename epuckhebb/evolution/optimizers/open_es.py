@@ -1,0 +1,174 @@
+"""An evolution strategy with antithetic pairs: the mean goes where the fitter half of a cloud of genomes is.
+
+    theta_i = theta + sigma e_i and theta - sigma e_i    e_i ~ N(0, 1): a pair
+    theta   = theta + alpha / (n sigma) sum_i u_i e_i    u_i: rank of the fitness among all n, from -.5 to .5
+
+alpha is `learning_rate` times `learning_rate_decay` to the power of the generations so far.
+
+Source: Salimans, Ho, Chen, Sidor & Sutskever, Evolution strategies as a scalable alternative to reinforcement learning,
+2017, with the constants of Najarro & Risi, NeurIPS 2020; theirs has a population of 200 and 300 generations, here there
+are as many robot-steps as every optimizer has, and a smaller population. Its generator is seeded anew for each
+generation, so that there is no state of it to keep.
+
+Evolve and merge: where every synapse has a rule of its own, the rules are clustered from time to time into half as many
+(k-means), and the synapses of a cluster go on with one rule, its centre. Source: Pedersen & Risi, Evolving and merging
+Hebbian learning rules, GECCO 2021; five merges leave one rule of 32, as theirs did.
+"""
+
+import math
+import warnings
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.evolution.optimizer import (
+    CANDIDATES,
+    EvolutionStrategy,
+    Search,
+    State,
+    initial,
+    limits,
+    units,
+)
+from epuckhebb.sim import random
+from epuckhebb.sim.genome import GenomePlan
+from epuckhebb.sim.random import Stream
+
+
+@dataclass(kw_only=True)
+class OpenEs(EvolutionStrategy):
+    """An evolution strategy with antithetic pairs.
+
+    learning_rate: alpha. learning_rate_decay: by which it is multiplied after each generation. merges: how often the
+    rules of synapses are merged into half as many, each time after `merge_every` generations. For the others, see
+    `EvolutionStrategy`; population is even, and sigma stays as it is.
+
+    Raises:
+        ValueError: a value is outside the range named in the message.
+    """
+
+    least: ClassVar[dict[str, int]] = {**EvolutionStrategy.least, "population": 2, "merges": 0, "merge_every": 1}
+
+    population: int = 40
+    sigma: float = 0.1
+    learning_rate: float = 0.2
+    learning_rate_decay: float = 0.995
+    merges: int = 0
+    merge_every: int = 10
+
+    def __post_init__(self) -> None:
+        """Refuse algorithms that cannot be."""
+        super().__post_init__()
+        if self.population % 2:
+            raise ValueError(f"optimizer.population must be even, as individuals come in pairs, got {self.population}")
+        if not (math.isfinite(self.learning_rate) and self.learning_rate > 0):
+            raise ValueError(f"optimizer.learning_rate must be more than 0, got {self.learning_rate}")
+        if not 0 < self.learning_rate_decay <= 1:
+            raise ValueError(
+                f"optimizer.learning_rate_decay must be more than 0 and at most 1, got {self.learning_rate_decay}"
+            )
+
+    def check(self, plan: GenomePlan) -> None:
+        """Refuse merges where synapses have no rules of their own."""
+        if self.merges:
+            _rules(plan)
+
+    def search(self, plan: GenomePlan, seed: int, state: State | None = None) -> "OpenEsSearch":
+        """See `Optimizer`."""
+        return OpenEsSearch(self, plan, seed, state)
+
+
+class OpenEsSearch(Search):
+    """The strategy at work. Genes are in units of their part's start; `_told` generations have been told of."""
+
+    def __init__(self, settings: OpenEs, plan: GenomePlan, seed: int, state: State | None) -> None:
+        self._settings, self._plan, self._seed = settings, plan, seed
+        self._unit = units(plan)
+        self._bound = limits(plan, settings.gene_limit) / self._unit
+        self._told, self._mean = 0, np.zeros(plan.genes)
+        if state is not None:
+            self._told, self._mean = int(state["told"]), state["mean"].copy()
+            if self._mean.shape != (plan.genes,):
+                raise ValueError(f"its mean has shape {self._mean.shape}, the configuration asks for ({plan.genes},)")
+        self._rules = _rules(plan) if settings.merges else np.empty((0, 0), np.int64)
+        self._rule_of = np.arange(self._rules.shape[1]) if state is None else state["rule_of"].copy()
+        if self._rule_of.shape != self._rules.shape[1:]:
+            raise ValueError(f"it holds rules of {self._rule_of.size} synapses, not of {self._rules.shape[1]}")
+        self._noise = self._population = self._ranked = np.empty((0, plan.genes))
+
+    def ask(self) -> NDArray[np.float64]:
+        """At first genomes at random, then pairs on both sides of the mean."""
+        rng = random.rng(self._seed, Stream.variation, self._told)
+        if self._told == 0:
+            self._population = initial(rng, self._settings.starts, self._plan) / self._unit
+        else:
+            noise = rng.standard_normal((self._settings.population // 2, self._plan.genes))
+            noise[:, self._rules] = noise[:, self._rules[:, self._rule_of]]
+            self._noise = np.concatenate([noise, -noise])
+            wanted = self._mean + self._settings.sigma * self._noise
+            self._population = np.clip(wanted, -self._bound, self._bound)
+        return self._population * self._unit
+
+    def tell(self, fitness: NDArray[np.float64]) -> None:
+        """Begin at the fittest, or move the mean towards the fitter."""
+        order = np.argsort(-fitness, kind="stable")
+        self._ranked = self._population[order]
+        if self._told == 0:
+            self._mean = np.clip(self._ranked[0], -self._bound, self._bound)
+        else:
+            count, rate = len(order), self._settings.learning_rate
+            rate *= self._settings.learning_rate_decay ** (self._told - 1)
+            ranks = np.linspace(0.5, -0.5, count)
+            towards = (ranks[:, None] * self._noise[order]).sum(axis=0)  # genes that are alike stay so to the last bit
+            self._mean = self._mean + rate / (count * self._settings.sigma) * towards
+            self._mean = np.clip(self._mean, -self._bound, self._bound)
+            if (
+                self._told % self._settings.merge_every == 0
+                and self._told <= self._settings.merges * self._settings.merge_every
+            ):
+                self._merge()
+        self._told += 1
+
+    def _merge(self) -> None:
+        """Cluster the rules into half as many; from now on the synapses of a cluster have its centre for a rule."""
+        from scipy.cluster.vq import kmeans2
+
+        firsts, place = np.unique(self._rule_of, return_inverse=True)
+        rules = self._mean[self._rules[:, firsts]].T
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a cluster may be empty: then there is one less
+            centres, cluster = kmeans2(
+                rules, -(-len(rules) // 2), minit="++", rng=random.rng(self._seed, Stream.merging, self._told)
+            )
+        cluster_of = cluster[place]
+        self._mean[self._rules] = centres[cluster_of].T
+        first_of = {number: synapse for synapse, number in reversed(list(enumerate(cluster_of.tolist())))}
+        self._rule_of = np.array([first_of[number] for number in cluster_of.tolist()])
+
+    def candidates(self) -> NDArray[np.float64]:
+        """The mean, and the two fittest."""
+        return np.array([self._mean, *self._ranked[: CANDIDATES - 1]]) * self._unit
+
+    @property
+    def state(self) -> State:
+        """How many generations have been told of, the mean, and for each synapse the first that has the same rule."""
+        return {"told": np.array(self._told), "mean": self._mean.copy(), "rule_of": self._rule_of.copy()}
+
+
+def _rules(plan: GenomePlan) -> NDArray[np.int64]:
+    """Where the genes of the synapses' rules stand, (parameters, synapses).
+
+    Raises:
+        ValueError: synapses have no rules of their own.
+    """
+    parts = plan.of_rule.parts
+    sizes = {part.size for part in parts}
+    if len(sizes) != 1 or sizes == {1}:
+        raise ValueError(
+            f"optimizer.merges needs a rule of which all is evolved for each synapse, as hebbian=abcd; a genome of "
+            f"{plan.told()} has none"
+        )
+    places = plan.split(np.arange(float(plan.genes)))
+    return np.array([places[part.name] for part in parts], np.int64)

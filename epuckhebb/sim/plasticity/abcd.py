@@ -1,0 +1,35 @@
+"""ABCD: every synapse has an evolved rule of its own, and its weight at birth means next to nothing.
+
+    D = eta (A x_j x_i + B x_j + C x_i + D0)    eta, A, B, C, D0 of each synapse
+
+Source: Najarro & Risi, Meta-learning through Hebbian plasticity in random networks, NeurIPS 2020, equation 1. As there,
+weights at birth are uniform in +-0.1, drawn anew for each lifetime, or evolved too (`births`). Theirs begins with
+coefficients N(0, 1) and without bounds; here they begin uniform in +-1 and stay in +-2, as all genes do. Theirs divides
+the weights of a layer by the largest after each update in some tasks; here all are clipped, as in the paper.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.plasticity.four_terms import FourTerms
+from epuckhebb.sim.plasticity.rule import Births, Evolved
+
+_EACH = Evolved("synapse", start=1.0, limit=2.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ABCD(FourTerms):
+    """Plasticity with five numbers a synapse, 1170 in the paper's network."""
+
+    evolved: ClassVar = dict.fromkeys(("A", "B", "C", "D", "eta"), _EACH)
+
+    births: Births = Births.random
+
+    @classmethod
+    def express(cls, parameters: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
+        """Eta in A, B, C and D."""
+        return {name: parameters["eta"] * parameters[name] for name in cls.coefficients}

@@ -1,0 +1,34 @@
+"""Shared ABCD: all synapses of a layer have the same evolved rule; the weights at birth are evolved beside it.
+
+    D = eta (A x_j x_i + B x_j + C x_i + D0) - leak (w - w0)    eta, A, B, C, D0 of each layer; w0: weight at birth
+
+Source: Pedersen & Risi, Evolving and merging Hebbian learning rules, GECCO 2021, who let many synapses share one rule;
+here those of a layer do from the start. The leak is not theirs: a rule for so many synapses easily drives all of them
+to their bounds.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.plasticity.four_terms import FourTerms
+from epuckhebb.sim.plasticity.rule import Evolved
+
+_EACH = Evolved("layer", start=1.0, limit=2.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ABCDShared(FourTerms):
+    """Plasticity with five numbers a layer, 25 in the paper's network."""
+
+    evolved: ClassVar = dict.fromkeys(("A", "B", "C", "D", "eta"), _EACH)
+
+    leak: float = 3.0
+
+    @classmethod
+    def express(cls, parameters: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
+        """Eta in A, B, C and D."""
+        return {name: parameters["eta"] * parameters[name] for name in cls.coefficients}

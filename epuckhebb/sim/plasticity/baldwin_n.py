@@ -1,0 +1,46 @@
+"""The paper's rule while controllers are evolved, and how fast they learn evolves with them (Baldwin 1896).
+
+    T' = 0.95 T + 0.05 x_j x_i
+    D  = 10^theta T'                 theta: evolved, one for the network; the base rate is N 10^theta
+
+Source: the rule of Hammami et al., ALIFE 2025, who lay it over controllers that evolved without; in evolution as in
+Hinton & Nowlan, Complex Systems 1 (1987). With N as it is set, and nothing of the rule evolved: `hebbian=baldwin`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.plasticity.rule import Evolved, Rule
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaldwinN(Rule):
+    """The paper's rule with an evolved rate. trace_decay: how long a trace lasts. trace_update: how fast it is new."""
+
+    kept: ClassVar = {"trace": 0.0}
+    evolved: ClassVar = {"theta": Evolved(start=1.0, limit=1.5)}
+    coefficients: ClassVar = ("factor",)
+
+    N_gain_rad_s: float = 4.0
+    trace_decay: float = 0.95
+    trace_update: float = 0.05
+
+    def __post_init__(self) -> None:
+        """Refuse traces that cannot be."""
+        super().__post_init__()
+        self.in_unit_interval("trace_decay", "trace_update")
+
+    @classmethod
+    def express(cls, parameters: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
+        """The factor on N."""
+        return {"factor": 10.0 ** parameters["theta"]}
+
+    @staticmethod
+    def synapse(correlation: float, kept: Any, factor: float, by: Any) -> float:
+        """T' = 0.95 T + 0.05 C, and that way the weight goes, at N 10^theta."""
+        kept.trace = by.trace_decay * kept.trace + by.trace_update * correlation
+        return float(factor * kept.trace)

@@ -1,0 +1,370 @@
+"""Rules that evolve with the weights: three steps by hand, beside the oracle, and from `evolve` to `show`."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+import epuckhebb
+from epuckhebb.app import files
+from epuckhebb.app.cli import app
+from epuckhebb.app.config import EvaluateConfig, EvolveConfig, typed
+from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.evolution.evolve import evolve
+from epuckhebb.evolution.optimizer import initial
+from epuckhebb.evolution.optimizers import ga as ga_module
+from epuckhebb.evolution.optimizers.ga import GA
+from epuckhebb.sim import random
+from epuckhebb.sim.controller import Controller
+from epuckhebb.sim.genome import plan_of
+from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
+from epuckhebb.sim.plasticity.abcd import ABCD
+from epuckhebb.sim.plasticity.abcd_neuron import ABCDNeuron
+from epuckhebb.sim.plasticity.abcd_shared import ABCDShared
+from epuckhebb.sim.plasticity.baldwin_n import BaldwinN
+from epuckhebb.sim.plasticity.discrete import Discrete
+from epuckhebb.sim.plasticity.modulated import Modulated
+from epuckhebb.sim.plasticity.online import Online
+from epuckhebb.sim.plasticity.rule import Births, NoRule, coefficients, modulatory_weights
+from epuckhebb.sim.plasticity.update import Now, lengths_at_birth, modulation_of, update_of
+from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
+from epuckhebb.sim.scenario import Scenario
+
+SIZES = {
+    ABCD: "234 weights, 234 A, 234 B, 234 C, 234 D, 234 eta",
+    ABCDShared: "234 weights, 5 A, 5 B, 5 C, 5 D, 5 eta",
+    ABCDNeuron: "234 weights, 43 A, 43 B, 43 C, 43 D, 43 eta",
+    Modulated: "234 weights, 5 v, 1 A, 1 B, 1 C, 1 D, 1 eta",
+    BaldwinN: "234 weights, 1 theta",
+    Discrete: "234 weights, 4 when_better, 4 when_worse, 1 eta, 1 threshold, 1 high, 1 low",
+}
+LIVED = {
+    ABCD: ABCD(N=0.003, leak=0.5),
+    ABCDShared: ABCDShared(N=0.0003),
+    ABCDNeuron: ABCDNeuron(N=0.002, leak=1.0),
+    Modulated: Modulated(N=0.003),
+    BaldwinN: BaldwinN(N=0.01),
+    Discrete: Discrete(N=0.001),
+    Online: Online(window_s=4.0, sigma=0.05),
+}
+TINY = ["optimizer=sep_cma_es", "optimizer.population=4", "optimizer.starts=3", "optimizer.confirm=2"]
+TINY += ["optimizer.generations=2", "lifetime.duration_s=3", "scenario.paper_duration_s=10", "threads=1", "-q"]
+BRIEF = ["lifetime.duration_s=3", "repeats=1", "threads=1"]
+
+
+def call(*words):
+    return CliRunner().invoke(app, list(words))
+
+
+def done(*words):
+    result = call(*words)
+    assert result.exit_code == 0, result.output
+    return result
+
+
+# The equations
+
+
+@pytest.mark.parametrize("rule", SIZES)
+def test_what_a_rule_evolves(rule):
+    assert plan_of(PAPER_NETWORK, rule).told() == SIZES[rule]
+
+
+def coefficients_of(rule, network=PAPER_NETWORK, **genes):
+    return coefficients(rule, network, {name: np.array(values, float) for name, values in genes.items()})
+
+
+@pytest.mark.parametrize("rule", [ABCD, ABCDShared, ABCDNeuron])
+def test_three_steps_of_the_rules_with_four_terms(rule):
+    by, terms = SimpleNamespace(leak=0.1), (0.5, -1.0, 2.0, 0.25)
+    assert rule.synapse(0.5, 0.8, 1.0, 1.0, *terms, by) == pytest.approx(0.5 * 0.4 - 0.5 + 1.6 + 0.25)
+    assert rule.synapse(-1.0, 0.5, 1.5, 1.0, *terms, by) == pytest.approx(-0.25 + 1.0 + 1.0 + 0.25 - 0.05)
+    assert rule.synapse(0.0, 0.0, -1.0, 1.0, *terms, by) == pytest.approx(0.25 + 0.2)  # what neither neuron has to do
+
+
+def test_three_steps_of_the_modulated_rule():
+    network = Network((3, 2, 2))
+    modulate, v = modulation_of(Modulated, network), np.array([1.0, -2.0, 0.5])
+    activation = np.zeros(network.neurons)
+    for hidden, output in (((0.0, 0.0), 0.25), ((1.0, 0.5), 0.25), ((-1.0, 0.75), -1.0)):
+        activation[4:6] = hidden
+        assert modulate(v, activation) == pytest.approx(np.tanh(output), rel=1e-14)
+    assert Modulated.synapse(0.5, 0.8, 0.5, -1.0, 2.0, 0.25) == pytest.approx(0.2 - 0.5 + 1.6 + 0.25)
+    genes = {"v": v, "A": [1], "B": [2], "C": [3], "D": [4], "eta": [-0.5]}
+    np.testing.assert_array_equal(modulatory_weights(Modulated, genes), v)
+    assert coefficients_of(Modulated, **genes)[:, 7].tolist() == [-0.5, -1.0, -1.5, -2.0]
+
+
+def test_three_steps_of_the_papers_rule_with_an_evolved_rate():
+    (factor,) = coefficients_of(BaldwinN, theta=[0.5])
+    state, by = SimpleNamespace(trace=0.0), SimpleNamespace(trace_decay=0.95, trace_update=0.05)
+    for correlation, trace in ((0.4, 0.02), (-1.0, -0.031), (0.0, -0.02945)):
+        assert BaldwinN.synapse(correlation, state, factor[0], by) == pytest.approx(np.sqrt(10) * trace)
+
+
+def test_three_steps_of_the_discrete_rule():
+    genes = {"when_better": [0.2, -0.6, 0.9, 0.6], "when_worse": [1, -1, 0.4, -0.5]}  # 0 -1 1 1, 1 -1 0 0
+    told = coefficients_of(Discrete, **genes, eta=[2], threshold=[0.1], high=[0.5], low=[-0.5])[:, 0]
+    for fitness, expected in ((0.91, (0, -2, 2, 2)), (0.7, (0, 0, 0, 0)), (0.49, (2, -2, 0, 0))):
+        states = ((0.1, -0.5), (0.0, 0.2), (0.3, 0.05), (0.8, 0.9))
+        assert tuple(Discrete.synapse(*x, fitness, *told) for x in states) == pytest.approx(expected)
+
+
+def test_the_incoming_weights_of_each_neuron_keep_their_length():
+    network = Network((3, 2, 2))
+    genes = np.random.default_rng(0).uniform(-1, 1, network.synapses)
+    weights, told = genes.copy(), dict.fromkeys(Discrete.evolved, np.ones(1))
+    told |= {"when_better": np.ones(4), "when_worse": np.ones(4)}
+    numbers, room = tuple(Discrete(N=1.0).numbers().values()), np.empty((3, network.synapses))
+    learn, change = update_of(Discrete, network), np.empty(weight_change_room(network))
+    spread, activation, ones = coefficients(Discrete, network, told), np.ones(network.neurons), np.ones_like(genes)
+    lengths = lengths_at_birth(Discrete, network, genes)
+    now = Now(0.1, np.uint64(1), 0)
+    total = learn(weights, np.empty(0), genes, spread, activation, 0.1, now, lengths, ones, numbers, room, change)
+    assert total == pytest.approx(np.abs(weights - genes).sum()) != 0
+    for now, before in zip(by_layer(network, weights), by_layer(network, genes), strict=True):
+        np.testing.assert_allclose(np.linalg.norm(now, axis=0), np.linalg.norm(before, axis=0))
+        grown = before + 0.1
+        np.testing.assert_allclose(now, grown / np.linalg.norm(grown, axis=0) * np.linalg.norm(before, axis=0))
+
+
+@pytest.mark.filterwarnings("ignore:overflow")  # which random bits are made of
+def test_three_windows_of_evolution_in_life():
+    by, state, key = SimpleNamespace(window_s=0.064, sigma=0.5), SimpleNamespace(**Online.kept), np.uint64(3)
+
+    def lived(weight, step, *fitness):
+        """A window of two steps; the weight that is tried next."""
+        for k, live in enumerate(fitness):
+            towards = Online.synapse(weight, live, key, step + k, 7, state, by)
+        return weight + towards
+
+    def drawn(step):
+        return 0.5 * random.normal(key, 2**52 + step * 2**17 + 7)
+
+    first = lived(1.0, 0, 0.4, 0.6)
+    assert first == pytest.approx(1.0 + drawn(1))
+    second = lived(first, 2, 0.5, 0.7)  # better: it is the parent now
+    assert second == pytest.approx(first + drawn(3))
+    assert lived(second, 4, 0.5, 0.6) == pytest.approx(first + drawn(5))  # worse: back to the parent, and another child
+
+
+def test_what_a_synapse_of_the_neuron_centric_rule_does_follows_from_its_two_neurons():
+    network = Network((2, 2))  # neurons: two sensors, the bias, two wheels
+    p = {name: np.arange(5.0) + 10 * k for k, name in enumerate(("A", "B", "C", "D", "eta"))}
+    pre, post = 1, 4  # the second sensor and the right wheel: the fourth synapse
+    eta = (41 + 44) / 2
+    expected = [eta * 21 * 24, eta * p["A"][pre], eta * p["B"][post], eta * 31 * 34]
+    assert coefficients_of(ABCDNeuron, network, **p)[:, 3].tolist() == expected
+
+
+@pytest.mark.parametrize("rule", LIVED)
+def test_a_rule_agrees_with_its_twin_in_plain_python(rule, beside_the_oracle, genomes):
+    """At a gain of 1, as walls that a robot bumps into make much of the last bit."""
+    genes = initial(np.random.default_rng(130), 1, plan_of(PAPER_NETWORK, rule))[0]
+    genes[:234] = genomes[0]
+    if rule is Discrete:  # a table of which all is used
+        genes[234:] = [0.0, 1.0, -1.0, 1.0, -1.0, 0.0, 1.0, 0.7, 0.8, 0.2, -0.6, 0.2]
+    controller = Controller(name="own", rule=LIVED[rule])
+    outcome, samples, robot = beside_the_oracle(genes, "right", controller=controller, seconds=100.0, gain=1.0)
+    for k, weights in enumerate(robot.weights):
+        first = PAPER_NETWORK.first_synapse[k]
+        np.testing.assert_allclose(samples.weights[-1][first : first + weights.size], weights.ravel(), atol=1e-6)
+    assert outcome.weight_change_mean > 0.1
+    assert np.ptp(samples.rate) > 0 or (LIVED[rule].floor == 1 and rule is not Modulated)
+
+
+# Pace and birth
+
+
+def test_as_much_is_learnt_on_a_metre_at_any_pace(lived):
+    """Standing robots learn at a pace that is the gain's share of that at which N holds; with 0, at N."""
+    genes = np.concatenate([np.zeros(234), np.ones(25)])
+    changes = {}
+    for gain in (1.0, 4.0):
+        for N_gain_rad_s in (0.0, 4.0):
+            rule = ABCDShared(N=1e-6, leak=0.0, N_gain_rad_s=N_gain_rad_s)
+            told = {"controller": Controller(name="own", rule=rule), "gain_rad_s": gain}
+            changes[gain, N_gain_rad_s] = lived(genes, seconds=0.032, **told)[0].weight_change_final
+    assert changes[1.0, 0.0] == changes[4.0, 0.0] == changes[4.0, 4.0] > 0
+    assert changes[1.0, 4.0] == pytest.approx(changes[4.0, 4.0] / 4)
+
+
+def test_weights_at_birth_can_be_drawn_for_each_lifetime(lived):
+    genes = np.concatenate([np.full(234, 2.0), np.zeros(5 * 234)])  # nothing is learnt
+
+    def born(key, births):
+        controller = Controller(name="own", rule=ABCD(N=0.01, births=births))
+        return lived(genes, seconds=0.032, key=key, controller=controller)[1].weights[0]
+
+    assert (born(1, Births.evolved) == 2).all()
+    one, again, other = (born(key, Births.random) for key in (1, 1, 2))
+    assert np.abs(one).max() <= 0.1
+    assert np.ptp(one) > 0.19
+    assert (one == again).all()
+    assert (one != other).any()
+
+
+# What evolves
+
+
+def evolved_by(ga, rule, **more):
+    short, controller = Lifetime(duration_s=2, gain_rad_s=4), Controller(name="own", rule=rule)
+    return list(evolve(ga, Scenario(), short, seed=2, controller=controller, **more))
+
+
+def test_those_who_learn_hear_the_same_noise_and_their_champion_is_confirmed(monkeypatch):
+    def alike(rng, count, plan):
+        return np.tile(initial(rng, 1, plan), (count, 1))
+
+    monkeypatch.setattr(ga_module, "initial", alike)
+    ga = GA(population=5, generations=1, loops=1, elites=0, start_noise=1.0)
+    last = evolved_by(ga, ABCDShared(N=0.0003))[-1]
+    assert np.ptp(last.fitness) == 0
+    assert last.champion_fitness != last.fitness[0]  # in lifetimes that are new
+    last = evolved_by(ga, NoRule())[-1]
+    assert np.ptp(last.fitness) > 0
+    assert last.champion_fitness == last.fitness.max()
+
+
+def test_only_the_rule_evolves_where_weights_are_drawn_or_given():
+    ga = GA(population=4, generations=2, elites=1, loops=1)
+    drawn = evolved_by(ga, ABCD(N=0.01))[-1]
+    assert drawn.state["population"].shape == (4, 5 * 234)
+    assert drawn.champion.shape == (6 * 234,)
+    assert (drawn.champion[:234] == 0).all()
+    weights = np.linspace(-1, 1, 234)
+    given = evolved_by(ga, ABCDShared(N=0.0003), weights=weights)[-1]
+    assert given.state["population"].shape == (4, 25)
+    np.testing.assert_array_equal(given.champion[:234], weights)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["hebbian=paper", "hebbian.births=random"], "nothing would be evolved: the weights at birth are random, and"),
+        (
+            ["hebbian=paper", "genome=reference"],
+            "nothing would be evolved: the weights are given, and rule paper has nothing",
+        ),
+        (["genome=reference"], "nothing would be evolved: the weights are given, and there is no rule"),
+        (["hebbian=abcd_shared", "hebbian.leak=-1"], "hebbian.leak must be 0 or more, got -1"),
+        (["hebbian=modulated", "hebbian.N_gain_rad_s=-4"], "hebbian.N_gain_rad_s must be 0 or more, got -4"),
+        (["hebbian=online", "hebbian.window_s=0.01"], "hebbian.window_s must be at least one step, 0.032 s, got 0.01"),
+        (["hebbian=online", "hebbian.sigma=0"], "hebbian.sigma must be more than 0, got 0"),
+        (["hebbian=abcd", "hebbian.births=early"], "hebbian.births must be one of evolved, random, got 'early'"),
+    ],
+)
+def test_what_cannot_evolve_is_refused(overrides, message):
+    with pytest.raises(ConfigError) as told:
+        typed(composed("evolve", overrides), EvolveConfig)
+    assert message in str(told.value)
+
+
+@pytest.mark.parametrize(
+    "name", ["abcd", "abcd_neuron", "abcd_shared", "baldwin", "baldwin_n", "discrete", "modulated"]
+)
+def test_a_rule_is_chosen_by_its_name(name):
+    config = typed(composed("evolve", [f"hebbian={name}"]), EvolveConfig)
+    assert config.controller.name == name
+    assert config.controller.rule.N_gain_rad_s == config.lifetime.gain_rad_s == 4
+    assert (
+        typed(composed("evaluate", [f"hebbian={name}"]), EvaluateConfig).controllers[0].rule == config.controller.rule
+    )
+
+
+# From `evolve` to `show`
+
+
+@pytest.fixture(scope="module")
+def champions(tmp_path_factory):
+    """A folder with evolutions with two rules; not to be changed."""
+    folder = tmp_path_factory.mktemp("champions")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for rule in ("modulated", "abcd"):
+            done("evolve", f"hebbian={rule}", "training=varied", *TINY, f"hydra.run.dir={rule}")
+    return folder
+
+
+def test_a_champion_keeps_what_its_rule_evolved(champions, monkeypatch, tmp_path):
+    monkeypatch.chdir(champions)
+    genome = files.load_genome("modulated", "obstacles")
+    assert (genome.rule, genome.plan.told()) == ("modulated", SIZES[Modulated])
+    shown = done("show", "modulated").stdout
+    assert "Evolved by sep_cma_es, in training worlds varied, with rule modulated" in shown
+    assert SIZES[Modulated] in shown
+    run = str(tmp_path / "run")
+    done("evaluate", "genome=modulated", "hebbian=modulated", *BRIEF, f"hydra.run.dir={run}")
+    rows = pd.read_csv(f"{run}/metrics.csv")
+    assert list(rows.controller.unique()) == ["GA", "modulated"]
+    assert (rows.weight_change_mean[rows.controller == "modulated"] > 0).all()
+    with np.load(f"{run}/traces.npz") as traces:
+        assert np.ptp(traces["rate"][traces["controller"] == "modulated"]) > 0  # the modulatory neuron at work
+    done("replay", run, f"--output={tmp_path / 'page.html'}")
+    monkeypatch.chdir(tmp_path)
+    own = [f"genome={champions / 'modulated'}", "hebbian=modulated", *BRIEF, "hydra.run.dir=again"]
+    done("evaluate", *own)
+    done("rerun", "again", "-q")
+
+
+@pytest.mark.parametrize("rule", ["modulated", "abcd"])
+def test_an_evolution_of_a_rule_goes_on_to_the_same_bytes(rule, champions, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    words = ["evolve", f"hebbian={rule}", "training=varied", *TINY, "hydra.run.dir=run"]
+    done(*words, "optimizer.generations=1")
+    done("evolve", "resume=run", "optimizer.generations=2", "-q")
+    for name in ("history.csv", "champion.npz", "checkpoint.npz"):
+        assert (champions / rule / name).read_bytes() == Path("run", name).read_bytes()
+
+
+def test_a_rule_evolves_for_a_given_champion(champions, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    own = [f"genome={champions / 'modulated'}", "hebbian=abcd_shared", *TINY]
+    done("evolve", *own, "optimizer.generations=1", "hydra.run.dir=run")
+    done("evolve", "resume=run", "optimizer.generations=2", "-q")
+    genome, given = files.load_genome("run", ""), files.load_genome(str(champions / "modulated"), "")
+    assert (genome.rule, genome.plan.told()) == ("abcd_shared", SIZES[ABCDShared])
+    np.testing.assert_array_equal(genome.weights, given.weights)
+    champion, _ = epuckhebb.evolve(*own[:-1])
+    np.testing.assert_array_equal(champion, genome.genes)
+    done("rerun", "run", "-q")
+    refused = call("evolve", f"genome={champions / 'modulated'}", "hebbian=abcd_shared", "network.layers=[16,3,2]")
+    assert refused.exit_code == 2
+    config = Path("run/.hydra/config.yaml")
+    for words in (["evolve", "genome=nowhere", "hebbian=modulated"], ["evolve", "resume=run", "genome=reference"]):
+        assert call(*words).exit_code == 2
+    assert f"genome: {champions / 'modulated'}" in config.read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["genome=modulated"], "was evolved with rule modulated, and Hebbian has rule paper; give hebbian=modulated"),
+        (["genome=abcd", "hebbian=abcd_shared"], "was evolved with rule abcd, and abcd_shared has rule abcd_shared"),
+        (
+            ["genome=abcd", "hebbian=abcd", "hebbian.births=evolved"],
+            "was evolved with hebbian.births=random, and abcd has",
+        ),
+        (["genome=modulated", "hebbian=modulated", "hebbian.births=random"], "give hebbian.births=evolved"),
+        (["genome=reference", "hebbian=modulated"], "rule Modulated takes v, A, B, C, D, eta from the genome"),
+    ],
+)
+def test_a_champion_of_another_rule_is_refused(words, message, champions, monkeypatch):
+    monkeypatch.chdir(champions)
+    result = call("evaluate", *words, *BRIEF)
+    assert result.exit_code == 2
+    assert message in " ".join(result.stderr.split())
+
+
+def test_the_weights_of_a_champion_may_live_alone(champions, monkeypatch):
+    monkeypatch.chdir(champions)
+    genome = files.load_genome("modulated", "obstacles")
+    alone = epuckhebb.evaluate(genome.weights, "hebbian=none", *BRIEF).metrics
+    beside = epuckhebb.evaluate(genome.genes, "hebbian=modulated", *BRIEF).metrics
+    measured = ["side", "path_length_m", "fitness"]
+    pd.testing.assert_frame_equal(alone[measured], beside[beside.controller == "GA"][measured])
