@@ -224,6 +224,13 @@ def test_help_lists_the_groups():
         assert word in result.stdout
 
 
+def test_help_is_told_in_full(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    result = call("--help")
+    assert "with and without plasticity." in result.stdout
+    assert "..." not in result.stdout.partition("Commands:")[2]
+
+
 def test_help_imports_nothing_heavy():
     code = "import sys, epuckhebb.app.cli; print(sorted({'numba', 'pandas', 'hydra', 'pymunk'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -87,7 +87,10 @@ class Shown(StrEnum):
 Cfg = Annotated[
     Shown | None, typer.Option("--cfg", "-c", metavar="job|hydra|all", help="Show the configuration, run nothing.")
 ]
-ConfigDir = Annotated[str | None, typer.Option("--config-dir", help="A folder with more configuration files.")]
+ConfigDir = Annotated[
+    str | None,
+    typer.Option("--config-dir", help="A folder with YAML of your own: FOLDER/scenario/mine.yaml for scenario=mine."),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output, all else on standard error.")
@@ -160,7 +163,7 @@ def evaluate(
     as_json: Json = False,
     open_page: Open = False,
 ) -> None:
-    """A genome's lifetimes in a scenario, GA alone and with plasticity."""
+    """Let a genome live in a scenario, with and without plasticity."""
     from epuckhebb.app.evaluate import asked, evaluate_job, recorded_job
 
     if open_page and (multirun or cfg):
@@ -246,7 +249,7 @@ def reproduce(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """The paper's tables and figures, ours beside theirs, and how often its claims hold."""
+    """The paper's tables and figures, and whether its claims hold."""
     from epuckhebb.app import hydra_bridge
     from epuckhebb.app import show as shown
     from epuckhebb.app.reproduce import reproduce as run
@@ -275,7 +278,7 @@ def sweep(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """A named sweep on all cores; the same command again does only what is not done."""
+    """A named sweep on all cores; again, it does what is not done."""
     from epuckhebb.app import engine, hydra_bridge, progress
     from epuckhebb.app import show as shown
     from epuckhebb.app.sweep import plan, told
