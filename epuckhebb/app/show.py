@@ -74,13 +74,18 @@ def tell_sweep(folder: Path, console: Console) -> None:
     else:
         summary = runs.table(folder, "summary.csv", formats.SUMMARY, rows=False)
         conditions = list(summary.columns[: summary.columns.get_loc("n")])
-        told = [name for name in conditions if name in ("controller", "side") or summary[name].nunique() > 1]
+        differ = [name for name in conditions if name in ("controller", "side") or summary[name].nunique() > 1]
+        told = list(summary[differ].astype(str).T.drop_duplicates().index)  # a genome is known by its name, too
+        same = summary.n.nunique() == 1
         rows = []
         for row in summary.to_dict("records"):
             interval = f"{row['success']:.2f} ({row['success_low']:.2f}–{row['success_high']:.2f})"
-            rows.append((*("" if pd.isna(row[name]) else row[name] for name in told), interval, row["n"]))
+            cells = ["" if pd.isna(row[name]) else row[name] for name in told]
+            rows.append((*cells, interval, *([] if same else [row["n"]])))
         if rows:
-            console.print(_table("Success (95 % interval)", (*told, "success", "n"), rows))
+            each = f", of {summary.n.iloc[0]} lifetimes each" if same else ""
+            headings = (*told, "success", *([] if same else ["n"]))
+            console.print(_table(f"Success (95 % interval){each}", headings, rows))
     _line(console, f"Tables: {folder}/: {written}")
 
 
