@@ -319,6 +319,7 @@ def test_a_folder_of_configurations_must_be_there(here, words):
 
 def test_what_is_slow_is_told_and_what_is_quick_is_not(monkeypatch):
     said, heard = [], threading.Event()
+    monkeypatch.setenv("FORCE_COLOR", "1")  # stands for a terminal
     monkeypatch.setattr(progress, "say", lambda note: (said.append(note), heard.set()))
     with progress.saying_if_slow("compiling", after_s=0.0):
         assert heard.wait(60)

@@ -18,6 +18,7 @@ from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.fitness import HISTORY_MEAN, HISTORY_STEPS
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.plasticity.rule import Births
 from epuckhebb.sim.robot import EPUCK
 
 _LIGHT_FULL_SCALE = 4095.0  # of Webots' e-puck in the dark, where our readings are 1
@@ -100,10 +101,12 @@ def _rule(controller: Controller) -> dict[str, Any]:
         ConfigError: It is not the paper's, or something is laid over it.
     """
     rule = controller.rule
-    if not isinstance(rule, Paper) or rule.sign is not Sign.hebbian or controller.adaptation.acts:
+    as_in_paper = rule.sign is Sign.hebbian and rule.births is Births.evolved and not rule.N_gain_rad_s
+    if not isinstance(rule, Paper) or not as_in_paper or controller.adaptation.acts:
         raise ConfigError(
-            f"controller {controller.name} cannot be taken to Webots: only the paper's rule can, without an adaptation "
-            "and with its own signs; or no plasticity (hebbian=none)"
+            f"controller {controller.name} cannot be taken to Webots: only the paper's rule can, without an "
+            "adaptation, with its own signs, evolved weights at birth, and an N that holds at any gain; or none "
+            "(hebbian=none)"
         )
     history = {"history_steps": HISTORY_STEPS, "history_mean": HISTORY_MEAN}
-    return {**asdict(rule), "signal": rule.signal.name, "sign": rule.sign.name, **history}
+    return {**asdict(rule), "signal": rule.signal.name, "sign": rule.sign.name, "births": rule.births.name, **history}

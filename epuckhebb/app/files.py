@@ -186,7 +186,10 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
     if genome.rule:
         arrays["rule"] = np.str_(genome.rule)
     if genome.baseline is not None:
-        arrays |= {_BASELINE + key: np.asarray(value) for key, value in asdict(genome.baseline).items()}
+        known = asdict(genome.baseline)
+        if not len(genome.baseline.patterns):  # it was read from a file of before version 0.2
+            del known["patterns"], known["novelty"]
+        arrays |= {_BASELINE + key: np.asarray(value) for key, value in known.items()}
     if genome.self_memory is not None:
         arrays |= {_SELF_MEMORY + key: np.asarray(value) for key, value in asdict(genome.self_memory).items()}
     return _compressed(arrays)

@@ -32,10 +32,11 @@ def say(note: str) -> None:
 
 @contextmanager
 def saying_if_slow(note: str, after_s: float = 2.0) -> Iterator[None]:
-    """Tell the user something if what is done meanwhile takes longer than usual."""
+    """Tell somebody at a terminal if what is done meanwhile takes longer than usual."""
     timer = threading.Timer(after_s, say, [note])
     timer.daemon = True
-    timer.start()
+    if Terminal(stderr=True).is_terminal:
+        timer.start()
     try:
         yield
     finally:
