@@ -11,6 +11,7 @@ import yaml
 
 import epuckhebb
 from epuckhebb.app.data import groups
+from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.study import findings, report, rescue
 
 ROOT = Path(__file__).parents[1]
@@ -33,7 +34,7 @@ def test_the_clone_line_and_the_citation_name_one_repository_and_version():
 
 def test_the_answer_is_that_of_the_reference_results(generated):
     harm = pd.read_csv(REFERENCE / "rescue_and_harm.csv")
-    over_all = pd.read_csv(REFERENCE / "adaptive" / "rescue_over_all.csv")
+    over_all = pd.read_csv(REFERENCE / "rescue" / "rescue_over_all.csv")
     table = report.answer(harm, over_all)
     assert len(table.splitlines()) == 2 + 5
     generated(README, "answer", table)
@@ -56,6 +57,19 @@ def test_the_verdicts_of_the_reference_run_follow_the_printed_rule():
 def test_the_account_of_adaptive_plasticity_is_that_of_its_study(generated):
     over_all = pd.read_csv(REFERENCE / "adaptive" / "rescue_over_all.csv")
     generated(RESULTS, "adaptive", rescue.summary(over_all))
+
+
+def test_the_account_of_rescue_is_that_of_its_study(generated):
+    over_all = pd.read_csv(REFERENCE / "rescue" / "rescue_over_all.csv")
+    generated(RESULTS, "rescue", rescue.summary(over_all))
+    asked = over_all.set_index(["experiment", "controller"])
+    for experiment in TRAINED:
+        best, homeostasis = asked.loc[(experiment, "best")], asked.loc[(experiment, "homeostasis")]
+        assert best.rescued_share >= 0.8
+        assert best.harmed_share <= 0.02
+        assert homeostasis.harmed_share <= 0.05
+    assert asked.loc[("light", "homeostasis")].rescued > asked.loc[("light", "late")].rescued
+    assert (asked.loc[(slice(None), ["best", "homeostasis"]), "home_harmed"] == 0).all()
 
 
 @pytest.mark.parametrize("experiment", ["light", "obstacles"])

@@ -102,19 +102,22 @@ def summary(claims: pd.DataFrame, success: pd.DataFrame, harm: pd.DataFrame, pro
 
 
 def answer(harm: pd.DataFrame, over_all: pd.DataFrame) -> str:
-    """Whether plasticity helps, in five rows: the paper's rule in three worlds, and `late` in those of its study.
+    """Whether plasticity helps, in five rows: the paper's rule in three worlds, and what was found since.
 
     Args:
         harm: Of `findings.rescue_and_harm`, with the paper's rule.
-        over_all: Of `findings.rescue_over_all`, with the adaptation `late`.
+        over_all: Of `findings.rescue_over_all`, with the adaptations `homeostasis` and `best`.
     """
     worlds = {"highlight": "nothing", "lowlight": "light dimmed to a tenth", "4obstacles": "four obstacles"}
     paper = harm[harm.controller == HEBBIAN].set_index("scenario")
     own = [row for row in paper.loc[list(worlds)].itertuples() if PAPER_N[row.experiment] == row.N]
     rows = [[worlds[row.Index], f"the paper's, N = {row.N:g}", *_rescued_and_harmed(row)] for row in own]
-    for row in over_all[over_all.controller == "late"].itertuples():
-        worlds_told = f"eight changes of the {row.experiment} experiment"
-        rows.append([worlds_told, "`adaptation=late`: only when late", *_rescued_and_harmed(row)])
+    for experiment, controller, told in (
+        ("light", "homeostasis", "`adaptation=homeostasis`: light synapses are scaled"),
+        ("obstacles", "best", "none; `adaptation=best`: it checks itself, and follows walls while late"),
+    ):
+        row = next(over_all[(over_all.experiment == experiment) & (over_all.controller == controller)].itertuples())
+        rows.append([f"eight changes of the {experiment} experiment", told, *_rescued_and_harmed(row)])
     return markdown_table(["what changed", "plasticity", "rescued of broken", "harmed of sound"], rows)
 
 
