@@ -8,6 +8,7 @@ import io
 import os
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ import pytest
 from PIL import Image
 from playwright.sync_api import expect, sync_playwright
 
+from epuckhebb.sim.adaptation.adaptation import Adaptation
+from epuckhebb.sim.adaptation.baseline import remember
 from epuckhebb.sim.controller import GA, HEBBIAN, Controller
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network
@@ -49,11 +52,13 @@ ARRIVES = Path(__file__).parents[2] / "runs/reference/champions/obstacles_seed00
 HEBBIAN_PLASTICITY = Controller(name=HEBBIAN, rule=Paper(N=1.5e-5))
 
 
-def replayed(folder, scenario, genes=None, controllers=(HEBBIAN_PLASTICITY,), seconds=250.0, network=PAPER_NETWORK):
+def replayed(
+    folder, scenario, genes=None, controllers=(HEBBIAN_PLASTICITY,), seconds=250.0, network=PAPER_NETWORK, baseline=None
+):
     """A folder with the page of fresh lifetimes; and their traces."""
     own = np.load(ARRIVES)["genome"] if genes is None else genes
     lifetime = Lifetime(duration_s=seconds, record_every=8)
-    _, traces = evaluate(own, scenario, controllers, lifetime, repeats=1, seed=1, network=network)
+    _, traces = evaluate(own, scenario, controllers, lifetime, baseline, repeats=1, seed=1, network=network)
     page = replay.page(traces, own, scenario, "a test", gain_rad_s=1.0, network=network)
     (folder / "replay.html").write_text(page, encoding="utf-8")
     arrays = {"controller": traces.controller, "side": traces.side, "genome": own, **traces.samples._asdict()}
@@ -307,6 +312,17 @@ def test_a_run_without_plasticity_has_one_panel(visit, tmp_path):
     expect(page.get_by_label("Weight change")).to_have_count(0)
     expect(page.get_by_text("where the other robot is now")).to_be_hidden()
     expect(page.locator("#changes")).to_be_hidden()
+
+
+def test_homeostasis_is_told_and_its_weight_change_drawn(visit, tmp_path):
+    home = Scenario(name="highlight", experiment="light", light=1.0, paper_duration_s=10.0)
+    baseline = remember(np.load(ARRIVES)["genome"], home)
+    scales = Controller(name="homeostasis", adaptation=Adaptation(name="homeostasis", homeostasis=True))
+    dim = replace(home, light=0.1)
+    page = visit(replayed(tmp_path, dim, controllers=(scales,), seconds=12.0, baseline=baseline)[0])
+    expect(page.locator("#introduction")).to_contain_text("scaled together until the light looks as it did at home")
+    expect(page.get_by_label("Weight change")).to_have_count(1)
+    expect(page.get_by_label("Change signal")).to_have_count(1)
 
 
 def test_changes_are_told_and_lead_to_their_moments(visit, changing):
