@@ -280,6 +280,22 @@ def test_ctrl_c_five_times_while_all_is_tidied_up():
     assert told.count("KeyboardInterrupt") == 1
 
 
+def test_an_error_that_a_library_makes_of_an_interruption_is_one(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def spoilt(*_):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            raise AttributeError("'NoneType' object has no attribute '_invalidate_flags_cache'")
+
+    monkeypatch.setattr("epuckhebb.app.evaluate.lives", spoilt)
+    result = call("evaluate", "hydra.run.dir=run", "lifetime.record_every=0")
+    assert result.exit_code == 130, result.output
+    assert "interrupted" in result.stderr
+    assert json.loads(Path("run/status.json").read_text())["state"] == "interrupted"
+
+
 def test_what_is_told_to_ignore_a_signal_ignores_it():
     script = (
         "import signal\n"

@@ -14,6 +14,7 @@ _PATIENCE_S = 1.5
 _LOOK_S = 0.5  # between two looks at whether the parent is there
 
 at_work: list[Callable[[], str]] = []  # for each folder at work: closes it, and returns what an interruption leaves
+_asked = threading.Event()  # a signal has asked this program to end
 
 
 class ConfigError(ValueError):
@@ -30,7 +31,8 @@ def interruptible() -> Iterator[None]:
 
     Where tidying up takes long (a block of long lifetimes, a compiler), the process ends without it. That is as safe
     as being killed, which is safe at any moment: every file of a run is whole or not there. A signal that is ignored,
-    as `nohup` has it, stays so; so does one that comes while the program is ending.
+    as `nohup` has it, stays so; so does one that comes while the program is ending. What a library makes of an
+    interruption in its middle, an error of its own, is an interruption.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -39,17 +41,28 @@ def interruptible() -> Iterator[None]:
     timer.daemon = True
 
     def stop(number: int, frame: FrameType | None) -> None:
-        if timer.ident is None:
+        if not _asked.is_set():
+            _asked.set()
             timer.start()
             signal.default_int_handler(number, frame)
 
     before = {number: signal.signal(number, stop) for number in _asking()}
     try:
         yield
+    except Exception as error:
+        if not _asked.is_set():
+            raise
+        raise KeyboardInterrupt from error
     finally:
         timer.cancel()
+        _asked.clear()
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def is_interruption(error: BaseException) -> bool:
+    """Whether an error comes of a signal that asked this program to end."""
+    return isinstance(error, KeyboardInterrupt) or (_asked.is_set() and isinstance(error, Exception))
 
 
 def leave_when_asked() -> None:

@@ -248,7 +248,7 @@ class RunFolder:
                     self._close("failed" if self.failure else "finished", error=self.failure)
                 except OSError as full:
                     raise JobFailedError(f"{self.path / _STATUS} cannot be written: {full.strerror}") from full
-            elif isinstance(error, KeyboardInterrupt):
+            elif errors.is_interruption(error):
                 raise KeyboardInterrupt(self._interrupted()) from None
             elif isinstance(error, Exception):
                 with suppress(OSError):  # on a full disk the error itself is what there is to tell
