@@ -55,9 +55,9 @@ def interruptible() -> Iterator[None]:
         raise KeyboardInterrupt from error
     finally:
         timer.cancel()
-        _asked.clear()
         for number, handler in before.items():
             signal.signal(number, handler)
+        _asked.clear()  # only now: a signal on the way out must not start the timer again
 
 
 def is_interruption(error: BaseException) -> bool:

@@ -263,7 +263,7 @@ def baseline_for(
         )
         home = training_world(config)
         baseline = _once(
-            ("baseline", genome.sha256, repr(home), pace),
+            ("baseline", genome.sha256, genome.network, repr(home), pace),
             lambda: remember(genome.weights, home, pace, threads, genome.network),
         )
         was_known = genome.baseline is not None and genome.baseline.gain_rad_s == pace
@@ -330,7 +330,7 @@ def self_checks_for(
                 lived = live_at_home(genome.weights, home, 1.0, threads, genome.network)
                 return remember_self(home, [samples.sensors for side in lived for _, samples in side])
 
-            memory = _once(("self-check", genome.sha256, repr(home)), remembered)
+            memory = _once(("self-check", genome.sha256, genome.network, repr(home)), remembered)
         return self_checks(memory, config.world, config.lifetime.noise, repeats=config.repeats, seed=config.seed)
     except (ValueError, LostRobotError) as error:
         raise error if isinstance(error, ConfigError) else ConfigError(str(error)) from error
