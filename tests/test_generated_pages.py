@@ -17,7 +17,7 @@ from epuckhebb.app.hydra_bridge import composed
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.sim.lifetime import empty_samples
 from epuckhebb.sim.network import PAPER_NETWORK
-from epuckhebb.study import evaluate, findings, self_checks, summary
+from epuckhebb.study import evaluate, findings, reversal, self_checks, summary
 from epuckhebb.study.evaluate import Traces
 from epuckhebb.study.tables import markdown_table, plain
 
@@ -99,6 +99,9 @@ def test_every_column_is_told_once():
     told = {name: list(columns) for name, (_, columns) in formats.TABLES.items()}
     assert all(column.told for _, columns in formats.TABLES.values() for column in columns.values())
     assert told["metrics.csv"] == list(evaluate.COLUMNS)
+    assert told["metrics.csv with task=reversal"] == list(evaluate.REWARDED)
+    assert told["reversal_trials.csv"] == list(evaluate.TRIALS)
+    assert told["reversal.csv"] == list(reversal.COLUMNS)
     assert told["findings.csv"] == list(self_checks.COLUMNS)
     one = np.zeros(1)
     last = {"champion": one, "champion_fitness": 0.0, "state": {}, "robot_steps": 0, "seconds": 0.0}
@@ -130,5 +133,7 @@ def test_every_array_of_a_champion_is_told():
         for name in written:
             assert any(fnmatch(name, told) for told in formats.CHAMPION), name
         assert all(
-            any(fnmatch(name, told) for name in written) for told in formats.CHAMPION if told not in ("self_*", "rule")
+            any(fnmatch(name, told) for name in written)
+            for told in formats.CHAMPION
+            if told not in ("self_*", "rule", "task", "rewarded")
         )

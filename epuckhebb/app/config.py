@@ -26,8 +26,10 @@ from epuckhebb.app.parts import (
     check_pace,
     check_self_check,
     check_signal,
+    check_task,
     compared,
     controller_from,
+    inverted,
     network_for,
     optimizer_from,
     scenario_from,
@@ -40,6 +42,8 @@ from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.light import Lamp
+from epuckhebb.sim.plasticity.rule import Reward, hears_reward
+from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
 _MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
 
@@ -105,6 +109,7 @@ class WorldConfig:
     network: NetworkConfig = field(default_factory=NetworkConfig)
     hebbian: dict[str, Any] = field(default_factory=dict)
     lifetime: Lifetime = field(default_factory=Lifetime)
+    task: dict[str, Any] = field(default_factory=lambda: {"kind": ONE_TRIAL.name})
     changed: str | None = None
 
     def __post_init__(self) -> None:
@@ -114,10 +119,10 @@ class WorldConfig:
             ValueError: a value is outside the range named in the message.
         """
         check_counts(self.seed, self.threads)
-        self.world = scenario_from(self.scenario, self.maze, self.robot)
+        self.world = scenario_from(self.scenario, self.maze, self.robot, self.task)
         self.layers = None if self.network.layers is None else tuple(self.network.layers)
         if self.layers is not None:
-            network_for(self.world.robot, self.layers)
+            network_for(self.world, self.layers)
         check_pace(self.lifetime, self.world)
 
 
@@ -125,7 +130,8 @@ class WorldConfig:
 class EvaluateConfig(WorldConfig):
     """All keys of `epuckhebb evaluate`.
 
-    controllers: what comes of them, `hebbian` with `adaptation` (unless both are none) and those of `compare`.
+    controllers: what comes of them, `hebbian` with `adaptation` (unless both are none), the same with its reward
+    inverted if it hears one, and those of `compare`.
     """
 
     genome: str = "reference"
@@ -143,6 +149,8 @@ class EvaluateConfig(WorldConfig):
         check_counts(self.seed, self.threads, self.repeats)
         main = controller_from(self.hebbian, self.adaptation)
         self.controllers = [] if main.is_ga_alone else [main]
+        if self.world.task.tells_reward and hears_reward(type(main.rule)) and main.rule.reward is Reward.told:
+            self.controllers.append(inverted(main))
         self.controllers += [compared(name, settings, self.scenario.paper_N) for name, settings in self.compare.items()]
         names = [GA_ALONE.name, *(controller.name for controller in self.controllers)]
         twice = next((name for name in names if names.count(name) > 1), None)
@@ -153,6 +161,7 @@ class EvaluateConfig(WorldConfig):
             )
         for controller in self.controllers:
             check_signal(controller, self.world.robot)
+            check_task(controller, self.world.task)
             check_self_check(controller.adaptation, self.world, self.lifetime)
 
 
@@ -179,10 +188,11 @@ class EvolveConfig(WorldConfig):
         super().__post_init__()
         self.controller = controller_from(self.hebbian, Adaptation())
         check_signal(self.controller, self.world.robot)
+        check_task(self.controller, self.world.task)
         self.algorithm = optimizer_from(self.optimizer, self.ga)
         self.schedule = self.algorithm.schedule(self.training, self.lifetime)
         self.training.check(self.world, self.lifetime, self.schedule.loops)
-        network = network_for(self.world.robot, self.layers)
+        network = network_for(self.world, self.layers)
         self.plan = evolved_plan(network, self.controller.rule, given=self.genome is not None)
         self.algorithm.check(self.plan)
 
@@ -231,10 +241,10 @@ class ReproduceConfig:
 
 SCHEMAS = {"evaluate": EvaluateConfig, "evolve": EvolveConfig, "reproduce": ReproduceConfig}
 # Below these, the schema does not know the keys.
-OPEN = ("hebbian", "compare", "maze", "robot", "optimizer", "scenario.goals")
+OPEN = ("hebbian", "compare", "maze", "robot", "optimizer", "task", "scenario.goals")
 for _verb, _schema in SCHEMAS.items():
     _node = OmegaConf.structured(_schema)
-    for _key in ("hebbian", "compare", "optimizer"):
+    for _key in ("hebbian", "compare", "optimizer", "task"):
         if _key in _node:
             OmegaConf.set_struct(_node[_key], False)  # Hydra takes any key below them, without a +
     if _schema is EvolveConfig:

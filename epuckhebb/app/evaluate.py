@@ -28,6 +28,8 @@ from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.rule import Births, NoRule, evolved_sizes, name_of
 from epuckhebb.sim.scenario import TRAINED, Scenario
+from epuckhebb.sim.tasks.reversal import Reversal
+from epuckhebb.sim.tasks.trial import ONE_TRIAL
 from epuckhebb.study import tables
 from epuckhebb.study.evaluate import Traces, evaluate, room_to_evaluate
 from epuckhebb.study.self_checks import Checks, findings, self_checks
@@ -88,8 +90,17 @@ def fit(genome: Genome, config: EvaluateConfig) -> None:
     Raises:
         ConfigError: It is, or it has not.
     """
-    robot = config.world.robot
-    if genome.robot != robot.name or genome.network.inputs != robot.inputs:
+    world, robot = config.world, config.world.robot
+    if genome.network.rewarded != world.task.tells_reward:
+        told = (
+            "has no input for the reward of" if world.task.tells_reward else "has one for a reward, and none is told in"
+        )
+        other = genome.task or ONE_TRIAL.name
+        raise ConfigError(
+            f"genome={genome.name} is for a network of layers {genome.network}, which {told} task={world.task.name}; "
+            f"give task={other}, or a champion that was evolved with task={world.task.name}"
+        )
+    if genome.robot != robot.name or genome.network.inputs != world.inputs:
         raise ConfigError(
             f"genome={genome.name} is for robot {genome.robot} and a network of layers {genome.network}; robot "
             f"{robot.name} has {robot.inputs} readings. Give robot={genome.robot}, or a champion evolved for "
@@ -180,6 +191,8 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
         metrics, traces = lives(config, genome, baseline, checks, threads)
         table = tables.paper_table(metrics)
         run.write("metrics.csv", metrics.to_csv(index=False))
+        if isinstance(config.world.task, Reversal):
+            _write_reversal(run, config, config.world.task, metrics, traces, caption(config, genome.name))
         if checks is not None:
             run.write(files.FINDINGS, findings(checks).to_csv(index=False))
         run.write("table.csv", tables.to_csv(table))
@@ -193,6 +206,19 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
             title = caption(config, genome.name)
             run.write("figures/trajectories.png", figures.trajectories(traces, config.world, title))
             written.result()
+
+
+def _write_reversal(
+    run: RunFolder, config: EvaluateConfig, task: Reversal, metrics: pd.DataFrame, traces: Traces, title: str
+) -> None:
+    """Write what reversal learning came to: every trial, the rewarded shares, and their figure."""
+    from epuckhebb.study import reversal
+
+    told = reversal.table(metrics, traces.trials, task, config.seed)
+    run.write(files.REVERSAL_TRIALS, traces.trials.to_csv(index=False))
+    run.write(files.REVERSAL, told.to_csv(index=False))
+    run.write("reversal.md", reversal.to_markdown(told))
+    run.write("figures/reversal.png", reversal.figure(told, traces.trials, title))
 
 
 def own_rules(cfg: Mapping[str, Any]) -> list[Path]:

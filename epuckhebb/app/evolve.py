@@ -33,6 +33,7 @@ from epuckhebb.sim.genome import WEIGHTS, plan_of
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.rule import NoRule, name_of
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
 RESUME = "resume="
 _HISTORY = "history.csv"
@@ -74,7 +75,7 @@ def needs(config: EvolveConfig, network: Network) -> list[Need]:
 
 def network_of(config: EvolveConfig) -> Network:
     """The network that is evolved."""
-    return network_for(config.world.robot, config.layers)
+    return network_for(config.world, config.layers)
 
 
 def given_weights(config: EvolveConfig) -> NDArray[np.float64] | None:
@@ -158,7 +159,8 @@ def evolve_into(
             progress.show(generation)
         assert after is not None  # there is at least one generation
         weights = plan_of(network, type(config.controller.rule)).split(after.generation.champion)[WEIGHTS]
-        remembered = home(weights, config.world, threads, network)
+        # A task without one goal has nothing that an adaptation could compare with.
+        remembered = () if config.world.task.has_trials else home(weights, config.world, threads, network)
         run.write(CHAMPION, champion_of(after.generation, config, config.seed, *remembered))
         from epuckhebb.study import charts  # matplotlib takes a while to load, and nothing else here needs it
 
@@ -196,6 +198,7 @@ def champion_of(
         optimizer=config.algorithm.name,
         training=config.training.name,
         rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
+        task="" if config.world.task == ONE_TRIAL else config.world.task.name,
         baseline=baseline,
         self_memory=self_memory,
     )

@@ -39,6 +39,7 @@ from epuckhebb.study.evaluate import Traces
 REFERENCE = "reference"
 CHAMPION, CHECKPOINT, TRACES = "champion.npz", "checkpoint.npz", "traces.npz"
 FINDINGS = "findings.csv"
+REVERSAL, REVERSAL_TRIALS = "reversal.csv", "reversal_trials.csv"
 _BASELINE = "memory_"  # how the names of a baseline's arrays begin, in files since version 0.1
 _SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
 _OF_SEED = re.compile(rf"{REFERENCE}_\d+")
@@ -51,7 +52,7 @@ _KINDS = {
     "U": "text",
     "fiuU": "numbers or text",
 }  # of dtype, in words
-_TEXTS = ("robot", "experiment", "optimizer", "training", "rule")  # of a champion
+_TEXTS = ("robot", "experiment", "optimizer", "training", "rule", "task")  # of a champion
 _OF_A_GENERATION = ("generation", "fitness", "success", "champion", "champion_fitness", "history", "settings")
 _Shape = Sequence[int | None]  # None where any length will do
 
@@ -70,6 +71,7 @@ class Genome:
         experiment, optimizer, training: Of which experiment it is, the names of what it was evolved by, and in which
             worlds; nothing if that is not known.
         rule: The name of the plasticity rule that it evolved with; nothing without one, or if that is not known.
+        task: The name of the task that it evolved for, if it is another than the paper's.
         baseline: What the champion remembers of its training world.
         self_memory: What its self-check compares with.
     """
@@ -84,6 +86,7 @@ class Genome:
     optimizer: str = ""
     training: str = ""
     rule: str = ""
+    task: str = ""
     baseline: Baseline | None = None
     self_memory: SelfMemory | None = None
 
@@ -185,6 +188,8 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
     }
     if genome.rule:
         arrays["rule"] = np.str_(genome.rule)
+    if genome.task:
+        arrays |= {"task": np.str_(genome.task), "rewarded": np.int64(genome.network.rewarded)}
     if genome.baseline is not None:
         known = asdict(genome.baseline)
         if not len(genome.baseline.patterns):  # it was read from a file of before version 0.2
@@ -441,6 +446,7 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
         own = held.layers()
         texts = {name: held.text(name) for name in _TEXTS if name in held}
         lights = int(held.take("lights", "iu", ())) if "lights" in held else EPUCK.lights
+        rewarded = bool(held.take("rewarded", "iu", ())) if "rewarded" in held else False
         parts = None
         if "parts" in held and "part_sizes" in held:
             names = held.take("parts", "U", (None,)).tolist()
@@ -457,7 +463,7 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
     if own is not None and layers is not None and own != layers:
         raise ConfigError(f"genome={path} is of layers {list(own)}, and network.layers asks for {list(layers)}")
     try:
-        network = Network(own or layers or PAPER_NETWORK.layers)
+        network = Network(own or layers or PAPER_NETWORK.layers, rewarded)
     except ValueError as error:
         raise ConfigError(f"genome={path}: {error}") from error
     plan = plan_of(network)
@@ -478,6 +484,7 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
         optimizer=texts.get("optimizer", ""),
         training=texts.get("training", ""),
         rule=texts.get("rule", ""),
+        task=texts.get("task", ""),
         baseline=_baseline(held, path, network.inputs, lights),
         self_memory=_self_memory(held, path, network.inputs),
     )

@@ -193,6 +193,31 @@ FOUND: Columns = {
     ),
     "corrected": Column(TEXT_OR_EMPTY, "what is corrected all life long, with `; ` between"),
 }
+REWARDED: Columns = {
+    "rewarded_share": Column(NUMBER, "share of the trials of its life that were rewarded"),
+    "switch_trial": Column(
+        NUMBER_OR_EMPTY,
+        "the trial, from 1, from which on the other end is rewarded; empty: none. `side` is the first end",
+    ),
+}
+REVERSAL_TRIALS: Columns = {
+    **{name: METRICS[name] for name in ("genome", "controller")},
+    "side": Column(SIDES, "the end that is rewarded first"),
+    **{name: METRICS[name] for name in ("repeat", "seed")},
+    "trial": Column(NUMBER, "its number, from 1"),
+    "rewarded_side": Column(SIDES, "the end that is rewarded"),
+    "reached_side": Column(TEXT_OR_EMPTY, "the end that the robot came to; empty: none"),
+    "rewarded": Column(NUMBER, "1 if they are the same, else 0"),
+    "time_s": Column(NUMBER_OR_EMPTY, "s until it came there, or until its time was over; empty: it was not lived"),
+}
+REVERSAL: Columns = {
+    "controller": Column(TEXT, "as in `metrics.csv`; `chance` and `optimum` are no robots"),
+    "lives": Column(NUMBER_OR_EMPTY, "lifetimes"),
+    "rewarded_share": Column(NUMBER, "share of the trials that were rewarded"),
+    "low": Column(NUMBER_OR_EMPTY, "lower end of its 95 % interval, a bootstrap over the repeats"),
+    "high": Column(NUMBER_OR_EMPTY, "upper end of it"),
+    "end_share": Column(NUMBER_OR_EMPTY, "share of the trials that came to an end"),
+}
 HISTORY: Columns = {
     "generation": Column(NUMBER, "its number, from 0"),
     "best_fitness": Column(NUMBER, "fitness of the fittest individual, as the mean over its lifetimes"),
@@ -331,6 +356,9 @@ _COMPARISON: Columns = {
 TABLES: Mapping[str, tuple[str, Columns]] = {
     "metrics.csv": ("Of `evaluate` and `reproduce`: a row a lifetime.", METRICS),
     "findings.csv": ("Of `evaluate` with a self-check: a row for each robot that checked itself.", FOUND),
+    "metrics.csv with task=reversal": ("Columns that then follow.", REWARDED),
+    "reversal_trials.csv": ("Of `evaluate task=reversal`: a row for each trial of each lifetime.", REVERSAL_TRIALS),
+    "reversal.csv": ("Of `evaluate task=reversal`: a row for each controller, for chance, the optimum.", REVERSAL),
     "history.csv": ("Of `evolve`: a row a generation.", HISTORY),
     "sweep.csv": ("Of `sweep`: the rows of all `metrics.csv`, with these columns before them.", _JOB),
     "summary.csv": (
@@ -405,6 +433,8 @@ CHAMPION: Mapping[str, Array] = {
     "optimizer": Array((), "", "what it was evolved by"),
     "training": Array((), "", "in which worlds"),
     "rule": Array((), "", "the plasticity rule that it evolved with, if there was one"),
+    "task": Array((), "", "the task that it evolved for, if it is another than the paper's"),
+    "rewarded": Array((), "", "beside `task`: 1 if the last input of the network tells a reward, else 0"),
     "memory_*": Array((), "", "the baseline: what it remembers of its training world, for adaptations"),
     "self_*": Array((), "", "what a self-check compares with"),
 }

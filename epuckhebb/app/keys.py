@@ -19,7 +19,7 @@ from rich.text import Text
 from epuckhebb.app.config import SCHEMAS
 from epuckhebb.app.data import data_folder, groups
 from epuckhebb.app.errors import ConfigError
-from epuckhebb.app.parts import NONE, optimizer_class, rule_class
+from epuckhebb.app.parts import NONE, optimizer_class, rule_class, task_class
 
 _PACKAGE = "# @package"  # the first line of a file that also changes other groups
 _NOT_KEYS = ("defaults", "hydra")
@@ -146,6 +146,8 @@ def _schema(group: str, file: Path) -> Any:
     held = yaml.safe_load(_text(file))
     if group == "hebbian":
         return rule_class(str(held["rule"]), group) if held.get("rule", NONE) != NONE else None
+    if group == "task":
+        return task_class(str(held.get(group, held)["kind"]))
     if group == "optimizer":
         return optimizer_class(str(held["algorithm"]))
     kinds = [typing.get_type_hints(schema).get(group) for schema in SCHEMAS.values()]

@@ -127,7 +127,8 @@ def _changed(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> str:
     """What differs from the scenario of this name in its maze, which is mostly the paper's, with the e-puck."""
     maze, robot = _plain(cfg.maze), _plain(cfg.robot)
     original = scenario_of(choice, folders, maze, robot)
-    lived = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot)
+    task = _plain(cfg.task) if "task" in cfg else None
+    lived = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task)
     return "" if original is None else lived.changed_from(original, maze_brought(choice, folders) or T_MAZE, EPUCK)
 
 

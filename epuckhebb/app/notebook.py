@@ -174,7 +174,7 @@ def evaluate(
 def evolve(overrides: Sequence[Any], config_dir: str | Path | None, show: bool, keys: Mapping[str, Any]) -> Evolution:
     """See `epuckhebb.evolve`."""
     config = typed(composed("evolve", _words(overrides, keys), _folder(config_dir)), EvolveConfig)
-    network = network_for(config.world.robot, config.layers)
+    network = network_for(config.world, config.layers)
     require(evolve_needs(config, network))
     lived = []
     with EvolutionProgress(config.schedule.generations, quiet=not show) as bar:
@@ -250,7 +250,7 @@ def _genome(given: Any, config: EvaluateConfig) -> files.Genome:
             "genome must be genes (an array), `reference`, `reference_7`, or where a champion is, got "
             f"{type(given).__name__}"
         )
-    network = network_for(config.world.robot, config.layers)
+    network = network_for(config.world, config.layers)
     plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
     array = np.asarray(genes)
     plan = next((plan for plan in plans if array.shape == (plan.genes,)), plans[0])

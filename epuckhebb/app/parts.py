@@ -14,7 +14,7 @@ import sys
 import types
 import typing
 from collections.abc import Mapping
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, fields, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -23,20 +23,22 @@ from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.machine import Need, path_of, require
 from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Optimizer
-from epuckhebb.sim import plasticity
+from epuckhebb.sim import plasticity, tasks
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.adaptation.self_check.dance import check_time
 from epuckhebb.sim.adaptation.self_check.memory import check_robot
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
 from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.lifetime import Lifetime, check_inputs
 from epuckhebb.sim.maze import SIDES, Maze, Place, Side, grid_bytes, maze_from
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.paper import Paper
-from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Rule, asked
+from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Reward, Rule, asked
 from epuckhebb.sim.robot import Robot, robot_from
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.task import Task
+from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
 NONE = "none"
 GENETIC = "ga"  # the optimizer whose settings are a group of their own
@@ -112,12 +114,8 @@ def rule_class(where: str, key: str) -> type[Rule]:
                 f"{key}.rule={where} must be one of {', '.join([NONE, *rule_names()])}, or a rule of your own, "
                 "FILE.py:NAME"
             )
-        module: Any = importlib.import_module(f"{plasticity.__name__}.{where}")
-        return next(
-            kind
-            for kind in vars(module).values()
-            if isinstance(kind, type) and issubclass(kind, Rule) and kind.__module__ == module.__name__
-        )
+        known: type[Rule] = _class_in(importlib.import_module(f"{plasticity.__name__}.{where}"), Rule)
+        return known
     module = _loaded(path_of(file, f"{key}.rule"), f"{key}.rule={where}")
     kind = getattr(module, name, None)
     rules = [n for n, v in vars(module).items() if isinstance(v, type) and issubclass(v, Rule) and v is not Rule]
@@ -237,13 +235,17 @@ def optimizer_from(settings: Mapping[str, Any], ga: Optimizer | None) -> Optimiz
 
 def optimizer_class(algorithm: str) -> type[Optimizer]:
     """The class of the optimizer of this name, whose fields are its settings."""
-    module = importlib.import_module(f"{optimizers.__name__}.{algorithm}")
-    kind: type[Optimizer] = next(
+    kind: type[Optimizer] = _class_in(importlib.import_module(f"{optimizers.__name__}.{algorithm}"), Optimizer)
+    return kind
+
+
+def _class_in(module: types.ModuleType, base: Any) -> Any:
+    """The subclass of a base that a module has of its own."""
+    return next(
         kind
         for kind in vars(module).values()
-        if isinstance(kind, type) and issubclass(kind, Optimizer) and kind.__module__ == module.__name__
+        if isinstance(kind, type) and issubclass(kind, base) and kind.__module__ == module.__name__
     )
-    return kind
 
 
 def not_its_settings(optimizer: str) -> ConfigError:
@@ -313,8 +315,44 @@ def compared(name: str, settings: Any, paper_rate: float) -> Controller:
         raise error if isinstance(error, ConfigError) else ConfigError(f"{key}: {error}") from error
 
 
-def scenario_from(scenario: Any, maze: Mapping[str, Any], robot: Mapping[str, Any]) -> Scenario:
-    """The world of a configuration.
+def inverted(controller: Controller) -> Controller:
+    """The same controller as a control: its rule hears the reward inverted."""
+    rule = replace(controller.rule, reward=Reward.inverted)
+    return replace(controller, name=f"{controller.name} (reward inverted)", rule=rule)
+
+
+def task_names() -> list[str]:
+    """The tasks that the program has."""
+    return sorted(module.name for module in pkgutil.iter_modules(tasks.__path__))
+
+
+def task_from(settings: Mapping[str, Any]) -> Task:
+    """The task that a part of the configuration describes: `kind`, the name of one, and its own settings.
+
+    Raises:
+        ConfigError: There is no such task, or it has no such setting.
+        ValueError: A value cannot be used.
+    """
+    given = {name: value for name, value in settings.items() if name != "kind"}
+    where = settings.get("kind")
+    if where not in task_names():
+        raise ConfigError(f"task.kind must be one of {', '.join(task_names())}, got {where!r}")
+    kind = task_class(str(where))
+    if given and not fields(kind):
+        raise ConfigError(f"task.{next(iter(given))} does nothing with task={where}, which has no settings")
+    return kind(**_settings(kind, given, "task", f"task {where}"))
+
+
+def task_class(name: str) -> type[Task]:
+    """The class of the task of this name, whose fields are its settings."""
+    kind: type[Task] = _class_in(importlib.import_module(f"{tasks.__name__}.{name}"), Task)
+    return kind
+
+
+def scenario_from(
+    scenario: Any, maze: Mapping[str, Any], robot: Mapping[str, Any], task: Mapping[str, Any] | None = None
+) -> Scenario:
+    """The world of a configuration. task: None for the paper's.
 
     Raises:
         ValueError: A value cannot be used; the message names the key.
@@ -331,7 +369,7 @@ def scenario_from(scenario: Any, maze: Mapping[str, Any], robot: Mapping[str, An
     if values["goals"] is not None:
         goals = _goals(values["goals"], in_maze)
         values["goals"] = None if goals == in_maze.goals else goals
-    return Scenario(**values, maze=in_maze, robot=of_kind)
+    return Scenario(**values, maze=in_maze, robot=of_kind, task=ONE_TRIAL if task is None else task_from(task))
 
 
 def _goals(given: Any, maze: Maze) -> dict[Side, Place]:
@@ -350,28 +388,25 @@ def _goals(given: Any, maze: Maze) -> dict[Side, Place]:
     return goals
 
 
-def network_for(robot: Robot, layers: tuple[int, ...] | None) -> Network:
-    """The network of these layers; left open, the paper's hidden layers between the robot's readings and wheels.
+def network_for(world: Scenario, layers: tuple[int, ...] | None) -> Network:
+    """The network of these layers; left open, the paper's hidden layers between what there is to read and the wheels.
 
     Raises:
-        ValueError: The layers do not make a network, or do not fit the robot.
+        ValueError: The layers do not make a network, or do not fit the robot and the task.
     """
-    network = Network((robot.inputs, *HIDDEN, OUTPUTS) if layers is None else layers)
-    if network.inputs != robot.inputs:
-        raise ValueError(
-            f"network.layers must begin with {robot.inputs}, the readings of robot {robot.name}, "
-            f"got {list(network.layers)}"
-        )
+    network = Network((world.inputs, *HIDDEN, OUTPUTS) if layers is None else layers, world.task.tells_reward)
+    check_inputs(network, world.robot, world.task)
     return network
 
 
 def check_pace(lifetime: Lifetime, world: Scenario) -> None:
-    """Refuse a gain that the robot's motors do not reach, and changes after the end of life.
+    """Refuse a gain that the robot's motors do not reach, too little time, and changes after the end of life.
 
     Raises:
-        ValueError: The gain is too high, or a change comes too late.
+        ValueError: The gain is too high, the time too short, or a change comes too late.
     """
     robot = world.robot
+    world.task.check_time(lifetime.duration_s)
     if lifetime.gain_rad_s > robot.motor_limit_rad_s:
         raise ValueError(
             f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of robot "
@@ -395,6 +430,23 @@ def check_signal(controller: Controller, robot: Robot) -> None:
         raise ValueError(
             f"hebbian.signal=light_code reads eight light and eight distance sensors; robot {robot.name} has "
             f"{robot.lights} and {robot.distances}"
+        )
+
+
+def check_task(controller: Controller, task: Task) -> None:
+    """Refuse what a task leaves no sense: an adaptation where there is no one goal, a reward that nobody tells.
+
+    Raises:
+        ValueError: It makes none.
+    """
+    if task.has_trials and controller.adaptation.acts:
+        raise ValueError(
+            f"adaptation={controller.adaptation.name} compares a life with those in the training world, where there is "
+            f"one goal for all of it, and task={task.name} has none; give adaptation=none"
+        )
+    if controller.rule.reward is not Reward.told and not task.tells_reward:
+        raise ValueError(
+            f"hebbian.reward={controller.rule.reward.name} does nothing with task={task.name}, which tells no reward"
         )
 
 

@@ -32,8 +32,12 @@ def tell(finished: list[Path], console: Console) -> None:
     if len(finished) == 1:
         _results(finished[0], console, in_short=True)
         _line(console, f"Run folder: {finished[0]}")
-        if runs.has(finished[0], files.CHAMPION):
-            home = files.load_genome(str(finished[0]), "").baseline
+        champion = files.load_genome(str(finished[0]), "") if runs.has(finished[0], files.CHAMPION) else None
+        if champion is not None and champion.task:
+            settings = f"task={champion.task} hebbian={champion.rule or 'none'} repeats=100"
+            _line(console, f"To let it live new lives: epuckhebb evaluate genome=latest {settings}")
+        elif champion is not None:
+            home = champion.baseline
             changed = _CHANGED[home.experiment] if home else _CHANGED["obstacles"]
             _line(console, "What it remembers of its training world: epuckhebb show latest")
             _line(console, f"To let it live in a changed one: epuckhebb evaluate genome=latest scenario={changed}")
@@ -264,6 +268,13 @@ def _results(path: Path, console: Console, *, in_short: bool = False) -> None:
         tell_sweep(path, console)
     elif runs.has(path, "metrics.csv"):
         console.print(_paper_table(runs.table(path, "metrics.csv", formats.METRICS)))
+    if runs.has(path, files.REVERSAL):
+        told = runs.table(path, files.REVERSAL, formats.REVERSAL)
+        shares = [
+            (row.controller, f"{row.rewarded_share:.3f}", "" if pd.isna(row.low) else f"{row.low:.3f}–{row.high:.3f}")
+            for row in told.itertuples()
+        ]
+        console.print(_table("Reversal learning", ("", "rewarded share", "95 % interval"), shares))
     found = in_words(files.read_findings(path))
     if found:
         rows = [(side, text, count) for side, said in found.items() for text, count in said]
@@ -286,7 +297,8 @@ def _tell_genome(genome: Genome, console: Console) -> None:
     _line(console, f"Genome: {genome.plan.told()}; network {genome.network}; robot {genome.robot}")
     if genome.optimizer:
         rule = f", with rule {genome.rule}" if genome.rule else ""
-        _line(console, f"Evolved by {genome.optimizer}, in training worlds {genome.training}{rule}")
+        task = f", for task {genome.task}" if genome.task else ""
+        _line(console, f"Evolved by {genome.optimizer}, in training worlds {genome.training}{rule}{task}")
     if genome.baseline is not None:
         _tell_baseline(genome.baseline, genome, console)
     if genome.self_memory is not None:
@@ -362,6 +374,9 @@ def _in_short(path: Path, status: dict[str, Any]) -> str:
         rows = len(runs.table(path, "summary.csv", formats.SUMMARY, rows=False))
         return f"success of {rows} conditions, controllers and sides"
     if runs.has(path, "metrics.csv"):
+        if runs.has(path, files.REVERSAL):
+            told = runs.table(path, files.REVERSAL, formats.REVERSAL)
+            return ", ".join(f"{row.controller} rewarded {row.rewarded_share:.2f}" for row in told.itertuples())
         metrics = runs.table(path, "metrics.csv", formats.METRICS)
         success = metrics.groupby(["controller", "side"], sort=False).success.mean().unstack(sort=False)
         return ", ".join(

@@ -175,7 +175,7 @@ class _Judge(NamedTuple):
             outcomes = [outcome for outcome, _ in live_block(individuals, world.scenario, world.lifetime, self.threads)]
             judged = np.array([(self._fitness(outcome), outcome.success) for outcome in outcomes])
             fitness[:, loops], success[:, loops] = judged.T.reshape(2, len(population), len(loops), len(_TRIALS))
-            robot_steps += len(individuals) * world.lifetime.steps
+            robot_steps += sum(outcome.steps for outcome in outcomes)
         rows = len(population), -1
         return fitness.reshape(rows).mean(axis=1), success.reshape(rows).mean(axis=1), robot_steps
 
@@ -190,6 +190,7 @@ class _Judge(NamedTuple):
             self.controller.rule.sign, self.network.synapses, random.rng(self.seed, Stream.shuffled_signs)
         )
         noise = max(self.optimizer.start_noise, world.start_noise)
+        drawn = {loop: int(random.key(self.seed, Stream.training_task, generation, loop)) for loop in loops}
         for individual, genes in enumerate(population):
             hears = 0 if self.shared else individual
             for loop in loops:
@@ -202,6 +203,7 @@ class _Judge(NamedTuple):
                         controller=self.controller,
                         signs=of_updates,
                         key=random.key(self.seed, Stream.training_noise, *place),
+                        task_key=drawn[loop],
                         start=_start(world.scenario.maze.start, noise, self.seed, place),
                     )
 

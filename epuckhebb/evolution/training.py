@@ -114,6 +114,11 @@ class Training:
             )
         if self.gain_rad_s is None:
             return
+        if home.task.has_trials:
+            raise ValueError(
+                f"training.gain_rad_s must be null with task={home.task.name}, whose trials have their time whatever "
+                f"the gain, got {list(self.gain_rad_s)}"
+            )
         most = self.gain_rad_s[1]
         if most > home.robot.motor_limit_rad_s:
             raise ValueError(

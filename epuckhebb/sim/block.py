@@ -37,6 +37,7 @@ from epuckhebb.sim.lifetime import (
     empty_samples,
     kernel_of,
     room_for,
+    stay,
 )
 from epuckhebb.sim.light import lights
 from epuckhebb.sim.maze import Pose, Region, Side, added, boxes, gap
@@ -51,14 +52,16 @@ from epuckhebb.sim.plasticity.rule import (
     coefficients,
     kept_at_birth,
     modulatory_weights,
+    values_of,
 )
 from epuckhebb.sim.plasticity.update import lengths_at_birth
 from epuckhebb.sim.random import Stream, rng
-from epuckhebb.sim.robot import STEP_S, Robot
+from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario
 
 _LIVES_PER_BLOCK = 50  # lifetimes that share a space, one after the other
 _SUMS = ("behaviour_sum", "weight_change_sum", "path_length", "goal_distance")  # of a tally, from which outcomes come
+_NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task in which neither way is the right one
 _MESSAGE_LINES = 10  # of what is told of a rule that does not compile
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")  # numba colours its messages where it can
 _MAKES_AN_ARRAY = "Only accept returning of array passed into the function"  # what it says without memory of its own
@@ -70,7 +73,9 @@ class Outcome(NamedTuple):
     time_to_goal: s, first time within 5 cm of the goal, nan if never. path_length: m. final_distance: m from the goal.
     behaviour: mean combined fitness over the steps. reward: goal reward at the end. weight_change_mean,
     weight_change_final: sum over weights of |W - W_gene|. contact_fraction: share of steps with a distance reading
-    above 0.8. success: whether the robot was within 5 cm of its goal at the last step.
+    above 0.8. success: whether the robot was within 5 cm of its goal at the last step. fitness: how well it did its
+    task; the paper's final fitness unless that is another. steps: lived. trials: of which the life was, records of
+    `epuckhebb.sim.task.TRIAL`, none where it is one trial.
     """
 
     time_to_goal: float
@@ -82,17 +87,16 @@ class Outcome(NamedTuple):
     weight_change_final: float
     contact_fraction: float
     success: bool
-
-    @property
-    def fitness(self) -> float:
-        """The paper's final fitness: mean of the behaviour fitness and of the goal reward at the end."""
-        return (self.behaviour + self.reward) / 2.0
+    fitness: float
+    steps: int
+    trials: NDArray[np.void]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Individual:
     """One who shall live: genes, the network that they are for, a side, a controller, a noise key, a start.
 
+    task_key: of what its task draws; those who are compared have the same, and so have both sides.
     genes: of all parts of the genome (`epuckhebb.sim.genome`), 234 in the paper. start: None where the maze has it.
     signs: of the plastic updates, (synapses,), None for what the rule's sign says; shuffled ones must be given.
     baseline: what an adaptation compares with. corrections: what a self-check found to correct, None for nothing.
@@ -105,6 +109,7 @@ class Individual:
     controller: Controller = GA_ALONE
     network: Network = PAPER_NETWORK
     start: Pose | None = None
+    task_key: int = 0
     signs: NDArray[np.float64] | None = None
     baseline: BaselineOfSide | None = None
     corrections: Corrections | None = None
@@ -175,7 +180,7 @@ def _live_in_one_space(
     for who in individuals:
         place = (id(who.controller), id(who.network))
         if place not in kinds:
-            kinds[place] = _kind(who.controller, who.network, robot, lifetime.gain_rad_s, more_faults, spare)
+            kinds[place] = _kind(who.controller, who.network, scenario, lifetime.gain_rad_s, more_faults, spare)
         lived.append(_live_one(who, kinds[place], phases, lifetime))
     return lived
 
@@ -194,14 +199,14 @@ class _Kind(NamedTuple):
 
 
 def _kind(
-    controller: Controller, network: Network, robot: Robot, gain: float, more_faults: bool, spare: type[Rule]
+    controller: Controller, network: Network, world: Scenario, gain: float, more_faults: bool, spare: type[Rule]
 ) -> _Kind:
     """What individuals of this kind share.
 
     gain: of their wheels [rad/s]. spare: a rule that others of the block have. Who has no rule lives in its kernel,
     with N = 0, to the same bits: one kernel less to compile.
     """
-    rule, adaptation = controller.rule, controller.adaptation
+    rule, adaptation, robot = controller.rule, controller.adaptation, world.robot
     if rule.signal is Signal.light_code and (robot.lights, robot.distances) != LIGHT_CODE_SENSORS:
         raise ValueError(
             f"hebbian.signal=light_code is of the published program, whose robot has 8 light and 8 distance sensors; "
@@ -219,6 +224,7 @@ def _kind(
             self_check=adaptation.self_check,
             homeostatic=adaptation.homeostasis,
             more_faults=more_faults,
+            task=world.task,
         ),
         plasticity=Plasticity(
             float(rule.N) * rule.pace(gain) if compiled_for is type(rule) else 0.0,
@@ -230,7 +236,7 @@ def _kind(
         plan=plan_of(network, type(rule)),
         kept=kept_at_birth(compiled_for, network),
         signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
-        baseline=no_baseline(network.inputs),
+        baseline=no_baseline(robot.inputs),
         room=room_for(network, robot),
         no_samples=empty_samples(0, network),
     )
@@ -247,7 +253,7 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
     of_updates = kind.signs if who.signs is None else who.signs
     if of_updates is None:
         raise ValueError("a rule with sign=shuffled needs the signs of its updates, Individual.signs")
-    parts = kind.plan.split(who.genes)
+    parts = values_of(rule, who.network, kind.plan.split(who.genes))
     inherited = parts[WEIGHTS]
     if who.controller.rule.births is Births.random:
         inherited = rng(int(who.key), Stream.births).uniform(-BIRTH_RANGE, BIRTH_RANGE, who.network.synapses)
@@ -256,16 +262,19 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
         weights,
         kind.kept,
         coefficients(rule, who.network, parts),
-        modulatory_weights(rule, parts),
+        modulatory_weights(who.controller.rule, parts),
         lengths_at_birth(rule, who.network, weights),
         of_updates,
     )
-    life = born(birth, who.network, first.robot, kind.room, who.corrections)
+    trials = first.task.trials_at_birth(who.side, who.task_key)
+    life = born(birth, who.network, first.robot, kind.room, who.corrections, trials)
     record_every = lifetime.record_every if who.record else 0
     samples = empty_samples(-(-lifetime.steps // record_every), who.network) if record_every else kind.no_samples
 
     if who.danced is not None:
         count_dance(life, who.danced, lifetime.gain_rad_s, record_every, samples)
+
+    start = first.maze.start if who.start is None else who.start
 
     def live_until(step: int, phase: _Phase, space: PymunkSpace) -> None:
         try:
@@ -274,7 +283,7 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
                 birth,
                 space.handles,
                 lights(phase.scenario.light, phase.scenario.lamp, lamp_on=who.side == "right"),
-                trial_of(phase.scenario, who.side),
+                trial_of(phase.scenario, who.side, start),
                 kind.plasticity,
                 kind.baseline if who.baseline is None else who.baseline,
                 float(lifetime.gain_rad_s),
@@ -289,16 +298,23 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
         _check(who, life, phase.scenario, lifetime)
 
     space = phases[0].space
-    space.place_robot(first.maze.start if who.start is None else who.start)
+    space.place_robot(start)
     for phase, until in zip(phases, [*(later.step for later in phases[1:]), lifetime.steps], strict=True):
-        while space is not phase.space and (now := int(life.tally["step"][0])) < until:
+        while space is not phase.space and (now := int(life.tally["step"][0])) < until and not _is_over(life):
             if _is_in_the_way(space, phase):
                 live_until(now + 1, phase, space)  # new walls appear where the robot is not
             else:
                 phase.space.take_over(space)
                 space = phase.space
-        live_until(until, phase, space)
-    return _outcome(life, lifetime, phases[-1].scenario.maze.goal_radius_m), samples
+        if not _is_over(life):
+            live_until(until, phase, space)
+    if _is_over(life) and record_every:
+        stay(samples, life, first.robot, record_every, space.handles.state)
+    return _outcome(life, phases, start), samples
+
+
+def _is_over(life: Life) -> bool:
+    return bool(life.tally["over"][0])
 
 
 def _is_in_the_way(space: PymunkSpace, phase: _Phase) -> bool:
@@ -307,16 +323,21 @@ def _is_in_the_way(space: PymunkSpace, phase: _Phase) -> bool:
     return gap(x, y, added(space.handles.walls, phase.walls)) < phase.scenario.robot.radius_m
 
 
-def trial_of(scenario: Scenario, side: Side) -> Trial:
-    """What a robot on this side is to do in a world, and what is wrong with it there."""
-    goal, maze = scenario.goals_now[side], scenario.maze
+def trial_of(scenario: Scenario, side: Side, start: Pose | None = None) -> Trial:
+    """What a robot on this side is to do in a world, and what is wrong with it there.
+
+    start: of each trial, if there are many; None where the maze has it.
+    """
+    goals, maze, task = scenario.goals_now, scenario.maze, scenario.task
+    goal = goals[side]
     return Trial(
         float(goal.x),
         float(goal.y),
         float(maze.goal_radius_m),
-        Region(*map(float, maze.arms[side])),
+        _NOWHERE if task.has_trials else Region(*map(float, maze.arms[side])),
         float(maze.arena_m),
         _faults(scenario),
+        task.terms(goals, maze.start if start is None else start),
     )
 
 
@@ -351,19 +372,24 @@ def _check(who: Individual, life: Life, scenario: Scenario, lifetime: Lifetime) 
     raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")
 
 
-def _outcome(life: Life, lifetime: Lifetime, goal_radius: float) -> Outcome:
-    tally = life.tally[0]
-    goal_distance = float(tally["goal_distance"])
+def _outcome(life: Life, phases: list[_Phase], start: Pose) -> Outcome:
+    tally, world = life.tally[0], phases[-1].scenario
+    goal_distance, steps = float(tally["goal_distance"]), int(tally["step"])
+    behaviour, reward = float(tally["behaviour_sum"]) / steps, fitness.reward(goal_distance)
+    nearest = min(math.dist(start[:2], goal) for goal in phases[0].scenario.goals_now.values())
     return Outcome(
         float(tally["time_to_goal"]),
         float(tally["path_length"]),
         goal_distance,
-        float(tally["behaviour_sum"]) / lifetime.steps,
-        fitness.reward(goal_distance),
-        float(tally["weight_change_sum"]) / lifetime.steps,
+        behaviour,
+        reward,
+        float(tally["weight_change_sum"]) / steps,
         float(tally["weight_change"] + tally["scaling"]),
-        int(tally["contacts"]) / lifetime.steps,
-        goal_distance < goal_radius,
+        int(tally["contacts"]) / steps,
+        goal_distance < world.maze.goal_radius_m,
+        world.task.fitness(behaviour, reward, life.trials, nearest),
+        steps,
+        life.trials,
     )
 
 
@@ -390,14 +416,14 @@ def load_kernel(
         RuleError: the rule does not compile.
     """
     world = scenario or Scenario()
-    net = network or Network((world.robot.inputs, *HIDDEN, OUTPUTS))
+    net = network or Network((world.inputs, *HIDDEN, OUTPUTS), world.task.tells_reward)
     unborn = Individual(
         genes=np.zeros(plan_of(net, type(controller.rule)).genes),
         side="left",
         controller=controller,
         network=net,
         signs=np.ones(net.synapses),
-        baseline=no_patterns(no_baseline(net.inputs), world.robot.lights),
+        baseline=no_patterns(no_baseline(world.robot.inputs), world.robot.lights),
         key=np.uint64(0),
     )
     live_block([unborn], world, Lifetime(duration_s=STEP_S, gain_rad_s=min(1.0, world.robot.motor_limit_rad_s)))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.network import Network
-from epuckhebb.sim.plasticity.rule import NoRule, Rule, evolved_sizes
+from epuckhebb.sim.plasticity.rule import NoRule, Rule, evolved_by, evolved_sizes
 
 WEIGHTS = "weights"
 
@@ -75,7 +75,7 @@ class GenomePlan:
 
 def plan_of(network: Network, rule: type[Rule] = NoRule) -> GenomePlan:
     """The genome of a network, and of a rule whose parameters are evolved."""
-    parts = [Part(WEIGHTS, network.synapses)]
+    parts, evolved = [Part(WEIGHTS, network.synapses)], evolved_by(rule, network)
     for name, size in evolved_sizes(rule, network).items():
-        parts.append(Part(name, size, rule.evolved[name].start, rule.evolved[name].limit))
+        parts.append(Part(name, size, evolved[name].start, evolved[name].limit))
     return GenomePlan(tuple(parts))

@@ -1,7 +1,8 @@
 """A lifetime: sense, act, score, learn, move, every 32 ms, from birth with the genome's weights to forgetting them.
 
 `live` is the whole story of one robot, compiled. The names in capitals and the functions that are not of this file
-are its parts: `kernel_of` puts those of the robot, the network, the plasticity rule and the adaptation in their place.
+are its parts: `kernel_of` puts those of the robot, the network, the plasticity rule, the adaptation and the task in
+their place.
 All that a life carries is in one record (`Life`), so that it can be paused at any step and go on to the same bits.
 """
 
@@ -28,6 +29,8 @@ from epuckhebb.sim.plasticity.update import Now, effective_rate, modulation_of, 
 from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
 from epuckhebb.sim.random import normal_numbers, room_for_noise
 from epuckhebb.sim.robot import EPUCK, STEP_S, Robot, SenseRoom, blinding, largest_distance_reading, sense_room, senses
+from epuckhebb.sim.task import NO_TRIALS, Task
+from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
 _LONGEST_S = 1e9  # 31 years: more is surely a slip
 CONTACT = 0.8  # a distance reading above this counts as contact, as in the published code
@@ -56,6 +59,11 @@ TALLY = np.dtype(
         ("noise_right", np.float64),
         ("left_speed", np.float64),  # rad/s at which the wheels move a robot that is slow to follow
         ("right_speed", np.float64),
+        ("trial", np.int64),  # its number, from 0, where a life is many trials
+        ("began", np.int64),  # the step with which it began
+        ("time_outs", np.int64),  # trials that were over without an arrival
+        ("reward", np.float64),  # as the network is told it
+        ("over", np.bool_),  # whether all trials are over
     ],
     align=True,
 )
@@ -86,7 +94,8 @@ class Life(NamedTuple):
     """All that a life carries from step to step, but for the pymunk space in which the robot stands.
 
     tally: one record of `TALLY`. weights: (synapses,). kept: (synapses,) records, what the synapses keep. activation:
-    (neurons,). over: of the adaptation. room: workspace.
+    (neurons,). over: of the adaptation. trials: records of `epuckhebb.sim.task.TRIAL`, none where a life is one trial.
+    room: workspace.
     """
 
     tally: NDArray[np.void]
@@ -94,6 +103,7 @@ class Life(NamedTuple):
     kept: NDArray[np.void]
     activation: NDArray[np.float64]
     over: AdaptationRoom
+    trials: NDArray[np.void]
     room: Room
 
 
@@ -118,7 +128,7 @@ class Trial(NamedTuple):
     """What the robot is to do, and what is wrong with it.
 
     goal_x, goal_y, goal_radius: m. arm: the region in which it has turned the right way. arena: m, half side.
-    faults: what is wrong.
+    faults: what is wrong. terms: the numbers of its task, a tuple of a type of their own.
     """
 
     goal_x: float
@@ -127,6 +137,7 @@ class Trial(NamedTuple):
     arm: Region
     arena: float
     faults: Faults
+    terms: tuple[Any, ...] = ()
 
 
 class Plasticity(NamedTuple):
@@ -175,12 +186,13 @@ class Danced(NamedTuple):
 
 
 # The parts of a life, as the paper's robot without plasticity has them; `kernel_of` puts others in their place.
-WHEELS, HAS_RULE = PAPER_NETWORK.wheels, False
+WHEELS, HAS_RULE, HAS_TRIALS = PAPER_NETWORK.wheels, False, False
 sense, blind, nearest = senses(EPUCK), blinding(EPUCK), largest_distance_reading(EPUCK)
 draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
 learn, modulate = update_of(NoRule, PAPER_NETWORK), modulation_of(NoRule, PAPER_NETWORK)
 correct, scale, open_gate, explore, compensate = over.hooks(over.NONE, EPUCK)
 misread, turn_wheels = faults.hooks(EPUCK, more=False)
+tell, to_goal, judge = ONE_TRIAL.hooks(EPUCK.inputs)
 
 
 def live(
@@ -207,7 +219,7 @@ def live(
     weights, activation = life.weights, life.activation
     corrections, correcting = life.over.corrections, life.over.correcting
     x, y, heading = pose(space)
-    tally.goal_distance = fitness.distance_to(x, y, trial.goal_x, trial.goal_y)
+    tally.goal_distance = to_goal(trial, x, y)
 
     for step in range(tally.step, until):
         # Sense.
@@ -219,6 +231,7 @@ def live(
         blind(activation, trial.faults.dead_sensors)
         correct(activation, corrections, correcting)
         scale(activation, weights, tally, life.over.homeostasis, baseline, step)
+        tell(activation, tally.reward)
 
         # Act.
         forward(weights, activation, life.room.drive)
@@ -234,7 +247,14 @@ def live(
         tally.behaviour_sum += behaviour
         tally.contacts += nearness > CONTACT
         live_fitness = fitness.live_fitness(
-            plasticity.signal, activation, left, right, behaviour, tally.goal_distance, step + 1.0, tally.undirected_sum
+            plasticity.signal,
+            activation,
+            left,
+            right,
+            behaviour,
+            tally.goal_distance,
+            step + 1.0 - tally.began,
+            tally.undirected_sum,
         )
 
         # Learn.
@@ -278,9 +298,17 @@ def live(
             break
         tally.path_length += math.sqrt((new_x - x) * (new_x - x) + (new_y - y) * (new_y - y))
         x, y = new_x, new_y
-        tally.goal_distance = fitness.distance_to(x, y, trial.goal_x, trial.goal_y)
+        tally.goal_distance = to_goal(trial, x, y)
         if math.isnan(tally.time_to_goal) and tally.goal_distance < trial.goal_radius:
             tally.time_to_goal = (step + 1) * STEP_S
+
+        # Begin again.
+        if HAS_TRIALS:
+            judge(life, space, trial)
+            if tally.over:
+                break
+            x, y, heading = pose(space)
+            tally.goal_distance = to_goal(trial, x, y)
 
 
 @compiled
@@ -338,16 +366,17 @@ def kernel_of(
     self_check: bool = False,
     homeostatic: bool = False,
     more_faults: bool = False,
+    task: Task = ONE_TRIAL,
 ) -> Any:
-    """`live` with these parts: rule, signal of change, network, robot, exploration, self-check and homeostasis.
+    """`live` with these parts: rule, signal of change, network, robot, exploration, self-check, homeostasis and task.
 
     It is compiled, or comes from the cache.
 
-    more_faults: whether it can do more faults than dead sensors and weak wheels.
+    more_faults: whether it can do more faults than dead sensors and weak wheels. task: of which only the kind matters.
 
     Raises:
-        ValueError: the rule asks for something that there is not, the network does not fit the robot, or the robot
-            cannot do what the adaptation asks of it.
+        ValueError: the rule asks for something that there is not, the network does not fit the robot and the task, or
+            the robot cannot do what the adaptation asks of it.
     """
     laid = over.hooks(
         change_signal,
@@ -357,22 +386,21 @@ def kernel_of(
         self_check=self_check,
         homeostatic=homeostatic,
     )
-    place = (rule, laid, network, robot, more_faults)
+    place = (rule, laid, network, robot, more_faults, type(task))
     if place not in _kernels:
-        _kernels[place] = _made(*place)
+        _kernels[place] = _made(rule, laid, network, robot, more_faults, task)
     return _kernels[place]
 
 
-def _made(rule: type[Rule], laid: over.Hooks, network: Network, robot: Robot, more_faults: bool) -> Any:
-    if network.inputs != robot.inputs:
-        raise ValueError(
-            f"network.layers must begin with {robot.inputs}, the readings of robot {robot.name}, got {network.inputs}"
-        )
+def _made(rule: type[Rule], laid: over.Hooks, network: Network, robot: Robot, more_faults: bool, task: Task) -> Any:
+    check_inputs(network, robot, task)
     misread, turn_wheels = faults.hooks(robot, more_faults)
+    tell, to_goal, judge = task.hooks(network.inputs)
     return kernel(
         live,
         WHEELS=network.wheels,
         HAS_RULE=rule is not NoRule,
+        HAS_TRIALS=task.has_trials,
         sense=senses(robot),
         blind=blinding(robot),
         nearest=largest_distance_reading(robot),
@@ -387,14 +415,41 @@ def _made(rule: type[Rule], laid: over.Hooks, network: Network, robot: Robot, mo
         compensate=laid.compensate,
         misread=misread,
         turn_wheels=turn_wheels,
+        tell=tell,
+        to_goal=to_goal,
+        judge=judge,
         move=mover(robot),
     )
 
 
+def check_inputs(network: Network, robot: Robot, task: Task) -> None:
+    """Refuse a network that does not fit what a robot reads and what its task tells it.
+
+    Raises:
+        ValueError: it does not; the message says how many inputs it must have, and why.
+    """
+    wanted = robot.inputs + task.rewards
+    reward = f" and the reward of task={task.name}" if task.rewards else ""
+    if network.inputs != wanted:
+        raise ValueError(
+            f"network.layers must begin with {wanted}, the readings of robot {robot.name}{reward}, got {network.inputs}"
+        )
+    if network.rewarded != task.tells_reward:
+        other = "tells" if network.rewarded else "does not tell"
+        raise ValueError(f"the last input of the network {other} a reward, and task={task.name} has it otherwise")
+
+
 def born(
-    birth: Birth, network: Network, robot: Robot, room: Room | None = None, corrections: Corrections | None = None
+    birth: Birth,
+    network: Network,
+    robot: Robot,
+    room: Room | None = None,
+    corrections: Corrections | None = None,
+    trials: NDArray[np.void] = NO_TRIALS,
 ) -> Life:
-    """A life before its first step. room: workspace to use; None for some of its own. corrections: None for none.
+    """A life before its first step.
+
+    room: workspace to use; None for some of its own. corrections: None for none. trials: those that it will be.
 
     Raises:
         ValueError: the genes are not as many as the network has weights.
@@ -415,6 +470,7 @@ def born(
         kept=birth.kept.copy(),
         activation=activation,
         over=adaptation_room(robot, corrections),
+        trials=trials,
         room=room_for(network, robot) if room is None else room,
     )
 
@@ -435,6 +491,19 @@ def count_dance(life: Life, danced: Danced, gain: float, record_every: int, samp
         samples.time[places], samples.pose[places] = recorded * STEP_S, danced.poses[recorded]
         samples.sensors[places], samples.motors[places] = danced.readings[recorded], danced.speeds[recorded] / gain
         samples.weights[places] = life.weights
+
+
+def stay(samples: Samples, life: Life, robot: Robot, record_every: int, pose: NDArray[np.float64]) -> None:
+    """Fill the samples after the end of a life that was over early: the robot stands where it was, and all is still.
+
+    record_every: as in `live`. pose: x, y [m], heading [rad] at the end.
+    """
+    tally = life.tally[0]
+    after = slice(-(-int(tally["step"]) // record_every), None)
+    samples.time[after] = np.arange(len(samples.time))[after] * record_every * STEP_S
+    samples.pose[after], samples.weights[after] = pose[:3], life.weights
+    samples.sensors[after, : robot.inputs] = life.activation[: robot.inputs]  # and no reward is told
+    samples.weight_change[after] = tally["weight_change"] + tally["scaling"]
 
 
 def empty_samples(count: int, network: Network) -> Samples:

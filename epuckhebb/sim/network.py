@@ -30,13 +30,17 @@ _TANH = np.array([math.tanh(k / _STEPS_PER_UNIT) for k in range(int(_TANH_IS_1) 
 
 @dataclass(frozen=True)
 class Network:
-    """The shape of a network. layers: how many neurons each layer has, sensors first, the two wheels last.
+    """The shape of a network.
+
+    layers: how many neurons each layer has, sensors first, the two wheels last. rewarded: whether the last input tells
+    a reward (`epuckhebb.sim.task`).
 
     Raises:
         ValueError: there are fewer than two layers, a layer is empty, or the last has not two neurons.
     """
 
     layers: tuple[int, ...] = (16, *HIDDEN, OUTPUTS)
+    rewarded: bool = False
 
     def __post_init__(self) -> None:
         """Refuse shapes that cannot be."""

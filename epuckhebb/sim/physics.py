@@ -143,6 +143,17 @@ def pose(space: Handles) -> tuple[float, float, float]:
     return space.state[_X], space.state[_Y], space.state[_HEADING]
 
 
+@compiled
+def put_back(space: Handles, x: float, y: float, heading: float) -> None:
+    """Put the robot at a place, at rest, in the midst of its life; pymunk goes on, so that it forgets old contacts."""
+    state = space.state
+    state[_X], state[_Y], state[_HEADING] = x, y, heading
+    state[_V_X], state[_V_Y], state[_TURN] = 0.0, 0.0, 0.0
+    space.state_count[0] = 0
+    _for_each_body(space.space, space.put, space.state_data)
+    state[_CLEAR_FOR] = 0.0
+
+
 Move = Callable[[Handles, float, float, float, float], None]
 
 

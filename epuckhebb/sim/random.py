@@ -30,6 +30,9 @@ class Stream(IntEnum):
     training_world = 9
     births = 10
     merging = 11
+    switches = 12
+    evaluation_task = 13
+    training_task = 14
 
 
 def rng(seed: int, stream: Stream, *place: int) -> np.random.Generator:

@@ -8,6 +8,8 @@ from typing import Any
 from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.maze import SIDES, T_MAZE, Maze, Place, Side, check_reachable
 from epuckhebb.sim.robot import EPUCK, STEP_S, Robot
+from epuckhebb.sim.task import Task
+from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
 EXPERIMENTS = ("light", "obstacles")
 TRAINED = {"light": "highlight", "obstacles": "base"}  # the scenario in which each one's controllers are evolved
@@ -27,7 +29,7 @@ class Scenario:
     right_slip: share of the time for which the wheel slips. mass_ratio: how many times as heavy it is as its drive was
     made for. wall_friction: coefficient of friction between it and the walls. changes: what changes in mid-life, in
     the order of time; each is `at_s` [s] and new values of keys of this class (`CHANGEABLE`).
-    maze, robot: which. experiment: which of the paper's two this belongs to, `light` or `obstacles`. paper_N,
+    maze, robot, task: which. experiment: which of the paper's two this belongs to, `light` or `obstacles`. paper_N,
     paper_duration_s: the base rate and the time [s] of an evaluation that the paper used there.
 
     Raises:
@@ -55,6 +57,7 @@ class Scenario:
     paper_duration_s: float = 250.0
     maze: Maze = T_MAZE
     robot: Robot = EPUCK
+    task: Task = ONE_TRIAL
 
     def __post_init__(self) -> None:
         """Refuse a world that cannot be."""
@@ -76,6 +79,7 @@ class Scenario:
         if self.goals is not None and set(self.goals) != set(SIDES):
             raise ValueError(f"scenario.goals must have {' and '.join(SIDES)}, got {sorted(self.goals)}")
         check_reachable(self.maze, self.goals_now, self.obstacles, self.layout, self.robot.radius_m)
+        self.task.check_lamp(self.lamp.intensity)
         self._check_changes()
 
     def _check_faults(self) -> None:
@@ -129,6 +133,11 @@ class Scenario:
         return self.maze.goals if self.goals is None else self.goals
 
     @property
+    def inputs(self) -> int:
+        """How many inputs a network for this robot and task has."""
+        return self.robot.inputs + self.task.rewards
+
+    @property
     def phases(self) -> "list[tuple[int, Scenario]]":
         """The world as it is from each control step on, until the next; without changes, itself from step 0 on."""
         told = [(0, replace(self, changes=()) if self.changes else self)]
@@ -143,6 +152,14 @@ class Scenario:
         for kind, mine, its in (("maze", self.maze, maze), ("robot", self.robot, robot)):
             if mine != its:
                 told.append(f"{kind}={mine.name}" + (" changed" if mine.name == its.name else ""))
+        if self.task != named.task:
+            usual = type(self.task)()
+            told.append(f"task={self.task.name}")
+            told += [
+                f"task.{setting.name}={_plain(getattr(self.task, setting.name))}"
+                for setting in fields(self.task)
+                if getattr(self.task, setting.name) != getattr(usual, setting.name)
+            ]
         for field_ in fields(self):
             mine, its = getattr(self, field_.name), getattr(named, field_.name)
             if field_.name == "lamp":
@@ -151,7 +168,7 @@ class Scenario:
                     for part in fields(Lamp)
                     if getattr(mine, part.name) != getattr(its, part.name)
                 ]
-            elif field_.name in ("maze", "robot", "name"):
+            elif field_.name in ("maze", "robot", "task", "name"):
                 continue
             elif field_.name == "goals" and mine != its:
                 told.append("goals=" + "/".join(f"{side}:{x:g},{y:g}" for side, (x, y) in self.goals_now.items()))

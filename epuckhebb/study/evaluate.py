@@ -4,9 +4,10 @@ Every lifetime with plasticity has a paired control without it (GA) with the sam
 random numbers, so that all comparisons are paired.
 """
 
+import math
 import zlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from epuckhebb.sim.maze import SIDES, Side
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.plasticity.control import signs
 from epuckhebb.sim.random import Stream
+from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.study.self_checks import Checks
 
@@ -51,6 +53,19 @@ COLUMNS = (
     "contact_fraction",
     "changed",
 )
+REWARDED = ("rewarded_share", "switch_trial")  # more columns, where a life is many trials
+TRIALS = (
+    "genome",
+    "controller",
+    "side",
+    "repeat",
+    "seed",
+    "trial",
+    "rewarded_side",
+    "reached_side",
+    "rewarded",
+    "time_s",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,12 +73,14 @@ class Traces:
     """Recorded lifetimes, all of equal length; first axis: lifetimes.
 
     controller, side: which lifetime. samples: as in `epuckhebb.sim.lifetime.Samples`, each with the axis of lifetimes
-    in front.
+    in front. trials: a row for each trial of all lifetimes, recorded or not, with the columns `TRIALS`; none where a
+    life is one trial.
     """
 
     controller: list[str]
     side: list[str]
     samples: Samples
+    trials: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(TRIALS)))
 
 
 def evaluate(
@@ -88,7 +105,8 @@ def evaluate(
     `genome` and `changed` say. network: what the genes are for. plan: their parts, weights alone unless given; each
     controller takes those that its rule evolves. checks: the self-checks of `study.self_checks`, for adaptations that
     begin with one. Returns one row a lifetime, with the columns
-    `COLUMNS`, and the traces of the first repeat (empty if `lifetime.record_every` is 0).
+    `COLUMNS` (and `REWARDED` in a life of many trials), and the traces of the first repeat (empty if
+    `lifetime.record_every` is 0).
 
     Raises:
         ValueError: an adaptation needs a baseline or a self-check and there is none; two controllers have one name.
@@ -121,6 +139,7 @@ def evaluate(
         counted = {"danced": own.danced} if adaptation.dance_counts else {}
         return {"start": own.end, "corrections": own.corrections, **counted}
 
+    drawn = [int(random.key(seed, Stream.evaluation_task, repeat)) for repeat in range(repeats)]
     individuals = [
         Individual(
             genes=taken[number],
@@ -128,6 +147,7 @@ def evaluate(
             side=side,
             controller=everyone[number],
             key=random.key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)),
+            task_key=drawn[repeat],
             signs=of_updates[number],
             baseline=None if baseline is None else baseline.of(side),
             record=repeat == 0,
@@ -151,6 +171,7 @@ def evaluate(
             "seed": seed,
             **_metrics(outcome, lifetime),
             "changed": changed,
+            **(_of_trials(outcome.trials) if scenario.task.has_trials else {}),
         }
         for (number, side, repeat), (outcome, _) in zip(wanted, lived, strict=True)
     ]
@@ -159,8 +180,38 @@ def evaluate(
         controller=[everyone[number].name for (number, *_), _ in recorded],
         side=[side for (_, side, _), _ in recorded],
         samples=Samples(*(np.stack(arrays) for arrays in zip(*(samples for _, samples in recorded), strict=True))),
+        trials=pd.DataFrame(
+            [
+                {**{key: row[key] for key in TRIALS[:5]}, **trial}
+                for row, (outcome, _) in zip(rows, lived, strict=True)
+                for trial in _trials(outcome.trials)
+            ],
+            columns=list(TRIALS),
+        ),
     )
-    return pd.DataFrame(rows, columns=list(COLUMNS)), traces
+    return pd.DataFrame(rows, columns=[*COLUMNS, *(REWARDED if scenario.task.has_trials else ())]), traces
+
+
+def _of_trials(trials: NDArray[np.void]) -> dict[str, Any]:
+    """What metrics tell of the trials of a life."""
+    switches = np.flatnonzero(np.diff(trials["good"]))
+    return {
+        "rewarded_share": float((trials["reached"] == trials["good"]).mean()),
+        "switch_trial": int(switches[0]) + 2 if len(switches) else None,  # counted from 1
+    }
+
+
+def _trials(trials: NDArray[np.void]) -> Iterator[dict[str, Any]]:
+    """The trials of a life, a row each."""
+    sides = {-1: "left", 0: "", 1: "right"}
+    for number, (good, reached, steps, _) in enumerate(trials.tolist(), start=1):
+        yield {
+            "trial": number,
+            "rewarded_side": sides[good],
+            "reached_side": sides[reached],
+            "rewarded": int(reached == good),
+            "time_s": steps * STEP_S if steps else math.nan,
+        }
 
 
 def room_to_evaluate(controllers: int, lifetime: Lifetime, repeats: int, network: Network) -> tuple[float, float]:
@@ -170,12 +221,17 @@ def room_to_evaluate(controllers: int, lifetime: Lifetime, repeats: int, network
     return kinds * repeats * _LIFE_BYTES, _COPIES * kinds * samples * sample_bytes(network)
 
 
+def _lived_s(outcome: Outcome, lifetime: Lifetime) -> float:
+    """How long a life lasted [s]; it may be over before its time, where it is many trials."""
+    return lifetime.duration_s if outcome.steps == lifetime.steps else outcome.steps * STEP_S
+
+
 def _metrics(outcome: Outcome, lifetime: Lifetime) -> dict[str, float]:
     return {
         "success": int(outcome.success),
         "time_to_goal_s": outcome.time_to_goal,
         "path_length_m": outcome.path_length,
-        "average_speed_m_s": outcome.path_length / lifetime.duration_s,
+        "average_speed_m_s": outcome.path_length / _lived_s(outcome, lifetime),
         "final_position_error_m": outcome.final_distance,
         "weight_change_mean": outcome.weight_change_mean,
         "weight_change_final": outcome.weight_change_final,

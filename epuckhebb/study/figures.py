@@ -24,7 +24,7 @@ from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.study.evaluate import Traces
 from epuckhebb.study.floor import view
-from epuckhebb.study.moments import arrival, begins, told_when
+from epuckhebb.study.moments import arrival, begins, told_when, with_gaps
 
 SIDE_COLOUR = {"left": "#0072B2", "right": "#D55E00"}  # blue and red as in the paper, apart for the colour-blind too
 _WALL, _OBSTACLE, _LAMP, _CHANGE = "#4d4d4d", "#b07d62", "#E69F00", "#222222"
@@ -131,7 +131,7 @@ def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
                 drawn.append(_label(axes, f"◆{number}", place, (0, -3), SIDE_COLOUR[side], "center"))
     edges = view(scenario)
     lamps = _numbered((world.lamp.x_m, world.lamp.y_m, world.lamp.towards_x, world.lamp.towards_y) for world in worlds)
-    for number, (x, y, towards_x, towards_y) in lamps:
+    for number, (x, y, towards_x, towards_y) in () if scenario.task.has_trials else lamps:  # there it says nothing
         drawn += axes.plot(x, y, marker="*", markersize=11, color=_LAMP, markeredgewidth=0)
         shines = np.array([towards_x, towards_y]) / np.hypot(towards_x, towards_y)
         from_it, to = (np.array([x, y]) + share * (edges[1] - edges[0]) * shines for share in (0.018, 0.04))
@@ -185,9 +185,10 @@ def _label(
 def _draw_path(
     axes: Axes, time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario, side: Side
 ) -> None:
-    label = f"{side}: {arrival(time, pose, scenario, side).told}"
+    told = "is rewarded first" if scenario.task.has_trials else arrival(time, pose, scenario, side).told
     radius, start = scenario.robot.radius_m, scenario.maze.start
-    axes.plot(pose[:, 0], pose[:, 1], color=SIDE_COLOUR[side], linewidth=1.4, label=label)
+    _, path = with_gaps(time, pose, scenario)
+    axes.plot(path[:, 0], path[:, 1], color=SIDE_COLOUR[side], linewidth=1.4, label=f"{side}: {told}")
     axes.add_patch(Circle((pose[-1, 0], pose[-1, 1]), radius, fill=False, edgecolor=SIDE_COLOUR[side], linewidth=1.2))
     axes.plot(start.x, start.y, marker="o", markersize=4, color="black")
     near: list[tuple[float, float, list[str]]] = []  # changes that found the robot at about the same place

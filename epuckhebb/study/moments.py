@@ -82,6 +82,26 @@ def _gaps(x: NDArray[np.float64], y: NDArray[np.float64], walls: NDArray[np.floa
     return nearest
 
 
+def put_back(time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario) -> NDArray[np.intp]:
+    """The samples before which a robot was put back to the start: it cannot have driven there. (times,).
+
+    time: (samples,) [s]. pose: (samples, 3) x, y [m], heading [rad].
+    """
+    if not scenario.task.has_trials:
+        return np.empty(0, np.intp)
+    robot = scenario.robot
+    farthest = 1.5 * robot.motor_limit_rad_s * robot.wheel_radius_m * np.diff(time)
+    return np.flatnonzero(np.hypot(*np.diff(pose[:, :2], axis=0).T) > farthest) + 1
+
+
+def with_gaps(
+    time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The same record with a gap, nan, where the robot was put back, so that no line is drawn there."""
+    places = put_back(time, pose, scenario)
+    return np.insert(time, places, time[places]), np.insert(pose, places, np.nan, axis=0)
+
+
 def arrival(time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario, side: Side) -> Arrival:
     """When and whether a robot arrived. time: (samples,) [s]. pose: (samples, 3) x, y [m], heading [rad]."""
     phases = [(since, world) for since, world in begins(scenario, time, pose) if since is not None]

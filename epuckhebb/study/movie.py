@@ -21,7 +21,7 @@ from epuckhebb.sim.scenario import Scenario
 from epuckhebb.study.evaluate import Traces
 from epuckhebb.study.figures import SIDE_COLOUR, controller_title, draw_maze, plain
 from epuckhebb.study.floor import view
-from epuckhebb.study.moments import told_when
+from epuckhebb.study.moments import told_when, with_gaps
 
 _SPEED = 8  # s of a lifetime in a second of film
 _REST_S = 10.0  # s of lifetime shown after the last change and the last robot came to rest
@@ -113,6 +113,7 @@ def _frames(
     heading.set_animated(True)
     left, right, bottom, top = view(scenario)
     time, pose = traces.samples.time[0], traces.samples.pose
+    paths = [with_gaps(time, path, scenario) for path in pose]
     phases = [(step * STEP_S, world) for step, world in scenario.phases]
     still: Any = None
     shown, drawn = -1, list[Artist]()
@@ -132,9 +133,9 @@ def _frames(
         canvas.restore_region(still)
         heading.set_text(plain(f"{title}\n{now:.0f} s{changed}"))
         heading.draw(canvas.get_renderer())
-        for (trail, body, nose), path in zip(moving, pose, strict=True):
-            x, y, heading_now = (np.interp(now, time, column) for column in path.T)
-            past = path[: np.searchsorted(time, now)]
+        for (trail, body, nose), (times, path) in zip(moving, paths, strict=True):
+            x, y, heading_now = (np.interp(now, times, column) for column in path.T)
+            past = path[: np.searchsorted(times, now)]
             trail.set_data([*past[:, 0], x], [*past[:, 1], y])
             body.center = (x, y)
             ahead = np.array([0.2, 0.9]) * robot.radius_m

@@ -26,7 +26,7 @@ from epuckhebb.sim.scenario import Scenario
 from epuckhebb.study.evaluate import Traces
 from epuckhebb.study.figures import controller_title
 from epuckhebb.study.floor import floor, view
-from epuckhebb.study.moments import Arrival, arrival, begins, told
+from epuckhebb.study.moments import Arrival, arrival, begins, put_back, told
 from epuckhebb.study.page import policy
 
 __all__ = ["Arrival", "arrival", "outcome", "page"]
@@ -92,6 +92,16 @@ def outcome(side: Side, controllers: Sequence[str], arrivals: Sequence[Arrival])
     return f"{told}{', '.join(map(_told, who, [arrived for _, arrived in others or stayed]))}."
 
 
+def reversal_outcome(side: Side, controllers: Sequence[str], lives: Sequence[Samples]) -> str:
+    """In plain sentences: which end was rewarded first, and how often each robot came to the rewarded one."""
+    told = []
+    for controller, samples in zip(controllers, lives, strict=True):
+        begins = np.diff(samples.sensors[:, -1], prepend=0.0) * samples.sensors[:, -1] > 0
+        good, all_ = (int(begins[samples.sensors[:, -1] > least].sum()) for least in (0, -2))
+        told.append(f"the robot {_who(controller)} came to an end {all_} times, {good} of them to the rewarded one")
+    return f"The end on the {side} is rewarded first; {'; '.join(told)}."
+
+
 def _who(controller: str) -> str:
     known = controller if controller in CONTROLS.values() else f"“{controller}”"
     return _WHO.get(controller, f"with {known}")
@@ -125,14 +135,17 @@ def _content(
     for name, weight_change in zip(traces.controller, traces.samples.weight_change, strict=True):
         changed[name] = changed[name] or bool(weight_change.any())
     lives, outcomes = {}, {}
+    has_trials = scenario.task.has_trials
     for side in sides:
         of_side = [Samples(*(array[lifetime[name, side]] for array in traces.samples)) for name in controllers]
         arrivals = [arrival(samples.time, samples.pose, scenario, side) for samples in of_side]
-        outcomes[side] = " ".join(filter(None, [outcome(side, controllers, arrivals), found.get(side)]))
+        said = reversal_outcome(side, controllers, of_side) if has_trials else outcome(side, controllers, arrivals)
+        outcomes[side] = " ".join(filter(None, [said, found.get(side)]))
         lives[side] = [
             {
-                "arrival": arrived.time,
-                "stayed": arrived.stayed,
+                "arrival": None if has_trials else arrived.time,
+                "stayed": arrived.stayed and not has_trials,
+                "putBack": np.ceil(put_back(samples.time, samples.pose, scenario) / every).astype(int).tolist(),
                 "begins": [since for since, _ in begins(scenario, samples.time, samples.pose)],
                 **_embedded(samples, birth, every),
             }
@@ -152,7 +165,8 @@ def _content(
         "steps": round(interval / STEP_S),  # of 32 ms between samples
         "speed": 100 * gain_rad_s * robot.wheel_radius_m,  # cm/s of a wheel at a network output of 1
         "layers": network.layers,
-        "inputs": _inputs(robot),
+        "inputs": [*_inputs(robot), *["reward"] * scenario.task.rewards],
+        "hasTrials": has_trials,
         "birth": [round(weight, 7) for weight in birth.tolist()],
         "robot": {
             "radius": robot.radius_m,

@@ -3,7 +3,7 @@
 import dis
 import inspect
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from enum import Enum
 from itertools import pairwise
@@ -18,7 +18,7 @@ from epuckhebb.sim.plasticity.control import Sign
 
 QUANTITIES = ("correlation", "pre", "post", "weight", "at_birth", "fitness", "key", "step", "number", "kept", "by")
 TAKEN = (*QUANTITIES, "weights")  # names that nothing else can have; `weights` are those of the network
-MODULATOR = "modulator"
+MODULATOR, REWARD = "modulator", "reward"
 BIRTH_RANGE = 0.1  # of weights that are drawn at birth; that of Najarro & Risi 2020
 _LARGEST_WEIGHT = 1e6  # a neuron is at its limit from a drive of 20 on, and sums over larger weights say nothing
 
@@ -28,13 +28,15 @@ class Evolved(NamedTuple):
 
     per: one for the whole `network`, for each `layer` of connections, for each `synapse`, or for each `neuron`, sensors
     and bias among them; or so many numbers for the whole network. `modulator`: the weights of a modulatory neuron, one
-    from each neuron of the layer before the wheels, and its bias, last. start: genes of the first generation are
-    uniform in +-start. limit: genes are clipped to +-limit.
+    from each neuron of the layer before the wheels, and its bias, last. `reward`: its weight from a reward that the
+    network is told. start: genes of the first generation are uniform in +-start. limit: genes are clipped to +-limit.
+    value: a function that makes the parameter of the genes; None where they are it.
     """
 
     per: str | int = "network"
     start: float = 1.0
     limit: float = 1.0
+    value: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
 
 
 class Births(Enum):
@@ -44,6 +46,13 @@ class Births(Enum):
     random = "random"
 
 
+class Reward(Enum):
+    """How the modulatory neuron hears a reward: as it is told, or, as a control, inverted."""
+
+    told = "told"
+    inverted = "inverted"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Rule:
     """A plasticity rule; subclasses add settings of their own as fields, and say what a synapse does.
@@ -51,7 +60,8 @@ class Rule:
     N: base rate, 0 for a robot that does not learn. N_gain_rad_s: wheel gain at which N holds; at another gain it is in
     proportion, so that a metre of way brings as many updates of the same size; 0 if N holds at any gain, as in the
     paper. floor: the least factor on N, when fitness is low. w_max: bound of the weights. signal: the live fitness that
-    scales the rate. sign: of the updates, `hebbian` or a control. births: where the weights at birth come from.
+    scales the rate. sign: of the updates, `hebbian` or a control. births: where the weights at birth come from. reward:
+    how a modulatory neuron hears a reward, as it is `told` or, as a control, `inverted`.
 
     A subclass has a static method `synapse`, compiled by numba, which returns the direction of a weight's change; the
     program multiplies it by N_e, adds it to the weight and keeps that within +-w_max. Its arguments are any of these
@@ -70,6 +80,7 @@ class Rule:
 
     kept: name -> value at birth, of what each synapse keeps during a life. evolved: name -> `Evolved`. A rule that
     evolves something per `modulator` has a modulatory neuron, and its updates are multiplied by that neuron's output.
+    with_reward: what is evolved otherwise, or besides for each `reward`, where the network is told a reward.
     coefficients: names that `synapse` may ask for instead of those in `evolved`, if `express` makes others of them.
     keeps_lengths: whether the incoming weights of each neuron are scaled after each update, to the length, that is the
     root of the sum of their squares, that they had at birth.
@@ -80,6 +91,7 @@ class Rule:
 
     kept: ClassVar[Mapping[str, float]] = {}
     evolved: ClassVar[Mapping[str, Evolved]] = {}
+    with_reward: ClassVar[Mapping[str, Evolved]] = {}
     coefficients: ClassVar[tuple[str, ...]] = ()
     keeps_lengths: ClassVar[bool] = False
 
@@ -90,6 +102,7 @@ class Rule:
     signal: Signal = Signal.behaviour
     sign: Sign = Sign.hebbian
     births: Births = Births.evolved
+    reward: Reward = Reward.told
 
     def __post_init__(self) -> None:
         """Refuse what no rule can have."""
@@ -101,6 +114,10 @@ class Rule:
                 raise ValueError(f"hebbian.{name} must be 0 or more, got {getattr(self, name)}")
         if not 0 < self.w_max <= _LARGEST_WEIGHT:
             raise ValueError(f"hebbian.w_max must be more than 0 and at most {_LARGEST_WEIGHT:g}, got {self.w_max}")
+        if self.reward is not Reward.told and not hears_reward(type(self)):
+            raise ValueError(
+                f"hebbian.reward={self.reward.name} does nothing with rule {name_of(type(self))}, which hears no reward"
+            )
 
     @staticmethod
     def synapse(*_: Any) -> float:
@@ -198,6 +215,22 @@ def coefficient_names(rule: type[Rule]) -> tuple[str, ...]:
     return tuple(names)
 
 
+def evolved_by(rule: type[Rule], network: Network) -> dict[str, Evolved]:
+    """What of a rule is evolved with a network, by name."""
+    return {**rule.evolved, **(rule.with_reward if network.rewarded else {})}
+
+
+def values_of(
+    rule: type[Rule], network: Network, genes: Mapping[str, NDArray[np.float64]]
+) -> dict[str, NDArray[np.float64]]:
+    """The values of all parts of a genome by name, where a rule says that they are not the genes themselves."""
+    values = dict(genes)
+    for name, evolved in evolved_by(rule, network).items():
+        if evolved.value is not None:
+            values[name] = evolved.value(genes[name])
+    return values
+
+
 def kept_at_birth(rule: type[Rule], network: Network) -> NDArray[np.void]:
     """What the synapses keep, (synapses,) records with a field for each name, as at birth."""
     names = list(rule.kept) or ["nothing"]
@@ -217,8 +250,10 @@ def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
         "synapse": network.synapses,
         "neuron": network.neurons,
         MODULATOR: network.layers[-2] + 1,
+        REWARD: 1,
     }
-    for name, evolved in rule.evolved.items():
+    parameters = evolved_by(rule, network)
+    for name, evolved in parameters.items():
         if evolved.per not in per and not (isinstance(evolved.per, int) and evolved.per > 0):
             raise ValueError(
                 f"rule {rule.__name__}: {name} is evolved per {evolved.per}, not one of {', '.join(per)}, or a number"
@@ -228,8 +263,7 @@ def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
                 f"rule {rule.__name__}: what is evolved cannot be called {name}, which means something else"
             )
     return {
-        name: evolved.per if isinstance(evolved.per, int) else per[evolved.per]
-        for name, evolved in rule.evolved.items()
+        name: evolved.per if isinstance(evolved.per, int) else per[evolved.per] for name, evolved in parameters.items()
     }
 
 
@@ -266,13 +300,17 @@ def neurons_of(network: Network) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return np.concatenate(pre), np.concatenate(post)
 
 
-def modulatory_weights(rule: type[Rule], genes: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """The weights of a rule's modulatory neuron, its bias last; empty if it has none.
+def modulatory_weights(rule: Rule, genes: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """The weights of a rule's modulatory neuron: from neurons, its bias, from a reward if it is told one; or none.
 
     genes: by name of the parameter.
     """
-    name = _modulator(rule)
-    return np.empty(0) if name is None else np.ascontiguousarray(genes[name])
+    name = _modulator(type(rule))
+    if name is None:
+        return np.empty(0)
+    of_reward = [genes[one] for one, evolved in rule.with_reward.items() if evolved.per == REWARD and one in genes]
+    heard = -1.0 if rule.reward is Reward.inverted else 1.0
+    return np.concatenate([genes[name], *(heard * weight for weight in of_reward)])
 
 
 def is_alike(rule: type[Rule]) -> bool:
@@ -283,6 +321,11 @@ def is_alike(rule: type[Rule]) -> bool:
 def is_modulated(rule: type[Rule]) -> bool:
     """Whether a rule has a modulatory neuron."""
     return _modulator(rule) is not None
+
+
+def hears_reward(rule: type[Rule]) -> bool:
+    """Whether a rule has a modulatory neuron that hears a reward where the network is told one."""
+    return any(evolved.per == REWARD for evolved in rule.with_reward.values())
 
 
 def _modulator(rule: type[Rule]) -> str | None:

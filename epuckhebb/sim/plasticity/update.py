@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim.compiled import compiled, in_module, in_turn
 from epuckhebb.sim.network import Network, by_layer, tanh
-from epuckhebb.sim.plasticity.rule import NoRule, Rule, asked, coefficient_names, is_alike, is_modulated
+from epuckhebb.sim.plasticity.rule import NoRule, Rule, asked, coefficient_names, hears_reward, is_alike, is_modulated
 from epuckhebb.sim.plasticity.weight_change import total_of, weight_change
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
@@ -154,17 +154,21 @@ def modulation_of(rule: type[Rule], network: Network) -> Modulate:
     """The function `modulate(modulatory, activation)` that says by what all updates of a step are multiplied.
 
     It is the output tanh(m / 2) of a modulatory neuron, m = v . h + v0, where h are the neurons of the layer before the
-    wheels; 1 for a rule that has none. modulatory: v and v0. activation: (neurons,).
+    wheels; where the network is told a reward r, m = v . h + v0 + vr r, if the rule says so. 1 for a rule that has no
+    such neuron. modulatory: v, v0, vr. activation: (neurons,).
     """
     if not is_modulated(rule):
         return compiled(_unmodulated)
     heard, first = network.layers[-2], network.first_neuron[-2]
+    rewarded, reward = network.rewarded and hears_reward(rule), network.inputs - 1
 
     @compiled
     def modulate(modulatory: NDArray[np.float64], activation: NDArray[np.float64]) -> float:
         drive = float(modulatory[heard])
         for k in range(heard):
             drive += modulatory[k] * activation[first + k]
+        if rewarded:
+            drive += modulatory[heard + 1] * activation[reward]
         return tanh(drive / 2.0)
 
     return modulate

@@ -1,0 +1,13 @@
+"""A life is one trial, as in the paper: lamp on, go right; lamp off, go left."""
+
+from dataclasses import dataclass
+
+from epuckhebb.sim.task import Task
+
+
+@dataclass(frozen=True, kw_only=True)
+class OneTrial(Task):
+    """The paper's task, which has no settings."""
+
+
+ONE_TRIAL = OneTrial()
