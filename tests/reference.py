@@ -58,7 +58,7 @@ class Robot:
         self.key, self.step_number = np.uint64(key), 0
         self.space = pymunk.Space()
         self.space.damping, self.space.collision_slop, self.space.iterations = 0, 1e-4, 10
-        start = scenario.maze.start if start is None else start
+        self.start = start = scenario.maze.start if start is None else start
         self.body = pymunk.Body(self.kind.mass_kg, self.kind.inertia_kg_m2)
         self.body.position, self.body.angle = (start.x, start.y), start.heading
         disc = pymunk.Circle(self.body, self.kind.radius_m)
@@ -79,9 +79,13 @@ class Robot:
             self.genes = self.by_layer(drawn)
         self.signs = self.by_layer(np.ones(sum(g.size for g in self.genes)) if signs is None else signs)
         self.controller, self.rule, self.adaptation = controller, controller.rule, controller.adaptation
+        self.task = scenario.task if scenario.task.name == "reversal" else None
+        self.trials, self.reward, self.over, self.time_outs = [], 0.0, False, 0
+        if self.task is not None:
+            self.begin_trial()
         self.evolved = self.parts_of(genes[synapses:])
         self.be_born()
-        self.junction, self.undirected = 0.0, 0.0
+        self.junction, self.undirected, self.before_trial = 0.0, 0.0, 0
         self.baseline, self.recent, self.arrived, self.away, self.late = baseline, None, False, 0.0, 0.0
         self.change_signal = math.nan
         self.hand, self.smooth, self.loss, self.ratio, self.dead = None, None, np.zeros(2), 1.0, []
@@ -96,9 +100,15 @@ class Robot:
     def parts_of(self, genes):
         """The evolved parameters of the rule by name: a number, or lists by layer, by neuron, by synapse."""
         layers = [self.shapes[0][0], *(m for _, m in self.shapes)]
-        sizes = {"network": 1, "layer": len(self.shapes), "neuron": sum(layers), "modulator": layers[-2] + 1}
-        parts = {}
-        for name, evolved in self.rule.evolved.items():
+        sizes = {
+            "network": 1,
+            "layer": len(self.shapes),
+            "neuron": sum(layers),
+            "modulator": layers[-2] + 1,
+            "reward": 1,
+        }
+        parts, rewarded = {}, self.task is not None
+        for name, evolved in {**self.rule.evolved, **(self.rule.with_reward if rewarded else {})}.items():
             size = sizes.get(evolved.per, evolved.per)
             part, genes = np.split(genes, [sum(g.size for g in self.genes) if size == "synapse" else size])
             if size == "synapse":
@@ -106,6 +116,9 @@ class Robot:
             elif evolved.per == "neuron":
                 part = np.split(part, np.cumsum(layers)[:-1])
             parts[name] = part
+        if rewarded and "vr" in parts:
+            eta = 10 ** np.clip(parts["eta"], -1.5, 1) / 0.3
+            parts |= {"v": 0.2 * parts["v"], "vr": 4 * (1 + parts["vr"]), "eta": eta}
         return parts
 
     def be_born(self):
@@ -155,10 +168,11 @@ class Robot:
         x, y = self.body.position
         heading = self.body.angle
         readings = self.scaled(self.correct(self.sense(x, y, heading)))
-        activations = self.act(readings)
+        seen = readings if self.task is None else np.append(readings, self.reward)
+        activations = self.act(seen)
         left, right = activations[-1]
         arm = self.world.maze.arms[self.side]
-        if arm.left < x < arm.right and arm.bottom < y < arm.top:
+        if self.task is None and arm.left < x < arm.right and arm.bottom < y < arm.top:
             self.junction = 1.0
         forward = min(1.0, max(0.0, (left + right) / 1.5))
         spin = max(0.0, 1 - abs(right - left) / 2)
@@ -166,14 +180,15 @@ class Robot:
         combined = (forward + 2 * avoid + spin + self.junction) / 5
         self.undirected += (forward + 2 * avoid + spin) / 5
         self.step_number += 1
-        fitness = self.live_fitness(readings, left, right, combined, math.dist((x, y), self.goal))
+        fitness = self.live_fitness(readings, left, right, combined, self.goal_distance((x, y)))
         need = self.need(readings, fitness, (x, y)) if self.adaptation.is_gated else 1.0
         rate = self.rule.N * need * max(self.rule.floor, fitness)
         if self.rule.N_gain_rad_s:
             rate *= self.gain / self.rule.N_gain_rad_s
         if "v" in self.evolved and self.rule.N > 0:
             *v, v0 = self.evolved["v"]
-            rate *= np.tanh((np.dot(v, activations[-2]) + v0) / 2)
+            told = self.evolved["vr"][0] * self.reward if self.task is not None else 0
+            rate *= np.tanh((np.dot(v, activations[-2]) + v0 + told) / 2)
         self.fitness = fitness
         if need == 0:
             self.be_born()
@@ -183,7 +198,42 @@ class Robot:
         lit = self.weights[0][: self.kind.lights] * (1 - self.used_scale)
         change += np.abs(lit).sum() + np.abs(lit.sum(axis=0)).sum()
         self.move(*self.command(left, right, readings, need), heading)
-        return x, y, heading, readings, left, right, combined, fitness, rate, change
+        self.moved_to = tuple(self.body.position)
+        if self.task is not None:
+            self.judge()
+        return x, y, heading, seen, left, right, combined, fitness, rate, change
+
+    def goal_distance(self, place):
+        ends = self.world.goals_now.values() if self.task is not None else [self.goal]
+        return min(math.dist(place, end) for end in ends)
+
+    def begin_trial(self):
+        """One more trial; the end that is rewarded in it is the other one from the trial of the switch on."""
+        switched = len(self.trials) + 1 >= self.task.first_switch
+        good = {"left": "right", "right": "left"}[self.side] if switched else self.side
+        self.trials.append({"good": good, "reached": None, "steps": 0, "nearest": math.inf})
+
+    def judge(self):
+        """What there is to do when a step is over. The switch is certain, at `first_switch`."""
+        now, lived = self.trials[-1], self.step_number - self.before_trial
+        if now["reached"] is None:
+            now["nearest"] = min(now["nearest"], self.goal_distance(self.moved_to))
+            for side, end in self.world.goals_now.items():
+                if math.dist(self.moved_to, end) < self.world.maze.goal_radius_m:
+                    now |= {"reached": side, "steps": lived}
+                    self.reward = 1.0 if side == now["good"] else -1.0
+            if now["reached"] or lived < int(self.task.time_out_s / STEP):
+                return
+            now["steps"], self.time_outs = lived, self.time_outs + 1
+        elif lived < now["steps"] + int(self.task.reward_s / STEP):
+            return
+        self.reward = 0.0
+        self.over = len(self.trials) == self.task.trials or self.time_outs == self.task.time_outs
+        if not self.over:
+            self.body.position, self.body.angle = (self.start.x, self.start.y), self.start.heading
+            self.body.velocity, self.body.angular_velocity = (0, 0), 0
+            self.speeds, self.undirected, self.before_trial = [0.0, 0.0], 0.0, self.step_number
+            self.begin_trial()
 
     def sense(self, x, y, heading):
         kind = self.kind
@@ -376,7 +426,7 @@ class Robot:
             return (combined + 1 - min(1, (1.7 * distance) ** 3)) / 2
         if signal == "lifetime_mean":
             before = 2 * 250 / STEP
-            return (before * 0.5 + self.undirected) / (before + self.step_number)
+            return (before * 0.5 + self.undirected) / (before + self.step_number - self.before_trial)
         forward = min(1.0, max(0.0, (left + right) / 1.5))
         spin = max(0.0, 1 - abs(right - left) / 2)
         follow = 1 - abs(np.mean(readings[:4]) - np.mean(readings[4:8]))
@@ -493,13 +543,16 @@ def live(robot, steps):
         happened = robot.step()
         x, y, _, readings, _, _, combined, _, _, change = happened
         told.append(happened)
-        path += math.dist((x, y), robot.body.position)
-        distance = math.dist(robot.body.position, robot.goal)
+        path += math.dist((x, y), robot.moved_to)
+        distance = robot.goal_distance(robot.moved_to)
         near = distance < robot.world.maze.goal_radius_m
         if math.isnan(arrived) and near:
             arrived = (step + 1) * STEP
         changes += change
         behaviour += combined
-        contacts += max(readings[robot.kind.lights :]) > 0.8
+        contacts += max(readings[robot.kind.lights : robot.kind.inputs]) > 0.8
+        if robot.over:
+            break
+    steps = len(told)
     reward = 1 - min(1, (1.7 * distance) ** 3)
     return (arrived, path, distance, behaviour / steps, reward, changes / steps, change, contacts / steps, near), told

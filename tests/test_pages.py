@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
 PAGES = [*ROOT.glob("*.md"), ROOT / "runs" / "README.md", *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
 WITH_COMMANDS = [ROOT / "README.md", ROOT / "docs" / "parts.md", *EXAMPLES]
-MORE_COMMANDS = [ROOT / "docs" / f"{name}.md" for name in ("changes", "clusters", "keys", "webots")]
+MORE_COMMANDS = [ROOT / "docs" / f"{name}.md" for name in ("changes", "clusters", "keys", "reversal", "webots")]
 BRIEF = {
     # longer than until the changes of the worlds on the pages
     "evaluate": ["repeats=1", "lifetime.duration_s=SECONDS", "lifetime.record_every=0", "threads=1", "-q"],
@@ -27,16 +27,23 @@ BRIEF = {
     "keys": [],
     "export": [],
 }
+BRIEF_TASK = [
+    "task.trials=2",
+    "task.last_switch=2",
+    "task.time_out_s=1",
+]  # their number and time say how long a life is
 BRIEF_GA = ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=1"]
 
 
 def brief(verb, words, seconds=64):
     """What makes a command of a page take little time."""
+    of_task = BRIEF_TASK if "task=reversal" in words else []
+    whole = [word for word in BRIEF[verb] if not (of_task and word.startswith("lifetime.duration_s"))] + of_task
     if verb != "evolve":
-        shorter = [word.replace("SECONDS", str(seconds)) for word in BRIEF[verb]]
+        shorter = [word.replace("SECONDS", str(seconds)) for word in whole]
         return [*shorter, *(["lifetime.record_every=250"] if "--open" in words else [])]
     other = any(word.startswith("optimizer=") for word in words)
-    return [*BRIEF[verb], *(["optimizer.generations=1"] if other else BRIEF_GA)]
+    return [*whole, *(["optimizer.generations=1"] if other else BRIEF_GA)]
 
 
 def told(page):

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import epuckhebb
-from epuckhebb.app.parts import optimizer_names, rule_names
+from epuckhebb.app.parts import optimizer_names, rule_names, task_names
 
 PACKAGE = Path(epuckhebb.__file__).parent
 LAYERS = ["sim", "evolution", "study", "app"]
@@ -23,7 +23,9 @@ INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
     "network": {"compiled"},
     "fitness": {"compiled", "robot"},
     "physics": {"compiled", "maze", "robot"},
-    "scenario": {"light", "maze", "robot"},
+    "task": {"compiled", "fitness", "maze"},
+    "tasks": {"compiled", "fitness", "maze", "physics", "random", "robot", "task"},
+    "scenario": {"light", "maze", "robot", "task", "tasks"},
     "genome": {"network", "plasticity"},
     "controller": {"adaptation", "plasticity"},
     "plasticity": {"compiled", "fitness", "network", "random", "robot"},
@@ -126,6 +128,14 @@ def test_a_rule_is_one_file_that_no_other_has_to_know():
         users = sorted(module for module, needs in GRAPH.items() if rule in needs)
         assert users == [] or rule.endswith(".paper"), users
     assert not any(".change_signals." in name for needs in GRAPH.values() for name in needs)
+
+
+def test_a_task_is_one_file_that_few_others_have_to_know():
+    """But for the paper's, which is the usual one; of another, only what tells its results knows."""
+    for name in task_names():
+        users = {module.split(".")[1] for module, needs in GRAPH.items() if f"epuckhebb.sim.tasks.{name}" in needs}
+        assert "sim" not in users or name == "trial", name
+        assert "evolution" not in users, name
 
 
 def test_an_optimizer_is_one_file_that_no_other_has_to_know():

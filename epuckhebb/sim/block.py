@@ -58,6 +58,7 @@ from epuckhebb.sim.plasticity.update import lengths_at_birth
 from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.task import NO_TRIALS
 
 _LIVES_PER_BLOCK = 50  # lifetimes that share a space, one after the other
 _SUMS = ("behaviour_sum", "weight_change_sum", "path_length", "goal_distance")  # of a tally, from which outcomes come
@@ -74,8 +75,7 @@ class Outcome(NamedTuple):
     behaviour: mean combined fitness over the steps. reward: goal reward at the end. weight_change_mean,
     weight_change_final: sum over weights of |W - W_gene|. contact_fraction: share of steps with a distance reading
     above 0.8. success: whether the robot was within 5 cm of its goal at the last step. fitness: how well it did its
-    task; the paper's final fitness unless that is another. steps: lived. trials: of which the life was, records of
-    `epuckhebb.sim.task.TRIAL`, none where it is one trial.
+    task; the paper's final fitness unless that is another. steps: lived.
     """
 
     time_to_goal: float
@@ -89,7 +89,29 @@ class Outcome(NamedTuple):
     success: bool
     fitness: float
     steps: int
-    trials: NDArray[np.void]
+
+    @property
+    def trials(self) -> NDArray[np.void]:
+        """The trials of which the life was, records of `epuckhebb.sim.task.TRIAL`; none where it is one."""
+        return NO_TRIALS
+
+
+class OutcomeOfTrials(Outcome):
+    """What a lifetime of many trials came to."""
+
+    _trials: NDArray[np.void]
+
+    @property
+    def trials(self) -> NDArray[np.void]:
+        """See `Outcome`."""
+        return self._trials
+
+    @classmethod
+    def of(cls, outcome: Outcome, trials: NDArray[np.void]) -> "OutcomeOfTrials":
+        """What came of the whole life, with its trials."""
+        told = cls(*outcome)
+        told._trials = trials
+        return told
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -377,7 +399,7 @@ def _outcome(life: Life, phases: list[_Phase], start: Pose) -> Outcome:
     goal_distance, steps = float(tally["goal_distance"]), int(tally["step"])
     behaviour, reward = float(tally["behaviour_sum"]) / steps, fitness.reward(goal_distance)
     nearest = min(math.dist(start[:2], goal) for goal in phases[0].scenario.goals_now.values())
-    return Outcome(
+    outcome = Outcome(
         float(tally["time_to_goal"]),
         float(tally["path_length"]),
         goal_distance,
@@ -389,8 +411,8 @@ def _outcome(life: Life, phases: list[_Phase], start: Pose) -> Outcome:
         goal_distance < world.maze.goal_radius_m,
         world.task.fitness(behaviour, reward, life.trials, nearest),
         steps,
-        life.trials,
     )
+    return OutcomeOfTrials.of(outcome, life.trials) if len(life.trials) else outcome
 
 
 def _explained(rule: type[Rule], error: Exception) -> str:

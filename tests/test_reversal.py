@@ -1,0 +1,311 @@
+"""Reversal learning: what a life of many trials is, beside the oracle and by hand, and from `evolve` to `show`."""
+
+import itertools
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from epuckhebb.app import files
+from epuckhebb.app.cli import app
+from epuckhebb.evolution.optimizer import initial
+from epuckhebb.sim.block import Individual, live_block
+from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.fitness import Signal
+from epuckhebb.sim.genome import plan_of
+from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.light import Lamp
+from epuckhebb.sim.network import Network
+from epuckhebb.sim.plasticity.modulated import Modulated
+from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.plasticity.rule import Reward, modulatory_weights, values_of
+from epuckhebb.sim.plasticity.update import modulation_of
+from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.task import TRIAL
+from epuckhebb.sim.tasks.reversal import Reversal
+from epuckhebb.study import reversal
+
+REWARDED = Network((17, 7, 5, 8, 4, 2), rewarded=True)
+MODULATED = Controller(name="modulated", rule=Modulated(N=0.003))
+SMALL = ["optimizer=sep_cma_es", "optimizer.population=4", "optimizer.starts=3", "optimizer.confirm=2"]
+SMALL += ["optimizer.generations=1", "task.trials=2", "task.last_switch=2", "task.time_out_s=2", "threads=1", "-q"]
+
+
+def world(**task):
+    return Scenario(task=Reversal(**task), lamp=Lamp(intensity=0.0))
+
+
+def switching(trial, **task):
+    """A world in which the other end is rewarded from this trial on, for certain."""
+    return world(first_switch=trial, last_switch=trial, never=0.0, **task)
+
+
+def drawn(seed):
+    """Genes of the network that is told a reward, and of a rule that hears it."""
+    return initial(np.random.default_rng(seed), 1, plan_of(REWARDED, Modulated))[0]
+
+
+# Beside the oracle
+
+
+@pytest.mark.parametrize(
+    ("controller", "side", "seed"),
+    [
+        (GA_ALONE, "left", 2547),  # comes to an end in each trial
+        (Controller(name="paper", rule=Paper(N=0.00002, signal=Signal.lifetime_mean)), "right", 2547),
+        (MODULATED, "left", 897),  # to one, to none, to the other
+        (MODULATED, "right", 897),
+    ],
+)
+def test_a_life_of_trials_agrees_with_the_oracle(controller, side, seed, beside_the_oracle):
+    genes = drawn(seed) if controller is MODULATED else drawn(seed)[: REWARDED.synapses]
+    scenario = switching(2, trials=3, time_out_s=16.0, time_outs=2)
+    outcome, samples, robot = beside_the_oracle(genes, side, scenario, controller, REWARDED, seconds=55.0)
+    assert robot.over
+    assert len(robot.trials) == 3
+    names = {"left": -1, "right": 1, None: 0}
+    for trial, expected in zip(outcome.trials, robot.trials, strict=True):
+        assert (trial["good"], trial["reached"]) == (names[expected["good"]], names[expected["reached"]])
+        assert trial["steps"] == expected["steps"]
+        assert trial["nearest"] == pytest.approx(expected["nearest"], rel=1e-9)
+    assert {1.0, -1.0} & set(samples.sensors[:, 16])
+
+
+# A life by hand
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """A life that comes to the right end in each trial, of which the left is rewarded first, and its samples."""
+    genes = drawn(2547)[: REWARDED.synapses]
+    who = Individual(genes=genes, side="left", key=np.uint64(9), network=REWARDED, record=True)
+    lifetime = Lifetime(duration_s=60, gain_rad_s=4.0, record_every=1)
+    return live_block([who], switching(3, trials=3), lifetime)[0]
+
+
+def test_the_reward_is_told_for_the_last_second_at_an_end(recorded):
+    outcome, samples = recorded
+    assert outcome.trials["good"].tolist() == [-1, -1, 1]
+    assert outcome.trials["reached"].tolist() == [1, 1, 1]
+    told, first = np.zeros(len(samples.time)), 0
+    for steps, reward in zip(outcome.trials["steps"], (-1, -1, 1), strict=True):
+        told[first + steps : first + steps + 31] = reward  # 31 whole steps are in a second
+        first += steps + 31
+    np.testing.assert_array_equal(samples.sensors[:, 16], told)
+    assert outcome.steps == first < 60 / 0.032
+
+
+def test_each_trial_begins_at_the_start_at_rest(recorded):
+    outcome, samples = recorded
+    begins = np.cumsum(outcome.trials["steps"] + 31)[:-1]
+    start = Scenario().maze.start
+    assert (samples.pose[begins] == start).all()
+    assert (samples.pose[begins + 1] == start).all()  # a command moves the robot in the step after
+    assert (np.abs(samples.pose[begins - 1] - start).max(axis=1) > 0.3).all()
+    assert outcome.path_length == pytest.approx(
+        sum(
+            np.hypot(*np.diff(part[:, :2], axis=0).T).sum() for part in np.split(samples.pose, [*begins, outcome.steps])
+        ),
+        abs=0.003 * 3,  # the last step of a trial is in no sample
+    )
+
+
+def test_a_robot_stays_where_its_life_was_over(recorded):
+    outcome, samples = recorded
+    after = slice(outcome.steps, None)
+    assert np.ptp(samples.pose[after], axis=0).max() == 0
+    assert (samples.motors[after] == 0).all()
+    np.testing.assert_allclose(np.diff(samples.time), 0.032)
+
+
+def test_weights_live_on_and_the_history_of_the_fitness_does_not():
+    genes, lifetime = drawn(897), Lifetime(duration_s=60, gain_rad_s=4.0, record_every=1)
+    who = {"genes": genes, "side": "left", "key": np.uint64(9), "network": REWARDED, "record": True}
+    ((outcome, samples),) = live_block([Individual(controller=MODULATED, **who)], switching(2, trials=3), lifetime)
+    begin = int(outcome.trials["steps"][0]) + 31
+    before, after = samples.weights[begin - 1], samples.weights[begin]
+    assert np.abs(before - samples.weights[0]).max() > 0.1
+    assert np.abs(after - before).max() < 0.01
+    mean = Controller(name="paper", rule=Paper(N=1e-9, signal=Signal.lifetime_mean))
+    who |= {"genes": drawn(2547)[: REWARDED.synapses]}
+    ((outcome, samples),) = live_block([Individual(controller=mean, **who)], switching(2, trials=3), lifetime)
+    begin = int(outcome.trials["steps"][0]) + 31
+    assert samples.fitness[begin] == pytest.approx(samples.fitness[0], abs=1e-4) != samples.fitness[begin - 1]
+
+
+def test_a_trial_has_its_time_and_a_life_so_many_time_outs():
+    still = Individual(genes=np.zeros(REWARDED.synapses), side="left", key=np.uint64(1), network=REWARDED)
+    ((outcome, _),) = live_block([still], world(time_out_s=1.0), Lifetime(duration_s=20))
+    assert outcome.trials["steps"].tolist() == [31, 31] + 8 * [0]
+    assert outcome.steps == 62
+    assert not outcome.trials["reached"].any()
+    assert outcome.fitness == 0
+
+
+# What is drawn, and what can be expected of it
+
+
+def test_the_switch_is_at_one_of_its_trials_or_never():
+    task, keys = Reversal(), range(4000)
+    drawn_switches = np.bincount([task.switch(key) for key in keys], minlength=9)
+    assert drawn_switches[1] == 0
+    assert len(drawn_switches) == 9
+    expected = len(keys) / 8  # each of 2 to 8, and never, 0
+    assert np.abs(np.delete(drawn_switches, 1) - expected).max() < 5 * math.sqrt(expected)
+    for key in range(20):
+        left, right = (task.trials_at_birth(side, key)["good"] for side in ("left", "right"))
+        assert (left == -right).all()
+        switch = task.switch(key)
+        assert np.flatnonzero(np.diff(left)).tolist() == ([switch - 2] if switch else [])
+        assert left[0] == -1
+
+
+def test_any_fixed_sequence_of_ways_gets_half_of_the_rewards_exactly():
+    task = Reversal(trials=5, last_switch=4)
+    for ways in itertools.product((-1, 1), repeat=5):
+        for key in range(10):
+            lives = [task.trials_at_birth(side, key)["good"] for side in ("left", "right")]
+            assert np.mean([good == ways for good in lives]) == 0.5
+
+
+def test_the_optimum_is_that_of_win_stay_lose_shift():
+    task = Reversal()
+    expected = 0.0
+    for switch, chance in task.switches().items():
+        for first_way in (-1, 1):
+            way, hits = first_way, 0
+            for trial in range(1, 11):
+                hit = way == (1 if switch and trial >= switch else -1)
+                hits += hit
+                way = way if hit else -way
+            expected += chance / 2 * hits / 10
+    assert sum(task.switches().values()) == pytest.approx(1)
+    assert task.optimum() == pytest.approx(expected) == pytest.approx(0.8625)
+    counted = Reversal(first_switch=4, last_switch=4, never=0.0)  # a change that is certain can be counted
+    assert counted.optimum() == pytest.approx(0.95)
+
+
+def test_the_fitness_is_the_rewarded_share_and_a_little_for_coming_near():
+    trials = np.zeros(10, TRIAL)
+    trials["good"], trials["nearest"] = 1, math.inf
+    trials["reached"][:4] = 1, 1, 1, -1
+    trials["nearest"][4:6] = 0.3, 0.6
+    assert Reversal().fitness(0.5, 0.5, trials, 0.6) == pytest.approx(0.3 + 0.1 * 0.4 + 0.1 * (4 + 0.5) / 10)
+
+
+# The reward and the rule
+
+
+def test_the_modulatory_neuron_hears_the_reward_or_its_inverse():
+    network = Network((3, 2, 2), rewarded=True)
+    genes = {"v": np.array([1.0, -2.0, 0.5]), "vr": np.array([-0.5]), "eta": np.array([0.3])}
+    values = values_of(Modulated, network, genes)
+    assert values["eta"] * 0.003 == pytest.approx(10**-1.7)
+    modulate, activation = modulation_of(Modulated, network), np.zeros(network.neurons)
+    activation[4:6] = 1.0, 0.5
+    for reward in (0.0, 1.0, -1.0):
+        activation[2] = reward
+        for heard, sign in ((Reward.told, 1), (Reward.inverted, -1)):
+            weights = modulatory_weights(Modulated(reward=heard), values)
+            drive = 0.2 * (1.0 - 1.0 + 0.5) + sign * 2.0 * reward
+            assert modulate(weights, activation) == pytest.approx(np.tanh(drive / 2), rel=1e-14)
+    assert plan_of(REWARDED, Modulated).told() == "241 weights, 5 v, 1 A, 1 B, 1 C, 1 D, 1 eta, 1 vr"
+
+
+# From `evolve` to `show`
+
+
+def call(*words):
+    return CliRunner().invoke(app, list(words))
+
+
+def done(*words):
+    result = call(*words)
+    assert result.exit_code == 0, result.output
+    return result
+
+
+@pytest.fixture(scope="module")
+def champions(tmp_path_factory):
+    """A folder with an evolution of a rule for the task; not to be changed."""
+    folder = tmp_path_factory.mktemp("champions")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        done("evolve", "task=reversal", "hebbian=modulated", *SMALL, "hydra.run.dir=modulated")
+    return folder
+
+
+def test_from_evolve_to_show(champions, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    champion, run = str(champions / "modulated"), "run"
+    genome = files.load_genome(champion, "obstacles")
+    assert (genome.network, genome.task, genome.baseline) == (REWARDED, "reversal", None)
+    assert "with rule modulated, for task reversal" in done("show", champion).stdout
+    brief = ["repeats=2", "task.time_out_s=2", "threads=1", "hydra.run.dir=run"]
+    told = done("evaluate", f"genome={champion}", "task=reversal", "hebbian=modulated", *brief).stdout
+    assert "optimum" in told
+    rows, trials = pd.read_csv(f"{run}/metrics.csv"), pd.read_csv(f"{run}/reversal_trials.csv")
+    names = ["GA", "modulated", "modulated (reward inverted)"]
+    assert list(rows.controller.unique()) == names
+    assert len(rows) == 3 * 2 * 2
+    assert len(trials) == len(rows) * 10
+    assert (rows.groupby("repeat").switch_trial.nunique(dropna=False) == 1).all()  # both sides, all controllers
+    assert rows.changed.unique().tolist() == ["task=reversal, task.time_out_s=2, lamp.intensity=0"]
+    summary = pd.read_csv(f"{run}/reversal.csv").set_index("controller").rewarded_share
+    assert summary.index.tolist() == [*names, "chance", "optimum"]
+    assert summary.tolist()[3:] == [0.5, 0.8625]
+    for name in names:
+        shares = [
+            rows[rows.controller == name].rewarded_share.mean(),
+            trials[trials.controller == name].rewarded.mean(),
+        ]
+        assert shares == pytest.approx([summary[name]] * 2)
+    done("replay", run, "--output=page.html")
+    done("rerun", run, "-q")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["evaluate", "task=reversal"], "which has no input for the reward of task=reversal; give task=trial, or"),
+        (
+            ["evaluate", "genome=modulated", "hebbian=modulated"],
+            "which has one for a reward, and none is told in task=",
+        ),
+        (["evolve", "task=reversal", "scenario.lamp.intensity=2"], "scenario.lamp.intensity must be 0 with task="),
+        (["evolve", "task=reversal", "lifetime.duration_s=60"], "lifetime.duration_s must be at least 309.76 s with"),
+        (["evolve", "task=reversal", "training=gain_varied"], "training.gain_rad_s must be null with task=reversal"),
+        (["evolve", "task=reversal", "network.layers=[16,3,2]"], "must begin with 17, the readings of robot epuck and"),
+        (["evolve", "task=reversal", "task.first_switch=1"], "task.first_switch and task.last_switch must be trials"),
+        (["evolve", "task=reversal", "task.trails=3"], "task.trails is not a setting of task reversal; did you mean"),
+        (["evolve", "task.trials=3"], "task.trials does nothing with task=trial, which has no settings"),
+        (["evolve", "task=revrsal"], "reversal"),
+        (["evolve", "hebbian=modulated", "hebbian.reward=inverted"], "hebbian.reward=inverted does nothing with task="),
+        (["evolve", "hebbian=abcd", "hebbian.reward=inverted"], "does nothing with rule abcd, which hears no reward"),
+        (
+            ["evaluate", "genome=modulated", "hebbian=modulated", "task=reversal", "adaptation=late"],
+            "adaptation=late compares a life with those in the training world",
+        ),
+    ],
+)
+def test_what_makes_no_sense_is_refused(words, message, champions, monkeypatch):
+    monkeypatch.chdir(champions)
+    result = call(*words)
+    assert result.exit_code == 2, result.output
+    assert message in " ".join(result.stderr.split())
+
+
+def test_the_figure_and_table_of_no_switch_and_of_ties():
+    """All lives alike: the interval is as wide as it must be, and lives without a switch have no place around it."""
+    row = {"genome": "g", "controller": "GA", "seed": 1}
+    lives = [{**row, "side": side, "repeat": 0} for side in ("left", "right")]
+    metrics = pd.DataFrame([{**life, "rewarded_share": 0.5} for life in lives])
+    each = [{"trial": n, "rewarded_side": "left", "reached_side": "left", "rewarded": 1} for n in (1, 2)]
+    trials = pd.DataFrame([{**life, **trial} for life in lives for trial in each])
+    told = reversal.table(metrics, trials, Reversal(), 1)
+    assert told.rewarded_share.tolist() == [0.5, 0.5, 0.8625]
+    assert told.low[0] < 0.5 < told.high[0]
+    assert reversal.figure(told, trials, "a title").startswith(b"\x89PNG")
+    assert "| optimum | 0.863 |" in reversal.to_markdown(told)
