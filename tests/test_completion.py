@@ -84,7 +84,7 @@ def test_keys_and_values(here):
     ]
     assert data.complete_override("evaluate", "genome=r") == ["genome=reference", "genome=runs/evolve/one"]
     assert data.complete_override("evaluate", "genome=l") == ["genome=latest"]
-    assert data.complete_override("evolve", "ga=") == ["ga=as_coded", "ga=textbook"]
+    assert data.complete_override("evolve", "ga=") == ["ga=as_coded", "ga=reversal", "ga=textbook"]
     assert data.complete_override("evolve", "resume=") == ["resume=latest", "resume=runs/evolve/one"]
     assert data.complete_override("sweep", "lifetime.dur")[0] == "lifetime.duration_s="
     assert data.complete_override("evaluate", "nothing=") == []

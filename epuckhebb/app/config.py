@@ -29,10 +29,10 @@ from epuckhebb.app.parts import (
     check_task,
     compared,
     controller_from,
-    inverted,
     network_for,
     optimizer_from,
     scenario_from,
+    with_controls,
 )
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
@@ -42,7 +42,6 @@ from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.light import Lamp
-from epuckhebb.sim.plasticity.rule import Reward, hears_reward
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
 _MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
@@ -148,9 +147,7 @@ class EvaluateConfig(WorldConfig):
         super().__post_init__()
         check_counts(self.seed, self.threads, self.repeats)
         main = controller_from(self.hebbian, self.adaptation)
-        self.controllers = [] if main.is_ga_alone else [main]
-        if self.world.task.tells_reward and hears_reward(type(main.rule)) and main.rule.reward is Reward.told:
-            self.controllers.append(inverted(main))
+        self.controllers = with_controls(main, self.world.task)
         self.controllers += [compared(name, settings, self.scenario.paper_N) for name, settings in self.compare.items()]
         names = [GA_ALONE.name, *(controller.name for controller in self.controllers)]
         twice = next((name for name in names if names.count(name) > 1), None)

@@ -23,7 +23,7 @@ from epuckhebb.app.evolve import given_weights
 from epuckhebb.app.evolve import needs as evolve_needs
 from epuckhebb.app.hydra_bridge import check_config_dir, composed, quoted
 from epuckhebb.app.machine import require
-from epuckhebb.app.parts import controller_of, network_for
+from epuckhebb.app.parts import controller_of, network_for, with_controls
 from epuckhebb.app.progress import EvolutionProgress, TaskProgress
 from epuckhebb.evolution.evolve import evolve as generations
 from epuckhebb.evolution.evolve import history_row
@@ -100,6 +100,11 @@ class Evaluation:
             return {}
         return files.traces_arrays(self.recorded, self.genome.weights, self.genome.network)
 
+    @property
+    def trials(self) -> pd.DataFrame:
+        """A row for each trial of each lifetime, as in `reversal_trials.csv`; none where a life is one trial."""
+        return self.recorded.trials
+
     @cached_property
     def findings(self) -> pd.DataFrame | None:
         """What robots found in their self-checks, with the columns of `findings.csv`; None if there were none."""
@@ -159,8 +164,8 @@ def evaluate(
     given = {key: value for key, value in keys.items() if not (key == "hebbian" and isinstance(rule, Rule))}
     config = typed(composed("evaluate", _words(overrides, given), _folder(config_dir)), EvaluateConfig)
     if isinstance(rule, Rule):
-        own = controller_of(rule, config.adaptation)
-        config.controllers = [own, *(other for other in config.controllers if other.name in config.compare)]
+        own = with_controls(controller_of(rule, config.adaptation), config.world.task)
+        config.controllers = [*own, *(other for other in config.controllers if other.name in config.compare)]
     lived = _genome(genome, config)
     fit(lived, config)
     require(needs(config, lived))

@@ -34,7 +34,7 @@ from epuckhebb.sim.maze import SIDES, Maze, Place, Side, grid_bytes, maze_from
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.paper import Paper
-from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Reward, Rule, asked
+from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Reward, Rule, asked, hears_reward
 from epuckhebb.sim.robot import Robot, robot_from
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.task import Task
@@ -315,10 +315,17 @@ def compared(name: str, settings: Any, paper_rate: float) -> Controller:
         raise error if isinstance(error, ConfigError) else ConfigError(f"{key}: {error}") from error
 
 
-def inverted(controller: Controller) -> Controller:
-    """The same controller as a control: its rule hears the reward inverted."""
+def with_controls(controller: Controller, task: Task) -> list[Controller]:
+    """A controller, unless it does nothing, and the control that it has in a task that tells a reward.
+
+    The control is the same controller, whose rule hears the reward inverted; a rule that hears none has no control.
+    """
+    if controller.is_ga_alone:
+        return []
+    if not (task.tells_reward and hears_reward(type(controller.rule)) and controller.rule.reward is Reward.told):
+        return [controller]
     rule = replace(controller.rule, reward=Reward.inverted)
-    return replace(controller, name=f"{controller.name} (reward inverted)", rule=rule)
+    return [controller, replace(controller, name=f"{controller.name} (reward inverted)", rule=rule)]
 
 
 def task_names() -> list[str]:

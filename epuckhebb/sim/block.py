@@ -284,7 +284,7 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
         weights,
         kind.kept,
         coefficients(rule, who.network, parts),
-        modulatory_weights(who.controller.rule, parts),
+        modulatory_weights(rule, parts, who.controller.rule.reward),
         lengths_at_birth(rule, who.network, weights),
         of_updates,
     )

@@ -300,16 +300,18 @@ def neurons_of(network: Network) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return np.concatenate(pre), np.concatenate(post)
 
 
-def modulatory_weights(rule: Rule, genes: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+def modulatory_weights(
+    rule: type[Rule], genes: Mapping[str, NDArray[np.float64]], reward: Reward = Reward.told
+) -> NDArray[np.float64]:
     """The weights of a rule's modulatory neuron: from neurons, its bias, from a reward if it is told one; or none.
 
-    genes: by name of the parameter.
+    genes: by name of the parameter. reward: how it hears one.
     """
-    name = _modulator(type(rule))
+    name = _modulator(rule)
     if name is None:
         return np.empty(0)
     of_reward = [genes[one] for one, evolved in rule.with_reward.items() if evolved.per == REWARD and one in genes]
-    heard = -1.0 if rule.reward is Reward.inverted else 1.0
+    heard = -1.0 if reward is Reward.inverted else 1.0
     return np.concatenate([genes[name], *(heard * weight for weight in of_reward)])
 
 
