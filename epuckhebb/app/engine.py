@@ -272,7 +272,6 @@ def count(folder: Path, jobs: Sequence[Job], attempts: str) -> tuple[int, int]:
 
 def study_job(cfg: DictConfig) -> None:
     """Do one job of a study, in whatever process the launcher gives it."""
-    hydra_bridge.begin_job()
     attempt = hydra_bridge.output_folder()
     folder, run = attempt.parents[1], str(cfg.job)
     stop = attempt.parent / _STOP
