@@ -191,7 +191,7 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
         table = tables.paper_table(metrics)
         run.write("metrics.csv", metrics.to_csv(index=False))
         if isinstance(config.world.task, Reversal):
-            _write_reversal(run, config, config.world.task, metrics, traces, caption(config, genome.name))
+            _write_reversal(run, config, config.world.task, metrics, traces)
         if checks is not None:
             run.write(files.FINDINGS, findings(checks).to_csv(index=False))
         run.write("table.csv", tables.to_csv(table))
@@ -208,12 +208,13 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
 
 
 def _write_reversal(
-    run: RunFolder, config: EvaluateConfig, task: Reversal, metrics: pd.DataFrame, traces: Traces, title: str
+    run: RunFolder, config: EvaluateConfig, task: Reversal, metrics: pd.DataFrame, traces: Traces
 ) -> None:
     """Write what reversal learning came to: every trial, the rewarded shares, and their figure."""
     from epuckhebb.study import reversal
 
     told = reversal.table(metrics, traces.trials, task, config.seed)
+    title = f"{config.world.name} ({config.changed}) · genome {metrics.genome[0]} · {2 * config.repeats} lives each"
     run.write(files.REVERSAL_TRIALS, traces.trials.to_csv(index=False))
     run.write(files.REVERSAL, told.to_csv(index=False))
     run.write("reversal.md", reversal.to_markdown(told))

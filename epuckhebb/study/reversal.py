@@ -1,5 +1,6 @@
 """What reversal learning came to: the share of rewarded trials of each controller, beside chance and the optimum."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
@@ -62,9 +63,7 @@ def figure(told: pd.DataFrame, trials: pd.DataFrame, title: str) -> bytes:
         error = [[row.rewarded_share - row.low], [row.high - row.rewarded_share]]
         over_all.bar(place, row.rewarded_share, color=colours[row.controller], width=0.6)
         over_all.errorbar(place, row.rewarded_share, yerr=error, color="black", capsize=4)
-        over_all.annotate(
-            f"{row.rewarded_share:.2f}", (place, 0.02), ha="center", color="white", fontweight="bold", fontsize=10
-        )
+        over_all.annotate(f"{row.rewarded_share:.2f}", (place, row.high + 0.015), ha="center", fontsize=10)
     labels = [plain(name.replace(" (", "\n(")) for name in names]
     over_all.set(xticks=range(len(names)), xticklabels=labels, ylabel="share of rewarded trials")
     for name in names:
@@ -72,9 +71,9 @@ def figure(told: pd.DataFrame, trials: pd.DataFrame, title: str) -> bytes:
         around.plot(shares.index, shares, color=colours[name], marker="o", markersize=4, label=plain(name))
     around.axvline(-0.5, color="#222222", linewidth=0.8, linestyle=":")
     around.set(xlabel="trial, from the one in which the other end becomes rewarded", xticks=range(_BEFORE, _AFTER + 1))
-    for axes in (over_all, around):
-        _lines(axes, chance, best)
-    around.legend(fontsize=8, frameon=False, loc="lower right")
+    _lines(over_all, {CHANCE: chance, OPTIMUM: best})
+    _lines(around, {CHANCE: chance})
+    drawn.legend(*around.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower right", ncols=4)
     drawn.suptitle(plain(title), fontsize=9)
     return to_png(drawn)
 
@@ -90,12 +89,13 @@ def _around_switch(trials: pd.DataFrame) -> "pd.Series[float]":
     return trials.rewarded[known].groupby(after[known].astype(int)).mean()
 
 
-def _lines(axes: Axes, chance: float, best: float) -> None:
-    """Chance and optimum."""
+def _lines(axes: Axes, levels: Mapping[str, float]) -> None:
+    """Chance, and the optimum over a whole life, as lines with their names."""
     axes.set_ylim(0, 1.05)
     axes.spines[["top", "right"]].set_visible(False)
     left, right = axes.get_xlim()
-    for height, name in ((chance, f"{CHANCE} {chance:.2f}"), (best, f"{OPTIMUM} {best:.3f}")):
+    for name, height in levels.items():
         axes.axhline(height, color="#222222", linewidth=1.0, linestyle="--", zorder=0.5)
-        axes.annotate(name, (left, height), (2, 3), textcoords="offset points", fontsize=8)
+        told = f"{name} {height:.3f}".removesuffix("0")
+        axes.annotate(told, (right, height), (-2, 3), textcoords="offset points", fontsize=8, ha="right")
     axes.set_xlim(left, right)
