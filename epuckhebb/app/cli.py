@@ -420,6 +420,10 @@ def _run(
     if not cfg:
         hydra_bridge.check(verb, arguments, config_dir, asked, multirun=multirun)
     runs = hydra_bridge.run(verb, job, [*arguments, *flags])
+    if multirun and verb == "evaluate" and runs:
+        from epuckhebb.app.sweep import write_summary_of_multirun
+
+        write_summary_of_multirun(runs[0].parent, runs)
     if not cfg:
         _tell(verb, runs, quiet, as_json)
     return runs
