@@ -75,6 +75,7 @@ def composed(verb: str, overrides: list[str], config_dir: str | None = None, *, 
 def _composed(verb: str, overrides: list[str], config_dir: str | None) -> tuple[DictConfig, DictConfig, list[Path]]:
     """A configuration as Hydra composes it, what Hydra keeps for itself, and where it looked for files."""
     check_words(verb, overrides)
+    overrides = list(map(_with_names_compared, overrides))
     more = [f"hydra.searchpath=[{_in_quotes(f'file://{Path(config_dir).absolute()}')}]"] if config_dir else []
     GlobalHydra.instance().clear()
     try:
@@ -345,7 +346,7 @@ def run(verb: str, job: Callable[[DictConfig], None], arguments: list[str]) -> l
         JobFailedError: A job failed, or the launcher of several.
     """
     check_folders(arguments)
-    arguments = [_with_rules_found(argument) for argument in arguments]
+    arguments = [_with_names_compared(_with_rules_found(argument)) for argument in arguments]
     stamp = new_stamp()
     folders: list[Path] = []
 
@@ -393,6 +394,19 @@ def _with_rules_found(argument: str) -> str:
     named = [value_of(rule).rpartition(":") for rule in rules]
     found = [f"{path_of(file, 'hebbian.rule').absolute()}:{name}" if file else name for file, _, name in named]
     return f"hebbian.rule={','.join(map(quoted, found))}"
+
+
+def _with_names_compared(argument: str) -> str:
+    """An override in which a list below `compare` is a mapping of names that have no settings, as the schema has it."""
+    if not argument.startswith("compare=["):
+        return argument
+    try:
+        names = OverridesParser.create().parse_override(argument).value()
+    except HydraException:
+        return argument  # Hydra will say what is wrong with it
+    if not isinstance(names, list):
+        return argument
+    return f"compare={{{','.join(f'{quoted(str(name))}: null' for name in names)}}}"
 
 
 def check_config_dir(config_dir: str | None) -> None:
