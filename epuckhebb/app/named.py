@@ -134,21 +134,22 @@ def _compared(compare: DictConfig, folders: Sequence[Path]) -> dict[str, Any]:
         ConfigError: There is neither an adaptation nor a rule of a name.
     """
     found: dict[str, Any] = {}
-    for name, given in compare.items():
+    for key, given in compare.items():
+        name = str(key)
         if given is None and name in (NONE, PAPER):  # what lives anyway is told by its name
             found[HEBBIAN] = {}
             continue
-        settings = _rule_brought(str(name), folders) if given is None else given
+        settings = _rule_brought(name, folders) if given is None else given
         if settings is None:
             there = {file.stem for group in ("adaptation", "hebbian") for file in _of_group(group, folders)}
             raise ConfigError(
                 f"compare=[{name}]: a name must be one of {', '.join(sorted(there))}; what has another is given with "
                 f"its settings, for example compare.{name}={{N: 0.002, sign: shuffled}}"
             )
-        over = _file("adaptation", str(name), folders) if given is None else None
+        over = _file("adaptation", name, folders) if given is None else None
         if over is not None:
             settings.adaptation = over.adaptation
-        found[str(name)] = settings
+        found[name] = settings
     return found
 
 

@@ -210,7 +210,7 @@ def sweep(
             raise ConfigError(f"{key} is given twice, in `over` and by itself")
     jobs = list(itertools.product(*over.values()))
     found = []
-    with TaskProgress(len(jobs), quiet=not show) as bar:
+    with TaskProgress([1.0] * len(jobs), quiet=not show) as bar:
         for number, values in enumerate(jobs):
             one = dict(zip(over, values, strict=True))
             bar.show(number, ", ".join(f"{key}={_label(value)}" for key, value in one.items()))
