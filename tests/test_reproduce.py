@@ -71,8 +71,9 @@ def test_it_leaves_report_tables_and_figures(made):
 def test_the_bar_moves_within_the_steps():
     completed, told = zip(*SHOWN, strict=True)
     assert list(completed) == sorted(completed)
-    assert [line.strip() for line in told[:3]] == [
+    assert [line.strip() for line in told[:4]] == [
         "1/9  evolve light_seed001",
+        "1/9  evolve light_seed001  compiling …",
         "1/9  evolve light_seed001  generation 1 of 2",
         "1/9  evolve light_seed001  generation 2 of 2",
     ]

@@ -21,12 +21,14 @@ from epuckhebb.app.config import EvaluateConfig, EvolveConfig, ReproduceConfig, 
 from epuckhebb.app.data import data_folder
 from epuckhebb.app.engine import Task
 from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.evaluate import compiled_for
 from epuckhebb.app.evolve import champion_of, home
 from epuckhebb.app.files import Genome
 from epuckhebb.app.hydra_bridge import composed
 from epuckhebb.app.machine import Need, require
 from epuckhebb.app.runs import RunFolder
-from epuckhebb.evolution.evolve import evolve, history_row, room_to_evolve
+from epuckhebb.evolution.evolve import Generation, evolve, history_row, room_to_evolve
+from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import PAPER_NETWORK
@@ -207,7 +209,9 @@ def _evolve(study: _Study, champion: _Champion, run: RunFolder) -> None:
     """Evolve a champion from its seed."""
     world = _training(champion.experiment)
     threads, ga = thread_count(study.config.threads), study.config.ga
-    generations = []
+    run.advanced(0.0, "compiling …")
+    compiled_for(GA_ALONE, PAPER_NETWORK, world.world)
+    generations: list[Generation] = []
     for generation in evolve(ga, world.world, world.lifetime, champion.seed, threads):
         generations.append(generation)
         run.advanced(len(generations) / ga.generations, f"generation {len(generations)} of {ga.generations}")
@@ -222,14 +226,17 @@ def _evaluate(study: _Study, champion: _Champion, run: RunFolder) -> None:
     """Let a champion live in every scenario of its experiment, with every rate and control."""
     genome, config, one = champion.genome(), study.config, champion.experiment
     before, rows = genome.sha256, []
-    worlds = reproduction.worlds(one)
+    worlds, controllers = reproduction.worlds(one), reproduction.controllers(one, config.rates, config.signal.of(one))
     for number, name in enumerate(worlds):
-        run.advanced(number / len(worlds), f"in {name}, world {number + 1} of {len(worlds)}")
         scenario, lifetime = _world(name, "lifetime.record_every=0")
+        if not number:
+            run.advanced(0.0, "compiling …")
+            compiled_for(controllers[0], PAPER_NETWORK, scenario)
+        run.advanced(number / len(worlds), f"in {name}, world {number + 1} of {len(worlds)}")
         metrics, _ = evaluate(
             genome.genes,
             scenario,
-            reproduction.controllers(one, config.rates, config.signal.of(one)),
+            controllers,
             lifetime,
             repeats=config.repeats,
             seed=config.seed,
