@@ -245,7 +245,7 @@ def network(
         axes.set_xticks(range(len(network.layers)), ["sensors\nand bias", *hidden, "wheels"], fontsize=8)
         axes.yaxis.set_major_locator(FixedLocator([]))
         axes.spines[:].set_visible(False)
-        axes.set_title(f"{side}: stronger (red) or weaker (blue) by up to {scale:.2g}", fontsize=10)
+        axes.set_title(f"{side}: stronger (orange) or weaker (blue) by up to {scale:.2g}", fontsize=10)
         for name, height in zip(names, _heights(rows, most), strict=True):
             axes.annotate(name, (0, height), (-10, 0), textcoords="offset points", ha="right", va="center", fontsize=7)
     figure.suptitle(plain(title), fontsize=10)
