@@ -175,11 +175,11 @@ class Identities:
         self._load_genome = cache(files.load_genome)
         self._texts: dict[int, tuple[Any, str]] = {}
 
-    def of(self, config: Plain) -> str:
+    def of(self, config: Plain, cfg: DictConfig | None = None) -> str:
         """The name of the run that a configuration leads to with all that its results depend on at this moment.
 
         That is the genome, what it remembers if that is used, rules of the user, the science, and the packages that
-        compute.
+        compute. `cfg` is the same configuration as Hydra has it, if that has been made already.
 
         Raises:
             ConfigError: A value or the genome cannot be used.
@@ -190,7 +190,7 @@ class Identities:
             raise ConfigError(str(error)) from error
         shared = digest(self._texts_of(config, (*_APART, "genome")))
         if shared not in self._asked:
-            self._asked[shared] = typed(as_config(config, "evaluate"), EvaluateConfig)
+            self._asked[shared] = typed(cfg or as_config(config, "evaluate"), EvaluateConfig)
         if (shared, config["genome"]) not in self._more:
             self._more[shared, config["genome"]] = self._depends_on(config, self._asked[shared])
         return f"job_{digest([self.settings(config), self._more[shared, config['genome']]])[:12]}"
@@ -280,7 +280,6 @@ def count(folder: Path, jobs: Sequence[Job], attempts: str) -> tuple[int, int]:
 
 def study_job(cfg: DictConfig) -> None:
     """Do one job of a study, in whatever process the launcher gives it."""
-    hydra_bridge.begin_job()
     attempt = hydra_bridge.output_folder()
     folder, run = attempt.parents[1], str(cfg.job)
     stop = attempt.parent / _STOP
@@ -291,8 +290,7 @@ def study_job(cfg: DictConfig) -> None:
     name = f"{_JOBS}/{run}.json"
     job = record(runs.content(folder, name), folder / name, JobAsked)
     try:
-        check_unchanged(job["config"], run)
-        config = as_config(job["config"], "evaluate")
+        config = check_unchanged(job["config"], run)
         threads = hydra_bridge.threads_of_job(config.threads)
         facts = {"command": told["command"], "sweep": told["name"]}
         evaluate_into(attempt, config, job["overrides"], facts, threads=threads)
@@ -308,21 +306,23 @@ def study_job(cfg: DictConfig) -> None:
         shutil.rmtree(attempt)
 
 
-def check_unchanged(config: Plain, run: str) -> None:
-    """Refuse a job that would no longer lead to the run that it was listed as.
+def check_unchanged(config: Plain, run: str) -> DictConfig:
+    """The configuration of a job, which is refused if it would no longer lead to the run that it was listed as.
 
     Raises:
         ConfigError: Its configuration cannot be used.
         JobFailedError: It would lead to another.
     """
     try:
-        now = Identities().of(config)
+        cfg = as_config(config, "evaluate")
+        now = Identities().of(config, cfg)
     except ConfigError:
         raise
     except Exception as error:  # what damaged settings may raise has no end
         raise ConfigError(f"the settings of {run} cannot be used: {error}") from error
     if now != run:
         raise JobFailedError(f"{run}: the genome or the program has changed since the study began")
+    return cfg
 
 
 def _write_jobs(study: RunFolder, told: dict[str, Any], jobs: Sequence[Job], missing: Sequence[Job]) -> None:

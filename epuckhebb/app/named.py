@@ -6,6 +6,7 @@ looked for them; here the names are filled in, and a value that is not that of t
 """
 
 import functools
+import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -191,8 +192,13 @@ def scenario_of(choice: str, folders: Sequence[Path], maze: dict[str, Any], robo
         ValueError: The world cannot be.
     """
     found = _file("scenario", choice, folders)
-    if found is None:
-        return None
+    return None if found is None else _scenario(choice, *map(json.dumps, (OmegaConf.to_container(found), maze, robot)))
+
+
+@functools.lru_cache(maxsize=256)
+def _scenario(choice: str, *texts: str) -> Scenario:
+    """A scenario of the settings of its file, of a maze and of a robot; jobs of a sweep ask for the same few again."""
+    found, maze, robot = map(json.loads, texts)
     schema = OmegaConf.structured(ScenarioConfig(name=choice))
     whole = OmegaConf.create({"maze": maze, "scenario": OmegaConf.merge(schema, found)})
     return scenario_from(OmegaConf.to_object(whole.scenario), maze, robot)
@@ -213,9 +219,12 @@ def maze_brought(choice: str, folders: Sequence[Path]) -> Maze | None:
 def maze_asked(choice: str, maze: dict[str, Any]) -> dict[str, Any]:
     """The maze that is home: this one, but the paper's where this one comes with the scenario, which is a change."""
     folders = [data_folder("conf")]
+    brought = maze_brought(choice, folders)
+    if brought is None or brought != maze_from(maze):
+        return maze
     usual = _file("maze", T_MAZE.name, folders)
     assert usual is not None  # the program has this file
-    return _plain(usual) if maze_brought(choice, folders) == maze_from(maze) else maze
+    return _plain(usual)
 
 
 @functools.lru_cache(maxsize=256)
