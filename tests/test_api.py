@@ -68,7 +68,9 @@ def test_a_sweep_is_one_table_the_same_each_time(capfd):
     pd.testing.assert_frame_equal(one, again)
     assert list(one.columns) == ["hebbian", *COLUMNS]
     assert len(one) == 4 * 4
-    assert "4/4  scenario=lowlight, hebbian=Hebbian, N = 0.002\n" in capfd.readouterr().err
+    told = capfd.readouterr().err
+    assert "1/4  scenario=base, hebbian=Hebbian, N = 0.0002\n" in told
+    assert re.search(r"4/4  scenario=lowlight, hebbian=Hebbian, N = 0.002  \d+ s left\n", told)
 
 
 def test_an_evolution_is_a_champion_and_its_history(capfd):
