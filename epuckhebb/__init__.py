@@ -85,7 +85,7 @@ def load(where: str | Path = "reference", experiment: str = "obstacles") -> "NDA
     """
     from epuckhebb.app import files, runs
 
-    return files.load_genome(str(runs.found(where, "evolve")), experiment).genes
+    return files.load_genome(str(runs.found(str(where), "evolve")), experiment).genes
 
 
 def evaluate(

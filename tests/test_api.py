@@ -68,7 +68,9 @@ def test_a_sweep_is_one_table_the_same_each_time(capfd):
     pd.testing.assert_frame_equal(one, again)
     assert list(one.columns) == ["hebbian", *COLUMNS]
     assert len(one) == 4 * 4
-    assert "4/4  scenario=lowlight, hebbian=Hebbian, N = 0.002\n" in capfd.readouterr().err
+    told = capfd.readouterr().err
+    assert "1/4  scenario=base, hebbian=Hebbian, N = 0.0002\n" in told
+    assert re.search(r"4/4  scenario=lowlight, hebbian=Hebbian, N = 0.002  \d+ s left\n", told)
 
 
 def test_an_evolution_is_a_champion_and_its_history(capfd):
@@ -118,6 +120,13 @@ def test_both_bundled_champions_load():
         (lambda: epuckhebb.evaluate("reference", config_dir="nowhere"), "nowhere is no folder"),
         (lambda: epuckhebb.evaluate("reference", adaptation=epuckhebb.Adaptation(self_check=True)), "needs a name"),
         (lambda: epuckhebb.evolve(hebbian=epuckhebb.Hebbian(N=0.1)), "cannot be an object"),
+        (lambda: epuckhebb.load(7), "genome=7 does not exist"),
+        (lambda: epuckhebb.evaluate("scenario=base"), "scenario=base is no genome; give that first"),
+        (lambda: epuckhebb.evaluate("reference", scenario=["base", "lowlight"]), "scenario must be one"),
+        (lambda: epuckhebb.evaluate("reference", "4obstacles"), "overrides are texts such as"),
+        (lambda: epuckhebb.evolve("reference"), "overrides are texts such as"),
+        (lambda: epuckhebb.sweep("reference", over=["hebbian.N"]), "over must be keys with their values"),
+        (lambda: epuckhebb.sweep("reference", over={}), "over must be keys with their values"),
         (lambda: epuckhebb.sweep("reference", over={"seed": 3}), "seed must have a list of values"),
         (lambda: epuckhebb.sweep("reference", over={"seed": [3]}, seed=1), "seed is given twice"),
     ],

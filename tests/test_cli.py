@@ -102,6 +102,17 @@ def test_multirun_sweeps(here, launcher):
     assert len(ga) == 8  # the control is the same whatever N is
 
 
+@pytest.mark.parametrize("word", ["adaptation=late", "repeats=5", "compare=[late]"])
+def test_a_key_of_another_verb_is_told_with_what_to_type(word):
+    result = CliRunner().invoke(app, ["evolve", word])
+    assert result.exit_code == 2
+    key = word.partition("=")[0]
+    assert f"give it there: epuckhebb evaluate genome=latest {key}=" in " ".join(result.stderr.split()) or (
+        key == "repeats" and "`epuckhebb evaluate` and `epuckhebb reproduce`" in result.stderr
+    )
+    assert "To append" not in result.stderr
+
+
 def test_without_plasticity_there_is_the_ga_alone(here):
     call("evaluate", "hebbian=none", *FAST)
     rows = pd.read_csv(only_run(here / "runs" / "evaluate") / "metrics.csv")
@@ -117,7 +128,10 @@ def test_cfg_shows_and_runs_nothing(here):
 
 BAD = {
     "unknown key": (["scenrio=base"], ["scenrio", "Did you mean: scenario"]),
-    "unknown choice": (["scenario=5obstacles"], ["5obstacles", "2obstacles", "4obstacles"]),
+    "unknown choice": (
+        ["scenario=5obstacles"],
+        ["5obstacles", "one of 2obstacles, 4o", "mean: 4obstacles, 2obstacles"],
+    ),
     "wrong type": (["hebbian.N=fast"], ["hebbian.N", "fast"]),
     "negative rate": (["hebbian.N=-1"], ["hebbian.N must be 0 or more", "-1"]),
     "three obstacles": (["scenario.obstacles=3"], ["scenario.obstacles must be one of 0, 2, 4", "3"]),

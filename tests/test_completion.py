@@ -10,7 +10,13 @@ import pytest
 from omegaconf import OmegaConf
 
 from epuckhebb.app import data
+from epuckhebb.app.config import LiveFitness
 from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.evolution.optimizers.ga import Crossover, Selection
+from epuckhebb.sim.adaptation.adaptation import Exploration
+from epuckhebb.sim.fitness import Signal
+from epuckhebb.sim.plasticity.control import Sign
+from epuckhebb.sim.plasticity.rule import Births
 
 PROGRAM = str(Path(sys.executable).parent / "epuckhebb")
 
@@ -92,6 +98,34 @@ def test_keys_and_values(here):
     assert data.complete_group("ev") == ["evaluate", "evolve"]
     assert data.complete_run("") == ["latest", "runs/evolve/one"]
     assert data.complete_shown("") == ["latest", "reference", "runs/evolve/one"]
+
+
+VALUES = {
+    **{f"evaluate hebbian.{name}": kind for name, kind in (("signal", Signal), ("sign", Sign), ("births", Births))},
+    "evolve hebbian.signal": Signal,
+    "evaluate adaptation.exploration": Exploration,
+    "evolve ga.selection": Selection,
+    "evolve ga.crossover": Crossover,
+    "reproduce signal": LiveFitness,
+}
+
+
+@pytest.mark.parametrize("place", VALUES)
+@pytest.mark.usefixtures("_no_bash")
+def test_a_key_of_few_values_is_completed_with_all_of_them(place):
+    verb, key = place.split()
+    offered = data.complete_override(verb, f"{key}=")
+    assert sorted(offered) == sorted(f"{key}={member.name}" for member in VALUES[place])
+
+
+@pytest.mark.usefixtures("_no_bash")
+def test_other_values_are_completed_too():
+    assert data.complete_override("evaluate", "adaptation.change_signal=l") == ["adaptation.change_signal=lateness"]
+    assert data.complete_override("evaluate", "adaptation.self_check=") == [
+        "adaptation.self_check=true",
+        "adaptation.self_check=false",
+    ]
+    assert data.complete_override("evaluate", "hebbian.w_max=") == ["hebbian.w_max=2.0"]
 
 
 @pytest.mark.parametrize("verb", ["evaluate", "evolve", "sweep"])

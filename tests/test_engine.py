@@ -8,6 +8,7 @@ from omegaconf import OmegaConf
 from epuckhebb.app import errors, runs
 from epuckhebb.app.engine import Task, at_work, carry_out, is_whole
 from epuckhebb.app.errors import ConfigError, JobFailedError
+from epuckhebb.app.progress import TaskProgress
 
 CFG = OmegaConf.create({"seed": 1})
 
@@ -110,3 +111,14 @@ def test_a_result_is_a_file_or_a_run_that_has_finished(tmp_path):
     assert not is_whole(tmp_path / "running")
     assert is_whole(tmp_path / "finished")
     assert is_whole(tmp_path / "finished" / "status.json")
+
+
+def test_it_is_told_how_far_a_task_is_and_what_was_done_before_does_not_count(study, monkeypatch, capsys):
+    folder, _, task = study
+    carry_out(folder, "study", CFG, [], [task("one")])
+    shown = []
+    monkeypatch.setattr(TaskProgress, "put", lambda _, completed, told: shown.append((completed, told.strip())))
+    half = Task("two", (), lambda run: run.advanced(0.5, "world 2 of 3"), size=4.0)
+    carry_out(folder, "study", CFG, [], [task("one"), half, Task("three", (), lambda _: None)])
+    assert shown == [(0.0, "2/3  two"), (2.0, "2/3  two  world 2 of 3"), (4.0, "3/3  three")]
+    assert "3/3  three  0 s left" in capsys.readouterr().err

@@ -181,6 +181,11 @@ def test_legend_goes_by_the_goal_of_the_moment(drawn):
     assert {"left: was at the goal, drove on", "right: at the goal"} <= set(texts(drawn[0]))
 
 
+def test_what_dot_ring_and_dotted_circle_mean_is_told(drawn):
+    figures.trajectories(at_rest((0.3, 0.1)), Scenario(), "title")
+    assert "● start    ○ the robot at the end    ◌ goal    ★ lamp" in texts(drawn[0])
+
+
 def test_names_are_shown_to_the_letter(rendered):
     names = ["[/x]", r"$\foo$", "$", "a_b^{c", r"\$1$"]
     title = " ".join(names)
@@ -228,6 +233,7 @@ def test_network_of_any_layers(drawn, layers):
     assert len(segments) == network.synapses
     neurons = [len(found.get_offsets()) for found in axes.collections if found is not lines]
     assert neurons == [layers[0] + 1, *layers[1:]]
+    assert axes.get_title() == "left: stronger (orange) or weaker (blue) by up to 0.5"
     strongest = segments[-1]  # on top: from the last neuron before the wheels to the right wheel
     assert strongest[:, 0].tolist() == [len(layers) - 2, len(layers) - 1]
     assert len([text for text in axes.texts if text.get_text()]) == layers[0] + 1

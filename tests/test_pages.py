@@ -153,6 +153,20 @@ def test_the_page_of_an_example_is_short(page):
     assert len(page.read_text().splitlines()) <= 25
 
 
+@pytest.mark.parametrize("page", PAGES, ids=told)
+def test_commands_work_in_every_shell(page):
+    """That of Windows, too, knows double quotes only."""
+    assert not [line for block in blocks(page, "sh") for line in block.splitlines() if "'" in line.partition(" # ")[0]]
+    assert not re.findall(r"`[^`\n]*'[\w.]+=[^`\n]*`", page.read_text())
+
+
+@pytest.mark.parametrize("verb", ["evaluate", "evolve", "sweep", "reproduce"])
+def test_examples_of_help_work_in_every_shell(verb):
+    examples = CliRunner().invoke(app, [verb, "--help"]).stdout.partition("Examples")[2]
+    assert f"epuckhebb {verb}" in examples
+    assert "'" not in examples
+
+
 def anchors(page):
     """The places in a page that a link may name: its headings, as GitHub writes them."""
     headings = re.findall(r"^#+ (.+)$", page.read_text(), re.MULTILINE)

@@ -542,3 +542,27 @@ def test_adaptations_over_rules(hebbian, adaptation):
     for controller in config.controllers:
         assert controller.adaptation.acts == (adaptation != "none")
         assert (controller.rule.N > 0) == (hebbian != "none")
+
+
+def controllers(*words):
+    return typed(composed("evaluate", list(words)), EvaluateConfig).controllers
+
+
+def test_what_is_compared_by_its_name_is_what_the_name_alone_gives():
+    main, *others = controllers("scenario=lowlight", "compare=[late,best,homeostasis,oja,mild]")
+    assert main.name == "Hebbian"
+    for other in others:
+        group = "hebbian" if other.name in ("oja", "mild") else "adaptation"
+        (alone,) = controllers("scenario=lowlight", f"{group}={other.name}")
+        assert other == alone
+
+
+@pytest.mark.parametrize("name", ["none", "paper"])
+def test_none_beside_an_adaptation_is_the_papers_rule(name):
+    late, beside = controllers("adaptation=late", f"compare=[{name}]")
+    assert (late.name, beside) == ("late", controllers()[0])
+
+
+def test_what_lives_anyway_is_not_compared_twice():
+    assert [one.name for one in controllers("compare=[late,none]")] == ["Hebbian", "late"]
+    assert [one.name for one in controllers("adaptation=late", "compare=[late,none]")] == ["late", "Hebbian"]

@@ -32,6 +32,14 @@ def test_the_clone_line_and_the_citation_name_one_repository_and_version():
     assert isinstance(told["date-released"], datetime.date)
 
 
+@pytest.mark.parametrize("page", [README, ROOT / "CONTRIBUTING.md"])
+def test_the_owner_is_the_only_placeholder_and_is_explained(page):
+    text = page.read_text()
+    assert re.findall(r"(?<!/)\b(OWNER|YOUR\w*|TODO|FIXME|XXX)\b", text) == ["OWNER"]
+    assert "In place of `OWNER` put the account" in text
+    assert text.count("/OWNER/") == 1
+
+
 def test_the_answer_is_that_of_the_reference_results(generated):
     harm = pd.read_csv(REFERENCE / "rescue_and_harm.csv")
     over_all = pd.read_csv(REFERENCE / "rescue" / "rescue_over_all.csv")

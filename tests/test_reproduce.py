@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from epuckhebb.app import reproduce, runs
 from epuckhebb.app.cli import app
+from epuckhebb.app.progress import TaskProgress
 from epuckhebb.sim.network import Network
 from epuckhebb.study import findings, rescue
 
@@ -27,6 +28,7 @@ SMALL = [
     "ga.elites=1",
     "ga.loops=1",
 ]
+SHOWN = []  # on the bar, by `made`
 
 
 def call(*words):
@@ -47,6 +49,7 @@ def contents(folder):
 def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("reproduce"))
+        patch.setattr(TaskProgress, "put", lambda _, completed, told: SHOWN.append((completed, told)))
         result = call("all", *SMALL)
         assert result.exit_code == 0, result.output
         (folder,) = (tmp_path_factory.getbasetemp() / "reproduce0" / "runs" / "reproduce").iterdir()
@@ -62,6 +65,20 @@ def test_it_leaves_report_tables_and_figures(made):
     named = set(re.findall(r"\(figures/([\w.]+)\)", (folder / "report.md").read_text()))
     assert named == {file.name for file in (folder / "figures").iterdir()}
     assert len(named) == 15
+
+
+@pytest.mark.usefixtures("made")
+def test_the_bar_moves_within_the_steps():
+    completed, told = zip(*SHOWN, strict=True)
+    assert list(completed) == sorted(completed)
+    assert [line.strip() for line in told[:4]] == [
+        "1/9  evolve light_seed001",
+        "1/9  evolve light_seed001  compiling …",
+        "1/9  evolve light_seed001  generation 1 of 2",
+        "1/9  evolve light_seed001  generation 2 of 2",
+    ]
+    assert "5/9  evaluate light_seed001  in lowlight, world 2 of 2" in told
+    assert told[-1].strip() == "9/9  tables, figures and report"
 
 
 def test_the_page_needs_nothing_else(made):

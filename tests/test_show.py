@@ -1,8 +1,10 @@
 """`epuckhebb show` of everything that can be named, and the word `latest`."""
 
 import json
+import re
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
@@ -21,7 +23,7 @@ def folder(tmp_path_factory):
             ["evolve", *TINY],
             ["evaluate", *SHORT, "genome=latest", "-q"],
             ["evaluate", *SHORT, "seed=2", "-q"],
-            ["evaluate", *SHORT, "-m", "seed=3,4", "lifetime.record_every=0", "-q"],
+            ["evaluate", *SHORT, "-m", "hebbian.N=0.0001,0.002", "lifetime.record_every=0", "-q"],
             ["sweep", "light", *SHORT, "scenario.light=1,0.5", "hydra/launcher=basic", "-q"],
         ):
             result = call(*words)
@@ -67,12 +69,31 @@ def test_latest_is_the_one_of_the_last_call():
 
 
 @pytest.mark.usefixtures("_there")
-def test_a_multirun_is_a_line_a_run():
+def test_a_multirun_is_a_line_a_run_and_a_table_over_all():
     (multirun,) = Path("runs/evaluate").glob("*_multirun")
     told = shown(str(multirun))
-    assert "seed=3" in told
-    assert "seed=4" in told
-    assert [run["seed"] for run in json.loads(shown(str(multirun), "--json"))["runs"]] == [3, 4]
+    assert told.count("hebbian.N=0.0001") == told.count("hebbian.N=0.002") == 1
+    assert [run["run"] for run in json.loads(shown(str(multirun), "--json"))["runs"]] == [
+        str(multirun / number) for number in "01"
+    ]
+    assert re.findall(r"│ ([\d.]+) +│ (GA|Hebbian) ", told) == [
+        ("0", "GA"),
+        ("0.0001", "Hebbian"),
+        ("0.002", "Hebbian"),
+    ]
+    assert str(multirun / "figures" / "dose_response.png") in told
+
+
+@pytest.mark.usefixtures("_there")
+def test_a_multirun_leaves_a_summary_with_the_genes_alone_once_and_a_figure():
+    (multirun,) = Path("runs/evaluate").glob("*_multirun")
+    summary = pd.read_csv(multirun / "summary.csv")
+    assert list(zip(summary.controller, summary["hebbian.N"].fillna(0), summary.side, strict=True)) == [
+        *(("GA", 0, side) for side in ("left", "right")),
+        *(("Hebbian", rate, side) for rate in (0.0001, 0.002) for side in ("left", "right")),
+    ]
+    assert set(summary.n) == {1}
+    assert (multirun / "figures" / "dose_response.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.usefixtures("_there")

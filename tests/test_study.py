@@ -1,13 +1,14 @@
 """Evaluation, tables and figures."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.plasticity.paper import Paper
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.study import figures, tables
+from epuckhebb.study import figures, summary, tables
 from epuckhebb.study.evaluate import COLUMNS, evaluate
 
 BRIEF = Lifetime(duration_s=40, gain_rad_s=4, record_every=10)
@@ -89,3 +90,58 @@ def test_trajectories_are_a_picture_that_does_not_change(evaluated):
     picture = figures.trajectories(traces, Scenario(), "title")
     assert picture.startswith(b"\x89PNG")
     assert picture == figures.trajectories(traces, Scenario(), "title")
+
+
+def lives(controller, rate, n, **settings):
+    """Rows of `metrics.csv` as text, a lifetime a side and repeat, `n` of them successes on either side."""
+    same = {**dict.fromkeys(COLUMNS, "0"), "genome": "g", "scenario": "base", "changed": "", "controller": controller}
+    sides = [
+        {"side": side, "repeat": str(k), "success": str(int(k < n))} for side in ("left", "right") for k in range(4)
+    ]
+    return pd.DataFrame([{**settings, **same, "N": rate, **one} for one in sides])
+
+
+def test_the_genes_alone_are_summed_up_once():
+    rows = [lives("GA", "0", 1, **{"hebbian.N": rate}) for rate in ("0.1", "0.2")]
+    rows += [lives("Hebbian", rate, 3, **{"hebbian.N": rate}) for rate in ("0.1", "0.2")]
+    told = summary.summary(pd.concat(rows), ["hebbian.N"])
+    assert list(zip(told.controller, told["hebbian.N"], told.n, told.success, strict=True)) == [
+        *[("GA", "", 4, 0.25)] * 2,
+        *[("Hebbian", "0.1", 4, 0.75)] * 2,
+        *[("Hebbian", "0.2", 4, 0.75)] * 2,
+    ]
+
+
+def test_genes_alone_that_lived_other_lives_are_all_summed_up():
+    rows = [lives("GA", "0", n, **{"hebbian.N": "0.1", "lifetime.noise": noise}) for n, noise in ((1, "0"), (2, "1"))]
+    assert list(summary.summary(pd.concat(rows), ["hebbian.N", "lifetime.noise"]).success) == [0.25] * 2 + [0.5] * 2
+
+
+@pytest.mark.parametrize("rates", [["0.1"], ["0", "0.1"]])
+def test_one_rate_has_no_dose_response(rates):
+    rows = pd.concat([lives("Hebbian", rate, 1, **{"hebbian.N": rate}) for rate in rates])
+    assert summary.dose_response(rows, ["hebbian.N"]) is None
+
+
+def test_the_dose_response_has_each_condition_and_the_genes_alone_beside_it(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(summary.charts, "rates", lambda doses, told: drawn.append((doses, told)))
+    rows = [
+        lives(controller, rate if controller == "Hebbian" else "0", n + (controller == "GA"), **settings)
+        for n, noise in enumerate("01")
+        for rate in ("0.1", "0.2")
+        for settings in [{"hebbian.N": rate, "lifetime.noise": noise}]
+        for controller in ("GA", "Hebbian")
+    ]
+    summary.dose_response(pd.concat(rows), ["hebbian.N", "lifetime.noise"])
+    ((doses, told),) = drawn
+    assert told.startswith("mean of 4 lifetimes")
+    assert [name for name, _ in doses.groupby("condition", sort=False)] == [
+        "base, lifetime.noise=0: Hebbian",
+        "base, lifetime.noise=1: Hebbian",
+    ]
+    left = doses[doses.side == "left"]
+    assert list(left.N) == [0, 0.1, 0.2] * 2
+    assert list(left.success) == [0.25, 0, 0, 0.5, 0.25, 0.25]
+    assert (left.success_low <= left.success).all()
+    assert (left.success <= left.success_high).all()

@@ -50,16 +50,16 @@ _EXAMPLES = {
         "scenario=4obstacles",
         "scenario=lowlight hebbian.N=0.002 repeats=50",
         "genome=runs/evolve/RUN scenario=2obstacles",
-        "adaptation=late scenario=lowlight",
+        '"compare=[late,none]" scenario=lowlight',
         "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles hydra/launcher=joblib",
     ],
-    "sweep": ["light", "n_sweep seed='range(1,6)' genome=runs/evolve/RUN --dry-run", "obstacles hydra/launcher=slurm"],
+    "sweep": ["light", 'n_sweep "seed=range(1,6)" genome=runs/evolve/RUN --dry-run', "obstacles hydra/launcher=slurm"],
     "evolve": [
         "seed=7",
         "resume=runs/evolve/RUN ga.generations=60",
         "scenario=highlight ga=as_coded",
         "optimizer=sep_cma_es training=varied",
-        "-m seed='range(1,21)' hydra/launcher=joblib",
+        '-m "seed=range(1,21)" hydra/launcher=joblib',
     ],
 }
 
@@ -420,6 +420,10 @@ def _run(
     if not cfg:
         hydra_bridge.check(verb, arguments, config_dir, asked, multirun=multirun)
     runs = hydra_bridge.run(verb, job, [*arguments, *flags])
+    if multirun and verb == "evaluate" and runs:
+        from epuckhebb.app.sweep import write_summary_of_multirun
+
+        write_summary_of_multirun(runs[0].parent, runs)
     if not cfg:
         _tell(verb, runs, quiet, as_json)
     return runs

@@ -147,8 +147,9 @@ class EvaluateConfig(WorldConfig):
         super().__post_init__()
         check_counts(self.seed, self.threads, self.repeats)
         main = controller_from(self.hebbian, self.adaptation)
-        self.controllers = with_controls(main, self.world.task)
-        self.controllers += [compared(name, settings, self.scenario.paper_N) for name, settings in self.compare.items()]
+        given = with_controls(main, self.world.task)
+        others = [compared(name, settings, self.scenario.paper_N) for name, settings in self.compare.items()]
+        self.controllers = [*given, *(other for other in others if other != main)]
         names = [GA_ALONE.name, *(controller.name for controller in self.controllers)]
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice:

@@ -4,6 +4,7 @@ A shell waits for this file at every Tab, so it imports nothing heavy and reads 
 """
 
 import os
+import re
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
@@ -96,7 +97,21 @@ def _choices(verb: str, key: str) -> list[str]:
         return groups(verb)[key]
     if key in ("genome", "resume"):
         return [*(["reference"] if key == "genome" else []), LATEST, *_runs("evolve")]
-    return [str(value) for name, value in _keys(verb) if name == key]
+    return _values(verb, key) or [str(value) for name, value in _keys(verb) if name == key]
+
+
+def _values(verb: str, key: str) -> list[str]:
+    """All values that a key may have, where the comment beside it ends with a list of them; none of other keys."""
+    group, _, name = key.rpartition(".")
+    files = sorted((data_folder("conf") / group).glob("*.yaml")) if group else [_primary(verb)]
+    beside = re.compile(rf"^ *{re.escape(name)}: *(\w+) +# (.*)$", re.MULTILINE)
+    for default, comment in (found for file in files for found in beside.findall(file.read_text(encoding="utf-8"))):
+        listed = re.sub(r" \(.*?\)", "", comment).rpartition(": ")[2].split(", ")
+        if default in listed:
+            return listed
+        if default in ("true", "false"):
+            return ["true", "false"]
+    return []
 
 
 def _keys(verb: str) -> Iterator[tuple[str, Any]]:

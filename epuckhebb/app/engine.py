@@ -14,10 +14,10 @@ To write the next study, list its tasks in the order in which they need each oth
     carry_out(folder, "leaderboard", cfg, arguments, [*evolutions, *evaluations, tables])
 
 `do` is a function that gets the folder and writes the results with its `keep`, so that one that is damaged later is
-made again. A task without results is done in every call: so tables and reports are always those of all results. Such
-tasks run in this process, one after the other, and use threads themselves. Evaluations that are better spread over
-processes or a cluster are `Job`s: open the folder with `at_work` and hand them to `launch`, as `epuckhebb.app.sweep`
-does.
+made again; with `advanced` it may say how far it is. A task without results is done in every call: so tables and
+reports are always those of all results. Such tasks run in this process, one after the other, and use threads
+themselves. Evaluations that are better spread over processes or a cluster are `Job`s: open the folder with `at_work`
+and hand them to `launch`, as `epuckhebb.app.sweep` does.
 """
 
 import hashlib
@@ -55,11 +55,13 @@ class Task:
         name: What is told while it is done.
         results: The files that it leaves; none if it is to be done in every call.
         do: A function that does it in the folder of the study.
+        size: How long it takes beside the others, in any unit, for the time that is told to be left.
     """
 
     name: str
     results: tuple[Path, ...]
     do: Callable[[RunFolder], None]
+    size: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,12 +149,18 @@ def at_work(
 def carry_out(folder: Path, verb: str, cfg: DictConfig, arguments: list[str], tasks: Sequence[Task]) -> None:
     """Do in this process, in their order, the tasks of a study that are not done; see `at_work`."""
     results = [task.results for task in tasks if task.results]
-    with at_work(folder, verb, cfg, arguments, results) as study, TaskProgress(len(tasks)) as progress:
-        for number, task in enumerate(tasks):
-            names = [result.relative_to(folder).as_posix() for result in task.results]
-            if not names or not all(runs.is_as_written(folder, name) for name in names):
+    with at_work(folder, verb, cfg, arguments, results) as study:
+        missing = {number: task for number, task in enumerate(tasks) if not _is_done(task, folder)}
+        with TaskProgress([task.size if n in missing else 0.0 for n, task in enumerate(tasks)]) as progress:
+            study.advanced = progress.within
+            for number, task in missing.items():
                 progress.show(number, task.name)
                 task.do(study)
+
+
+def _is_done(task: Task, folder: Path) -> bool:
+    names = [result.relative_to(folder).as_posix() for result in task.results]
+    return bool(names) and all(runs.is_as_written(folder, name) for name in names)
 
 
 class Identities:

@@ -38,7 +38,7 @@ from epuckhebb.study.evaluate import Traces
 
 REFERENCE = "reference"
 CHAMPION, CHECKPOINT, TRACES = "champion.npz", "checkpoint.npz", "traces.npz"
-FINDINGS = "findings.csv"
+FINDINGS, SUMMARY, DOSE_RESPONSE = "findings.csv", "summary.csv", "figures/dose_response.png"
 REVERSAL, REVERSAL_TRIALS = "reversal.csv", "reversal_trials.csv"
 _BASELINE = "memory_"  # how the names of a baseline's arrays begin, in files since version 0.1
 _SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin

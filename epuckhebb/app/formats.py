@@ -362,7 +362,8 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
     "history.csv": ("Of `evolve`: a row a generation.", HISTORY),
     "sweep.csv": ("Of `sweep`: the rows of all `metrics.csv`, with these columns before them.", _JOB),
     "summary.csv": (
-        "Of `sweep`: a row for each condition, controller and side. Before these columns are those that tell it.",
+        "Of `sweep` and `evaluate -m`: a row for each condition, controller and side. Before these columns are those "
+        "that tell it. `GA` comes once for all keys of `hebbian`, `adaptation` and `compare`, which it does not feel.",
         {**SUMMARY, **SUMMARY_MEANS},
     ),
     "failed.csv": (

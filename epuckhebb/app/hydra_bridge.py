@@ -5,6 +5,7 @@ line of its own, so that real launchers, sweepers and `.hydra/` work; what Hydra
 """
 
 import copy
+import difflib
 import functools
 import itertools
 import math
@@ -74,6 +75,7 @@ def composed(verb: str, overrides: list[str], config_dir: str | None = None, *, 
 def _composed(verb: str, overrides: list[str], config_dir: str | None) -> tuple[DictConfig, DictConfig, list[Path]]:
     """A configuration as Hydra composes it, what Hydra keeps for itself, and where it looked for files."""
     check_words(verb, overrides)
+    overrides = list(map(_with_names_compared, overrides))
     more = [f"hydra.searchpath=[{_in_quotes(f'file://{Path(config_dir).absolute()}')}]"] if config_dir else []
     GlobalHydra.instance().clear()
     try:
@@ -344,7 +346,7 @@ def run(verb: str, job: Callable[[DictConfig], None], arguments: list[str]) -> l
         JobFailedError: A job failed, or the launcher of several.
     """
     check_folders(arguments)
-    arguments = [_with_rules_found(argument) for argument in arguments]
+    arguments = [_with_names_compared(_with_rules_found(argument)) for argument in arguments]
     stamp = new_stamp()
     folders: list[Path] = []
 
@@ -392,6 +394,19 @@ def _with_rules_found(argument: str) -> str:
     named = [value_of(rule).rpartition(":") for rule in rules]
     found = [f"{path_of(file, 'hebbian.rule').absolute()}:{name}" if file else name for file, _, name in named]
     return f"hebbian.rule={','.join(map(quoted, found))}"
+
+
+def _with_names_compared(argument: str) -> str:
+    """An override in which a list below `compare` is a mapping of names that have no settings, as the schema has it."""
+    if not argument.startswith("compare=["):
+        return argument
+    try:
+        names = OverridesParser.create().parse_override(argument).value()
+    except HydraException:
+        return argument  # Hydra will say what is wrong with it
+    if not isinstance(names, list):
+        return argument
+    return f"compare={{{','.join(f'{quoted(str(name))}: null' for name in names)}}}"
 
 
 def check_config_dir(config_dir: str | None) -> None:
@@ -557,7 +572,7 @@ def explain(error: BaseException) -> str:
     lines = [
         line
         for line in lines
-        if not line.startswith(("Config search path", "To append to your config use +")) and "provider=" not in line
+        if not line.startswith(("Config search path", "To append to your ")) and "provider=" not in line
     ]
     text = re.sub(r"Did you mean: '(.+?)'\?", r"Did you mean: \1?", "\n".join(lines))
     missing = re.search(r"Could not (?:find|load) 'hydra/launcher/(submitit|ray)(?:_\w+)?'", text)
@@ -568,16 +583,27 @@ def explain(error: BaseException) -> str:
         text += """\nSigns such as ~ need quotes within quotes, for example "genome='~/champion.npz'\""""
     elif "mismatched input" in text or "missing EQUAL" in text:
         text += "\nSettings are written KEY=VALUE, for example scenario=4obstacles or hebbian.N=0.002"
+    choice = re.search(r"Could not (?:find|load) '(\w+)/(\w+)'", text)
+    if choice and "Available options" in text:
+        text, _, options = text.partition(f"Available options in '{choice[1]}':\n")
+        near = ", ".join(difflib.get_close_matches(choice[2], options.split(), n=3))
+        text += f"{choice[1]} must be one of {', '.join(options.split())}" + (
+            f"\nDid you mean: {near}?" if near else ""
+        )
     wrong = re.search(r"Could not override '([^']+)'", text)
     if wrong and "Did you mean" not in text:
-        near = near_keys(wrong[1], _known_keys())
-        if near:
+        owners = [verb for verb in SCHEMAS if wrong[1] in _known_keys(verb)]
+        near = near_keys(wrong[1], sorted({key for verb in ("evaluate", "evolve") for key in _known_keys(verb)}))
+        if owners:
+            text += f"\n{wrong[1]} is a key of `epuckhebb {'` and `epuckhebb '.join(owners)}`; give it there"
+            text += f": epuckhebb evaluate genome=latest {wrong[1]}=..." if owners == ["evaluate"] else ""
+        elif near:
             text += f"\nDid you mean: {near}?"
     return text
 
 
-def _known_keys() -> list[str]:
-    """All keys and groups of the configuration, as they are written in an override."""
+def _known_keys(verb: str) -> list[str]:
+    """All keys and groups of a verb, as they are written in an override."""
 
     def below(node: Any, prefix: str) -> Iterator[str]:
         for key, value in node.items():
@@ -585,5 +611,5 @@ def _known_keys() -> list[str]:
             if isinstance(value, dict):
                 yield from below(value, f"{prefix}{key}.")
 
-    schemas = [OmegaConf.to_container(OmegaConf.structured(SCHEMAS[verb])) for verb in ("evaluate", "evolve")]
-    return sorted({key for schema in schemas for key in below(schema, "")})
+    schema = OmegaConf.to_container(OmegaConf.structured(SCHEMAS[verb]))
+    return sorted({*below(schema, ""), *groups(verb)})

@@ -19,8 +19,9 @@ from yaml import YAMLError
 from epuckhebb.app.config import ScenarioConfig, literal
 from epuckhebb.app.data import data_folder
 from epuckhebb.app.errors import ConfigError
-from epuckhebb.app.parts import NONE, rule_class, rule_file, scenario_from
+from epuckhebb.app.parts import NONE, PAPER, rule_class, rule_file, scenario_from
 from epuckhebb.evolution.training import Training
+from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.maze import T_MAZE, Maze, maze_from
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import Scenario
@@ -28,6 +29,7 @@ from epuckhebb.sim.scenario import Scenario
 _GROUPS = ("maze", "robot", "scenario", "hebbian", "training")
 NAMED = (*_GROUPS, "adaptation", "compare", "changed")  # all that this file fills in
 _BRINGS = "override /maze@_global_.maze"  # in the defaults of a scenario that has a maze of its own
+_BRINGS_RULE = "override /hebbian"  # in the defaults of an adaptation
 _LONGEST = 80  # characters of a world in the name of a folder
 
 
@@ -52,6 +54,8 @@ def completed(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Pat
             cfg.adaptation.name = choices.get("adaptation") or NONE
         if "training" in cfg and _is_changed(cfg.training, str(choices.get("training")), folders):
             cfg.training.name += " changed"
+        if None in (cfg.get("compare") or {}).values():
+            cfg.compare = _compared(cfg.compare, folders)
         _own_rules(cfg, str(choices.get("hebbian")), folders)
         for name, settings in (cfg.get("compare") or {}).items():
             if isinstance(settings, DictConfig) and isinstance(settings.get("adaptation"), str):
@@ -119,9 +123,51 @@ def _adaptation(choice: str, key: str, folders: Sequence[Path]) -> Any:
     """The settings of an adaptation that is named below `compare`."""
     found = _file("adaptation", choice, folders)
     if found is None:
-        there = sorted({file.stem for folder in folders for file in (folder / "adaptation").glob("*.yaml")})
+        there = sorted({file.stem for file in _of_group("adaptation", folders)})
         raise ConfigError(f"{key} must be one of {', '.join(there)}, or its settings, got {choice!r}")
     return found.adaptation
+
+
+def _compared(compare: DictConfig, folders: Sequence[Path]) -> dict[str, Any]:
+    """What is compared, where a name alone stands for the adaptation or the rule of this name.
+
+    Raises:
+        ConfigError: There is neither an adaptation nor a rule of a name.
+    """
+    found: dict[str, Any] = {}
+    for key, given in compare.items():
+        name = str(key)
+        if given is None and name in (NONE, PAPER):  # what lives anyway is told by its name
+            found[HEBBIAN] = {}
+            continue
+        settings = _rule_brought(name, folders) if given is None else given
+        if settings is None:
+            there = {file.stem for group in ("adaptation", "hebbian") for file in _of_group(group, folders)}
+            raise ConfigError(
+                f"compare=[{name}]: a name must be one of {', '.join(sorted(there))}; what has another is given with "
+                f"its settings, for example compare.{name}={{N: 0.002, sign: shuffled}}"
+            )
+        over = _file("adaptation", name, folders) if given is None else None
+        if over is not None:
+            settings.adaptation = over.adaptation
+        found[name] = settings
+    return found
+
+
+def _of_group(group: str, folders: Sequence[Path]) -> list[Path]:
+    return [file for folder in folders for file in (folder / group).glob("*.yaml")]
+
+
+def _rule_brought(choice: str, folders: Sequence[Path]) -> DictConfig | None:
+    """The settings of the rule that an adaptation of this name brings, or else of the rule of this name."""
+    own = _own("adaptation", choice, folders)
+    for entry in [] if own is None else list(own.get("defaults", [])):
+        if isinstance(entry, DictConfig) and _BRINGS_RULE in entry:
+            return _file("hebbian", str(entry[_BRINGS_RULE]), folders)
+        found = _rule_brought(entry, folders) if isinstance(entry, str) and entry not in (NONE, "_self_") else None
+        if found is not None:
+            return found
+    return _file("hebbian", PAPER if own is not None else choice, folders)
 
 
 def _changed(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> str:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.app import files, progress, runs
 from epuckhebb.app.config import EvaluateConfig, EvolveConfig, thread_count, typed
-from epuckhebb.app.data import LATEST
+from epuckhebb.app.data import LATEST, groups
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.evaluate import baseline_for, caption, fit, lives, needs, self_checks_for
 from epuckhebb.app.evolve import given_weights
@@ -208,6 +208,8 @@ def sweep(
     keys: Mapping[str, Any],
 ) -> pd.DataFrame:
     """See `epuckhebb.sweep`."""
+    if not isinstance(over, Mapping) or not over:
+        raise ConfigError(f"over must be keys with their values, as {{'hebbian.N': [0.0002, 0.002]}}, got {over!r}")
     for key, values in over.items():
         if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray) or not len(values):
             raise ConfigError(f"over: {key} must have a list of values, got {values!r}")
@@ -215,7 +217,7 @@ def sweep(
             raise ConfigError(f"{key} is given twice, in `over` and by itself")
     jobs = list(itertools.product(*over.values()))
     found = []
-    with TaskProgress(len(jobs), quiet=not show) as bar:
+    with TaskProgress([1.0] * len(jobs), quiet=not show) as bar:
         for number, values in enumerate(jobs):
             one = dict(zip(over, values, strict=True))
             bar.show(number, ", ".join(f"{key}={_label(value)}" for key, value in one.items()))
@@ -246,6 +248,8 @@ def _genome(given: Any, config: EvaluateConfig) -> files.Genome:
     Raises:
         ConfigError: There is no such genome, or it is something else.
     """
+    if isinstance(given, str) and "=" in given and not Path(given).exists():
+        raise ConfigError(f"{given} is no genome; give that first: evaluate('reference', {given!r})")
     if isinstance(given, str | Path):
         where = str(runs.found(given, "evolve")) if str(given) == LATEST else str(given)
         return files.load_genome(where, config.world.experiment, config.layers)
@@ -271,11 +275,14 @@ def _words(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]:
         ConfigError: One is neither.
     """
     for override in overrides:
-        if not isinstance(override, str):
+        if not isinstance(override, str) or "=" not in override:
             raise ConfigError(
                 f"overrides are texts such as 'scenario=4obstacles', or keywords such as scenario='4obstacles'; got "
                 f"{override!r}"
             )
+    for key, value in keys.items():
+        if key in groups("evaluate") and isinstance(value, list | tuple | np.ndarray):
+            raise ConfigError(f"{key} must be one, got {value!r}; for several in turn: sweep(over={{{key!r}: [...]}})")
     words = [word for key, value in keys.items() for word in _override(key, value)]
     return [*words, *overrides]
 

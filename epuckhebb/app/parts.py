@@ -40,7 +40,7 @@ from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
-NONE = "none"
+NONE, PAPER = "none", "paper"
 GENETIC = "ga"  # the optimizer whose settings are a group of their own
 _NOT_RULES = ("control", "four_terms", "rule", "update", "weight_change")  # the other files beside the rules
 
@@ -272,7 +272,7 @@ def controller_of(rule: Rule, adaptation: Adaptation, called: str = "") -> Contr
         name = f"{adaptation.name}{control}"
     elif isinstance(rule, NoRule):
         name = GA
-    elif called in ("paper", "") and isinstance(rule, Paper):
+    elif called in (PAPER, "") and isinstance(rule, Paper):
         name = CONTROLS[rule.sign]
     else:
         name = f"{called or type(rule).__name__.lower()}{control}"
@@ -288,7 +288,7 @@ def compared(name: str, settings: Any, paper_rate: float) -> Controller:
         ConfigError: The name is taken, or a setting cannot be used.
     """
     key = f"compare.{name}"
-    if name in (GA, HEBBIAN, NONE, "paper"):
+    if name in (GA, HEBBIAN, NONE, PAPER) and not (name == HEBBIAN and settings == {}):
         raise ConfigError(f"{key}: the name is taken ({GA} is the control that always runs); give another")
     if not isinstance(settings, Mapping):
         raise ConfigError(f"{key} must be settings of a rule, for example {{N: 0.002, sign: shuffled}}, got {settings}")
@@ -302,7 +302,7 @@ def compared(name: str, settings: Any, paper_rate: float) -> Controller:
         if setting not in kinds:
             raise ConfigError(f"{key}.adaptation.{setting} is not a setting of an adaptation; {_near(setting, kinds)}")
         over[setting] = _as_declared(value, kinds[setting], f"{key}.adaptation.{setting}")
-    rule_settings = {"rule": "paper", **own}
+    rule_settings = {"rule": PAPER, **own}
     if rule_settings["rule"] != NONE:
         rule_settings.setdefault("N", paper_rate)
     try:

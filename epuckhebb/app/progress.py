@@ -2,7 +2,8 @@
 
 import os
 import threading
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -46,16 +47,17 @@ def saying_if_slow(note: str, after_s: float = 2.0) -> Iterator[None]:
 class _Bar(Progress):
     """A bar of so many steps on a terminal; a context manager that leaves the terminal tidy."""
 
-    def __init__(self, what: str, total: int, *, quiet: bool = False) -> None:
+    def __init__(self, what: str, total: float, *, quiet: bool = False) -> None:
         console = Terminal(stderr=True)
         quiet = quiet or is_quiet()
-        columns = TextColumn(what), MofNCompleteColumn(), BarColumn(bar_width=20), TextColumn("{task.description}")
+        count = (TextColumn(what), MofNCompleteColumn()) if what else ()
+        columns = *count, BarColumn(bar_width=20), TextColumn("{task.description}")
         disable = quiet or not console.is_terminal
         super().__init__(*columns, TimeRemainingColumn(compact=True), console=console, disable=disable)
         self._plain = None if console.is_terminal or quiet else console
         self._total, self._task = total, self.add_task("", total=total)
 
-    def put(self, completed: int, told: str) -> None:
+    def put(self, completed: float, told: str) -> None:
         """Show how many steps are completed, and what is told beside the bar."""
         self.update(self._task, completed=completed, description=told)
 
@@ -86,17 +88,27 @@ class EvolutionProgress(_Bar):
 
 
 class TaskProgress(_Bar):
-    """Shows which task of a study is at work."""
+    """Shows which task of a study is at work, how far it is, and how long all of them will take."""
 
-    def __init__(self, total: int, *, quiet: bool = False) -> None:
-        """Prepare to show so many tasks; say nothing if `quiet`."""
-        super().__init__("", total, quiet=quiet)
+    def __init__(self, sizes: Sequence[float], *, quiet: bool = False) -> None:
+        """Prepare to show tasks of these sizes, 0 for one that is done already; say nothing if `quiet`."""
+        super().__init__("", sum(sizes), quiet=quiet)
+        self._sizes, self._number, self._name = sizes, 0, ""
+        self._began = time.monotonic()
 
     def show(self, number: int, name: str) -> None:
         """Show the task of this number, from 0, as it begins."""
-        self.put(number, name)
+        self._number, self._name = number, name
+        self.within(0.0, "")
         if self._plain is not None:
-            self._plain.print(f"{number + 1}/{self._total}  {name}")
+            done = sum(self._sizes[:number])
+            left = (time.monotonic() - self._began) * (self._total - done) / done if done else 0.0
+            self._plain.print(f"{number + 1}/{len(self._sizes)}  {name}" + (f"  {left:.0f} s left" if left else ""))
+
+    def within(self, share: float, told: str) -> None:
+        """Show how far the task at work is, from 0 to 1, and what is told of it."""
+        done = sum(self._sizes[: self._number]) + share * self._sizes[self._number]
+        self.put(done, f"{self._number + 1}/{len(self._sizes)}  {self._name}  {told}")
 
 
 @contextmanager

@@ -21,13 +21,16 @@ from epuckhebb.app.config import EvaluateConfig, EvolveConfig, ReproduceConfig, 
 from epuckhebb.app.data import data_folder
 from epuckhebb.app.engine import Task
 from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.evaluate import compiled_for
 from epuckhebb.app.evolve import champion_of, home
 from epuckhebb.app.files import Genome
 from epuckhebb.app.hydra_bridge import composed
 from epuckhebb.app.machine import Need, require
 from epuckhebb.app.runs import RunFolder
-from epuckhebb.evolution.evolve import evolve, history_row, room_to_evolve
+from epuckhebb.evolution.evolve import Generation, evolve, history_row, room_to_evolve
+from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
@@ -107,12 +110,18 @@ def reproduce(experiment: str, overrides: list[str], *, quick: bool) -> Path:
     for champion in champions:
         if not given and runs.is_as_written(folder, f"champions/{champion.name}.npz"):
             champion.genome()  # one that cannot be read is found before the others are evolved
+    evolving, living = (
+        {one: size(config, one) for one in experiments} for size in (_steps_to_evolve, _steps_to_evaluate)
+    )
     tasks = [
-        Task(f"evolve {one.name}", (one.history, one.file), partial(_evolve, study, one))
+        Task(f"evolve {one.name}", (one.history, one.file), partial(_evolve, study, one), evolving[one.experiment])
         for one in ([] if given else champions)
     ]
-    tasks += [Task(f"evaluate {one.name}", (one.lifetimes,), partial(_evaluate, study, one)) for one in champions]
-    tasks += [Task("tables, figures and report", (), partial(_tell, study))]
+    tasks += [
+        Task(f"evaluate {one.name}", (one.lifetimes,), partial(_evaluate, study, one), living[one.experiment])
+        for one in champions
+    ]
+    tasks += [Task("tables, figures and report", (), partial(_tell, study), sum(living.values()))]
     engine.carry_out(folder, "reproduce", cfg, [experiment, *(["--quick"] if quick else []), *overrides], tasks)
     return folder
 
@@ -126,6 +135,19 @@ def _needs(config: ReproduceConfig, experiments: tuple[str, ...]) -> Iterator[Ne
         lives, _ = room_to_evaluate(controllers, Lifetime(), config.repeats, PAPER_NETWORK)
         lives *= len(reproduction.worlds(one)) * config.champions
         yield Need(lives, f"the lifetimes of the {one} experiment", "lower champions or repeats, or give fewer rates")
+
+
+def _steps_to_evolve(config: ReproduceConfig, experiment: str) -> float:
+    """The robot-steps of an evolution, which is how long it takes beside an evaluation."""
+    lifetime = _training(experiment).lifetime
+    return config.ga.generations * config.ga.population * config.ga.loops * len(SIDES) * lifetime.steps
+
+
+def _steps_to_evaluate(config: ReproduceConfig, experiment: str) -> float:
+    """The robot-steps of the evaluation of a champion."""
+    controllers = 1 + len(reproduction.controllers(experiment, config.rates, config.signal.of(experiment)))
+    _, lifetime = _world(TRAINED[experiment])
+    return len(reproduction.worlds(experiment)) * controllers * config.repeats * len(SIDES) * lifetime.steps
 
 
 def _given(where: str) -> Genome:
@@ -185,9 +207,14 @@ def _champions(
 
 def _evolve(study: _Study, champion: _Champion, run: RunFolder) -> None:
     """Evolve a champion from its seed."""
-    world = typed(composed("evolve", [f"scenario={TRAINED[champion.experiment]}"]), EvolveConfig)
-    threads = thread_count(study.config.threads)
-    generations = list(evolve(study.config.ga, world.world, world.lifetime, champion.seed, threads))
+    world = _training(champion.experiment)
+    threads, ga = thread_count(study.config.threads), study.config.ga
+    run.advanced(0.0, "compiling …")
+    compiled_for(GA_ALONE, PAPER_NETWORK, world.world)
+    generations: list[Generation] = []
+    for generation in evolve(ga, world.world, world.lifetime, champion.seed, threads):
+        generations.append(generation)
+        run.advanced(len(generations) / ga.generations, f"generation {len(generations)} of {ga.generations}")
     history = pd.DataFrame(map(history_row, generations))
     last = generations[-1]
     remembered = home(last.champion, world.world, threads, PAPER_NETWORK)
@@ -199,11 +226,17 @@ def _evaluate(study: _Study, champion: _Champion, run: RunFolder) -> None:
     """Let a champion live in every scenario of its experiment, with every rate and control."""
     genome, config, one = champion.genome(), study.config, champion.experiment
     before, rows = genome.sha256, []
-    for scenario, lifetime in (_world(name, "lifetime.record_every=0") for name in reproduction.worlds(one)):
+    worlds, controllers = reproduction.worlds(one), reproduction.controllers(one, config.rates, config.signal.of(one))
+    for number, name in enumerate(worlds):
+        scenario, lifetime = _world(name, "lifetime.record_every=0")
+        if not number:
+            run.advanced(0.0, "compiling …")
+            compiled_for(controllers[0], PAPER_NETWORK, scenario)
+        run.advanced(number / len(worlds), f"in {name}, world {number + 1} of {len(worlds)}")
         metrics, _ = evaluate(
             genome.genes,
             scenario,
-            reproduction.controllers(one, config.rates, config.signal.of(one)),
+            controllers,
             lifetime,
             repeats=config.repeats,
             seed=config.seed,
@@ -270,6 +303,10 @@ def _figures(study: _Study, found: report.Findings) -> dict[str, tuple[str, byte
             histories[one] = [_table(study, champion.history, formats.HISTORY) for champion in own]
     signals = {one: study.config.signal.of(one) for one in study.experiments}
     return reproduction.figures_of(found, shown, signals, _world, histories, study.config.seed)
+
+
+def _training(experiment: str) -> EvolveConfig:
+    return typed(composed("evolve", [f"scenario={TRAINED[experiment]}"]), EvolveConfig)
 
 
 def _world(scenario: str, *more: str) -> tuple[Scenario, Lifetime]:

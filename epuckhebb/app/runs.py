@@ -117,12 +117,14 @@ class RunFolder:
         command: The command that works in it.
         failure: Why the work failed although no error left the block; nothing if it did not.
         left_behind: A function that says what an interruption would leave behind, for who interrupts.
+        advanced: A function that is told how far the work at hand is, from 0 to 1 and in words, for who watches.
     """
 
     def __init__(self, path: Path, held: BaseFileLock | None, told: dict[str, Any]) -> None:
         """Take what `new` or `going_on` has claimed; `told` is the provenance of this call."""
         self.path, self.command, self.failure = path, list(told["command"]), ""
         self.left_behind: Callable[[], str] = lambda: ""
+        self.advanced: Callable[[float, str], None] = lambda share, told: None  # noqa: ARG005
         self._held, self._started = held, _now()
         self._kept: dict[str, str] = {}  # name -> SHA-256 of the results on which a later call relies
         self._written: dict[str, str] = {}  # the same of all files written

@@ -1,6 +1,6 @@
 """`epuckhebb show`, and what every verb says of its results in the terminal or as JSON."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +15,12 @@ from epuckhebb.app import files, formats, runs
 from epuckhebb.app.config import settings
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.files import Genome
+from epuckhebb.app.terminal import print_table
 from epuckhebb.sim.adaptation.baseline import Baseline
 from epuckhebb.sim.adaptation.self_check.findings import find
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
+from epuckhebb.sim.controller import GA
+from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.scenario import EXPERIMENTS
 from epuckhebb.study import rescue, tables
 from epuckhebb.study.self_checks import in_words
@@ -28,7 +31,7 @@ _MANY = 6  # files of a folder that are counted and not named
 
 
 def tell(finished: list[Path], console: Console) -> None:
-    """Say what the runs of one call came to: the results of one, a line for each of many."""
+    """Say what the runs of one call came to: the results of one, a table over many."""
     if len(finished) == 1:
         _results(finished[0], console, in_short=True)
         _line(console, f"Run folder: {finished[0]}")
@@ -42,24 +45,38 @@ def tell(finished: list[Path], console: Console) -> None:
             _line(console, "What it remembers of its training world: epuckhebb show latest")
             _line(console, f"To let it live in a changed one: epuckhebb evaluate genome=latest scenario={changed}")
     elif finished:
-        told = [(path, runs.read(path)) for path in finished]
-        rows = [(path.name, " ".join(run["overrides"]), _in_short(path, run["status"])) for path, run in told]
-        console.print(_table("", ("run", "overrides", "result"), rows))
-        _line(console, f"Run folders: {finished[0].parent}/")
+        if not runs.has(finished[0].parent, files.SUMMARY):
+            _tell_each(finished, console)
+        _tell_together(finished, console)
+
+
+def _tell_each(finished: list[Path], console: Console) -> None:
+    """A line for each run of a multirun."""
+    told = [(path, runs.read(path)) for path in finished]
+    rows = [(path.name, " ".join(run["overrides"]), _in_short(path, run["status"])) for path, run in told]
+    print_table(console, "", ("run", "overrides", "result"), rows)
+
+
+def _tell_together(finished: list[Path], console: Console) -> None:
+    """What all runs of a multirun came to, if they were evaluations, and where they are."""
+    folder = finished[0].parent
+    if runs.has(folder, files.SUMMARY):
+        _tell_summary(folder, console)
+    _line(console, f"Run folders: {folder}/{finished[0].name} to {folder}/{finished[-1].name}")
 
 
 def tell_reproduction(path: Path, console: Console) -> None:
     """Say what a reproduction found of the paper's claims, and where its report is."""
     claims = runs.table(path, "claims.csv", formats.CLAIMS)
     rows = [(row.experiment, row.claim, row.verdict, f"{row.true} of {row.n}") for row in claims.itertuples()]
-    console.print(_table("The paper's claims", ("experiment", "claim", "verdict", "true in"), rows))
+    print_table(console, "The paper's claims", ("experiment", "claim", "verdict", "true in"), rows)
     _line(console, f"Report: {path}/report.html")
 
 
 def tell_jobs(folder: Path, listed: list[dict[str, Any]], console: Console) -> None:
     """List the jobs of a sweep that is not run."""
     rows = [(n, "done" if job["done"] else "to do", " ".join(job["overrides"])) for n, job in enumerate(listed)]
-    console.print(_table(f"{len(listed)} jobs in {folder}/", ("job", "", "overrides"), rows))
+    print_table(console, f"{len(listed)} jobs in {folder}/", ("job", "", "overrides"), rows)
 
 
 def tell_sweep(folder: Path, console: Console) -> None:
@@ -73,24 +90,41 @@ def tell_sweep(folder: Path, console: Console) -> None:
             plasticity = rescue.label(str(row.controller), float(row.N))
             rows.append((row.experiment, plasticity, *cells, f"{row.home_harmed} of {row.home_mastered}"))
         headings = ("experiment", "plasticity", "rescued of broken", "harmed of sound", "at home")
-        console.print(_table("Rescue and harm (95 % interval)", headings, rows))
+        print_table(console, "Rescue and harm (95 % interval)", headings, rows)
         written = f"report.md, rescue_over_all.csv, rescue_and_harm.csv, {written}"
     else:
-        summary = runs.table(folder, "summary.csv", formats.SUMMARY, rows=False)
-        conditions = list(summary.columns[: summary.columns.get_loc("n")])
-        differ = [name for name in conditions if name in ("controller", "side") or summary[name].nunique() > 1]
-        told = list(summary[differ].astype(str).T.drop_duplicates().index)  # a genome is known by its name, too
-        same = summary.n.nunique() == 1
-        rows = []
-        for row in summary.to_dict("records"):
-            interval = f"{row['success']:.2f} ({row['success_low']:.2f}–{row['success_high']:.2f})"
-            cells = ["" if pd.isna(row[name]) else row[name] for name in told]
-            rows.append((*cells, interval, *([] if same else [row["n"]])))
-        if rows:
-            each = f", of {summary.n.iloc[0]} lifetimes each" if same else ""
-            headings = (*told, "success", *([] if same else ["n"]))
-            console.print(_table(f"Success (95 % interval){each}", headings, rows))
+        _tell_summary(folder, console)
     _line(console, f"Tables: {folder}/: {written}")
+
+
+def _tell_summary(folder: Path, console: Console) -> None:
+    """The success of each condition and controller on both sides, told by what differs between them."""
+    summary = runs.table(folder, files.SUMMARY, formats.SUMMARY, rows=False)
+    conditions = list(summary.columns[: summary.columns.get_loc("n")])
+    of_plasticity = summary[summary.controller != GA] if (summary.controller != GA).any() else summary
+    differ = [name for name in conditions if name == "controller" or of_plasticity[name].nunique() > 1]
+    alike = {tuple(of_plasticity[name].factorize()[0]): name for name in differ if name != "side"}
+    told = list(alike.values())  # of columns that tell the same, the last: a genome is known by its name, too
+    same = summary.n.nunique() == 1
+    rows: dict[tuple[str, ...], dict[str, str]] = {}
+    for row in summary.to_dict("records"):
+        place = tuple(_cell(row[name]) for name in told)
+        interval = f"{row['success']:.2f} ({row['success_low']:.2f}–{row['success_high']:.2f})"
+        rows.setdefault(place, {})[row["side"]] = interval + ("" if same else f" of {row['n']}")
+    if rows:
+        each = f", {summary.n.iloc[0]} lifetimes each" if same else ""
+        headings = (*told, *(f"success, {side}" for side in SIDES))
+        cells = ((*place, *(found.get(side, "") for side in SIDES)) for place, found in rows.items())
+        print_table(console, f"Success (95 % interval){each}", headings, cells)
+    _line(console, f"Means of all else: {folder / files.SUMMARY}")
+    if runs.has(folder, files.DOSE_RESPONSE):
+        _line(console, f"Success and weight change against N: {folder / files.DOSE_RESPONSE}")
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return "" if np.isnan(value) else f"{value:g}"
+    return str(value)
 
 
 def show(what: str | None, console: Console) -> None:
@@ -111,7 +145,8 @@ def show(what: str | None, console: Console) -> None:
         path = runs.found(what)
         many = runs.of_multirun(path)
         if many:
-            tell(many, console)
+            _tell_each(many, console)
+            _tell_together(many, console)
         else:
             _run(path, console)
 
@@ -144,7 +179,7 @@ def _latest(console: Console) -> None:
             rows.append((str(path), _in_short(path, runs.read(path)["status"])))
         except ConfigError as error:
             rows.append((str(path), str(error)))
-    console.print(_table(f"The latest of {len(known)} runs" if len(known) > _LATEST else "", ("run", "result"), rows))
+    print_table(console, f"The latest of {len(known)} runs" if len(known) > _LATEST else "", ("run", "result"), rows)
 
 
 def _genomes(what: str) -> list[tuple[Genome, str]]:
@@ -216,15 +251,6 @@ def _line(console: Console, text: str) -> None:
     console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
-def _table(title: str, headings: Iterable[str], rows: Iterable[Iterable[Any]]) -> Table:
-    shown = Table(title=Text(title, style="bold") if title else None, title_justify="left")
-    for heading in headings:
-        shown.add_column(Text(heading), overflow="fold")
-    for row in rows:
-        shown.add_row(*(Text(str(cell)) for cell in row))
-    return shown
-
-
 def _settings(path: Path) -> Iterator[str]:
     """The resolved configuration of a run, as it could be typed; of the maze and the robot, only which they are."""
 
@@ -264,21 +290,21 @@ def _results(path: Path, console: Console, *, in_short: bool = False) -> None:
     """What a run came to; nothing of a study that has not come to its tables yet. in_short: not what it remembers."""
     if runs.has(path, "claims.csv"):
         tell_reproduction(path, console)
-    elif runs.has(path, "summary.csv"):
+    elif runs.has(path, files.SUMMARY):
         tell_sweep(path, console)
     elif runs.has(path, "metrics.csv"):
-        console.print(_paper_table(runs.table(path, "metrics.csv", formats.METRICS)))
+        _tell_metrics(runs.table(path, "metrics.csv", formats.METRICS), console)
     if runs.has(path, files.REVERSAL):
         told = runs.table(path, files.REVERSAL, formats.REVERSAL)
         shares = [
             (row.controller, f"{row.rewarded_share:.3f}", "" if pd.isna(row.low) else f"{row.low:.3f}–{row.high:.3f}")
             for row in told.itertuples()
         ]
-        console.print(_table("Reversal learning", ("", "rewarded share", "95 % interval"), shares))
+        print_table(console, "Reversal learning", ("", "rewarded share", "95 % interval"), shares)
     found = in_words(files.read_findings(path))
     if found:
         rows = [(side, text, count) for side, said in found.items() for text, count in said]
-        console.print(_table("Found by the self-check", ("side", "it found", "lifetimes"), rows))
+        print_table(console, "Found by the self-check", ("side", "it found", "lifetimes"), rows)
     if runs.has(path, files.CHAMPION) and not in_short:
         _tell_genome(files.load_genome(str(path), ""), console)
     if runs.has(path, "history.csv"):
@@ -314,7 +340,7 @@ def _tell_self_memory(memory: SelfMemory, console: Console) -> None:
     ]
     rows.append(("Light", f"± {100 * expected.light_ratio_error:.1f} % of {memory.scenario}'s"))
     title = f"Self-check: a dance of {len(memory.spread)} steps, remembered of {memory.scenario}; standard errors"
-    console.print(_table(title, ("", "is told to"), rows))
+    print_table(console, title, ("", "is told to"), rows)
 
 
 def _tell_baseline(baseline: Baseline, genome: Genome, console: Console) -> None:
@@ -334,7 +360,7 @@ def _tell_baseline(baseline: Baseline, genome: Genome, console: Console) -> None
             told = (f"{mean:.2f} ± {spread:.2f}" for mean, spread in zip(means, spreads, strict=True))
             rows.append((f"{kind} reading {place}", *told))
     title = f"Baseline: {baseline.scenario} at {baseline.gain_rad_s:g} rad/s"
-    console.print(_table(title, ("", "left (lamp off)", "right (lamp on)"), rows))
+    print_table(console, title, ("", "left (lamp off)", "right (lamp on)"), rows)
 
 
 def _course(fitness: NDArray[np.float64]) -> str:
@@ -343,7 +369,8 @@ def _course(fitness: NDArray[np.float64]) -> str:
     return "".join("▁▂▃▄▅▆▇█"[min(7, int(8 * max(0.0, part)))] for part in parts) + f" {parts[0]:.2f} → {parts[-1]:.2f}"
 
 
-def _paper_table(metrics: pd.DataFrame) -> Table:
+def _tell_metrics(metrics: pd.DataFrame, console: Console) -> None:
+    """The paper's table of a run."""
     text = tables.formatted(tables.paper_table(metrics))
     first = metrics.iloc[0]
     rates = metrics.N[metrics.N > 0].unique()
@@ -355,13 +382,8 @@ def _paper_table(metrics: pd.DataFrame) -> Table:
         f"{world}: genome {first.genome}{rate}, "
         f"mean of {repeats} lifetime{'s' if repeats > 1 else ''} a side (seed {first.seed})"
     )
-    shown = Table(title=Text(told, style="bold"), title_justify="left")
-    shown.add_column("")
-    for column in text.columns:
-        shown.add_column(Text("\n".join(column)), justify="right")
-    for row, values in zip(text.index, text.to_numpy().tolist(), strict=True):
-        shown.add_row(*map(Text, [str(row), *values]))
-    return shown
+    rows = ([row, *values] for row, values in zip(text.index, text.to_numpy().tolist(), strict=True))
+    print_table(console, told, ["", *map("\n".join, text.columns)], rows, numbers=True)
 
 
 def _in_short(path: Path, status: dict[str, Any]) -> str:
@@ -370,8 +392,8 @@ def _in_short(path: Path, status: dict[str, Any]) -> str:
     if runs.has(path, "claims.csv"):
         claims = runs.table(path, "claims.csv", formats.CLAIMS)
         return f"{(claims.verdict == 'holds').sum()} of {len(claims)} claims hold"
-    if runs.has(path, "summary.csv"):
-        rows = len(runs.table(path, "summary.csv", formats.SUMMARY, rows=False))
+    if runs.has(path, files.SUMMARY):
+        rows = len(runs.table(path, files.SUMMARY, formats.SUMMARY, rows=False))
         return f"success of {rows} conditions, controllers and sides"
     if runs.has(path, "metrics.csv"):
         if runs.has(path, files.REVERSAL):
@@ -379,7 +401,7 @@ def _in_short(path: Path, status: dict[str, Any]) -> str:
             return ", ".join(f"{row.controller} rewarded {row.rewarded_share:.2f}" for row in told.itertuples())
         metrics = runs.table(path, "metrics.csv", formats.METRICS)
         success = metrics.groupby(["controller", "side"], sort=False).success.mean().unstack(sort=False)
-        return ", ".join(
+        return "\n".join(
             f"{name} success {row.get('left', np.nan):.2f} left {row.get('right', np.nan):.2f} right"
             for name, row in success.iterrows()
         )

@@ -7,13 +7,13 @@ command finds it again.
 
 import csv
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
-from epuckhebb.app import engine, formats, hydra_bridge, runs
+from epuckhebb.app import engine, files, formats, hydra_bridge, runs
 from epuckhebb.app.engine import Job, Outcome
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.runs import RunFolder
@@ -103,7 +103,7 @@ def _write_tables(study: RunFolder, done: Sequence[Job], failures: Sequence[tupl
     content = _csv(whole)
     formats.table(content, study.path / _SWEEP, formats.METRICS, rows=False)
     study.write(_SWEEP, content)
-    study.write("summary.csv", _csv(summary.summary(whole, _columns(done)[2:])))
+    _write_summary(study.write, whole, _columns(done)[2:])
     told = summary.rescue_and_harm(whole)
     if told is not None:
         tables, page, figure = told
@@ -111,6 +111,25 @@ def _write_tables(study: RunFolder, done: Sequence[Job], failures: Sequence[tupl
             study.write(f"{name}.csv", _csv(table))
         study.write("report.md", page)
         study.write(f"figures/{rescue.FIGURE}", figure)
+
+
+def write_summary_of_multirun(folder: Path, finished: Sequence[Path]) -> None:
+    """Write what the runs of a multirun of `evaluate` came to, as of a sweep, into its folder."""
+    told = enumerate(zip(finished, map(runs.read, finished), strict=True))
+    jobs = [Job(number=n, overrides=run["overrides"], run=path.name, config={}) for n, (path, run) in told]
+    rows = [_place(job) | row for job in jobs for row in _lifetimes(folder / job.run)]
+    _write_summary(
+        lambda name, content: runs.write_whole(folder / name, content),
+        pd.DataFrame(rows, dtype=str),
+        _columns(jobs)[2:],
+    )
+
+
+def _write_summary(write: Callable[[str, bytes], None], rows: pd.DataFrame, settings: list[str]) -> None:
+    write(files.SUMMARY, _csv(summary.summary(rows, settings)))
+    figure = summary.dose_response(rows, settings) if len(rows) else None
+    if figure:
+        write(files.DOSE_RESPONSE, figure)
 
 
 def _lifetimes(run: Path) -> Iterator[dict[str, str]]:

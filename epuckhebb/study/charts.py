@@ -88,6 +88,54 @@ def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) ->
     axes.legend(frameon=False, fontsize=8)
 
 
+def rates(doses: pd.DataFrame, told: str) -> bytes:
+    """A PNG: success and weight change against the base rate, a row of panels for each condition.
+
+    doses: a row for each condition, controller, N and side, with the means and the ends of their intervals; the genes
+    alone are the rows of `GA`. told: what the means are over.
+    """
+    conditions = list(doses.groupby("condition", sort=False))
+    figure = Figure(figsize=(9, 2.9 * len(conditions) + 0.6), layout="constrained")
+    for (condition, own), panels in zip(
+        conditions, figure.subplots(len(conditions), 2, squeeze=False, sharex=True), strict=True
+    ):
+        for axes, column, label in zip(
+            panels, ("success", "weight_change_mean"), ("success", "weight change"), strict=True
+        ):
+            for side, marker in (("left", "o"), ("right", "^")):
+                of_side = own[own.side == side]
+                alone, plastic = of_side[of_side.controller == GA], of_side[of_side.controller != GA].sort_values("N")
+                y, low, high = (plastic[column + end].to_numpy(float) for end in ("", "_low", "_high"))
+                shift = 1.03 if side == "right" else 1 / 1.03
+                axes.errorbar(
+                    plastic.N * shift,
+                    y,
+                    np.nan_to_num([y - low, high - y]),
+                    color=SIDE_COLOUR[side],
+                    marker=marker,
+                    capsize=2,
+                    label=side,
+                )
+                for row in alone.itertuples() if column == "success" else ():
+                    axes.axhline(
+                        row.success, color=SIDE_COLOUR[side], linestyle="--", linewidth=1.2, label=f"GA, {side}"
+                    )
+                    axes.axhspan(row.success_low, row.success_high, color=SIDE_COLOUR[side], alpha=0.1, linewidth=0)
+            axes.set(xscale="log", xlabel="base rate N", ylabel=label)
+            at = sorted(set(own.N[own.N > 0]))
+            axes.set_xticks(at, [f"{rate:g}" for rate in at], fontsize=8)
+            axes.set_xticks([], minor=True)
+            axes.spines[["top", "right"]].set_visible(False)
+        panels[0].set_title(plain(condition), fontsize=10, loc="left")
+        panels[0].set_ylim(-0.04, 1.04)
+        panels[1].set_yscale("log")
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+    figure.suptitle(
+        f"What each rate does: {told}\nDashed: GA, without plasticity, where no weight changes", fontsize=10
+    )
+    return to_png(figure)
+
+
 def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> bytes:
     """A PNG: best and mean fitness over the generations; of many evolutions of an experiment, median and quartiles."""
     figure = Figure(figsize=(5 * len(histories), 3.6), layout="constrained")
@@ -197,7 +245,7 @@ def network(
         axes.set_xticks(range(len(network.layers)), ["sensors\nand bias", *hidden, "wheels"], fontsize=8)
         axes.yaxis.set_major_locator(FixedLocator([]))
         axes.spines[:].set_visible(False)
-        axes.set_title(f"{side}: stronger (red) or weaker (blue) by up to {scale:.2g}", fontsize=10)
+        axes.set_title(f"{side}: stronger (orange) or weaker (blue) by up to {scale:.2g}", fontsize=10)
         for name, height in zip(names, _heights(rows, most), strict=True):
             axes.annotate(name, (0, height), (-10, 0), textcoords="offset points", ha="right", va="center", fontsize=7)
     figure.suptitle(plain(title), fontsize=10)

@@ -26,7 +26,10 @@ from epuckhebb.study.evaluate import Traces
 from epuckhebb.study.floor import view
 from epuckhebb.study.moments import arrival, begins, told_when, with_gaps
 
-SIDE_COLOUR = {"left": "#0072B2", "right": "#D55E00"}  # blue and red as in the paper, apart for the colour-blind too
+SIDE_COLOUR = {
+    "left": "#0072B2",
+    "right": "#D55E00",
+}  # blue and orange (the paper: red), apart for the colour-blind too
 _WALL, _OBSTACLE, _LAMP, _CHANGE = "#4d4d4d", "#b07d62", "#E69F00", "#222222"
 _TITLES = {
     GA: "GA alone",
@@ -34,6 +37,7 @@ _TITLES = {
     CONTROLS[Sign.anti]: "GA with anti-Hebbian plasticity",
     CONTROLS[Sign.shuffled]: "GA with Hebbian plasticity, shuffled signs",
 }
+_SIGNS_TOLD = "● start    ○ the robot at the end    ◌ goal    ★ lamp"
 _T = TypeVar("_T")
 _PANEL, _HIGH, _LOW = 4.8, 5.6, 1.6  # inches: width of a panel, greatest and least height of its axes
 _TOP, _BOTTOM, _LINE = 0.6, 0.78, 0.19  # inches: above the axes, below them, and a line of text
@@ -45,7 +49,7 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> bytes:
     left, right, bottom, top = view(scenario)
     axes_height = min(_HIGH, max(_LOW, 4.0 * (top - bottom) / (right - left)))
     wide = max(_PANEL * len(controllers), 6.4 if scenario.changes else _PANEL)
-    lines = _lines(scenario, wide)
+    lines = [*_lines(scenario, wide), _SIGNS_TOLD]
     height, below = axes_height + _TOP + _BOTTOM + _LINE * len(lines), _BOTTOM + _LINE * len(lines)
     figure = Figure(figsize=(wide, height))
     figure.subplots_adjust(left=0.65 / wide, right=0.985, bottom=below / height, top=1 - _TOP / height, wspace=0.16)

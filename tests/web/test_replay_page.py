@@ -426,6 +426,9 @@ def test_both_schemes_on_desk_and_phone(visit, run, tmp_path, scheme, width):
     folder = Path(SCREENSHOTS) if SCREENSHOTS else tmp_path
     folder.mkdir(parents=True, exist_ok=True)
     page.screenshot(path=folder / f"replay_{scheme}_{width}.png")
+    one, other = (page.locator("#mazes figure").nth(number).bounding_box() for number in (0, 1))
+    assert one["y"] == other["y"]  # side by side, on the phone too
+    assert page.get_by_text("its speed over the floor, in cm/s").count() == 2
     assert brightness(page) == pytest.approx(245 if scheme == "light" else 23, abs=5)
     page.get_by_role("button", name="Switch between light and dark").click()
     assert brightness(page) == pytest.approx(23 if scheme == "light" else 245, abs=5)
