@@ -379,17 +379,18 @@ def is_gone(group):
 @pytest.mark.parametrize(
     ("launcher", "number", "to_all"),
     [
-        ("joblib", signal.SIGINT, True),
-        ("joblib", signal.SIGTERM, False),
-        ("joblib", signal.SIGKILL, False),
-        pytest.param("joblib", signal.SIGHUP, False, marks=pytest.mark.slow),
-        pytest.param("submitit_local", signal.SIGINT, True, marks=pytest.mark.slow),
+        (["joblib"], signal.SIGINT, True),
+        (["joblib"], signal.SIGTERM, False),
+        (["joblib", "hydra.launcher.n_jobs=5"], signal.SIGKILL, False),  # two of them have no job
+        pytest.param(["joblib"], signal.SIGHUP, False, marks=pytest.mark.slow),
+        pytest.param(["submitit_local"], signal.SIGINT, True, marks=pytest.mark.slow),
     ],
 )
 def test_a_signal_ends_a_sweep_and_its_workers(here, launcher, number, to_all):
-    if launcher == "submitit_local":
+    if launcher == ["submitit_local"]:
         pytest.importorskip("submitit")
-    words = ["sweep", "obstacles", "repeats=20000", f"hydra/launcher={launcher}", "hydra.sweep.dir=out"]
+    words = ["sweep", "obstacles", "repeats=20000", "hydra.sweep.dir=out", f"hydra/launcher={launcher[0]}"]
+    words += launcher[1:]
     started = subprocess.Popen(command(*words), start_new_session=True, stderr=subprocess.PIPE, text=True)
     with started:
         while not list((here / "out").glob("unfinished/*/provenance.json")):

@@ -352,9 +352,17 @@ def as_config(held: Mapping[Any, Any], verb: str) -> DictConfig:
     Raises:
         OmegaConfBaseException: They hold what this program does not know.
     """
-    cfg = OmegaConf.merge(OmegaConf.structured(SCHEMAS[verb]), of_today(OmegaConf.create(_literally(dict(held)))))
+    cfg = OmegaConf.merge(_keys_of(verb), of_today(_literally(dict(held))))
     assert isinstance(cfg, DictConfig)
     return cfg
+
+
+@functools.cache
+def _keys_of(verb: str) -> DictConfig:
+    """The keys of a verb with their types, made once: every job of a sweep has them."""
+    schema = OmegaConf.structured(SCHEMAS[verb])
+    assert isinstance(schema, DictConfig)
+    return schema
 
 
 def literal(text: str) -> str:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import OmegaConf
 
 from epuckhebb.app.data import data_folder
 
@@ -15,20 +15,17 @@ _GATE = {  # key of `hebbian` then -> key of `adaptation` now
 }
 
 
-def of_today(cfg: DictConfig) -> DictConfig:
-    """A stored configuration in the keys of today; one of today is given back as it is."""
-    if "scenario" not in cfg:
-        return cfg
-    told: Any = OmegaConf.to_container(cfg)
+def of_today(told: dict[str, Any]) -> dict[str, Any]:
+    """The plain values of a stored configuration, in the keys of today; they are changed in their place."""
+    if "scenario" not in told:
+        return told
     for world in (told["scenario"], *told["scenario"].get("changes", [])):
         if "dead_sensor" in world:
             dead = world.pop("dead_sensor")
             world["dead_sensors"] = [] if dead is None else [dead]
-    if "maze" not in cfg:
+    if "maze" not in told:
         _since_parts(told)
-    today = OmegaConf.create(told)
-    assert isinstance(today, DictConfig)
-    return today
+    return told
 
 
 def _since_parts(told: dict[str, Any]) -> None:

@@ -168,11 +168,11 @@ class Identities:
         self._load_genome = cache(files.load_genome)
         self._texts: dict[int, tuple[Any, str]] = {}
 
-    def of(self, config: Plain) -> str:
+    def of(self, config: Plain, cfg: DictConfig | None = None) -> str:
         """The name of the run that a configuration leads to with all that its results depend on at this moment.
 
         That is the genome, what it remembers if that is used, rules of the user, the science, and the packages that
-        compute.
+        compute. `cfg` is the same configuration as Hydra has it, if that has been made already.
 
         Raises:
             ConfigError: A value or the genome cannot be used.
@@ -183,7 +183,7 @@ class Identities:
             raise ConfigError(str(error)) from error
         shared = digest(self._texts_of(config, (*_APART, "genome")))
         if shared not in self._asked:
-            self._asked[shared] = typed(as_config(config, "evaluate"), EvaluateConfig)
+            self._asked[shared] = typed(cfg or as_config(config, "evaluate"), EvaluateConfig)
         if (shared, config["genome"]) not in self._more:
             self._more[shared, config["genome"]] = self._depends_on(config, self._asked[shared])
         return f"job_{digest([self.settings(config), self._more[shared, config['genome']]])[:12]}"
@@ -311,7 +311,6 @@ def one_job(cfg: DictConfig, work: Callable[[Path, str, JobAsked, dict[str, Any]
         work: A function that does it. It gets a folder, which is renamed when it has come back; the name of the run,
             which must still be what the job leads to; what was asked; and facts for `provenance.json`.
     """
-    hydra_bridge.begin_job()
     attempt = hydra_bridge.output_folder()
     folder, run = attempt.parents[1], str(cfg.job)
     stop = attempt.parent / _STOP
@@ -341,25 +340,26 @@ def evaluate_job(cfg: DictConfig) -> None:
 
 
 def _evaluate(path: Path, run: str, job: JobAsked, facts: dict[str, Any]) -> None:
-    check_unchanged(job["config"], run)
-    config = as_config(job["config"], "evaluate")
+    config = check_unchanged(job["config"], run)
     evaluate_into(path, config, job["overrides"], facts, threads=hydra_bridge.threads_of_job(config.threads))
 
 
-def check_unchanged(config: Plain, run: str) -> None:
-    """Refuse a job that would no longer lead to the run that it was listed as.
+def check_unchanged(config: Plain, run: str) -> DictConfig:
+    """The configuration of a job, which is refused if it would no longer lead to the run that it was listed as.
 
     Raises:
         ConfigError: Its configuration cannot be used.
         JobFailedError: It would lead to another.
     """
     try:
-        now = Identities().of(config)
+        cfg = as_config(config, "evaluate")
+        now = Identities().of(config, cfg)
     except ConfigError:
         raise
     except Exception as error:  # what damaged settings may raise has no end
         raise ConfigError(f"the settings of {run} cannot be used: {error}") from error
     check_same(now, run)
+    return cfg
 
 
 def check_same(now: str, run: str) -> None:

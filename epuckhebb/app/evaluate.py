@@ -39,7 +39,6 @@ _MOST_MADE = 256  # a self-check's memory takes 0.2 MB
 
 def evaluate_job(cfg: DictConfig) -> None:
     """Do one job of Hydra's: evaluate into its folder."""
-    hydra_bridge.begin_job()
     threads = hydra_bridge.threads_of_job(cfg.threads)
     with hydra_bridge.job_folder() as path:
         cfg = hydra_bridge.named(cfg)

@@ -40,7 +40,6 @@ _HISTORY = "history.csv"
 
 def evolve_job(cfg: DictConfig) -> None:
     """Do one job of Hydra's: evolve into its folder."""
-    hydra_bridge.begin_job()
     with hydra_bridge.job_folder() as path:
         cfg = hydra_bridge.named(cfg)
         config = asked(cfg)

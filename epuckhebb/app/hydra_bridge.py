@@ -12,7 +12,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence, Set
-from contextlib import contextmanager, redirect_stderr
+from contextlib import contextmanager, nullcontext, redirect_stderr
 from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -41,7 +41,6 @@ from epuckhebb.app.parts import GENETIC, not_its_settings
 
 IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
 _STAMP = "EPUCKHEBB_STAMP"  # environment variable that conf/ names run folders with
-_PARENT = "EPUCKHEBB_PARENT"  # environment variable: the process that starts workers
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}
 _SWEEP_DIR = "hydra.sweep.dir="
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
@@ -421,7 +420,9 @@ def call(verb: str, job: Callable[[DictConfig], None], arguments: list[str], sta
     """Call Hydra as its own command line would; see `run`. The folders of the runs bear the stamp."""
     options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)} if IS_HYDRA_1_4 else _VERSION_BASE
     entry = hydra.main(config_path=str(data_folder("conf")), config_name=verb, **options)(job)
-    with _as_command_line(verb, arguments, stamp), redirect_stderr(cast(TextIO, _WithoutHydrasWords(sys.stderr))):
+    words = cast(TextIO, _WithoutHydrasWords(sys.stderr))
+    workers = _workers_that_end_with_us() if "--multirun" in arguments else nullcontext()
+    with _as_command_line(verb, arguments, stamp), redirect_stderr(words), workers:
         GlobalHydra.instance().clear()
         try:
             entry()
@@ -467,14 +468,6 @@ def job_folder() -> Iterator[Path]:
         raise
 
 
-def begin_job() -> None:
-    """What a job does first: a worker of joblib's sees to it that it ends with the process that started it."""
-    if in_multirun() and _is_joblib(HydraConfig.get().launcher):
-        parent = int(os.environ[_PARENT])
-        if parent != os.getpid():
-            end_with(parent)
-
-
 def job_overrides() -> list[str]:
     """The overrides of this job, as they would be typed."""
     return list(_unresolved(HydraConfig.get().overrides.task))
@@ -517,7 +510,7 @@ class _WithoutHydrasWords:
 @contextmanager
 def _as_command_line(verb: str, arguments: list[str], stamp: str) -> Iterator[None]:
     """What Hydra reads: the argument list, and a wish to have errors raised instead of printed."""
-    told = {_STAMP: stamp, _PARENT: str(os.getpid()), "HYDRA_FULL_ERROR": "1"}
+    told = {_STAMP: stamp, "HYDRA_FULL_ERROR": "1"}
     argv, environment = sys.argv, {name: os.environ.get(name) for name in told}
     sys.argv = [f"epuckhebb {verb}", *arguments]
     os.environ.update(told)
@@ -530,6 +523,22 @@ def _as_command_line(verb: str, arguments: list[str], stamp: str) -> Iterator[No
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
+
+
+@contextmanager
+def _workers_that_end_with_us() -> Iterator[None]:
+    """Have each worker of joblib's watch, before its first job, whether this process is there: launchers cannot.
+
+    A worker that waits for a job would wait for five minutes more, and hold the terminal's pipe.
+    """
+    from joblib.parallel import BACKENDS, register_parallel_backend
+
+    loky = BACKENDS["loky"]
+    register_parallel_backend("loky", functools.partial(loky, initializer=end_with, initargs=(os.getpid(),)))
+    try:
+        yield
+    finally:
+        register_parallel_backend("loky", loky)
 
 
 def explain(error: BaseException) -> str:

@@ -6,6 +6,7 @@ looked for them; here the names are filled in, and a value that is not that of t
 """
 
 import functools
+import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -145,8 +146,13 @@ def scenario_of(choice: str, folders: Sequence[Path], maze: dict[str, Any], robo
         ValueError: The world cannot be.
     """
     found = _file("scenario", choice, folders)
-    if found is None:
-        return None
+    return None if found is None else _scenario(choice, *map(json.dumps, (OmegaConf.to_container(found), maze, robot)))
+
+
+@functools.lru_cache(maxsize=256)
+def _scenario(choice: str, *texts: str) -> Scenario:
+    """A scenario of the settings of its file, of a maze and of a robot; jobs of a sweep ask for the same few again."""
+    found, maze, robot = map(json.loads, texts)
     schema = OmegaConf.structured(ScenarioConfig(name=choice))
     whole = OmegaConf.create({"maze": maze, "scenario": OmegaConf.merge(schema, found)})
     return scenario_from(OmegaConf.to_object(whole.scenario), maze, robot)
@@ -182,7 +188,8 @@ def world_of(choice: str, folders: Sequence[Path], robot: dict[str, Any]) -> Sce
 
 def maze_asked(choice: str, maze: dict[str, Any]) -> dict[str, Any]:
     """The maze that is home: this one, but the paper's where this one comes with the scenario, which is a change."""
-    return _usual_maze() if maze_brought(choice, [data_folder("conf")]) == maze_from(maze) else maze
+    brought = maze_brought(choice, [data_folder("conf")])
+    return maze if brought is None or brought != maze_from(maze) else _usual_maze()
 
 
 def _usual_maze() -> dict[str, Any]:
