@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from epuckhebb.app import data, leaderboard, runs
 from epuckhebb.app.cli import app
 from epuckhebb.app.data import data_folder, groups
+from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.method import methods_named
 from epuckhebb.evolution.training import HOME, Training
 from epuckhebb.sim.scenario import TRAINED, Scenario
@@ -311,6 +312,14 @@ def test_no_training_of_the_program_can_be_a_test():
             assert not any(board.can_be(trained, training, world) for world in tests.values())
 
 
+def test_two_rules_of_one_name_are_refused(tmp_path):
+    rule = (data_folder("examples") / "own_rule" / "my_rules.py").read_text()
+    (tmp_path / "other.py").write_text(f"{rule}# another\n")
+    shutil.copy(data_folder("examples") / "own_rule" / "my_rules.py", tmp_path / "one.py")
+    with pytest.raises(ConfigError, match="another rule has the name Gated"):
+        methods_named([f"{tmp_path}/one.py:Gated", f"{tmp_path}/other.py:Gated"], [data_folder("conf")])
+
+
 # Statistics
 
 
@@ -358,7 +367,7 @@ BAD = {
     "a rule with nothing to evolve": (["methods=no_numbers"], ["nothing would be evolved", "rule oja"]),
     "trained in a test": (["methods=in_a_test"], ["can be 4obstacles", "one of the tests' own"]),
     "trained in a light of a test": (["methods=light_of_a_test"], ["can be base_half", "one of the tests' own"]),
-    "another twin": (["methods=other_twin"], ["twin=tiny has another number of robot-steps"]),
+    "another twin": (["methods=other_twin"], ["twin=tiny has another optimizer"]),
     "a plastic twin": (["methods=plastic_twin"], ["twin=learns has plasticity itself"]),
     "no twin": (["methods=no_twin"], ["twin is missing"]),
     "a wrong key": (["methods=wrong_key"], ["wrong_key.yaml: evolves is not a key of a method", "evolve"]),

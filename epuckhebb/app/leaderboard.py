@@ -43,6 +43,8 @@ QUICK = ("champions=2", "tests=[rescue]", "methods=[ga,sep_cma_es_varied,abcd_sh
 _METHODS = "methods="
 _COST = "cost.json"
 _FIRST_REPORTED = 100  # seeds below are those on which settings were chosen
+_OF_RULES = ("merges", "merge_every")  # settings of optimizers that concern nothing but rules
+_ENOUGH = 8  # champions of a method, of whom a difference to another may say something
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -456,11 +458,10 @@ def _check_twin(config: EvolveConfig, twin: _Entry) -> None:
     if twin.row.kind != PLAIN or other is None:
         raise ConfigError(f"twin={twin.method.name} has plasticity itself; give a method without")
     for what, ours, theirs in (
-        ("optimizer", type(config.algorithm), type(other.algorithm)),
+        ("optimizer", _optimizer(config), _optimizer(other)),
         ("training", config.training, other.training),
         ("scenario", config.world, other.world),
         ("lifetime", config.lifetime, other.lifetime),
-        ("number of robot-steps", _steps_of(config), _steps_of(other)),
     ):
         if ours != theirs:
             raise ConfigError(
@@ -469,9 +470,10 @@ def _check_twin(config: EvolveConfig, twin: _Entry) -> None:
             )
 
 
-def _steps_of(config: EvolveConfig) -> tuple[object, ...]:
-    """On what the number of robot-steps depends."""
-    return config.schedule, config.algorithm.individuals, getattr(config.algorithm, "population", 0)
+def _optimizer(config: EvolveConfig) -> tuple[object, ...]:
+    """The optimizer, with its settings that concern any evolution."""
+    settings = {name: value for name, value in vars(config.algorithm).items() if name not in _OF_RULES}
+    return type(config.algorithm), settings
 
 
 def _tell(study: RunFolder, planned: Leaderboard) -> None:
@@ -506,8 +508,9 @@ def _provenance(config: LeaderboardConfig) -> str:
         if config.first_seed >= _FIRST_REPORTED
         else "**Settings of methods were chosen on seeds below 100, so these figures flatter.**"
     )
+    few = "**A look: so few champions say nothing about a method.** " if config.champions < _ENOUGH else ""
     return (
-        f"Made by `epuckhebb leaderboard`: {config.champions} champions of each method and experiment, seeds "
+        f"{few}Made by `epuckhebb leaderboard`: {config.champions} champions of each method and experiment, seeds "
         f"{config.first_seed} to {last}, evolved in as many robot-steps as the table tells; {config.repeats} noise "
         f"repeats of every champion, side and world (seed {config.seed}). {chosen} Test worlds are those of the sweeps "
         f"{', '.join(config.tests)}; no training uses one, but light levels and weak wheels of tests lie between "

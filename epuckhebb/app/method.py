@@ -77,6 +77,8 @@ def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]
                 key = "over" if method.over else "twin"
                 read(method.compared_with, f"{files.get(name, name)}: {key}", (*waiting, name))
             found[method.name] = method
+        elif found[method.name] != method:
+            raise ConfigError(f"{why}={name}: another rule has the name {method.name}, too; give one of them another")
 
     for name in _wanted(names, files):
         read(name, "methods", ())
