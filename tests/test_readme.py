@@ -72,6 +72,24 @@ def test_the_account_of_rescue_is_that_of_its_study(generated):
     assert (asked.loc[(slice(None), ["best", "homeostasis"]), "home_harmed"] == 0).all()
 
 
+def test_the_account_of_new_kinds_of_change_is_that_of_its_study(generated):
+    over_all = pd.read_csv(REFERENCE / "rescue_new_kinds" / "rescue_over_all.csv")
+    generated(RESULTS, "new_kinds", rescue.summary(over_all))
+    asked = over_all.set_index("controller")
+    assert (asked.loc[["best", "homeostasis"], "harmed_share"] <= 0.05).all()
+    assert (asked.home_harmed == 0).all()
+
+
+@pytest.mark.parametrize(("home", "homeostasis", "best"), [("highlight", (56, 72), 19), ("base", (12, 53), 18)])
+def test_what_is_told_of_light_that_changes_in_mid_life(home, homeostasis, best):
+    told = pd.read_csv(REFERENCE / "rescue_new_kinds" / "rescue_and_harm.csv")
+    there = told[told.scenario.isin([f"{home}_light_changes", f"{home}_light_flickers"])]
+    summed = there.groupby("controller")[["rescued", "broken"]].sum()
+    assert tuple(summed.loc["homeostasis"]) == homeostasis
+    assert summed.loc["best"].rescued == best
+    assert f"{homeostasis[0]} of {homeostasis[1]}" in RESULTS.read_text()
+
+
 @pytest.mark.parametrize("experiment", ["light", "obstacles"])
 def test_the_bundled_champion_is_the_showcase_of_the_reference_run(experiment):
     report_text = (REFERENCE / "report.md").read_text()

@@ -1,14 +1,17 @@
 """What plasticities do for many champions in many changed worlds: a page with tables of rescue and harm."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from epuckhebb.sim.controller import GA
 from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.study.tables import markdown_table, plain
 
 FIGURE = "rescue_and_harm.png"
+_RESCUED, _HARMED = ("rescued", "broken"), ("harmed", "sound")
 MASTERS = {"any": "one side or both", "both": "both sides"}  # the values of `masters` in `findings.retention`, in words
 RETENTION = (
     "Success in the changed worlds, all together, among trials mastered in the training world. A champion that always "
@@ -68,9 +71,33 @@ def summary(over_all: pd.DataFrame) -> str:
     return "\n".join(parts)
 
 
+def baselines(told: Mapping[str, tuple[int, pd.DataFrame, pd.DataFrame]], plasticity: str) -> str:
+    """Controllers that were evolved in several ways: how brittle they are, and what a plasticity leaves of that.
+
+    Args:
+        told: How they were evolved -> how many in each experiment, and tables of `findings.retention` and
+            `findings.rescue_over_all`.
+        plasticity: The name of the plasticity; it stands in both tables, and the GA alone in the first.
+    """
+    rows = []
+    for experiment in TRAINED:
+        for name, (champions, retention, over_all) in told.items():
+            alone = retention[(retention.experiment == experiment) & (retention.controller == GA)].set_index("masters")
+            after = over_all[(over_all.experiment == experiment) & (over_all.controller == plasticity)]
+            rescued, harmed = (count(next(after.itertuples()), *what) for what in (_RESCUED, _HARMED))
+            masters = f"{alone.champions['both']:g} of {champions}"
+            at_home = f"{after.home_harmed.item()} of {after.home_mastered.item()}"
+            rows.append(
+                [experiment, name, masters, *(_kept(alone.loc[key]) for key in MASTERS), rescued, harmed, at_home]
+            )
+    kept = (f"kept in changed worlds, mastered at home: {told}" for told in MASTERS.values())
+    head = ["experiment", "evolved with", "both sides mastered at home", *kept]
+    return markdown_table([*head, "rescued of broken", "harmed of sound", "harmed at home"], rows)
+
+
 def _over_all(own: pd.DataFrame) -> str:
     rows = [
-        [plain(label(row.controller, row.N)), count(row, "rescued", "broken"), count(row, "harmed", "sound")]
+        [plain(label(row.controller, row.N)), count(row, *_RESCUED), count(row, *_HARMED)]
         + [f"{row.home_harmed} of {row.home_mastered}"]
         for row in own.itertuples()
     ]
@@ -112,10 +139,13 @@ def _kept(row: Any) -> str:
 
 
 def _by_scenario(own: pd.DataFrame) -> str:
-    scenarios = list(own.scenario.unique())
-    rows = []
-    for (controller, rate), group in own.groupby(["controller", "N"], sort=False):
-        cells = group.set_index("scenario").loc[scenarios].itertuples()
-        told = [f"{row.rescued}/{row.broken}, {row.harmed}/{row.sound}" for row in cells]
-        rows.append([plain(label(controller, rate)), *told])
+    """A cell for each plasticity and scenario; whichever there are more of go down the page."""
+    own = own.assign(plasticity=[plain(label(row.controller, row.N)) for row in own.itertuples()])
+    own = own.assign(cell=[f"{row.rescued}/{row.broken}, {row.harmed}/{row.sound}" for row in own.itertuples()])
+    kinds, scenarios = own.plasticity.unique(), own.scenario.unique()
+    cells = own.set_index(["plasticity", "scenario"]).cell
+    if len(scenarios) > len(kinds):
+        rows = [[plain(world), *(cells[kind, world] for kind in kinds)] for world in scenarios]
+        return markdown_table(["scenario", *kinds], rows)
+    rows = [[kind, *(cells[kind, world] for world in scenarios)] for kind in kinds]
     return markdown_table(["plasticity", *map(plain, scenarios)], rows)
