@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from epuckhebb.app import data, leaderboard, runs
+from epuckhebb.app import data, formats, leaderboard, runs
 from epuckhebb.app.cli import app
 from epuckhebb.app.data import data_folder, groups
 from epuckhebb.app.errors import ConfigError
@@ -97,6 +97,8 @@ def test_it_leaves_tables_a_figure_and_a_page(made):
     assert "oja_over" in result.stdout
     names = {file.name for file in folder.iterdir()}
     assert {"leaderboard.csv", "leaderboard.md", "champions.csv", "worlds.csv", "cost.csv", "report.md"} <= names
+    for table in folder.glob("*.csv"):
+        assert list(pd.read_csv(table, nrows=0)) == list(formats.TABLES[table.name][1])
     assert (folder / "figures" / "leaderboard.png").read_bytes().startswith(b"\x89PNG")
     page = (folder / "report.html").read_text()
     assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
