@@ -68,7 +68,7 @@ def test_the_page_of_keys_tells_what_the_files_of_conf_tell(generated):
     generated(KEYS, "keys", all_keys())
 
 
-@pytest.mark.parametrize("verb", ["evaluate", "evolve", "reproduce"])
+@pytest.mark.parametrize("verb", ["evaluate", "evolve", "reproduce", "leaderboard"])
 def test_every_key_is_told(verb):
     told = {key.name: key.told for group in keys.all_groups() for _, own in keys.sections(group) for key in own}
     assert [name for name, meaning in told.items() if not meaning] == []

@@ -18,12 +18,15 @@ ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
 PAGES = [*ROOT.glob("*.md"), ROOT / "runs" / "README.md", *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
 WITH_COMMANDS = [ROOT / "README.md", ROOT / "docs" / "parts.md", *EXAMPLES]
-MORE_COMMANDS = [ROOT / "docs" / f"{name}.md" for name in ("changes", "clusters", "keys", "reversal", "webots")]
+MORE_COMMANDS = [
+    ROOT / "docs" / f"{name}.md" for name in ("changes", "clusters", "keys", "leaderboard", "reversal", "webots")
+]
 BRIEF = {
     # longer than until the changes of the worlds on the pages
     "evaluate": ["repeats=1", "lifetime.duration_s=SECONDS", "lifetime.record_every=0", "threads=1", "-q"],
     "evolve": ["lifetime.duration_s=1", "-q"],
     "sweep": ["--dry-run"],
+    "leaderboard": ["--dry-run"],
     "keys": [],
     "export": [],
 }

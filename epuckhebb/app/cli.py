@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -19,6 +19,9 @@ from epuckhebb import __version__
 from epuckhebb.app import data
 from epuckhebb.app.errors import INTERRUPTED, JOB_FAILED, USAGE, ConfigError, JobFailedError, interrupted, interruptible
 from epuckhebb.app.terminal import Terminal, fall_silent, show_what_can_be_shown
+
+if TYPE_CHECKING:
+    from epuckhebb.app.engine import Job
 
 app = typer.Typer(
     name="epuckhebb",
@@ -46,6 +49,12 @@ class ConfiguredCommand(TyperCommand):
 
 _EXAMPLES = {
     "reproduce": ["--quick", "obstacles champions=40", "all genome=Best.npy signal=as_coded"],
+    "leaderboard": [
+        "--quick",
+        "obstacles methods=modulated,abcd_shared champions=4",
+        "all hydra/launcher=slurm",
+        "light methods=my_rules.py:Mine",
+    ],
     "evaluate": [
         "scenario=4obstacles",
         "scenario=lowlight hebbian.N=0.002 repeats=50",
@@ -264,6 +273,50 @@ def reproduce(
 
 @app.command(cls=ConfiguredCommand)
 @_told()
+def leaderboard(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[light|obstacles|all] [KEY=VALUE]...",
+            help="The experiment, and settings to change.",
+            autocompletion=_complete_override,
+        ),
+    ] = None,
+    quick: Annotated[
+        bool,
+        typer.Option("--quick", help="3 methods, 2 champions, 8 test worlds, obstacles: a look in three minutes."),
+    ] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="List the jobs, run nothing.")] = False,
+    config_dir: ConfigDir = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Which plasticity copes with worlds it was not evolved in."""
+    from epuckhebb.app import hydra_bridge
+    from epuckhebb.app import show as shown
+    from epuckhebb.app.leaderboard import leaderboard as run
+    from epuckhebb.app.leaderboard import plan
+
+    arguments = hydra_bridge.with_latest_found(words or [])
+    experiment = "obstacles" if quick else "all"
+    if arguments and "=" not in arguments[0]:
+        experiment = arguments.pop(0)
+    planned = plan(experiment, arguments, quick=quick, config_dir=config_dir)
+    _begin(quiet)
+    if dry_run:
+        _tell_jobs("leaderboard", planned.folder, planned.jobs, as_json, quiet)
+        return
+    run(planned)
+    _out(
+        as_json,
+        quiet,
+        lambda: shown.as_json(planned.folder),
+        lambda console: shown.tell_leaderboard(planned.folder, console),
+    )
+
+
+@app.command(cls=ConfiguredCommand)
+@_told()
 def sweep(
     name: Annotated[
         str,
@@ -287,17 +340,15 @@ def sweep(
     hydra_bridge.check_config_dir(config_dir)
     planned = plan(name, hydra_bridge.with_latest_found(overrides or []), config_dir)
     _begin(quiet)
-    todo = {job.run for job in engine.todo(planned.folder, planned.jobs)}
-    summary = {"verb": "sweep", "folder": str(planned.folder)}
     if dry_run:
-        listed = [{"run": job.run, "done": job.run not in todo, "overrides": job.overrides} for job in planned.jobs]
-        found = {**summary, "jobs": listed}
-        _out(as_json, quiet, lambda: found, lambda console: shown.tell_jobs(planned.folder, listed, console))
+        _tell_jobs("sweep", planned.folder, planned.jobs, as_json, quiet)
         return
-    done = len(planned.jobs) - len(todo)
-    progress.say(f"{len(planned.jobs)} jobs in {planned.folder}/: {done} done before, {len(todo)} to do.")
+    todo = len(engine.todo(planned.folder, planned.jobs))
+    progress.say(
+        f"{len(planned.jobs)} jobs in {planned.folder}/: {len(planned.jobs) - todo} done before, {todo} to do."
+    )
     outcome = run(planned, fail_fast=fail_fast)
-    found = {**summary, **outcome.as_json()}
+    found = {"verb": "sweep", "folder": str(planned.folder), **outcome.as_json()}
     _out(as_json, quiet, lambda: found, lambda console: shown.tell_sweep(planned.folder, console))
     if outcome.failures:
         raise JobFailedError(told(planned, outcome))
@@ -438,6 +489,17 @@ def _tell(verb: str, runs: list[Path], quiet: bool, as_json: bool) -> None:
         lambda: {"verb": verb, "runs": list(map(shown.as_json, runs))},
         lambda console: shown.tell(runs, console),
     )
+
+
+def _tell_jobs(verb: str, folder: Path, jobs: "list[Job]", as_json: bool, quiet: bool) -> None:
+    """List the jobs of a study that is not run."""
+    from epuckhebb.app import engine
+    from epuckhebb.app import show as shown
+
+    todo = {job.run for job in engine.todo(folder, jobs)}
+    listed = [{"run": job.run, "done": job.run not in todo, "overrides": job.overrides} for job in jobs]
+    found = {"verb": verb, "folder": str(folder), "jobs": listed}
+    _out(as_json, quiet, lambda: found, lambda console: shown.tell_jobs(folder, listed, console))
 
 
 def _out(as_json: bool, quiet: bool, told: Callable[[], Any], tell: Callable[[Console], None]) -> None:

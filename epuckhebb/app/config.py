@@ -237,7 +237,39 @@ class ReproduceConfig:
                 raise ValueError(f"rates must be numbers above 0 (0 is always run, as the GA alone), got {rate}")
 
 
-SCHEMAS = {"evaluate": EvaluateConfig, "evolve": EvolveConfig, "reproduce": ReproduceConfig}
+@dataclass(kw_only=True)
+class LeaderboardConfig:
+    """All keys of `epuckhebb leaderboard`."""
+
+    methods: list[str] = field(default_factory=list)
+    tests: list[str] = field(default_factory=list)
+    champions: int = 12
+    first_seed: int = 201
+    seed: int = 1
+    repeats: int = 3
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be run.
+
+        Raises:
+            ValueError: a value is outside the range named in the message.
+        """
+        check_counts(self.seed, 0, self.repeats)
+        for name, least in (("champions", 1), ("first_seed", 0)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} must be {least} or more, got {getattr(self, name)}")
+        if not self.tests:
+            raise ValueError(
+                "tests must name one sweep of conf/experiment/ or more, in whose worlds champions are tested"
+            )
+
+
+SCHEMAS = {
+    "evaluate": EvaluateConfig,
+    "evolve": EvolveConfig,
+    "reproduce": ReproduceConfig,
+    "leaderboard": LeaderboardConfig,
+}
 # Below these, the schema does not know the keys.
 OPEN = ("hebbian", "compare", "maze", "robot", "optimizer", "task", "scenario.goals")
 for _verb, _schema in SCHEMAS.items():
@@ -249,7 +281,7 @@ for _verb, _schema in SCHEMAS.items():
         _node.ga = None  # until group ga is chosen, which other optimizers than the GA undo
     ConfigStore.instance().store(name=f"schema_{_verb}", node=_node, provider="epuckhebb")
 
-Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig)
+Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig)
 
 
 def typed(cfg: DictConfig, schema: type[Config]) -> Config:

@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 _PACKAGE = Path(__file__).resolve().parents[1]
+_PACKAGE_OF = "# @package"  # the first line of a file that also changes other groups
+_METHODS = "methods"  # the key of a leaderboard that names choices of the group method, one or more
 LATEST = "latest"  # the word for the run of the last call
 
 
@@ -28,6 +30,17 @@ def groups(verb: str) -> dict[str, list[str]]:
         for folder in sorted(path for path in data_folder("conf").iterdir() if path.is_dir())
         if f"- {folder.name}:" in defaults
     }
+
+
+def first_comment(file: Path) -> str:
+    """What the comment at the top of a file of `conf/` says, up to its first line that is none."""
+    lines = []
+    for line in file.read_text(encoding="utf-8").splitlines():
+        if not line.startswith("# "):
+            break
+        if not line.startswith(_PACKAGE_OF):
+            lines.append(line.removeprefix("# ").strip())
+    return " ".join(lines)
 
 
 def complete_override(verb: str, incomplete: str) -> list[str]:
@@ -57,7 +70,7 @@ def complete_shown(incomplete: str) -> list[str]:
 
 def complete_group(incomplete: str) -> list[str]:
     """Completions of a group of keys; a verb stands for its own ones."""
-    verbs = ("evaluate", "evolve", "reproduce")
+    verbs = ("evaluate", "evolve", "reproduce", "leaderboard")
     known = [*verbs, *(name for verb in verbs for name in groups(verb) if name != "experiment")]
     return [name for name in dict.fromkeys(known) if name.startswith(incomplete)]
 
@@ -85,7 +98,8 @@ def _typed(incomplete: str) -> tuple[str, bool]:
 
 def _offers(verb: str) -> Iterator[str]:
     for group, choices in groups(verb).items():
-        yield from (f"{group}={choice}" for choice in choices)
+        key = _METHODS if group == "method" else group
+        yield from (f"{key}={choice}" for choice in choices)
     for key, value in _keys(verb):
         yield from (f"{key}=", f"{key}={value}")
     if verb == "evolve":
@@ -93,6 +107,8 @@ def _offers(verb: str) -> Iterator[str]:
 
 
 def _choices(verb: str, key: str) -> list[str]:
+    if key == _METHODS:
+        return ["all", *groups(verb).get("method", [])]
     if key in groups(verb):
         return groups(verb)[key]
     if key in ("genome", "resume"):

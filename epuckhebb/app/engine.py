@@ -17,7 +17,8 @@ To write the next study, list its tasks in the order in which they need each oth
 made again; with `advanced` it may say how far it is. A task without results is done in every call: so tables and
 reports are always those of all results. Such tasks run in this process, one after the other, and use threads
 themselves. Evaluations that are better spread over processes or a cluster are `Job`s: open the folder with `at_work`
-and hand them to `launch`, as `epuckhebb.app.sweep` does.
+and hand them to `launch`, as `epuckhebb.app.sweep` does; jobs of other kinds, which may need each other's results, as
+`epuckhebb.app.leaderboard` does.
 """
 
 import hashlib
@@ -45,6 +46,7 @@ from epuckhebb.app.runs import UNFINISHED, RunFolder
 NO_EFFECT = ("threads",)  # keys on which no result depends
 _APART = ("seed", "repeats", "threads")  # keys that are checked by `check_counts` alone
 _LIST, _JOBS, _STOP = "sweep.json", "jobs", "stop"
+_SWEEP_DIR = "hydra.sweep.dir="
 
 
 @dataclass(frozen=True)
@@ -66,12 +68,12 @@ class Task:
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """An evaluation that a study has done by whatever launcher Hydra has.
+    """An evaluation, or something else, that a study has done by whatever launcher Hydra has.
 
     Attributes:
         number: Its place, from 0.
         overrides: What would be typed to get it.
-        run: The name of its run folder, from `Identities`.
+        run: The name of its run folder, which follows from all that its results depend on; see `Identities`.
         config: Its configuration, as plain values.
     """
 
@@ -235,7 +237,38 @@ def todo(folder: Path, jobs: Sequence[Job]) -> list[Job]:
     return [job for job in jobs if not is_whole(folder / job.run)]
 
 
-def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str], *, fail_fast: bool) -> Outcome:
+def for_hydra(verb: str, arguments: Sequence[str]) -> list[str]:
+    """Those of the arguments that are Hydra's own; they choose joblib for a launcher if they choose none.
+
+    Raises:
+        ConfigError: They choose a sweeper, or an empty name for a folder.
+    """
+    hydras = [argument for argument in arguments if argument.lstrip("+~").startswith(("hydra.", "hydra/"))]
+    for argument in hydras:
+        if argument.startswith(("hydra/sweeper", "hydra.sweeper", "hydra.sweep.subdir")):
+            raise ConfigError(f"{argument}: `{verb}` lists its jobs itself; for another sweeper: evaluate --multirun")
+    hydra_bridge.check_folders(hydras)
+    if not any(argument.startswith("hydra/launcher=") for argument in hydras):
+        hydras.insert(0, "hydra/launcher=joblib")
+    return hydras
+
+
+def folder_and_launcher(hydras: Sequence[str], usual: Path) -> tuple[Path, list[str]]:
+    """The folder of a study, the usual one unless Hydra's arguments name another, and those that are the launcher's."""
+    named = [hydra_bridge.value_of(argument) for argument in hydras if argument.startswith(_SWEEP_DIR)]
+    launcher = [argument for argument in hydras if not argument.startswith(_SWEEP_DIR)]
+    return Path(named[-1]) if named else usual, launcher
+
+
+def launch(
+    study: RunFolder,
+    name: str,
+    jobs: Sequence[Job],
+    launcher: list[str],
+    do: Callable[[DictConfig], None],
+    *,
+    fail_fast: bool,
+) -> Outcome:
     """Do the jobs that are not done, on any launcher of Hydra's.
 
     Args:
@@ -243,6 +276,7 @@ def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str]
         name: The name of the study, for the provenance of its runs.
         jobs: All jobs of the study.
         launcher: The overrides that choose and set up the launcher.
+        do: A function of a module that calls `one_job`; `evaluate_job`, or that of another study.
         fail_fast: Whether to start no job after one has failed.
     """
     folder = study.path
@@ -254,7 +288,7 @@ def launch(study: RunFolder, name: str, jobs: Sequence[Job], launcher: list[str]
         _write_jobs(study, {"name": name, "command": study.command, "fail_fast": fail_fast}, jobs, missing)
         try:
             with counting(len(missing), lambda: count(folder, missing, f"{UNFINISHED}/{stamp}_*")):
-                hydra_bridge.call_many("study", study_job, _arguments(folder, missing, launcher, stamp), stamp)
+                hydra_bridge.call_many("study", do, _arguments(folder, missing, launcher, stamp), stamp)
         except (ConfigError, JobFailedError) as error:
             trouble = str(error)
     remaining = {job.run for job in todo(folder, jobs)}
@@ -278,8 +312,14 @@ def count(folder: Path, jobs: Sequence[Job], attempts: str) -> tuple[int, int]:
     return done, sum(runs.status_of(attempt).get("state") == "failed" for attempt in folder.glob(attempts))
 
 
-def study_job(cfg: DictConfig) -> None:
-    """Do one job of a study, in whatever process the launcher gives it."""
+def one_job(cfg: DictConfig, work: Callable[[Path, str, JobAsked, dict[str, Any]], None]) -> None:
+    """Do one job of a study, in whatever process the launcher gives it.
+
+    Args:
+        cfg: What Hydra was told of the job: its name.
+        work: A function that does it. It gets a folder, which is renamed when it has come back; the name of the run,
+            which must still be what the job leads to; what was asked; and facts for `provenance.json`.
+    """
     attempt = hydra_bridge.output_folder()
     folder, run = attempt.parents[1], str(cfg.job)
     stop = attempt.parent / _STOP
@@ -290,10 +330,7 @@ def study_job(cfg: DictConfig) -> None:
     name = f"{_JOBS}/{run}.json"
     job = record(runs.content(folder, name), folder / name, JobAsked)
     try:
-        config = check_unchanged(job["config"], run)
-        threads = hydra_bridge.threads_of_job(config.threads)
-        facts = {"command": told["command"], "sweep": told["name"]}
-        evaluate_into(attempt, config, job["overrides"], facts, threads=threads)
+        work(attempt, run, job, {"command": told["command"], "sweep": told["name"]})
     except Exception:
         if told["fail_fast"]:
             stop.touch()
@@ -304,6 +341,16 @@ def study_job(cfg: DictConfig) -> None:
         if not (folder / run).is_dir():  # else a worker of a call that was killed has just done the same
             raise
         shutil.rmtree(attempt)
+
+
+def evaluate_job(cfg: DictConfig) -> None:
+    """Do one evaluation of a study."""
+    one_job(cfg, _evaluate)
+
+
+def _evaluate(path: Path, run: str, job: JobAsked, facts: dict[str, Any]) -> None:
+    config = check_unchanged(job["config"], run)
+    evaluate_into(path, config, job["overrides"], facts, threads=hydra_bridge.threads_of_job(config.threads))
 
 
 def check_unchanged(config: Plain, run: str) -> DictConfig:
@@ -320,9 +367,18 @@ def check_unchanged(config: Plain, run: str) -> DictConfig:
         raise
     except Exception as error:  # what damaged settings may raise has no end
         raise ConfigError(f"the settings of {run} cannot be used: {error}") from error
+    check_same(now, run)
+    return cfg
+
+
+def check_same(now: str, run: str) -> None:
+    """Refuse a job that would lead to another run.
+
+    Raises:
+        JobFailedError: It would.
+    """
     if now != run:
         raise JobFailedError(f"{run}: the genome or the program has changed since the study began")
-    return cfg
 
 
 def _write_jobs(study: RunFolder, told: dict[str, Any], jobs: Sequence[Job], missing: Sequence[Job]) -> None:

@@ -99,6 +99,12 @@ class JobAsked(TypedDict):
     config: dict[str, Any]
 
 
+class Cost(TypedDict):
+    """`cost.json` of a job of a leaderboard: CPU seconds, which are never the same twice."""
+
+    cpu_s: float
+
+
 NUMBER, NUMBER_OR_EMPTY, TEXT, TEXT_OR_EMPTY = "a number", "a number or empty", "text", "text or empty"
 
 
@@ -352,9 +358,66 @@ _COMPARISON: Columns = {
     "q75": Column(NUMBER_OR_EMPTY, "their upper quartile"),
     "n": Column(NUMBER, "champions that have this number"),
 }
+_METHOD: Columns = {
+    "experiment": _CONDITION["experiment"],
+    "method": Column(TEXT, "a name of `conf/method/`, or of a rule of the user's own"),
+}
+LEADERBOARD: Columns = {
+    **_METHOD,
+    "kind": Column(
+        ("plain", "evolved", "laid over"),
+        "`plain`: no plasticity; `evolved`: with plasticity; `laid over` champions of another method",
+    ),
+    "twin": Column(TEXT_OR_EMPTY, "the method that it is compared with, which has no plasticity; empty for plain ones"),
+    "champions": Column(NUMBER, "how many there are"),
+    "mastered": Column(NUMBER, "how many of them succeed on both sides at home"),
+    "mastered_low": _INTERVAL["low"],
+    "mastered_high": _INTERVAL["high"],
+    "trials": Column(NUMBER, "champions times sides times test worlds"),
+    "successes": Column(NUMBER, "in how many of them more than half of the repeats succeed"),
+    "success": Column(NUMBER, "`successes` over `trials`"),
+    "success_low": Column(NUMBER, "lower end of its 95 % interval, from a bootstrap over champions"),
+    "success_high": Column(NUMBER, "upper end of it"),
+    "retention": Column(NUMBER_OR_EMPTY, "the same share of those champions that succeed on both sides at home"),
+    "retention_low": _INTERVAL["low"],
+    "retention_high": _INTERVAL["high"],
+    "difference": Column(
+        NUMBER_OR_EMPTY, "`success` less that of the twin, as the mean over pairs of champions of a seed"
+    ),
+    "difference_low": Column(NUMBER_OR_EMPTY, "lower end of its 95 % interval, from a bootstrap over pairs"),
+    "difference_high": Column(NUMBER_OR_EMPTY, "upper end of it"),
+    "sign_flip_p": Column(NUMBER_OR_EMPTY, "exact p value of the difference, signs flipped by champion"),
+    "success_off": Column(NUMBER_OR_EMPTY, "`success` of the same champions with the rule, or what is laid over, off"),
+    "numbers": Column(NUMBER, "how many numbers are evolved for a champion"),
+    "robot_steps": Column(
+        NUMBER, "control steps of 32 ms in all generations of a champion's evolution, as the mean over champions"
+    ),
+}
+_CHAMPIONS: Columns = {
+    **_METHOD,
+    "seed": Column(NUMBER, "seed of its evolution"),
+    "champion": Column(TEXT, "run folder in which it, or the rule for it, was evolved"),
+    "test": Column(TEXT, "run folder of its lifetimes at home and in all test worlds"),
+    "home_sides": Column(NUMBER, "on how many sides it succeeds at home: 0, 1 or 2"),
+    "trials": Column(NUMBER, "sides times test worlds"),
+    "successes": Column(NUMBER, "of them: more than half of the repeats succeed"),
+    "successes_off": Column(NUMBER_OR_EMPTY, "the same with the rule off; empty for plain methods"),
+    "robot_steps": Column(NUMBER, "control steps of its evolution, and of what it was laid over"),
+}
+_WORLDS: Columns = {
+    **_METHOD,
+    "scenario": Column(TEXT, "a test world"),
+    "trials": Column(NUMBER, "champions times sides"),
+    "successes": Column(NUMBER, "of them: more than half of the repeats succeed"),
+}
+_COSTS: Columns = {
+    **_METHOD,
+    "evolve_cpu_s": Column(NUMBER, "CPU seconds of a champion's evolution, as the mean over champions"),
+    "test_cpu_s": Column(NUMBER, "CPU seconds of its lifetimes at home and in all test worlds"),
+}
 
 TABLES: Mapping[str, tuple[str, Columns]] = {
-    "metrics.csv": ("Of `evaluate` and `reproduce`: a row a lifetime.", METRICS),
+    "metrics.csv": ("Of `evaluate`, `reproduce` and tests of `leaderboard`: a row a lifetime.", METRICS),
     "findings.csv": ("Of `evaluate` with a self-check: a row for each robot that checked itself.", FOUND),
     "metrics.csv with task=reversal": ("Columns that then follow.", REWARDED),
     "reversal_trials.csv": ("Of `evaluate task=reversal`: a row for each trial of each lifetime.", REVERSAL_TRIALS),
@@ -383,6 +446,10 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
     "trials.csv": ("Of `reproduce`: a row for each champion, side and condition.", _TRIALS),
     "success.csv": ("Of `reproduce`: a row for each condition and side, over the champions.", _SUCCESS),
     "dose_response.csv": ("Of `reproduce`: a row for each rate; N = 0 is the genes alone.", _DOSE_RESPONSE),
+    "leaderboard.csv": ("Of `leaderboard`: a row for each method and experiment, best first.", LEADERBOARD),
+    "champions.csv": ("Of `leaderboard`: a row for each champion, of which `leaderboard.csv` is made.", _CHAMPIONS),
+    "worlds.csv": ("Of `leaderboard`: a row for each method and test world.", _WORLDS),
+    "cost.csv": ("Of `leaderboard`: what is never the same twice, and so in no other table.", _COSTS),
     "comparison.csv": ("Of `reproduce`: a row for each number of the paper's tables.", _COMPARISON),
 }
 
@@ -440,7 +507,7 @@ CHAMPION: Mapping[str, Array] = {
     "self_*": Array((), "", "what a self-check compares with"),
 }
 
-Record = TypeVar("Record", Provenance, Status, ListOfJobs, JobAsked)
+Record = TypeVar("Record", Provenance, Status, ListOfJobs, JobAsked, Cost)
 
 
 def record(content: bytes, file: Path, kind: type[Record]) -> Record:
@@ -491,7 +558,7 @@ def _check(told: Any, kind: Any, key: str) -> None:
     elif origin is types.UnionType:
         _check(told, inner[0], key)
     elif not ((origin is Literal and isinstance(told, str) and told in inner) or type(told) is kind):
-        words = {str: "text", int: "a whole number", bool: "true or false", list: "a list"}
+        words = {str: "text", int: "a whole number", bool: "true or false", float: "a number", list: "a list"}
         wanted = f"one of {', '.join(inner)}" if origin is Literal else words.get(origin or kind, "keys with values")
         raise ValueError(f"{key or 'it'} must be {wanted}, got {json.dumps(told)[:60]}")
 

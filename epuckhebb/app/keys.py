@@ -17,11 +17,11 @@ from rich.table import Table
 from rich.text import Text
 
 from epuckhebb.app.config import SCHEMAS
-from epuckhebb.app.data import data_folder, groups
+from epuckhebb.app.data import data_folder, first_comment, groups
 from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.method import Method
 from epuckhebb.app.parts import NONE, optimizer_class, rule_class, task_class
 
-_PACKAGE = "# @package"  # the first line of a file that also changes other groups
 _NOT_KEYS = ("defaults", "hydra")
 _WHOLE = ("maze", "robot")  # groups whose keys hold what a user names
 _KINDS = {float: "number", int: "whole number", bool: "true or false", str: "text"}
@@ -113,7 +113,7 @@ def _group(name: str) -> Group:
     """A group of `conf/`; its first choice is the one that a verb takes by itself and that has the most keys."""
     files = {file.stem: file for file in sorted(_conf(name).glob("*.yaml"))}
     found = {choice: list(_keys(file, name, _schema(name, file))) for choice, file in files.items()}
-    usual = max(_usual(name), key=lambda choice: len(found[choice]))
+    usual = max([choice for choice in _usual(name) if choice in found] or found, key=lambda choice: len(found[choice]))
     seen = {key.name for key in found[usual]}
     more = {}
     for choice, keys in found.items():
@@ -121,24 +121,13 @@ def _group(name: str) -> Group:
         seen |= {key.name for key in own}
         if own:
             more[choice] = own
-    return Group(name, {choice: _what(file) for choice, file in files.items()}, usual, found[usual], more)
+    return Group(name, {choice: first_comment(file) for choice, file in files.items()}, usual, found[usual], more)
 
 
 def _usual(name: str) -> list[str]:
     """The choices of a group that verbs take by themselves."""
     entries = (entry for verb in SCHEMAS for entry in yaml.safe_load(_text(_conf(f"{verb}.yaml")))["defaults"])
     return [str(entry[name]) for entry in entries if isinstance(entry, dict) and name in entry]
-
-
-def _what(file: Path) -> str:
-    """What the comment at the top of a file says, up to its first empty line."""
-    told = []
-    for line in _text(file).splitlines():
-        if not line.startswith("# "):
-            break
-        if not line.startswith(_PACKAGE):
-            told.append(line.removeprefix("# ").strip())
-    return " ".join(told)
 
 
 def _schema(group: str, file: Path) -> Any:
@@ -148,6 +137,8 @@ def _schema(group: str, file: Path) -> Any:
         return rule_class(str(held["rule"]), group) if held.get("rule", NONE) != NONE else None
     if group == "task":
         return task_class(str(held.get(group, held)["kind"]))
+    if group == "method":
+        return Method
     if group == "optimizer":
         return optimizer_class(str(held["algorithm"]))
     kinds = [typing.get_type_hints(schema).get(group) for schema in SCHEMAS.values()]

@@ -207,23 +207,41 @@ def _scenario(choice: str, *texts: str) -> Scenario:
 
 def maze_brought(choice: str, folders: Sequence[Path]) -> Maze | None:
     """The maze that a file of `conf/scenario/`, or one that it takes over from, puts in place of the usual one."""
+    brought = _brought(choice, folders)
+    return None if brought is None else maze_from(brought)
+
+
+def _brought(choice: str, folders: Sequence[Path]) -> dict[str, Any] | None:
+    """The settings of that maze."""
     own = _own("scenario", choice, folders)
     entries = [] if own is None else list(own.get("defaults", []))
     for entry in entries:
         if isinstance(entry, DictConfig) and _BRINGS in entry:
             found = _file("maze", str(entry[_BRINGS]), folders)
-            return None if found is None else maze_from(_plain(found))
-    parts = (maze_brought(entry, folders) for entry in entries if isinstance(entry, str) and entry != "_self_")
+            return None if found is None else _plain(found)
+    parts = (_brought(entry, folders) for entry in entries if isinstance(entry, str) and entry != "_self_")
     return next((maze for maze in parts if maze is not None), None)
+
+
+def world_of(choice: str, folders: Sequence[Path], robot: dict[str, Any]) -> Scenario | None:
+    """The scenario of a file of `conf/scenario/` in the maze that it brings, or the usual one; None if there is none.
+
+    Raises:
+        ConfigError: A file cannot be read.
+        ValueError: The world cannot be.
+    """
+    return scenario_of(choice, folders, _brought(choice, folders) or _usual_maze(), robot)
 
 
 def maze_asked(choice: str, maze: dict[str, Any]) -> dict[str, Any]:
     """The maze that is home: this one, but the paper's where this one comes with the scenario, which is a change."""
-    folders = [data_folder("conf")]
-    brought = maze_brought(choice, folders)
-    if brought is None or brought != maze_from(maze):
-        return maze
-    usual = _file("maze", T_MAZE.name, folders)
+    brought = maze_brought(choice, [data_folder("conf")])
+    return maze if brought is None or brought != maze_from(maze) else _usual_maze()
+
+
+def _usual_maze() -> dict[str, Any]:
+    """The settings of the paper's maze."""
+    usual = _file("maze", T_MAZE.name, [data_folder("conf")])
     assert usual is not None  # the program has this file
     return _plain(usual)
 

@@ -44,6 +44,7 @@ _PATIENCE_S = 1.0  # with who holds a folder for the moment in which it is looke
 _OVERRIDES, CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
 _HALF = re.compile(r"\..+\.\d+\.tmp")  # what `write_whole` writes beside a file
 _ATTEMPT = re.compile(r"\d{8}-\d{6}-[0-9a-f]{8}_\d+|stop")  # what `engine.launch` leaves in `unfinished/`
+_RESULTS = (".csv", "champion.npz")  # how the names of files end on which other runs and tables rely
 _NOUN = {"evaluate": "run", "evolve": "run", "reproduce": "reproduction"}
 
 
@@ -424,13 +425,13 @@ def is_as_written(run: Path, name: str) -> bool:
 
 
 def is_whole(path: Path) -> bool:
-    """Whether a run is finished and its tables are what they were when it was: not cut, changed or lost since."""
+    """Whether a run is finished and its results are what they were when it was: not cut, changed or lost since."""
     status = status_of(path)
     try:
         return status.get("state") == "finished" and all(
             hashlib.sha256((path / name).read_bytes()).hexdigest() == sha256
             for name, sha256 in status.get("sha256", {}).items()
-            if name.endswith(".csv")
+            if name.endswith(_RESULTS)
         )
     except OSError:
         return False

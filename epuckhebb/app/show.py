@@ -74,7 +74,7 @@ def tell_reproduction(path: Path, console: Console) -> None:
 
 
 def tell_jobs(folder: Path, listed: list[dict[str, Any]], console: Console) -> None:
-    """List the jobs of a sweep that is not run."""
+    """List the jobs of a sweep or a leaderboard that is not run."""
     rows = [(n, "done" if job["done"] else "to do", " ".join(job["overrides"])) for n, job in enumerate(listed)]
     print_table(console, f"{len(listed)} jobs in {folder}/", ("job", "", "overrides"), rows)
 
@@ -125,6 +125,21 @@ def _cell(value: Any) -> str:
     if isinstance(value, float):
         return "" if np.isnan(value) else f"{value:g}"
     return str(value)
+
+
+def tell_leaderboard(path: Path, console: Console) -> None:
+    """Say how well each method of a leaderboard did, and where its page is."""
+    board = runs.table(path, "leaderboard.csv", formats.LEADERBOARD)
+    for experiment, own in board.groupby("experiment", sort=False):
+        rows = []
+        for row in own.itertuples():
+            success = rescue.share(float(row.success), float(row.success_low), float(row.success_high))
+            twin = "" if pd.isna(row.difference) else f"{row.difference:+.2f}"
+            twin += "" if pd.isna(row.difference_low) else f" [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"
+            rows.append((row.method, row.kind, f"{row.mastered} of {row.champions}", success, twin))
+        headings = ("method", "kind", "both sides at home", "success in test worlds", "difference to the twin")
+        print_table(console, f"The {experiment} experiment (95 % interval)", headings, rows)
+    _line(console, f"Report: {path}/report.html")
 
 
 def show(what: str | None, console: Console) -> None:
@@ -240,7 +255,11 @@ def as_json(path: Path) -> dict[str, Any]:
         ConfigError: It is not a run folder.
     """
     told = {"run": str(path), **runs.read(path)}
-    for name, columns in (("metrics", formats.METRICS), ("history", formats.HISTORY)):
+    for name, columns in (
+        ("metrics", formats.METRICS),
+        ("history", formats.HISTORY),
+        ("leaderboard", formats.LEADERBOARD),
+    ):
         if runs.has(path, f"{name}.csv"):
             frame = runs.table(path, f"{name}.csv", columns)
             told[name] = frame.astype(object).where(frame.notna(), None).to_dict("records")
@@ -290,6 +309,8 @@ def _results(path: Path, console: Console, *, in_short: bool = False) -> None:
     """What a run came to; nothing of a study that has not come to its tables yet. in_short: not what it remembers."""
     if runs.has(path, "claims.csv"):
         tell_reproduction(path, console)
+    elif runs.has(path, "leaderboard.csv"):
+        tell_leaderboard(path, console)
     elif runs.has(path, files.SUMMARY):
         tell_sweep(path, console)
     elif runs.has(path, "metrics.csv"):
@@ -392,6 +413,9 @@ def _in_short(path: Path, status: dict[str, Any]) -> str:
     if runs.has(path, "claims.csv"):
         claims = runs.table(path, "claims.csv", formats.CLAIMS)
         return f"{(claims.verdict == 'holds').sum()} of {len(claims)} claims hold"
+    if runs.has(path, "leaderboard.csv"):
+        best = runs.table(path, "leaderboard.csv", formats.LEADERBOARD).groupby("experiment", sort=False).first()
+        return ", ".join(f"{row.Index}: {row.method} {row.success:.2f}" for row in best.itertuples())
     if runs.has(path, files.SUMMARY):
         rows = len(runs.table(path, files.SUMMARY, formats.SUMMARY, rows=False))
         return f"success of {rows} conditions, controllers and sides"

@@ -21,7 +21,6 @@ from epuckhebb.study import rescue, summary
 from epuckhebb.study.evaluate import COLUMNS
 
 _SWEEP = "sweep.csv"
-_SWEEP_DIR = "hydra.sweep.dir="
 _IN_METRICS = ("scenario", "seed")  # settings that every row of metrics.csv tells of anyway
 
 
@@ -42,14 +41,8 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     Raises:
         ConfigError: There is no such sweep, or a key, a value or the genome cannot be used.
     """
-    hydras = [argument for argument in arguments if argument.lstrip("+~").startswith(("hydra.", "hydra/"))]
-    for argument in hydras:
-        if argument.startswith(("hydra/sweeper", "hydra.sweeper", "hydra.sweep.subdir")):
-            raise ConfigError(f"{argument}: `sweep` lists its jobs itself; for another sweeper: evaluate --multirun")
-    hydra_bridge.check_folders(hydras)
+    hydras = engine.for_hydra("sweep", arguments)
     hydra_bridge.check_words("evaluate", arguments)
-    if not any(argument.startswith("hydra/launcher=") for argument in hydras):
-        hydras.insert(0, "hydra/launcher=joblib")
     named = [f"experiment={name}"]
     params = hydra_bridge.composed("evaluate", [*named, *hydras], config_dir, with_hydra=True).hydra.sweeper.params
     if not params:
@@ -63,11 +56,8 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
         if run not in listed:
             listed[run] = Job(number=len(listed), overrides=[*named, *overrides], run=run, config=config)
     jobs = list(listed.values())
-    folder = Path("runs") / "sweep" / f"{name}_{engine.digest([identities.settings(job.config) for job in jobs])[:8]}"
-    for argument in hydras:
-        if argument.startswith(_SWEEP_DIR):
-            folder = Path(hydra_bridge.value_of(argument))
-    launcher = [argument for argument in hydras if not argument.startswith(_SWEEP_DIR)]
+    usual = Path("runs") / "sweep" / f"{name}_{engine.digest([identities.settings(job.config) for job in jobs])[:8]}"
+    folder, launcher = engine.folder_and_launcher(hydras, usual)
     return Sweep(name=name, jobs=jobs, folder=folder, arguments=[name, *arguments], launcher=launcher)
 
 
@@ -79,7 +69,9 @@ def sweep(planned: Sweep, *, fail_fast: bool) -> Outcome:
     """
     results = [(planned.folder / job.run,) for job in planned.jobs]
     with engine.at_work(planned.folder, "sweep", None, planned.arguments, results) as study:
-        outcome = engine.launch(study, planned.name, planned.jobs, planned.launcher, fail_fast=fail_fast)
+        outcome = engine.launch(
+            study, planned.name, planned.jobs, planned.launcher, engine.evaluate_job, fail_fast=fail_fast
+        )
         _write_tables(study, outcome.done, outcome.failures)
         study.failure = told(planned, outcome)
     return outcome

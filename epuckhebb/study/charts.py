@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
@@ -18,7 +19,7 @@ from epuckhebb.sim.controller import CONTROLS, GA
 from epuckhebb.sim.lifetime import Samples
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer, weights_at_birth
 from epuckhebb.sim.robot import EPUCK, Robot
-from epuckhebb.study import rescue
+from epuckhebb.study import leaderboard, rescue
 from epuckhebb.study.figures import SIDE_COLOUR, plain, to_png
 
 _SCENARIO_STYLE = {
@@ -290,6 +291,57 @@ def rescue_over_all(over_all: pd.DataFrame) -> bytes:
         axes.spines[["top", "right"]].set_visible(False)
     panels[-1].legend(frameon=False, fontsize=8, loc="lower right")
     return to_png(drawn)
+
+
+_KIND_COLOUR = {leaderboard.PLAIN: "#555555", leaderboard.EVOLVED: "#0072B2", leaderboard.LAID_OVER: "#D55E00"}
+
+
+def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame) -> bytes:
+    """A PNG, a line of two panels for each experiment: success of each method, and the difference to its twin.
+
+    board: of `study.leaderboard.table`. champions: the rows that it was made of.
+    """
+    groups = list(board.groupby("experiment", sort=False))
+    heights = [0.27 * len(own) + 0.9 for _, own in groups]
+    drawn = Figure(figsize=(10.5, sum(heights) + 0.5), layout="constrained")
+    panels = drawn.subplots(len(groups), 2, squeeze=False, height_ratios=heights, width_ratios=(3, 2))
+    for (left, right), (experiment, own) in zip(panels, groups, strict=True):
+        for line, row in enumerate(own.itertuples()):
+            place = -line
+            colour = _KIND_COLOUR[str(row.kind)]
+            single = champions[(champions.experiment == experiment) & (champions.method == row.method)]
+            shares = single.successes / single.trials
+            left.scatter(shares, [place - 0.25] * len(shares), s=10, color=colour, alpha=0.45, linewidths=0)
+            _interval(left, place, colour, row.success, row.success_low, row.success_high)
+            if row.kind != leaderboard.PLAIN:
+                left.scatter([row.success_off], [place], s=26, marker="x", color=colour, linewidths=1.1)
+                _interval(right, place, colour, row.difference, row.difference_low, row.difference_high)
+        left.set_yticks(-np.arange(len(own)), [plain(name) for name in own.method], fontsize=8)
+        left.set(xlim=(-0.02, 1.02), title=f"{experiment} experiment")
+        right.set(title="difference to the twin")
+        right.axvline(0, color="black", linewidth=0.8)
+        right.tick_params(labelleft=False)
+        for axes in (left, right):
+            axes.set_ylim(0.6 - len(own), 0.6)
+            axes.grid(axis="x", color="#ddd", linewidth=0.6)
+            axes.set_axisbelow(True)
+            axes.title.set_fontsize(10)
+            axes.spines[["top", "right"]].set_visible(False)
+        right.set_yticks(left.get_yticks())
+    panels[-1][0].set_xlabel("share of trials in the test worlds that succeed")
+    panels[-1][1].set_xlabel("difference of that share")
+    marks = [
+        Line2D([], [], color=colour, marker="o", linestyle="", markersize=5, label=leaderboard.KINDS[kind])
+        for kind, colour in _KIND_COLOUR.items()
+        if kind in set(board.kind)
+    ]
+    drawn.legend(handles=marks, frameon=False, fontsize=8, loc="outside lower center", ncols=len(marks))
+    return to_png(drawn)
+
+
+def _interval(axes: Axes, place: int, colour: str, value: float, low: float, high: float) -> None:
+    away = None if np.isnan(low) else [[value - low], [high - value]]
+    axes.errorbar([value], [place], xerr=away, fmt="o", color=colour, markersize=5, elinewidth=1.3)
 
 
 def _heights(count: int, most: int) -> NDArray[np.float64]:

@@ -125,8 +125,10 @@ def _rescued_and_harmed(row: Any) -> list[str]:
     return [rescue.count(row, "rescued", "broken"), rescue.count(row, "harmed", "sound")]
 
 
-def html(text: str, picture: Callable[[str], bytes]) -> str:
-    """The report as one HTML page without links to anything; `picture` gives a figure's PNG by its file name."""
+def html(
+    text: str, picture: Callable[[str], bytes], title: str = "epuckhebb: the paper's experiment, reproduced"
+) -> str:
+    """A report as one HTML page without links to anything; `picture` gives a figure's PNG by its file name."""
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     body = body.replace(escape(published.NEW_LINE), "<br>")
     body = body.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>")
@@ -137,7 +139,7 @@ def html(text: str, picture: Callable[[str], bytes]) -> str:
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{page.policy(style=_STYLE)}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>epuckhebb: the paper's experiment, reproduced</title>\n<style>{_STYLE}</style>\n</head>\n"
+        f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n"
         f"<body>\n{body}</body>\n</html>\n"
     )
 

@@ -1,0 +1,255 @@
+"""The leaderboard: how well controllers of many methods cope with worlds that none of them was trained in.
+
+A *trial* is one champion, one side and one test world; it succeeds if more than half of its noise repeats do. Champions
+are the independent unit: those of a method and of its plain twin were evolved from the same seeds, and are compared
+seed by seed. Everything is computed from the lifetimes, first a row for each champion, then a row for each method from
+these.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from epuckhebb.evolution.training import Training
+from epuckhebb.sim.controller import GA
+from epuckhebb.sim.scenario import TRAINED, Scenario
+from epuckhebb.study import findings, rescue
+from epuckhebb.study.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson
+from epuckhebb.study.tables import code, markdown_table
+
+FIGURE = "leaderboard.png"
+PLAIN, EVOLVED, LAID_OVER = "plain", "evolved", "laid over"  # the kinds of methods
+KINDS = {
+    PLAIN: "no plasticity",
+    EVOLVED: "plasticity that acts, or is evolved, during evolution",
+    LAID_OVER: "laid over champions of another method",
+}
+_NOT_LIVED = ("name", "experiment", "paper_N", "paper_duration_s")  # of a scenario: what no robot can tell
+_BY = ["experiment", "method"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A method in an experiment.
+
+    Attributes:
+        experiment: The experiment.
+        method: Its name.
+        kind: One of `KINDS`.
+        twin: The method that it is compared with; empty for plain ones.
+        numbers: How many numbers are evolved.
+    """
+
+    experiment: str
+    method: str
+    kind: str
+    twin: str
+    numbers: int
+
+
+def can_be(home: Scenario, training: Training, world: Scenario) -> bool:
+    """Whether a world of training can be just this world, and not only one that is like it.
+
+    Numbers that are drawn from a range never are those of a test; what is drawn from a few values can be.
+    """
+    drawn: dict[str, Any] = {}
+    if training.light_share > 0 and training.light[0] == training.light[1]:
+        drawn["light"] = training.light[:1]
+    if training.obstacles_share > 0:
+        layouts = range(training.layouts[0], training.layouts[1] + 1)
+        drawn |= {"layout": layouts, "obstacles": home.maze.obstacle_counts if world.layout in layouts else ()}
+    if training.dead_sensor_share > 0:
+        drawn["dead_sensors"] = [(number,) for number in range(1, home.robot.sensor_numbers)]
+    if training.wheel_share > 0 and training.wheel[0] == training.wheel[1]:
+        drawn |= dict.fromkeys(("left_wheel", "right_wheel"), training.wheel[:1])
+    ours, theirs = (replace(one, dead_sensors=tuple(one.dead_sensors)) for one in (home, world))
+    names = [field.name for field in fields(Scenario) if field.name not in _NOT_LIVED]
+    differing = [name for name in names if getattr(ours, name) != getattr(theirs, name)]
+    return all(getattr(theirs, name) in drawn.get(name, ()) for name in differing)
+
+
+def of_champion(metrics: pd.DataFrame, home: str) -> tuple[dict[str, int | None], pd.DataFrame]:
+    """How a champion fared: a row for it, and one for each test world.
+
+    Args:
+        metrics: Its lifetimes, without plasticity and, if it has any, with it.
+        home: The name of its training world.
+    """
+    each = findings.trials(metrics)
+    plastic = [name for name in each.controller.unique() if name != GA]
+    alone = each[each.controller == GA]
+    own = each[each.controller == plastic[0]] if plastic else alone
+    at_home, away, off = own[own.scenario == home], own[own.scenario != home], alone[alone.scenario != home]
+    count: dict[str, int | None] = {
+        "home_sides": int(at_home.succeeds.sum()),
+        "trials": len(away),
+        "successes": int(away.succeeds.sum()),
+        "successes_off": int(off.succeeds.sum()) if plastic else None,
+    }
+    worlds = away.groupby("scenario", sort=False).succeeds.agg(trials="size", successes="sum").reset_index()
+    return count, worlds
+
+
+def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
+    """The leaderboard: a row for each method and experiment, the one with most success first.
+
+    Args:
+        rows: The methods.
+        champions: A row for each champion, with the columns of `of_champion` and those that say whose it is.
+    """
+    found = []
+    for row in rows:
+        own = _of(champions, row.experiment, row.method)
+        masters = own[own.home_sides == 2]
+        counts = own[["trials", "successes"]].to_numpy(np.int64)
+        mastered_low, mastered_high = wilson(len(masters), len(own))
+        success_low, success_high = bootstrap_ratio(counts[:, 1], counts[:, 0], seed=0)
+        kept = masters[["trials", "successes"]].to_numpy(np.int64)
+        kept_low, kept_high = bootstrap_ratio(kept[:, 1], kept[:, 0], seed=0)
+        off = own.successes_off.sum() / counts[:, 0].sum() if row.kind != PLAIN else np.nan
+        found.append(
+            {
+                "experiment": row.experiment,
+                "method": row.method,
+                "kind": row.kind,
+                "twin": row.twin,
+                "champions": len(own),
+                "mastered": len(masters),
+                "mastered_low": mastered_low,
+                "mastered_high": mastered_high,
+                "trials": int(counts[:, 0].sum()),
+                "successes": int(counts[:, 1].sum()),
+                "success": counts[:, 1].sum() / counts[:, 0].sum(),
+                "success_low": success_low,
+                "success_high": success_high,
+                "retention": kept[:, 1].sum() / kept[:, 0].sum() if len(kept) else np.nan,
+                "retention_low": kept_low,
+                "retention_high": kept_high,
+                **_against_twin(own, _of(champions, row.experiment, row.twin)),
+                "success_off": off,
+                "numbers": row.numbers,
+                "robot_steps": int(own.robot_steps.mean()),
+            }
+        )
+    order = ["experiment", "success"]
+    return pd.DataFrame(found).sort_values(order, ascending=[True, False], kind="stable", ignore_index=True)
+
+
+def _of(champions: pd.DataFrame, experiment: str, method: str) -> pd.DataFrame:
+    return champions[(champions.experiment == experiment) & (champions.method == method)]
+
+
+def _against_twin(own: pd.DataFrame, twin: pd.DataFrame) -> dict[str, float]:
+    """The difference in success to the twin, champion by champion of the same seed."""
+    if twin.empty:
+        return dict.fromkeys(("difference", "difference_low", "difference_high", "sign_flip_p"), np.nan)
+    both = own.merge(twin, on="seed", suffixes=("", "_twin"), validate="one_to_one")
+    more = (both.successes - both.successes_twin).to_numpy(np.int64)
+    shares = more / both.trials.to_numpy(np.int64)
+    low, high = bootstrap_mean(shares, seed=0, bounds=(-1, 1))
+    return {
+        "difference": float(shares.mean()),
+        "difference_low": low,
+        "difference_high": high,
+        "sign_flip_p": sign_flip(more),
+    }
+
+
+def cells(row: Any) -> list[str]:
+    """The cells of a row of the table, as the pages show them; `row` is one of `table`."""
+    twin = "–"
+    if row.twin:
+        bounds = f" [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"
+        twin = f"{row.difference:+.2f}{bounds}, p = {row.sign_flip_p:.2g}, to {code(row.twin)}"
+    return [
+        code(row.method),
+        row.kind,
+        f"{row.mastered} of {row.champions}",
+        f"**{rescue.share(row.success, row.success_low, row.success_high)}**",
+        "–" if np.isnan(row.retention) else rescue.share(row.retention, row.retention_low, row.retention_high),
+        twin,
+        "–" if np.isnan(row.success_off) else f"{row.success_off:.2f}",
+        f"{row.numbers}",
+        f"{row.robot_steps / 1e6:.1f}",
+    ]
+
+
+HEAD = [
+    "method",
+    "kind",
+    "both sides at home",
+    "success over the test worlds",
+    "retention",
+    "difference to the twin",
+    "rule off",
+    "numbers evolved",
+    "M robot-steps",
+]
+
+
+def markdown_of(own: pd.DataFrame, costs: pd.DataFrame | None = None) -> str:
+    """The rows of an experiment in Markdown; with CPU seconds, if these are given (of `costs`)."""
+    rows = []
+    for row in own.itertuples():
+        cost = [] if costs is None else _cost_cells(_of(costs, str(row.experiment), str(row.method)))
+        rows.append([*cells(row), *cost])
+    return markdown_table([*HEAD, *([] if costs is None else ["CPU s to evolve", "CPU s to test"])], rows)
+
+
+def _cost_cells(own: pd.DataFrame) -> list[str]:
+    return [f"{own.evolve_cpu_s.iloc[0]:.0f}", f"{own.test_cpu_s.iloc[0]:.1f}"]
+
+
+def markdown(
+    board: pd.DataFrame,
+    costs: pd.DataFrame,
+    told: Mapping[str, str],
+    tests: Mapping[str, Sequence[str]],
+    provenance: str,
+) -> str:
+    """The page.
+
+    Args:
+        board: The table.
+        costs: CPU seconds, a row for each method and experiment.
+        told: What each method is.
+        tests: The test worlds of each experiment.
+        provenance: Lines on who made this and how.
+    """
+    parts = ["# Leaderboard\n", f"{provenance}\n", f"{_HOW}\n"]
+    for experiment, own in board.groupby("experiment", sort=False):
+        worlds = tests[str(experiment)]
+        parts += [
+            f"## The {experiment} experiment\n",
+            f"Home: {code(TRAINED[str(experiment)])}. {len(worlds)} test worlds: {', '.join(map(code, worlds))}.\n",
+            markdown_of(own, costs),
+        ]
+    parts += [
+        "## The figure\n",
+        f"![{CAPTION}](figures/{FIGURE})\n\n*{CAPTION}*\n",
+        "## The methods\n",
+        markdown_table(["method", "what it is"], [[code(name), what] for name, what in told.items()]),
+    ]
+    return "\n".join(parts)
+
+
+_HOW = (
+    "A *trial* is one champion, one side and one test world; it succeeds if more than half of its noise repeats do. "
+    "*Both sides at home*: champions that succeed on the left and on the right in the world that they were evolved in. "
+    "*Retention*: success over the test worlds of these champions alone; one that always turns to one side masters "
+    "half of everything for nothing. *Twin*: the same without plasticity, that is the same optimizer, training worlds, "
+    "fitness and robot-steps, or the champions that something is laid over; the difference is paired by the seed of "
+    "the champions, and p is from an exact sign-flip test of it. *Rule off*: the same champions on the same noise "
+    "without plasticity. *Numbers evolved* and *robot-steps* are of one champion; what is laid over costs none of "
+    "its own. Intervals are 95 %, by champion; with fewer than eight champions a difference between methods means "
+    "nothing. CPU seconds, of one champion too, depend on the machine, on what else runs there, and on whether "
+    "anything had to be compiled: they are in `cost.csv` and on this page, and in no other table, because all others "
+    "come out the same to the byte when they are made again."
+)
+CAPTION = (
+    "Left: success over the test worlds of each method, with its 95 % interval; small dots are single champions, the "
+    "cross is the same with the rule off. Right: the difference to its twin without plasticity, paired by champion."
+)

@@ -1,0 +1,407 @@
+"""`epuckhebb leaderboard`, small: whole, resumable, repeatable, every cell in a CSV; and what a method may be."""
+
+import json
+import re
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from epuckhebb.app import data, formats, leaderboard, runs
+from epuckhebb.app.cli import app
+from epuckhebb.app.data import data_folder, groups
+from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.method import methods_named
+from epuckhebb.evolution.training import HOME, Training
+from epuckhebb.sim.scenario import TRAINED, Scenario
+from epuckhebb.study import leaderboard as board
+
+TINY = "optimizer.population: 4, optimizer.starts: 3, optimizer.confirm: 2, optimizer.generations: 2"
+TINY += ", lifetime.duration_s: 3, scenario.paper_duration_s: 10"
+EVOLVED = f"optimizer: sep_cma_es, training: varied, {TINY}"
+METHODS = {
+    "tiny": f"# Tiny.\nevolve: {{{EVOLVED}}}",
+    "learns": f"evolve: {{hebbian: modulated, {EVOLVED}}}\ntwin: tiny",
+    "only_rule": f"over: tiny\nevolve: {{hebbian: modulated, {EVOLVED}}}",
+    "oja_over": "over: tiny\nevaluate: {hebbian: oja, hebbian.N: 0.001}",
+    # what is refused
+    "over_plastic": "over: learns\nevaluate: {hebbian: oja}",
+    "no_numbers": f"over: tiny\nevolve: {{hebbian: oja, {EVOLVED}}}",
+    "in_a_test": f"evolve: {{scenario: 4obstacles, {EVOLVED}}}",
+    "light_of_a_test": f"evolve: {{training.light: [0.5, 0.5], {EVOLVED}}}",
+    "other_twin": f"evolve: {{hebbian: modulated, {EVOLVED}, optimizer.population: 6}}\ntwin: tiny",
+    "plastic_twin": f"evolve: {{hebbian: modulated, {EVOLVED}}}\ntwin: learns",
+    "no_twin": f"evolve: {{hebbian: modulated, {EVOLVED}}}",
+    "wrong_key": "evolves: {optimizer: ga}",
+    "wrong_value": "evolve: ga",
+    "nothing": "twin: tiny",
+    "its_own_twin": f"evolve: {{hebbian: modulated, {EVOLVED}}}\ntwin: its_own_twin",
+    "wrong_setting": "over: tiny\nevaluate: {hebbian: oja, hebbian.nn: 2}",
+}
+FEW = """# @package _global_
+# Two test worlds.
+hydra:
+  sweeper:
+    params:
+      scenario: base, 4obstacles, base_half
+"""
+ASKED = ["obstacles", "tests=[few]", "champions=2", "repeats=1", "hydra/launcher=basic"]
+MADE = [*ASKED, "methods=learns,only_rule,oja_over"]
+
+
+@pytest.fixture(scope="module")
+def conf(tmp_path_factory):
+    """A folder with small methods and few test worlds."""
+    folder = tmp_path_factory.mktemp("conf")
+    for name in ("method", "experiment"):
+        (folder / name).mkdir()
+    for name, text in METHODS.items():
+        (folder / "method" / f"{name}.yaml").write_text(text)
+    (folder / "experiment" / "few.yaml").write_text(FEW)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def call(conf):
+    """Call the verb with these methods."""
+    return lambda *words: CliRunner().invoke(app, ["leaderboard", *words, "--config-dir", str(conf)])
+
+
+@pytest.fixture(scope="module")
+def made(call, tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("leaderboard"))
+        result = call(*MADE)
+        assert result.exit_code == 0, result.output
+        (folder,) = (tmp_path_factory.getbasetemp() / "leaderboard0" / "runs" / "leaderboard").iterdir()
+        yield folder, result
+
+
+@pytest.fixture
+def copy(made, tmp_path, monkeypatch):
+    """A copy of the finished folder, in which the same command works."""
+    monkeypatch.chdir(tmp_path)
+    return shutil.copytree(made[0], tmp_path / "runs" / "leaderboard" / made[0].name)
+
+
+def promised(folder):
+    """The files that come out the same to the byte: all tables but that of CPU seconds."""
+    files = [*folder.glob("*.csv"), *folder.glob("*/*.csv"), folder / "leaderboard.md"]
+    return {str(file.relative_to(folder)): file.read_bytes() for file in files if file.name != "cost.csv"}
+
+
+def test_it_leaves_tables_a_figure_and_a_page(made):
+    folder, result = made
+    assert "oja_over" in result.stdout
+    names = {file.name for file in folder.iterdir()}
+    assert {"leaderboard.csv", "leaderboard.md", "champions.csv", "worlds.csv", "cost.csv", "report.md"} <= names
+    for table in folder.glob("*.csv"):
+        assert list(pd.read_csv(table, nrows=0)) == list(formats.TABLES[table.name][1])
+    assert (folder / "figures" / "leaderboard.png").read_bytes().startswith(b"\x89PNG")
+    page = (folder / "report.html").read_text()
+    assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
+    assert page.count('src="data:image/png;base64,') == 1
+    assert "<title>epuckhebb: leaderboard</title>" in page
+
+
+def test_a_method_brings_what_it_is_compared_with(made):
+    table = pd.read_csv(made[0] / "leaderboard.csv").set_index("method")
+    assert table.kind.to_dict() == {
+        "tiny": "plain",
+        "learns": "evolved",
+        "only_rule": "evolved",
+        "oja_over": "laid over",
+    }
+    assert table.twin.fillna("").to_dict() == {"tiny": "", "learns": "tiny", "only_rule": "tiny", "oja_over": "tiny"}
+    assert table.numbers.to_dict() == {"tiny": 234, "learns": 244, "only_rule": 10, "oja_over": 234}
+    assert table.robot_steps["only_rule"] == 2 * table.robot_steps["tiny"] == 2 * table.robot_steps["oja_over"]
+
+
+def test_every_cell_of_the_page_is_in_a_csv(made):
+    folder, _ = made
+    table, costs = (pd.read_csv(folder / f"{name}.csv", keep_default_na=True) for name in ("leaderboard", "cost"))
+    table["twin"] = table.twin.fillna("")
+    for name in ("report.md", "leaderboard.md"):
+        text = (folder / name).read_text()
+        lines = text[text.index("| method | kind") :].split("\n\n")[0].splitlines()[2:]
+        assert len(lines) == len(table) == 4
+        for line, row in zip(lines, table.itertuples(), strict=True):
+            cells = [cell.strip() for cell in line.strip("|").split(" | ")]
+            assert cells[: len(board.HEAD)] == board.cells(row)
+            if name == "report.md":
+                (cost,) = costs[costs.method == row.method].itertuples()
+                assert cells[len(board.HEAD) :] == [f"{cost.evolve_cpu_s:.0f}", f"{cost.test_cpu_s:.1f}"]
+
+
+def test_the_table_is_made_of_the_rows_of_champions(made):
+    folder, _ = made
+    champions = pd.read_csv(folder / "champions.csv").groupby("method")
+    table = pd.read_csv(folder / "leaderboard.csv").set_index("method")
+    worlds = pd.read_csv(folder / "worlds.csv").groupby("method")[["trials", "successes"]].sum()
+    for method, own in champions:
+        row = table.loc[method]
+        assert (row.champions, row.mastered) == (len(own), (own.home_sides == 2).sum())
+        assert (row.trials, row.successes) == (own.trials.sum(), own.successes.sum()) == tuple(worlds.loc[method])
+        if method != "tiny":
+            twin = champions.get_group("tiny")
+            assert list(own.seed) == list(twin.seed)
+            shares = own.successes.to_numpy() / own.trials - twin.successes.to_numpy() / twin.trials.to_numpy()
+            assert row.difference == pytest.approx(shares.mean())
+            assert row.success_off == own.successes_off.sum() / own.trials.sum()
+
+
+def test_the_rows_of_champions_are_made_of_lifetimes(made):
+    folder, _ = made
+    for row in pd.read_csv(folder / "champions.csv").itertuples():
+        lived = pd.read_csv(folder / row.test / "metrics.csv")
+        own = lived[lived.controller == lived.controller.iloc[-1]]
+        at_home, away = own[own.scenario == "base"], own[own.scenario != "base"]
+        assert set(away.scenario) == {"4obstacles", "base_half"}
+        assert set(own.genome) == {row.champion}
+        assert (row.home_sides, row.successes, row.trials) == (at_home.success.sum(), away.success.sum(), len(away))
+        history = pd.read_csv(folder / row.champion / "history.csv").robot_steps.sum()
+        assert row.robot_steps == history * (2 if row.method == "only_rule" else 1)
+
+
+def test_off_is_the_twin_where_something_is_laid_over(made):
+    champions = pd.read_csv(made[0] / "champions.csv").set_index(["method", "seed"])
+    pd.testing.assert_series_equal(
+        champions.loc["oja_over"].successes_off, champions.loc["tiny"].successes, check_names=False, check_dtype=False
+    )
+
+
+def test_a_row_of_the_users_own_does_only_what_is_missing(copy, call, tmp_path):
+    before, stamps = promised(copy), {file: file.stat().st_mtime_ns for file in copy.glob("*/metrics.csv")}
+    (tmp_path / "mine.py").write_text(
+        "from epuckhebb import Rule\n"
+        "class Forgets(Rule):\n"
+        "    '''A weight goes back to 0.'''\n"
+        "    @staticmethod\n"
+        "    def synapse(weight):\n"
+        "        return -weight\n"
+    )
+    listed = json.loads(call(*ASKED, "methods=mine.py:Forgets", "--dry-run", "--json").stdout)["jobs"]
+    assert [job["done"] for job in listed] == [False] * 6  # two champions of the GA, their lives, those with the rule
+    (method,) = methods_named(["mine.py:Forgets"], [data_folder("conf")])[1:]
+    assert (method.over, method.told) == ("ga", "a rule of mine.py, laid over")
+    result = call(*MADE[:-1], "methods=learns,only_rule,oja_over", "champions=2")
+    assert result.exit_code == 0, result.output
+    assert promised(copy) == before
+    assert {file: file.stat().st_mtime_ns for file in copy.glob("*/metrics.csv")} == stamps
+
+
+def test_a_rule_that_evolves_something_is_evolved():
+    rule = str(data_folder("examples") / "own_rule" / "evolved_rule.py") + ":Layered"
+    twin, method = methods_named([rule], [data_folder("conf")])
+    assert (twin.name, method.name, method.twin) == ("sep_cma_es_varied", "Layered", "sep_cma_es_varied")
+    assert method.overrides("evolve")[1:] == ["optimizer=sep_cma_es", "training=varied"]
+
+
+def test_what_was_damaged_or_lost_is_made_again_and_the_rest_is_kept(copy, call):
+    before = promised(copy)
+    champions = pd.read_csv(copy / "champions.csv")
+    kept = copy / champions.test[0] / "metrics.csv"
+    stamp = kept.stat().st_mtime_ns
+    champion = copy / champions.champion[1] / "champion.npz"
+    champion.write_bytes(champion.read_bytes()[:-9])
+    shutil.rmtree(copy / champions.champion[2])
+    (copy / champions.test[3] / "metrics.csv").write_text("half a f")
+    (copy / champions.test[4] / "status.json").unlink()
+    (copy / "leaderboard.csv").unlink()
+    result = call(*MADE)
+    assert result.exit_code == 0, result.output
+    assert promised(copy) == before
+    assert kept.stat().st_mtime_ns == stamp
+
+
+def test_interrupted_it_goes_on_to_the_same_bytes(copy, call, made, monkeypatch):
+    for run in copy.glob("test_*"):
+        shutil.rmtree(run)
+    live, seen = leaderboard._live, []
+
+    def stop(*arguments):
+        seen.append(1)
+        if len(seen) > 2:
+            raise KeyboardInterrupt
+        live(*arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(leaderboard, "_live", stop)
+        result = call(*MADE)
+    assert result.exit_code == 130
+    assert "8 of 14 jobs are done; the same command does the rest" in result.stderr
+    shown = CliRunner().invoke(app, ["show", str(copy)])
+    assert shown.exit_code == 0, shown.output
+    assert "interrupted" in shown.stdout
+    result = call(*MADE)
+    assert result.exit_code == 0, result.output
+    assert "test champions: 8 jobs, 2 done before, 6 to do." in result.stderr
+    assert promised(copy) == promised(made[0])
+
+
+def test_two_calls_do_not_work_in_one_folder(copy, call):
+    held = runs.hold(copy)
+    result = call(*MADE)
+    runs.release(held)
+    assert result.exit_code == 2
+    assert f"another process is working on runs/leaderboard/{copy.name}" in result.stderr
+
+
+def test_show_tells_of_it(made):
+    folder, _ = made
+    shown = CliRunner().invoke(app, ["show", str(folder)])
+    assert shown.exit_code == 0, shown.output
+    assert "oja_over" in shown.stdout
+    rows = json.loads(CliRunner().invoke(app, ["show", str(folder), "--json"]).stdout)["leaderboard"]
+    assert {row["method"] for row in rows} == {"tiny", "learns", "only_rule", "oja_over"}
+    run = next(folder.glob("test_*"))
+    assert CliRunner().invoke(app, ["show", str(run)]).exit_code == 0
+
+
+# Methods
+
+
+def test_the_tab_key_offers_methods():
+    assert "methods=modulated" in data.complete_override("leaderboard", "meth")
+    assert data.complete_override("leaderboard", "methods=abcd_s") == ["methods=abcd_shared"]
+    assert not [offer for offer in data.complete_override("leaderboard", "") if offer.startswith("method=")]
+
+
+def test_every_method_of_the_program_can_be_planned_and_says_what_it_is(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    planned = leaderboard.plan("obstacles", ["champions=1"])
+    methods = [entry.method for entry in planned.entries]
+    assert sorted(method.name for method in methods) == groups("leaderboard")["method"]
+    assert all(method.told for method in methods)
+    kinds = {entry.method.name: entry.row.kind for entry in planned.entries}
+    assert (kinds["ga"], kinds["evolve_and_merge"], kinds["best"]) == ("plain", "evolved", "laid over")
+    assert len(planned.tests["obstacles"]) == 8 + 29
+    assert len({job.run for job in planned.jobs}) == len(planned.jobs)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("training", "world", "can"),
+    [
+        (HOME, {}, True),
+        (HOME, {"light": 0.5}, False),
+        (Training(light_share=0.5), {"light": 0.5}, False),
+        (Training(light_share=0.5, light=[0.5, 0.5]), {"light": 0.5}, True),
+        (Training(light_share=0.5, light=[0.5, 0.5]), {"light": 0.5, "left_wheel": 0.9}, False),
+        (Training(wheel_share=0.1, wheel=[0.9, 0.9]), {"left_wheel": 0.9}, True),
+        (Training(obstacles_share=0.5), {"obstacles": 4}, False),
+        (Training(obstacles_share=0.5), {"obstacles": 4, "layout": 2}, False),
+        (Training(obstacles_share=0.5), {"obstacles": 4, "layout": 12}, True),
+        (Training(dead_sensor_share=0.5), {"dead_sensors": [3]}, True),
+        (Training(dead_sensor_share=0.5), {"dead_sensors": [0]}, False),
+        (Training(dead_sensor_share=0.5), {"dead_sensors": [2, 5]}, False),
+    ],
+)
+def test_whether_a_world_of_training_can_be_a_test(training, world, can):
+    assert board.can_be(Scenario(), training, Scenario(name="test", **world)) == can
+
+
+def test_no_training_of_the_program_can_be_a_test():
+    """As planning would say; here for all worlds that the program tests with and trains in."""
+    for experiment, home in TRAINED.items():
+        tests = leaderboard._tests(["rescue", "rescue_new_kinds"], experiment, None)
+        trained = leaderboard._world(home, None)
+        trainings = [leaderboard.hydra_bridge.composed("evolve", [f"training={name}"]) for name in ("home", "varied")]
+        for cfg in trainings:
+            training = leaderboard.typed(cfg, leaderboard.EvolveConfig).training
+            assert not any(board.can_be(trained, training, world) for world in tests.values())
+
+
+def test_two_rules_of_one_name_are_refused(tmp_path):
+    rule = (data_folder("examples") / "own_rule" / "my_rules.py").read_text()
+    (tmp_path / "other.py").write_text(f"{rule}# another\n")
+    shutil.copy(data_folder("examples") / "own_rule" / "my_rules.py", tmp_path / "one.py")
+    with pytest.raises(ConfigError, match="another rule has the name Gated"):
+        methods_named([f"{tmp_path}/one.py:Gated", f"{tmp_path}/other.py:Gated"], [data_folder("conf")])
+
+
+# Statistics
+
+
+def rows_of(method, successes, sides):
+    own = {"experiment": "obstacles", "method": method, "trials": 4, "successes_off": 0, "robot_steps": 10}
+    return [
+        own | {"seed": k, "successes": s, "home_sides": h}
+        for k, (s, h) in enumerate(zip(successes, sides, strict=True))
+    ]
+
+
+def test_the_table_by_hand():
+    champions = pd.DataFrame(rows_of("twin", (1, 2, 4), (2, 1, 2)) + rows_of("own", (2, 2, 3), (2, 2, 0)))
+    told = {"experiment": "obstacles", "numbers": 1}
+    table = board.table(
+        [
+            board.Row(method="twin", kind=board.PLAIN, twin="", **told),
+            board.Row(method="own", kind=board.EVOLVED, twin="twin", **told),
+        ],
+        champions,
+    ).set_index("method")
+    assert table.success.to_dict() == {"twin": 7 / 12, "own": 7 / 12}
+    assert table.retention.to_dict() == {"twin": 5 / 8, "own": 0.5}
+    assert table.mastered.to_dict() == {"twin": 2, "own": 2}
+    assert table.difference["own"] == pytest.approx((1 + 0 - 1) / 12)
+    assert table.difference_low["own"] <= 0 <= table.difference_high["own"]
+    assert table.sign_flip_p["own"] == 1
+    assert np.isnan(table.difference["twin"])
+    assert np.isnan(table.success_off["twin"])
+
+
+# What is refused
+
+BAD = {
+    "no such method": (["methods=abdc"], ["methods=abdc", "did you mean abcd?", "sep_cma_es_varied", "FILE.py:NAME"]),
+    "no method": (["methods="], ["methods must name one method"]),
+    "a group": (["method=ga"], ["give methods=ga"]),
+    "no such file": (["methods=no.py:Mine"], ["no.py", "there is no file"]),
+    "no champions": (["champions=0"], ["champions must be 1 or more, got 0"]),
+    "no tests": (["tests=[]"], ["tests must name"]),
+    "no such tests": (["tests=[fewer]"], ["fewer"]),
+    "unknown key": (["champoins=3"], ["champoins"]),
+    "another sweeper": (["hydra/sweeper=x"], ["`leaderboard` lists its jobs itself"]),
+    "a champion of another rule": (["methods=over_plastic"], ["over=learns", "cannot be laid over it", "tiny"]),
+    "a rule with nothing to evolve": (["methods=no_numbers"], ["nothing would be evolved", "rule oja"]),
+    "trained in a test": (["methods=in_a_test"], ["can be 4obstacles", "one of the tests' own"]),
+    "trained in a light of a test": (["methods=light_of_a_test"], ["can be base_half", "one of the tests' own"]),
+    "another twin": (["methods=other_twin"], ["twin=tiny has another optimizer"]),
+    "a plastic twin": (["methods=plastic_twin"], ["twin=learns has plasticity itself"]),
+    "no twin": (["methods=no_twin"], ["twin is missing"]),
+    "a wrong key": (["methods=wrong_key"], ["wrong_key.yaml: evolves is not a key of a method", "evolve"]),
+    "a wrong value": (["methods=wrong_value"], ["evolve must be settings", "'ga'"]),
+    "neither evolved nor taken": (["methods=nothing"], ["give evolve", "or over"]),
+    "its own twin": (["methods=its_own_twin"], ["leads nowhere"]),
+    "a wrong setting": (["methods=wrong_setting"], ["method wrong_setting", "hebbian.nn"]),
+}
+
+
+@pytest.mark.parametrize("mistake", BAD)
+def test_a_mistake_gets_one_message_and_leaves_nothing(mistake, call, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words, expected = BAD[mistake]
+    result = call(*ASKED, *words)
+    assert result.exit_code == 2, result.output
+    for text in expected:
+        assert text in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_experiment_that_is_none_is_refused(call):
+    result = call("sound")
+    assert result.exit_code == 2
+    assert "light, obstacles, all" in result.stderr
+
+
+def test_a_folder_of_somebody_else_is_refused(call, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "thesis.tex").write_text("x")
+    result = call(*MADE, "hydra.sweep.dir=there")
+    assert result.exit_code == 2
+    assert "nothing there is touched" in result.stderr
+    assert [file.name for file in (tmp_path / "there").iterdir()] == ["thesis.tex"]
