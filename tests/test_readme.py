@@ -88,6 +88,17 @@ def test_the_account_of_new_kinds_of_change_is_that_of_its_study(generated):
     assert (asked.home_harmed == 0).all()
 
 
+def test_the_account_of_optimizers_is_that_of_its_sweeps(generated):
+    def tables(*folders):
+        named = ("retention", "rescue_over_all")
+        return (pd.concat([pd.read_csv(REFERENCE / folder / f"{name}.csv") for folder in folders]) for name in named)
+
+    told = {"the GA": (40, *tables("rescue"))}
+    for name, where in (("sep_cma_es", "separable CMA-ES"), ("sep_cma_es_varied", "separable CMA-ES, varied worlds")):
+        told[where] = (20, *tables(*(f"baseline/{name}_{experiment}" for experiment in TRAINED)))
+    generated(RESULTS, "baseline", rescue.baselines(told, "best"))
+
+
 @pytest.mark.parametrize(("home", "homeostasis", "best"), [("highlight", (56, 72), 19), ("base", (12, 53), 18)])
 def test_what_is_told_of_light_that_changes_in_mid_life(home, homeostasis, best):
     told = pd.read_csv(REFERENCE / "rescue_new_kinds" / "rescue_and_harm.csv")
