@@ -116,6 +116,7 @@ def test_both_bundled_champions_load():
         (lambda: epuckhebb.evaluate("reference", scenario="bas"), "4obstacles"),
         (lambda: epuckhebb.evaluate("reference", seed=pd.Series([1])), "seed must be text, a number"),
         (lambda: epuckhebb.evaluate("reference", hebbian=epuckhebb.Hebbian), "got a class; give an object of it"),
+        (lambda: epuckhebb.evaluate("reference", hebbian=epuckhebb.Hebbian(floor=0.3)), "has N = 0 and would"),
         (lambda: epuckhebb.evaluate("reference", lifetime={"duration": 3}), "duration_s"),
         (lambda: epuckhebb.evaluate("reference", config_dir="nowhere"), "nowhere is no folder"),
         (lambda: epuckhebb.evaluate("reference", adaptation=epuckhebb.Adaptation(self_check=True)), "needs a name"),

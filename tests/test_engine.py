@@ -8,7 +8,7 @@ from omegaconf import OmegaConf
 from epuckhebb.app import errors, runs
 from epuckhebb.app.engine import Task, at_work, carry_out, is_whole
 from epuckhebb.app.errors import ConfigError, JobFailedError
-from epuckhebb.app.progress import TaskProgress
+from epuckhebb.app.progress import TaskProgress, be_quiet
 
 CFG = OmegaConf.create({"seed": 1})
 
@@ -115,6 +115,7 @@ def test_a_result_is_a_file_or_a_run_that_has_finished(tmp_path):
 
 def test_it_is_told_how_far_a_task_is_and_what_was_done_before_does_not_count(study, monkeypatch, capsys):
     folder, _, task = study
+    be_quiet(False)
     carry_out(folder, "study", CFG, [], [task("one")])
     shown = []
     monkeypatch.setattr(TaskProgress, "put", lambda _, completed, told: shown.append((completed, told.strip())))

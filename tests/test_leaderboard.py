@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,7 @@ from epuckhebb.evolution.training import HOME, Training
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.study import leaderboard as board
 
+EXAMPLES = Path(__file__).parents[1] / "examples"
 TINY = "optimizer.population: 4, optimizer.starts: 3, optimizer.confirm: 2, optimizer.generations: 2"
 TINY += ", lifetime.duration_s: 3, scenario.paper_duration_s: 10"
 EVOLVED = f"optimizer: sep_cma_es, training: varied, {TINY}"
@@ -193,7 +195,7 @@ def test_a_row_of_the_users_own_does_only_what_is_missing(copy, call, tmp_path):
 
 
 def test_a_rule_that_evolves_something_is_evolved():
-    rule = str(data_folder("examples") / "own_rule" / "evolved_rule.py") + ":Layered"
+    rule = str(EXAMPLES / "own_rule" / "evolved_rule.py") + ":Layered"
     twin, method = methods_named([rule], [data_folder("conf")])
     assert (twin.name, method.name, method.twin) == ("sep_cma_es_varied", "Layered", "sep_cma_es_varied")
     assert method.overrides("evolve")[1:] == ["optimizer=sep_cma_es", "training=varied"]
@@ -315,9 +317,9 @@ def test_no_training_of_the_program_can_be_a_test():
 
 
 def test_two_rules_of_one_name_are_refused(tmp_path):
-    rule = (data_folder("examples") / "own_rule" / "my_rules.py").read_text()
+    rule = (EXAMPLES / "own_rule" / "my_rules.py").read_text()
     (tmp_path / "other.py").write_text(f"{rule}# another\n")
-    shutil.copy(data_folder("examples") / "own_rule" / "my_rules.py", tmp_path / "one.py")
+    shutil.copy(EXAMPLES / "own_rule" / "my_rules.py", tmp_path / "one.py")
     with pytest.raises(ConfigError, match="another rule has the name Gated"):
         methods_named([f"{tmp_path}/one.py:Gated", f"{tmp_path}/other.py:Gated"], [data_folder("conf")])
 

@@ -145,3 +145,15 @@ def test_the_dose_response_has_each_condition_and_the_genes_alone_beside_it(monk
     assert list(left.success) == [0.25, 0, 0, 0.5, 0.25, 0.25]
     assert (left.success_low <= left.success).all()
     assert (left.success <= left.success_high).all()
+
+
+@pytest.mark.parametrize(
+    ("of", "told"),
+    [
+        ([("GA", 0.0)], ""),
+        ([("GA", 0.0), ("Hebbian", 0.002), ("Hebbian", 0.002), ("anti", 0.002)], "N = 0.002"),
+        ([("Hebbian", 1.5e-5), ("anti", 2e-4), ("oja", 1.5e-5)], "N = 1.5e-05 (Hebbian, oja), 0.0002 (anti)"),
+    ],
+)
+def test_rates_are_told_with_whose_they_are(of, told):
+    assert tables.rates(of) == told

@@ -251,10 +251,10 @@ def lives(
 
 def caption(config: EvaluateConfig, genome_name: str) -> str:
     """Which lifetimes the traces of a run show, in one line."""
-    rate = f"N = {config.controllers[0].rule.N:g} · " if config.controllers else ""
+    rate = tables.rates([(controller.name, float(controller.rule.N)) for controller in config.controllers])
     changed = f" ({config.changed})" if config.changed else ""
     return (
-        f"{config.world.name}{changed} · genome {genome_name} · {rate}"
+        f"{config.world.name}{changed} · genome {genome_name} · {f'{rate} · ' if rate else ''}"
         f"noise repeat 1 of {config.repeats}, seed {config.seed}"
     )
 

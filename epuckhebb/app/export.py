@@ -4,6 +4,7 @@ import io
 import json
 import math
 from dataclasses import asdict
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -109,4 +110,5 @@ def _rule(controller: Controller) -> dict[str, Any]:
             "(hebbian=none)"
         )
     history = {"history_steps": HISTORY_STEPS, "history_mean": HISTORY_MEAN}
-    return {**asdict(rule), "signal": rule.signal.name, "sign": rule.sign.name, "births": rule.births.name, **history}
+    settings = {key: value.name if isinstance(value, Enum) else value for key, value in asdict(rule).items()}
+    return {**settings, **history}

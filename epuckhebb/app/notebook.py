@@ -29,7 +29,7 @@ from epuckhebb.evolution.evolve import evolve as generations
 from epuckhebb.evolution.evolve import history_row
 from epuckhebb.sim.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.plasticity.rule import Rule
+from epuckhebb.sim.plasticity.rule import NoRule, Rule
 from epuckhebb.study import figures, replay, self_checks, tables
 from epuckhebb.study.evaluate import COLUMNS, Traces
 from epuckhebb.study.self_checks import Checks
@@ -164,6 +164,11 @@ def evaluate(
     given = {key: value for key, value in keys.items() if not (key == "hebbian" and isinstance(rule, Rule))}
     config = typed(composed("evaluate", _words(overrides, given), _folder(config_dir)), EvaluateConfig)
     if isinstance(rule, Rule):
+        if rule.N == 0 and not isinstance(rule, NoRule):
+            raise ConfigError(
+                f"hebbian={type(rule).__name__}(...) has N = 0 and would change nothing; give it a rate, for example "
+                f"N={config.scenario.paper_N:g}, the paper's in this experiment, or hebbian='none'"
+            )
         own = with_controls(controller_of(rule, config.adaptation), config.world.task)
         config.controllers = [*own, *(other for other in config.controllers if other.name in config.compare)]
     lived = _genome(genome, config)

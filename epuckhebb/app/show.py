@@ -394,13 +394,12 @@ def _tell_metrics(metrics: pd.DataFrame, console: Console) -> None:
     """The paper's table of a run."""
     text = tables.formatted(tables.paper_table(metrics))
     first = metrics.iloc[0]
-    rates = metrics.N[metrics.N > 0].unique()
-    rate = f", N = {', '.join(f'{N:g}' for N in rates)}" if len(rates) else ""
+    rate = tables.rates(list(zip(metrics.controller, metrics.N, strict=True)))
     repeats = metrics.repeat.nunique()
     changed = str(first.get("changed", "nan"))  # runs of version 0.1 do not have the column
     world = first.scenario if changed == "nan" else f"{first.scenario} ({changed})"
     told = (
-        f"{world}: genome {first.genome}{rate}, "
+        f"{world}: genome {first.genome}{f', {rate}' if rate else ''}, "
         f"mean of {repeats} lifetime{'s' if repeats > 1 else ''} a side (seed {first.seed})"
     )
     rows = ([row, *values] for row, values in zip(text.index, text.to_numpy().tolist(), strict=True))

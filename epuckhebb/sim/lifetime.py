@@ -432,7 +432,8 @@ def check_inputs(network: Network, robot: Robot, task: Task) -> None:
     reward = f" and the reward of task={task.name}" if task.rewards else ""
     if network.inputs != wanted:
         raise ValueError(
-            f"network.layers must begin with {wanted}, the readings of robot {robot.name}{reward}, got {network.inputs}"
+            f"network.layers must begin with {wanted}, the readings of robot {robot.name}{reward}, got "
+            f"{list(network.layers)}"
         )
     if network.rewarded != task.tells_reward:
         other = "tells" if network.rewarded else "does not tell"

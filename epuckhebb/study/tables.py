@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
@@ -68,6 +68,17 @@ def markdown_table(head: list[str], rows: list[list[str]]) -> str:
 def _markdown(lines: list[list[str]]) -> str:
     """Lines of cells; a bar in a cell does not end it."""
     return "".join(f"| {' | '.join(cell.replace('|', BAR) for cell in line)} |\n" for line in lines)
+
+
+def rates(of: Sequence[tuple[str, float]]) -> str:
+    """The base rates of controllers in words, and whose they are where they differ; nothing if none has one.
+
+    of: the name of each controller and its N; a name may come several times.
+    """
+    named = {rate: [name for name, own in dict.fromkeys(of) if own == rate] for _, rate in of if rate > 0}
+    if len(named) < 2:
+        return "".join(f"N = {rate:g}" for rate in named)
+    return "N = " + ", ".join(f"{rate:g} ({', '.join(names)})" for rate, names in named.items())
 
 
 def plain(name: str) -> str:

@@ -195,6 +195,8 @@ def test_whatever_is_typed_ends_in_words(request, prepared, tmp_path, monkeypatc
         result = CliRunner().invoke(app, words)
         told = f"--torture-seed: line {number}: {words}\n{result.output}"
         codes[result.exit_code] = codes.get(result.exit_code, 0) + 1
+        if result.exit_code not in (0, USAGE):
+            print(f"exit code {result.exit_code}: {result.stderr}", flush=True)
         assert isinstance(result.exception, SystemExit | None), f"{told}\n{result.exc_info}"
         assert result.exit_code in (0, JOB_FAILED, USAGE, INTERRUPTED), told
         assert "Traceback" not in result.output, told
