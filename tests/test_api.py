@@ -37,9 +37,8 @@ def test_keywords_and_objects_are_overrides():
     own = {"scenario": "lowlight", "seed": np.int64(3), "lifetime": lifetime, "repeats": 1}
     result = epuckhebb.evaluate("reference_7", **own, hebbian=epuckhebb.Hebbian(N=0.0005))
     pd.testing.assert_frame_equal(result.metrics, named)
-    assert result.traces == {}
-    for show in (result.plot, result.replay):
-        with pytest.raises(ValueError, match="give 8, or leave it out"):
+    for show in (lambda: result.traces, result.plot, result.replay):
+        with pytest.raises(ValueError, match="give lifetime={'record_every': 8}"):
             show()
 
 

@@ -95,9 +95,12 @@ class Evaluation:
 
     @cached_property
     def traces(self) -> dict[str, NDArray[Any]]:
-        """What was recorded of the first repeat: the arrays of `traces.npz`; none with `lifetime.record_every=0`."""
-        if not self.config.lifetime.record_every:
-            return {}
+        """What was recorded of the first repeat: the arrays of `traces.npz`.
+
+        Raises:
+            ValueError: Nothing was recorded.
+        """
+        self._require_traces()
         return files.traces_arrays(self.recorded, self.genome.weights, self.genome.network)
 
     @property
@@ -145,7 +148,7 @@ class Evaluation:
 
     def _require_traces(self) -> None:
         if not self.config.lifetime.record_every:
-            raise ConfigError("nothing was recorded with lifetime.record_every=0; give 8, or leave it out")
+            raise ConfigError("nothing was recorded with lifetime.record_every=0; give lifetime={'record_every': 8}")
 
 
 class Evolution(NamedTuple):
