@@ -38,7 +38,7 @@ def test_keywords_and_objects_are_overrides():
     result = epuckhebb.evaluate("reference_7", **own, hebbian=epuckhebb.Hebbian(N=0.0005))
     pd.testing.assert_frame_equal(result.metrics, named)
     for show in (lambda: result.traces, result.plot, result.replay):
-        with pytest.raises(ValueError, match="give lifetime={'record_every': 8}"):
+        with pytest.raises(ValueError, match=r"give lifetime=\{'record_every': 8\}"):
             show()
 
 
