@@ -4,10 +4,13 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
+from epuckhebb.app import formats, show
 from epuckhebb.app.cli import app
 
 SHORT = ["lifetime.duration_s=0.064", "repeats=1"]
@@ -131,3 +134,13 @@ def test_without_runs_there_is_no_latest(words, tmp_path, monkeypatch):
     assert result.exit_code == 2
     assert "there is no run of `epuckhebb ev" in result.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_it_is_told_that_robots_came_to_the_goal_and_drove_on(capsys):
+    metrics = pd.DataFrame(0.0, index=range(3), columns=formats.METRICS).astype({"controller": str})
+    metrics = metrics.assign(
+        controller="GA", side=["left", "right", "right"], genome="g", scenario="base", changed=np.nan
+    )
+    metrics = metrics.assign(success=[0, 0, 1], time_to_goal_s=[12.0, np.nan, 20.0])
+    show._tell_metrics(metrics, Console(width=200))
+    assert "at the last step: 1 of 3 lifetimes came to the goal and drove on." in capsys.readouterr().out

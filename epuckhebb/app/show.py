@@ -404,6 +404,10 @@ def _tell_metrics(metrics: pd.DataFrame, console: Console) -> None:
     )
     rows = ([row, *values] for row, values in zip(text.index, text.to_numpy().tolist(), strict=True))
     print_table(console, told, ["", *map("\n".join, text.columns)], rows, numbers=True)
+    drove_on = int(((metrics.success == 0) & metrics.time_to_goal_s.notna()).sum())
+    if drove_on:
+        of = f"{drove_on} of {len(metrics)} lifetimes"
+        _line(console, f"{of} came to the goal and drove on; success is asked at the end.")
 
 
 def _in_short(path: Path, status: dict[str, Any]) -> str:
