@@ -46,6 +46,7 @@ _EXTRAS = {"submitit": "slurm", "ray": "ray"}
 _SWEEP_DIR = "hydra.sweep.dir="
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _PLAIN = re.compile(r"[A-Za-z0-9_./:%@+-]+")  # what needs no quotes as the value of an override
+_KINDS = {"Float": "a number", "Integer": "a whole number", "Boolean": "true or false"}  # OmegaConf's words, and ours
 _HYDRAS_WORDS = "Error executing job with overrides"  # before what a job raised
 _MOST_JOBS = 100_000  # of one call
 _VALUE_KEY = re.compile(r"[\w.]+")  # of a plain override: nothing added, deleted, or put into another package
@@ -587,9 +588,9 @@ def explain(error: BaseException) -> str:
     if choice and "Available options" in text:
         text, _, options = text.partition(f"Available options in '{choice[1]}':\n")
         near = ", ".join(difflib.get_close_matches(choice[2], options.split(), n=3))
-        text += f"{choice[1]} must be one of {', '.join(options.split())}" + (
-            f"\nDid you mean: {near}?" if near else ""
-        )
+        text = f"there is no {choice[1]}={choice[2]}"
+        text += f"\nDid you mean: {near}?" if near else ""
+        text += f"\n{choice[1]} must be one of {', '.join(options.split())}"
     wrong = re.search(r"Could not override '([^']+)'", text)
     if wrong and "Did you mean" not in text:
         owners = [verb for verb in SCHEMAS if wrong[1] in _known_keys(verb)]
@@ -599,6 +600,16 @@ def explain(error: BaseException) -> str:
             text += f": epuckhebb evaluate genome=latest {wrong[1]}=..." if owners == ["evaluate"] else ""
         elif near:
             text += f"\nDid you mean: {near}?"
+    return _plainly(text)
+
+
+def _plainly(text: str) -> str:
+    """What OmegaConf says of a value or a key, in the words of our own messages."""
+    text = re.sub(r"Could not override '(\S+)'\.\nKey '\S+' not in '\w+'", r"there is no key \1", text)
+    text = re.sub(r"Error merging override \S+\nfield '(\S+)' is not Optional", r"\1 must have a value, got null", text)
+    kind = re.search(r"Error merging override ([^=\s]+)=(.*)\nValue .* could not be converted to (\w+)", text)
+    if kind and kind[3] in _KINDS:
+        text = text.replace(kind[0], f"{kind[1]} must be {_KINDS[kind[3]]}, got {kind[2]}")
     return text
 
 

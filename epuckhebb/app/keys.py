@@ -22,6 +22,7 @@ from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.method import Method
 from epuckhebb.app.parts import NONE, optimizer_class, rule_class, task_class
 
+_FEW = 40  # choices of a group
 _NOT_KEYS = ("defaults", "hydra")
 _WHOLE = ("maze", "robot")  # groups whose keys hold what a user names
 _KINDS = {float: "number", int: "whole number", bool: "true or false", str: "text"}
@@ -72,15 +73,18 @@ def group_named(name: str) -> Group:
 
 
 def tell(wanted: list[Group], console: Console) -> None:
-    """Print groups: their choices, then their keys."""
+    """Print groups: their choices, then their keys; keys first where they would be lost below all choices."""
     for group in wanted:
         console.print(Text(title(group), style="bold"))
-        if group.choices:
-            console.print(_table(("choice", "what it is"), group.choices.items()))
+        choices = _table(("choice", "what it is"), group.choices.items())
+        if 0 < len(group.choices) <= _FEW:
+            console.print(choices)
         for told, keys in sections(group):
             if told:
                 console.print(told, markup=False, highlight=False)
             console.print(_table(("key", "default", "what it is"), ((key.name, key.default, key.told) for key in keys)))
+        if len(group.choices) > _FEW:
+            console.print(choices)
 
 
 def title(group: Group) -> str:
