@@ -8,7 +8,7 @@ from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.lifetime import Lifetime
 from epuckhebb.sim.plasticity.paper import Paper
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.study import figures, summary, tables
+from epuckhebb.study import charts, figures, summary, tables
 from epuckhebb.study.evaluate import COLUMNS, evaluate
 
 BRIEF = Lifetime(duration_s=40, gain_rad_s=4, record_every=10)
@@ -157,3 +157,10 @@ def test_the_dose_response_has_each_condition_and_the_genes_alone_beside_it(monk
 )
 def test_rates_are_told_with_whose_they_are(of, told):
     assert tables.rates(of) == told
+
+
+def test_rates_at_which_no_weight_changes_are_drawn_too():
+    row = {"condition": "base", "success_low": 0.5, "success_high": 1.0, "success": 0.9}
+    row |= {"weight_change_mean": 0.0, "weight_change_mean_low": 0.0, "weight_change_mean_high": 0.0}
+    doses = [row | {"controller": "late", "N": N, "side": side} for N in (0.001, 0.002) for side in ("left", "right")]
+    assert charts.rates(pd.DataFrame(doses), "one lifetime").startswith(b"\x89PNG")

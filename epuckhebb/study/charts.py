@@ -129,7 +129,8 @@ def rates(doses: pd.DataFrame, told: str) -> bytes:
             axes.spines[["top", "right"]].set_visible(False)
         panels[0].set_title(plain(condition), fontsize=10, loc="left")
         panels[0].set_ylim(-0.04, 1.04)
-        panels[1].set_yscale("log")
+        if (own.weight_change_mean > 0).any():  # an adaptation that is never needed changes none
+            panels[1].set_yscale("log")
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
     figure.suptitle(
         f"What each rate does: {told}\nDashed: GA, without plasticity, where no weight changes", fontsize=10
