@@ -10,8 +10,9 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from epuckhebb.app import data, formats, leaderboard, runs
+from epuckhebb.app import data, formats, hydra_bridge, leaderboard, leaderboard_plan, runs
 from epuckhebb.app.cli import app
+from epuckhebb.app.config import EvolveConfig, typed
 from epuckhebb.app.data import data_folder, groups
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.method import methods_named
@@ -273,7 +274,7 @@ def test_the_tab_key_offers_methods():
 
 def test_every_method_of_the_program_can_be_planned_and_says_what_it_is(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    planned = leaderboard.plan("obstacles", ["champions=1"])
+    planned = leaderboard_plan.plan("obstacles", ["champions=1"])
     methods = [entry.method for entry in planned.entries]
     assert sorted(method.name for method in methods) == groups("leaderboard")["method"]
     assert all(method.told for method in methods)
@@ -308,11 +309,11 @@ def test_whether_a_world_of_training_can_be_a_test(training, world, can):
 def test_no_training_of_the_program_can_be_a_test():
     """As planning would say; here for all worlds that the program tests with and trains in."""
     for experiment, home in TRAINED.items():
-        tests = leaderboard._tests(["rescue", "rescue_new_kinds"], experiment, None)
-        trained = leaderboard._world(home, None)
-        trainings = [leaderboard.hydra_bridge.composed("evolve", [f"training={name}"]) for name in ("home", "varied")]
+        tests = leaderboard_plan.tests_of(["rescue", "rescue_new_kinds"], None)[experiment]
+        trained = leaderboard_plan.world_named(home, None)
+        trainings = [hydra_bridge.composed("evolve", [f"training={name}"]) for name in ("home", "varied")]
         for cfg in trainings:
-            training = leaderboard.typed(cfg, leaderboard.EvolveConfig).training
+            training = typed(cfg, EvolveConfig).training
             assert not any(board.can_be(trained, training, world) for world in tests.values())
 
 

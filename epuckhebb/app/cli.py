@@ -105,6 +105,14 @@ Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output, all else on standard error.")
 ]
 Open = Annotated[bool, typer.Option("--open", help="Write the page that replays the run, and open it in a browser.")]
+ExperimentAndSettings = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[light|obstacles|all] [KEY=VALUE]...",
+        help="The experiment, and settings to change.",
+        autocompletion=_complete_override,
+    ),
+]
 
 
 def _say_error(message: str) -> None:
@@ -244,14 +252,7 @@ def replay(
 @app.command(cls=ConfiguredCommand)
 @_told()
 def reproduce(
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[light|obstacles|all] [KEY=VALUE]...",
-            help="The experiment, and settings to change.",
-            autocompletion=_complete_override,
-        ),
-    ] = None,
+    words: ExperimentAndSettings = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="3 champions, 3 repeats, 2 rates: a look in two minutes.")
     ] = False,
@@ -274,14 +275,7 @@ def reproduce(
 @app.command(cls=ConfiguredCommand)
 @_told()
 def leaderboard(
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[light|obstacles|all] [KEY=VALUE]...",
-            help="The experiment, and settings to change.",
-            autocompletion=_complete_override,
-        ),
-    ] = None,
+    words: ExperimentAndSettings = None,
     quick: Annotated[
         bool,
         typer.Option("--quick", help="3 methods, 2 champions, 8 test worlds, obstacles: a look in three minutes."),
@@ -295,7 +289,7 @@ def leaderboard(
     from epuckhebb.app import hydra_bridge
     from epuckhebb.app import show as shown
     from epuckhebb.app.leaderboard import leaderboard as run
-    from epuckhebb.app.leaderboard import plan
+    from epuckhebb.app.leaderboard_plan import plan
 
     arguments = hydra_bridge.with_latest_found(words or [])
     experiment = "obstacles" if quick else "all"

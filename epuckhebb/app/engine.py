@@ -46,7 +46,6 @@ from epuckhebb.app.runs import UNFINISHED, RunFolder
 NO_EFFECT = ("threads",)  # keys on which no result depends
 _APART = ("seed", "repeats", "threads")  # keys that are checked by `check_counts` alone
 _LIST, _JOBS, _STOP = "sweep.json", "jobs", "stop"
-_SWEEP_DIR = "hydra.sweep.dir="
 
 
 @dataclass(frozen=True)
@@ -255,8 +254,8 @@ def for_hydra(verb: str, arguments: Sequence[str]) -> list[str]:
 
 def folder_and_launcher(hydras: Sequence[str], usual: Path) -> tuple[Path, list[str]]:
     """The folder of a study, the usual one unless Hydra's arguments name another, and those that are the launcher's."""
-    named = [hydra_bridge.value_of(argument) for argument in hydras if argument.startswith(_SWEEP_DIR)]
-    launcher = [argument for argument in hydras if not argument.startswith(_SWEEP_DIR)]
+    named = [hydra_bridge.value_of(argument) for argument in hydras if argument.startswith(hydra_bridge.SWEEP_DIR)]
+    launcher = [argument for argument in hydras if not argument.startswith(hydra_bridge.SWEEP_DIR)]
     return Path(named[-1]) if named else usual, launcher
 
 

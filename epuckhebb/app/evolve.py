@@ -21,6 +21,7 @@ from epuckhebb.app import files, hydra_bridge, runs
 from epuckhebb.app.config import EvolveConfig, read_config, settings, thread_count, typed
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.evaluate import compiled_for, own_rules
+from epuckhebb.app.explain import explain
 from epuckhebb.app.files import CHAMPION, CHECKPOINT, Checkpoint, Genome
 from epuckhebb.app.machine import Need, path_of, require
 from epuckhebb.app.parts import network_for, sha256_of
@@ -292,4 +293,4 @@ def _change(cfg: DictConfig, path: Path, changes: list[str], changeable: tuple[s
         try:
             OmegaConf.update(cfg, key, yaml.safe_load(value))
         except (yaml.YAMLError, OmegaConfBaseException) as error:
-            raise ConfigError(hydra_bridge.explain(error)) from error
+            raise ConfigError(explain(error)) from error

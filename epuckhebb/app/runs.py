@@ -125,7 +125,7 @@ class RunFolder:
         """Take what `new` or `going_on` has claimed; `told` is the provenance of this call."""
         self.path, self.command, self.failure = path, list(told["command"]), ""
         self.left_behind: Callable[[], str] = lambda: ""
-        self.advanced: Callable[[float, str], None] = lambda share, told: None  # noqa: ARG005
+        self.advanced: Callable[[float, str], None] = lambda *_: None
         self._held, self._started = held, _now()
         self._kept: dict[str, str] = {}  # name -> SHA-256 of the results on which a later call relies
         self._written: dict[str, str] = {}  # the same of all files written

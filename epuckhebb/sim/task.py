@@ -28,6 +28,12 @@ TRIAL = np.dtype(
 NO_TRIALS = np.zeros(0, TRIAL)  # of a life that is one trial, of which its outcome tells all
 
 
+def rewarded(trials: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Which trials, records of `TRIAL`, were rewarded, (trials,)."""
+    told: NDArray[np.bool_] = trials["reached"] == trials["good"]
+    return told
+
+
 class Hooks(NamedTuple):
     """The functions of a task that a lifetime calls.
 

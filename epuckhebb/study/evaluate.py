@@ -26,6 +26,7 @@ from epuckhebb.sim.plasticity.control import signs
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.task import rewarded
 from epuckhebb.study.self_checks import Checks
 
 _LIFE_BYTES = 2000.0  # of one who shall live, and of the row that tells how it went
@@ -196,7 +197,7 @@ def _of_trials(trials: NDArray[np.void]) -> dict[str, Any]:
     """What metrics tell of the trials of a life."""
     switches = np.flatnonzero(np.diff(trials["good"]))
     return {
-        "rewarded_share": float((trials["reached"] == trials["good"]).mean()),
+        "rewarded_share": float(rewarded(trials).mean()),
         "switch_trial": int(switches[0]) + 2 if len(switches) else None,  # counted from 1
     }
 

@@ -26,10 +26,8 @@ from epuckhebb.study.evaluate import Traces
 from epuckhebb.study.floor import view
 from epuckhebb.study.moments import arrival, begins, told_when, with_gaps
 
-SIDE_COLOUR = {
-    "left": "#0072B2",
-    "right": "#D55E00",
-}  # blue and orange (the paper: red), apart for the colour-blind too
+# Blue and orange (the paper: red), apart for the colour-blind too.
+SIDE_COLOUR = {"left": "#0072B2", "right": "#D55E00"}
 _WALL, _OBSTACLE, _LAMP, _CHANGE = "#4d4d4d", "#b07d62", "#E69F00", "#222222"
 _TITLES = {
     GA: "GA alone",

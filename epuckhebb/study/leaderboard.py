@@ -28,7 +28,6 @@ KINDS = {
     LAID_OVER: "laid over champions of another method",
 }
 _NOT_LIVED = ("name", "experiment", "paper_N", "paper_duration_s")  # of a scenario: what no robot can tell
-_BY = ["experiment", "method"]
 
 
 @dataclass(frozen=True, kw_only=True)

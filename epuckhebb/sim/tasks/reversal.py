@@ -28,7 +28,7 @@ from epuckhebb.sim.maze import Place, Pose, Side
 from epuckhebb.sim.physics import Handles, put_back
 from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.robot import STEP_S
-from epuckhebb.sim.task import TRIAL, Hooks, Task
+from epuckhebb.sim.task import TRIAL, Hooks, Task, rewarded
 
 _ENDS = {"left": -1, "right": 1}
 
@@ -186,12 +186,6 @@ class Reversal(Task):
         arrived = trials["reached"] != 0
         progress = np.where(arrived, 1.0, np.maximum(0.0, 1.0 - trials["nearest"] / at_start))
         return float(rewarded(trials).mean() + self.end_bonus * arrived.mean() + self.progress_bonus * progress.mean())
-
-
-def rewarded(trials: NDArray[np.void]) -> NDArray[np.bool_]:
-    """Which trials were rewarded, (trials,)."""
-    told: NDArray[np.bool_] = trials["reached"] == trials["good"]
-    return told
 
 
 def _steps(seconds: float) -> int:

@@ -1,0 +1,83 @@
+"""What Hydra and OmegaConf say is wrong, in the words of our own messages."""
+
+import difflib
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from omegaconf import OmegaConf
+
+from epuckhebb.app.config import SCHEMAS, near_keys
+from epuckhebb.app.data import groups
+
+_EXTRAS = {"submitit": "slurm", "ray": "ray"}  # what is missing of Hydra's -> the extra of this package that has it
+_KINDS = {"Float": "a number", "Integer": "a whole number", "Boolean": "true or false"}  # OmegaConf's words, and ours
+
+
+def explain(error: BaseException) -> str:
+    """Hydra's message, made fit for a reader: causes included, advice that does not apply left out, near keys named."""
+    lines: list[str] = []
+    current: BaseException | None = error
+    while current is not None:
+        for line in str(current).splitlines():
+            kept = line.strip()
+            if kept and kept not in lines and not kept.startswith(("object_type=", "reference_type=", "full_key:")):
+                lines.append(kept)
+        current = current.__cause__
+    full_key = re.search(r"full_key: (\S+)", str(error))
+    if full_key and not any(full_key[1] in line for line in lines):
+        lines.insert(0, f"{full_key[1]}:")
+    lines = [
+        line
+        for line in lines
+        if not line.startswith(("Config search path", "To append to your ")) and "provider=" not in line
+    ]
+    text = re.sub(r"Did you mean: '(.+?)'\?", r"Did you mean: \1?", "\n".join(lines))
+    missing = re.search(r"Could not (?:find|load) 'hydra/launcher/(submitit|ray)(?:_\w+)?'", text)
+    if missing:
+        text += f'\nThis launcher is a plug-in: pip install "epuckhebb[{_EXTRAS[missing[1]]}]"'
+    if "LexerNoViableAlt" in text:
+        text = text.replace("LexerNoViableAltException: ", "cannot be read: ")
+        text += """\nSigns such as ~ need quotes within quotes, for example "genome='~/champion.npz'\""""
+    elif "mismatched input" in text or "missing EQUAL" in text:
+        text += "\nSettings are written KEY=VALUE, for example scenario=4obstacles or hebbian.N=0.002"
+    choice = re.search(r"Could not (?:find|load) '(\w+)/(\w+)'", text)
+    if choice and "Available options" in text:
+        text, _, options = text.partition(f"Available options in '{choice[1]}':\n")
+        near = ", ".join(difflib.get_close_matches(choice[2], options.split(), n=3))
+        text = f"there is no {choice[1]}={choice[2]}"
+        text += f"\nDid you mean: {near}?" if near else ""
+        text += f"\n{choice[1]} must be one of {', '.join(options.split())}"
+    wrong = re.search(r"Could not override '([^']+)'", text)
+    if wrong and "Did you mean" not in text:
+        owners = [verb for verb in SCHEMAS if wrong[1] in _known_keys(verb)]
+        near = near_keys(wrong[1], sorted({key for verb in ("evaluate", "evolve") for key in _known_keys(verb)}))
+        if owners:
+            text += f"\n{wrong[1]} is a key of `epuckhebb {'` and `epuckhebb '.join(owners)}`; give it there"
+            text += f": epuckhebb evaluate genome=latest {wrong[1]}=..." if owners == ["evaluate"] else ""
+        elif near:
+            text += f"\nDid you mean: {near}?"
+    return _plainly(text)
+
+
+def _plainly(text: str) -> str:
+    """What OmegaConf says of a value or a key, in the words of our own messages."""
+    text = re.sub(r"Could not override '(\S+)'\.\nKey '\S+' not in '\w+'", r"there is no key \1", text)
+    text = re.sub(r"Error merging override \S+\nfield '(\S+)' is not Optional", r"\1 must have a value, got null", text)
+    kind = re.search(r"Error merging override ([^=\s]+)=(.*)\nValue .* could not be converted to (\w+)", text)
+    if kind and kind[3] in _KINDS:
+        text = text.replace(kind[0], f"{kind[1]} must be {_KINDS[kind[3]]}, got {kind[2]}")
+    return text
+
+
+def _known_keys(verb: str) -> list[str]:
+    """All keys and groups of a verb, as they are written in an override."""
+
+    def below(node: Any, prefix: str) -> Iterator[str]:
+        for key, value in node.items():
+            yield prefix + key
+            if isinstance(value, dict):
+                yield from below(value, f"{prefix}{key}.")
+
+    schema = OmegaConf.to_container(OmegaConf.structured(SCHEMAS[verb]))
+    return sorted({*below(schema, ""), *groups(verb)})
