@@ -10,14 +10,15 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from epuckhebb.app import data, formats, hydra_bridge, leaderboard, leaderboard_plan, runs
+from epuckhebb.app import data, formats, hydra_bridge, leaderboard, leaderboard_plan, method, runs
 from epuckhebb.app.cli import app
 from epuckhebb.app.config import EvolveConfig, typed
 from epuckhebb.app.data import data_folder, groups
 from epuckhebb.app.errors import ConfigError
-from epuckhebb.app.method import methods_named
+from epuckhebb.app.method import in_reversal, methods_named
 from epuckhebb.evolution.training import HOME, Training
 from epuckhebb.sim.scenario import TRAINED, Scenario
+from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.study import leaderboard as board
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -132,10 +133,13 @@ def test_every_cell_of_the_page_is_in_a_csv(made):
         assert len(lines) == len(table) == 4
         for line, row in zip(lines, table.itertuples(), strict=True):
             cells = [cell.strip() for cell in line.strip("|").split(" | ")]
-            assert cells[: len(board.HEAD)] == board.cells(row)
+            assert cells[: len(board.head(row.experiment))] == board.cells(row)
             if name == "report.md":
                 (cost,) = costs[costs.method == row.method].itertuples()
-                assert cells[len(board.HEAD) :] == [f"{cost.evolve_cpu_s:.0f}", f"{cost.test_cpu_s:.1f}"]
+                assert cells[len(board.head(row.experiment)) :] == [
+                    f"{cost.evolve_cpu_s:.0f}",
+                    f"{cost.test_cpu_s:.1f}",
+                ]
 
 
 def test_the_table_is_made_of_the_rows_of_champions(made):
@@ -143,11 +147,11 @@ def test_the_table_is_made_of_the_rows_of_champions(made):
     champions = pd.read_csv(folder / "champions.csv").groupby("method")
     table = pd.read_csv(folder / "leaderboard.csv").set_index("method")
     worlds = pd.read_csv(folder / "worlds.csv").groupby("method")[["trials", "successes"]].sum()
-    for method, own in champions:
-        row = table.loc[method]
-        assert (row.champions, row.mastered) == (len(own), (own.home_sides == 2).sum())
-        assert (row.trials, row.successes) == (own.trials.sum(), own.successes.sum()) == tuple(worlds.loc[method])
-        if method != "tiny":
+    for name, own in champions:
+        row = table.loc[name]
+        assert (row.champions, row.mastered) == (len(own), own.masters.sum())
+        assert (row.trials, row.successes) == (own.trials.sum(), own.successes.sum()) == tuple(worlds.loc[name])
+        if name != "tiny":
             twin = champions.get_group("tiny")
             assert list(own.seed) == list(twin.seed)
             shares = own.successes.to_numpy() / own.trials - twin.successes.to_numpy() / twin.trials.to_numpy()
@@ -163,7 +167,7 @@ def test_the_rows_of_champions_are_made_of_lifetimes(made):
         at_home, away = own[own.scenario == "base"], own[own.scenario != "base"]
         assert set(away.scenario) == {"4obstacles", "base_half"}
         assert set(own.genome) == {row.champion}
-        assert (row.home_sides, row.successes, row.trials) == (at_home.success.sum(), away.success.sum(), len(away))
+        assert (row.masters, row.successes, row.trials) == (at_home.success.sum() == 2, away.success.sum(), len(away))
         history = pd.read_csv(folder / row.champion / "history.csv").robot_steps.sum()
         assert row.robot_steps == history * (2 if row.method == "only_rule" else 1)
 
@@ -263,6 +267,84 @@ def test_show_tells_of_it(made):
     assert CliRunner().invoke(app, ["show", str(run)]).exit_code == 0
 
 
+# Reversal learning
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """Lives of the task have two short trials, and four of them evolve."""
+    lives = {"trials": 2, "first_switch": 2, "last_switch": 2, "reward_s": 0.1, "time_out_s": 1.0}
+    monkeypatch.setattr(
+        method, "REVERSAL_TASK", {"task": "reversal"} | {f"task.{key}": value for key, value in lives.items()}
+    )
+    monkeypatch.setattr(leaderboard_plan, "REVERSAL_TASK", method.REVERSAL_TASK)
+    evolution = {"population": 4, "generations": 2, "elites": 1, "loops": 1}
+    monkeypatch.setattr(
+        method, "_REVERSAL_GA", {"ga": "reversal"} | {f"ga.{key}": value for key, value in evolution.items()}
+    )
+
+
+@pytest.mark.usefixtures("short")
+def test_reversal_learning_compares_rules(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["leaderboard", "reversal", "methods=modulated,oja", "champions=1", "reversal_repeats=2"]
+    words += ["hydra/launcher=basic", "hydra.sweep.dir=board"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    assert "Reversal learning" in result.stdout
+    champions = pd.read_csv(tmp_path / "board" / "champions.csv").set_index("method")
+    table = pd.read_csv(tmp_path / "board" / "leaderboard.csv").set_index("method")
+    assert table.kind.to_dict() == {"ga": "plain", "modulated": "evolved", "oja": "laid over"}
+    assert table.twin.fillna("").to_dict() == {"ga": "", "modulated": "ga", "oja": "ga"}
+    assert set(table.trials) == {2 * 2 * 2}
+    for name, own in champions.iterrows():
+        lived = pd.read_csv(tmp_path / "board" / own.test / "metrics.csv")
+        rewarded = lived.groupby("controller", sort=False).rewarded_share.sum() * 2
+        assert own.successes == rewarded.iloc[1 if len(rewarded) > 1 else 0]
+        assert np.isnan(own.successes_inverted) == (name != "modulated")
+        if name == "modulated":
+            assert list(rewarded.index) == ["GA", "modulated", "modulated (reward inverted)"]
+            assert (own.successes_off, own.successes_inverted) == (rewarded.iloc[0], rewarded.iloc[2])
+    page = (tmp_path / "board" / "report.md").read_text()
+    assert "| reward inverted |" in page
+    assert "4 new lives of every champion in reversal learning" in page
+
+
+def test_the_share_of_a_learner_by_hand():
+    """The optimum is .8625, chance .5: who is nearer to the optimum learns."""
+    names = ["GA", "learner", "learner (reward inverted)"]
+    lives = pd.DataFrame(
+        {
+            "controller": np.repeat(names, 2),
+            "scenario": "base",
+            "rewarded_share": [0.5, 0.5, 0.6, 0.8, 0.1, 0.4],
+        }
+    )
+    count, worlds = board.of_learner(lives, Reversal())
+    assert count == {"masters": 1, "trials": 20, "successes": 14, "successes_off": 10, "successes_inverted": 5}
+    assert worlds.to_dict("records") == [{"scenario": "base", "trials": 20, "successes": 14}]
+    count, _ = board.of_learner(lives[lives.controller == "GA"], Reversal())
+    assert count == {"masters": 0, "trials": 20, "successes": 10, "successes_off": None, "successes_inverted": None}
+
+
+@pytest.mark.parametrize("methods", ["best", "ga_varied,best"])
+def test_what_has_no_place_in_reversal_learning_is_refused(methods, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigError, match="none has a place in reversal learning"):
+        leaderboard_plan.plan("reversal", [f"methods={methods}"])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_methods_that_differ_in_training_or_optimizer_alone_are_one_in_reversal_learning():
+    conf = [data_folder("conf")]
+    names = ["ga_varied", "abcd", "evolve_and_merge", "best", "modulated_over_ga", "online"]
+    here = {method.name: method for method in in_reversal(methods_named(names, conf), conf)}
+    assert list(here) == ["ga", "abcd", "modulated_over_ga"]
+    assert here["ga"].evolve == {"task": "reversal", "ga": "reversal"}
+    assert here["abcd"].evolve == {"task": "reversal", "ga": "reversal", "hebbian": "abcd"}
+    assert (here["abcd"].twin, here["modulated_over_ga"].over) == ("ga", "ga")
+
+
 # Methods
 
 
@@ -328,16 +410,22 @@ def test_two_rules_of_one_name_are_refused(tmp_path):
 # Statistics
 
 
-def rows_of(method, successes, sides):
-    own = {"experiment": "obstacles", "method": method, "trials": 4, "successes_off": 0, "robot_steps": 10}
+def rows_of(method, successes, masters):
+    own = {
+        "experiment": "obstacles",
+        "method": method,
+        "trials": 4,
+        "successes_off": 0 if method == "own" else None,
+        "successes_inverted": None,
+    }
+    own["robot_steps"] = 10
     return [
-        own | {"seed": k, "successes": s, "home_sides": h}
-        for k, (s, h) in enumerate(zip(successes, sides, strict=True))
+        own | {"seed": k, "successes": s, "masters": m} for k, (s, m) in enumerate(zip(successes, masters, strict=True))
     ]
 
 
 def test_the_table_by_hand():
-    champions = pd.DataFrame(rows_of("twin", (1, 2, 4), (2, 1, 2)) + rows_of("own", (2, 2, 3), (2, 2, 0)))
+    champions = pd.DataFrame(rows_of("twin", (1, 2, 4), (1, 0, 1)) + rows_of("own", (2, 2, 3), (1, 1, 0)))
     told = {"experiment": "obstacles", "numbers": 1}
     table = board.table(
         [
@@ -349,6 +437,7 @@ def test_the_table_by_hand():
     assert table.success.to_dict() == {"twin": 7 / 12, "own": 7 / 12}
     assert table.retention.to_dict() == {"twin": 5 / 8, "own": 0.5}
     assert table.mastered.to_dict() == {"twin": 2, "own": 2}
+    assert table.best.to_dict() == {"twin": 1.0, "own": 0.75}
     assert table.difference["own"] == pytest.approx((1 + 0 - 1) / 12)
     assert table.difference_low["own"] <= 0 <= table.difference_high["own"]
     assert table.sign_flip_p["own"] == 1
@@ -397,7 +486,7 @@ def test_a_mistake_gets_one_message_and_leaves_nothing(mistake, call, tmp_path, 
 def test_an_experiment_that_is_none_is_refused(call):
     result = call("sound")
     assert result.exit_code == 2
-    assert "light, obstacles, all" in result.stderr
+    assert "light, obstacles, reversal, all" in result.stderr
 
 
 def test_a_folder_of_somebody_else_is_refused(call, tmp_path, monkeypatch):

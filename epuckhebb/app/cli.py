@@ -298,7 +298,7 @@ def leaderboard(
     planned = plan(experiment, arguments, quick=quick, config_dir=config_dir)
     _begin(quiet)
     if dry_run:
-        _tell_jobs("leaderboard", planned.folder, planned.jobs, as_json, quiet)
+        _tell_jobs("leaderboard", planned.folder, planned.jobs, as_json, quiet, planned.told)
         return
     run(planned)
     _out(
@@ -485,13 +485,19 @@ def _tell(verb: str, runs: list[Path], quiet: bool, as_json: bool) -> None:
     )
 
 
-def _tell_jobs(verb: str, folder: Path, jobs: "list[Job]", as_json: bool, quiet: bool) -> None:
-    """List the jobs of a study that is not run."""
+def _tell_jobs(
+    verb: str, folder: Path, jobs: "list[Job]", as_json: bool, quiet: bool, told: "dict[str, str] | None" = None
+) -> None:
+    """List the jobs of a study that is not run. told: what each run is for; without it what would be typed is said."""
     from epuckhebb.app import engine
     from epuckhebb.app import show as shown
 
     todo = {job.run for job in engine.todo(folder, jobs)}
-    listed = [{"run": job.run, "done": job.run not in todo, "overrides": job.overrides} for job in jobs]
+    listed = [
+        {"run": job.run, "done": job.run not in todo, "overrides": job.overrides}
+        | ({"told": told[job.run]} if told else {})
+        for job in jobs
+    ]
     found = {"verb": verb, "folder": str(folder), "jobs": listed}
     _out(as_json, quiet, lambda: found, lambda console: shown.tell_jobs(folder, listed, console))
 

@@ -247,6 +247,7 @@ class LeaderboardConfig:
     first_seed: int = 201
     seed: int = 1
     repeats: int = 3
+    reversal_repeats: int = 100
 
     def __post_init__(self) -> None:
         """Refuse what cannot be run.
@@ -255,7 +256,7 @@ class LeaderboardConfig:
             ValueError: a value is outside the range named in the message.
         """
         check_counts(self.seed, 0, self.repeats)
-        for name, least in (("champions", 1), ("first_seed", 0)):
+        for name, least in (("champions", 1), ("first_seed", 0), ("reversal_repeats", 1)):
             if getattr(self, name) < least:
                 raise ValueError(f"{name} must be {least} or more, got {getattr(self, name)}")
         if not self.tests:

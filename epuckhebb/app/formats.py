@@ -370,15 +370,18 @@ LEADERBOARD: Columns = {
     ),
     "twin": Column(TEXT_OR_EMPTY, "the method that it is compared with, which has no plasticity; empty for plain ones"),
     "champions": Column(NUMBER, "how many there are"),
-    "mastered": Column(NUMBER, "how many of them succeed on both sides at home"),
+    "mastered": Column(NUMBER, "how many of them succeed on both sides at home; in `reversal`, how many learn"),
     "mastered_low": _INTERVAL["low"],
     "mastered_high": _INTERVAL["high"],
-    "trials": Column(NUMBER, "champions times sides times test worlds"),
-    "successes": Column(NUMBER, "in how many of them more than half of the repeats succeed"),
+    "trials": Column(NUMBER, "champions times sides times test worlds; in `reversal`, trials of all lives"),
+    "successes": Column(
+        NUMBER, "in how many of them more than half of the repeats succeed; in `reversal`, rewarded ones"
+    ),
     "success": Column(NUMBER, "`successes` over `trials`"),
     "success_low": Column(NUMBER, "lower end of its 95 % interval, from a bootstrap over champions"),
     "success_high": Column(NUMBER, "upper end of it"),
-    "retention": Column(NUMBER_OR_EMPTY, "the same share of those champions that succeed on both sides at home"),
+    "best": Column(NUMBER, "`success` of the champion that does best"),
+    "retention": Column(NUMBER_OR_EMPTY, "`success` of those champions alone that are `mastered`"),
     "retention_low": _INTERVAL["low"],
     "retention_high": _INTERVAL["high"],
     "difference": Column(
@@ -388,6 +391,7 @@ LEADERBOARD: Columns = {
     "difference_high": Column(NUMBER_OR_EMPTY, "upper end of it"),
     "sign_flip_p": Column(NUMBER_OR_EMPTY, "exact p value of the difference, signs flipped by champion"),
     "success_off": Column(NUMBER_OR_EMPTY, "`success` of the same champions with the rule, or what is laid over, off"),
+    "success_inverted": Column(NUMBER_OR_EMPTY, "the same with the reward inverted, of rules that hear one"),
     "numbers": Column(NUMBER, "how many numbers are evolved for a champion"),
     "robot_steps": Column(
         NUMBER, "control steps of 32 ms in all generations of a champion's evolution, as the mean over champions"
@@ -398,10 +402,11 @@ _CHAMPIONS: Columns = {
     "seed": Column(NUMBER, "seed of its evolution"),
     "champion": Column(TEXT, "run folder in which it, or the rule for it, was evolved"),
     "test": Column(TEXT, "run folder of its lifetimes at home and in all test worlds"),
-    "home_sides": Column(NUMBER, "on how many sides it succeeds at home: 0, 1 or 2"),
-    "trials": Column(NUMBER, "sides times test worlds"),
-    "successes": Column(NUMBER, "of them: more than half of the repeats succeed"),
+    "masters": Column(NUMBER, "1 if it succeeds on both sides at home, in `reversal` if it learns; else 0"),
+    "trials": Column(NUMBER, "sides times test worlds; in `reversal`, trials of all lives"),
+    "successes": Column(NUMBER, "of them: more than half of the repeats succeed; in `reversal`, rewarded ones"),
     "successes_off": Column(NUMBER_OR_EMPTY, "the same with the rule off; empty for plain methods"),
+    "successes_inverted": Column(NUMBER_OR_EMPTY, "the same with the reward inverted, of rules that hear one"),
     "robot_steps": Column(NUMBER, "control steps of its evolution, and of what it was laid over"),
 }
 _WORLDS: Columns = {

@@ -13,7 +13,7 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from epuckhebb.app import engine, evaluate, evolve, formats, hydra_bridge, runs
-from epuckhebb.app.config import LeaderboardConfig, as_config
+from epuckhebb.app.config import as_config
 from epuckhebb.app.errors import JobFailedError
 from epuckhebb.app.formats import Cost, JobAsked, record
 from epuckhebb.app.hydra_bridge import Plain
@@ -21,8 +21,10 @@ from epuckhebb.app.leaderboard_plan import Leaderboard, identity, in_world, worl
 from epuckhebb.app.progress import say
 from epuckhebb.app.runs import RunFolder
 from epuckhebb.sim.scenario import TRAINED
+from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.study import leaderboard as board
 from epuckhebb.study import report
+from epuckhebb.study.limits import limits
 
 _COST = "cost.json"
 _FIRST_REPORTED = 100  # seeds below are those on which settings were chosen
@@ -109,34 +111,43 @@ def _tell(study: RunFolder, planned: Leaderboard) -> None:
     study.write("leaderboard.csv", table.to_csv(index=False))
     study.write("cost.csv", costs.to_csv(index=False))
     parts = [
-        f"## The {experiment} experiment\n\n{board.markdown_of(own)}"
+        f"## {board.title(str(experiment))}\n\n{board.markdown_of(own)}"
         for experiment, own in table.groupby("experiment", sort=False)
     ]
     study.write("leaderboard.md", "\n".join(["# Leaderboard\n", *parts]))
-    picture = charts.leaderboard_of(table, champions)
+    lines = {entry.row.experiment: limits(entry.task) for entry in planned.entries if isinstance(entry.task, Reversal)}
+    picture = charts.leaderboard_of(table, champions, lines)
     study.write(f"figures/{board.FIGURE}", picture)
     told = {entry.method.name: entry.method.told for entry in planned.entries}
     tests = {experiment: list(own) for experiment, own in planned.tests.items()}
-    page = board.markdown(table, costs, told, tests, _provenance(planned.config))
+    page = board.markdown(table, costs, told, tests, _provenance(planned))
     study.write("report.md", page)
     small = figures.small(picture)
     study.write("report.html", report.html(page, lambda _: small, "epuckhebb: leaderboard"))
 
 
-def _provenance(config: LeaderboardConfig) -> str:
+def _provenance(planned: Leaderboard) -> str:
+    config = planned.config
     last = config.first_seed + config.champions - 1
     chosen = (
         f"Settings of methods were chosen on seeds below {_FIRST_REPORTED}, and none on these."
         if config.first_seed >= _FIRST_REPORTED
         else f"**Settings of methods were chosen on seeds below {_FIRST_REPORTED}, so these figures flatter.**"
     )
+    lived, worlds = [], ""
+    if any(planned.tests.values()):
+        lived.append(f"{config.repeats} noise repeats of every champion, side and world")
+        worlds = (
+            f" Test worlds are those of the sweeps {', '.join(config.tests)}; no training uses one, but light levels "
+            "and weak wheels of tests lie between those of varied training."
+        )
+    if board.REVERSAL in planned.tests:
+        lived.append(f"{2 * config.reversal_repeats} new lives of every champion in reversal learning")
     few = "**A look: so few champions say nothing about a method.** " if config.champions < _ENOUGH else ""
     return (
         f"{few}Made by `epuckhebb leaderboard`: {config.champions} champions of each method and experiment, seeds "
-        f"{config.first_seed} to {last}, evolved in as many robot-steps as the table tells; {config.repeats} noise "
-        f"repeats of every champion, side and world (seed {config.seed}). {chosen} Test worlds are those of the sweeps "
-        f"{', '.join(config.tests)}; no training uses one, but light levels and weak wheels of tests lie between "
-        "those of varied training."
+        f"{config.first_seed} to {last}, evolved in as many robot-steps as the table tells; {' and '.join(lived)} "
+        f"(seed {config.seed}). {chosen}{worlds}"
     )
 
 
@@ -150,7 +161,11 @@ def _tables(planned: Leaderboard) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFr
         for seed, lived in entry.lives.items():
             evolved = [jobs[seed] for jobs in (entry.before, entry.champions) if jobs]
             metrics = runs.table(planned.folder / lived.run, "metrics.csv", formats.METRICS)
-            counts, away = board.of_champion(metrics, TRAINED[entry.row.experiment])
+            counts, away = (
+                board.of_learner(metrics, entry.task)
+                if isinstance(entry.task, Reversal)
+                else board.of_champion(metrics, TRAINED[entry.row.experiment])
+            )
             steps = sum(_robot_steps(planned.folder / job.run) for job in evolved)
             runs_told = {"seed": seed, "champion": entry.champions[seed].run, "test": lived.run}
             champions.append(whose | runs_told | counts | {"robot_steps": steps})
@@ -160,7 +175,7 @@ def _tables(planned: Leaderboard) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFr
         summed = pd.concat(of_worlds).groupby("scenario", sort=False).sum().reset_index()
         worlds += [whose | {str(name): value for name, value in row.items()} for row in summed.to_dict("records")]
         costs.append(whose | {name: round(sum(each) / len(each), 1) for name, each in spent.items()})
-    made = pd.DataFrame(champions).astype({"successes_off": "Int64"})
+    made = pd.DataFrame(champions).astype({"successes_off": "Int64", "successes_inverted": "Int64"})
     return made, pd.DataFrame(worlds), pd.DataFrame(costs)
 
 

@@ -19,16 +19,17 @@ from epuckhebb.app.engine import Job
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.hydra_bridge import Plain
 from epuckhebb.app.machine import require
-from epuckhebb.app.method import Method, methods_named
+from epuckhebb.app.method import REVERSAL_TASK, Method, in_reversal, methods_named, typed_as
 from epuckhebb.app.named import world_of
-from epuckhebb.app.parts import check_pace, sha256_of
-from epuckhebb.sim.network import PAPER_NETWORK
+from epuckhebb.app.parts import check_pace, network_for, sha256_of
 from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.scenario import TRAINED, Scenario
+from epuckhebb.sim.task import Task
 from epuckhebb.study import leaderboard as board
 from epuckhebb.study.leaderboard import EVOLVED, LAID_OVER, PLAIN, Row
 
-EXPERIMENTS = {"light": ("light",), "obstacles": ("obstacles",), "all": ("light", "obstacles")}
+REVERSAL = board.REVERSAL
+EXPERIMENTS = {**{one: (one,) for one in (*TRAINED, REVERSAL)}, "all": (*TRAINED, REVERSAL)}
 QUICK = ("champions=2", "tests=[rescue]", "methods=[ga,sep_cma_es_varied,abcd_shared]")
 _METHODS = "methods="
 _OF_RULES = ("merges", "merge_every")  # settings of optimizers that concern nothing but rules
@@ -45,6 +46,7 @@ class _Entry:
         lives: For each seed the job in which it is tested.
         before: For each seed what was evolved before that: the job of the champion for which a rule is evolved.
         config: How it is evolved, if it is.
+        task: What it is evolved for.
     """
 
     method: Method
@@ -53,6 +55,7 @@ class _Entry:
     lives: dict[int, Job]
     before: dict[int, Job]
     config: EvolveConfig | None
+    task: Task
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +65,7 @@ class Leaderboard:
     Attributes:
         config: The settings.
         cfg: The same, as they were composed.
-        tests: The test worlds of each experiment, by name.
+        tests: The test worlds of each experiment, by name; reversal learning has none but its own.
         entries: The methods of each experiment.
         folder: Where everything is kept.
         launcher: What was typed for Hydra's launcher.
@@ -83,6 +86,16 @@ class Leaderboard:
     def jobs(self) -> list[Job]:
         """All jobs, in the order in which they need each other."""
         return [job for _, jobs in self.stages for job in jobs]
+
+    @property
+    def told(self) -> dict[str, str]:
+        """What each run is for."""
+        told: dict[str, str] = {}
+        for entry in self.entries:
+            for verb, jobs in (("evolve", entry.champions), ("test", entry.lives)):
+                for seed, job in jobs.items():
+                    told.setdefault(job.run, f"{verb} {entry.method.name}, {entry.row.experiment}, seed {seed}")
+        return told
 
     @property
     def stages(self) -> list[tuple[str, list[Job]]]:
@@ -110,15 +123,16 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
     config = typed(cfg, LeaderboardConfig)
     folders = _folders(config_dir)
     all_tests = tests_of(config.tests, config_dir)
-    tests = {one: all_tests[one] for one in EXPERIMENTS[experiment]}
+    tests = {one: all_tests.get(one, {}) for one in EXPERIMENTS[experiment]}
     for one, worlds in tests.items():
-        if not worlds:
+        if not worlds and one != REVERSAL:
             raise ConfigError(f"tests={','.join(config.tests)}: none of their scenarios is of the {one} experiment")
     methods = methods_named(config.methods, folders)
     entries: list[_Entry] = []
     for one, worlds in tests.items():
         planned = _Planner(config, config_dir, one, worlds)
-        entries += [planned.entry(method) for method in methods]
+        here = in_reversal(methods, folders) if one == REVERSAL else methods
+        entries += [planned.entry(method) for method in here]
     rules = [
         file for entry in entries for job in entry.lives.values() for file in evaluate.own_rules(job.config["config"])
     ]
@@ -128,6 +142,7 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
         config.first_seed,
         config.seed,
         config.repeats,
+        config.reversal_repeats,
         runs.science_version(),
     ]
     usual = Path("runs") / "leaderboard" / f"seed{config.first_seed}_{engine.digest(asked)[:8]}"
@@ -146,7 +161,9 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
 
 
 def in_world(config: EvaluateConfig, world: Scenario) -> EvaluateConfig:
-    """The same evaluation in another world of its experiment."""
+    """The same evaluation in a world of its experiment: at home as it is, elsewhere for as long as lives last there."""
+    if world.name == config.world.name:
+        return config
     there = copy.copy(config)
     there.world, there.lifetime = world, replace(config.lifetime, duration_s=world.paper_duration_s)
     return there
@@ -159,7 +176,7 @@ def world_named(name: str, config_dir: str | None) -> Scenario:
     Raises:
         ConfigError: There is none, or it cannot be.
     """
-    robot = hydra_bridge.plain(_home_cfg(TRAINED["obstacles"], config_dir).robot)
+    robot = hydra_bridge.plain(_home_cfg(TRAINED["obstacles"], (), config_dir).robot)
     try:
         world = world_of(name, _folders(config_dir), robot)
     except ValueError as error:
@@ -170,10 +187,13 @@ def world_named(name: str, config_dir: str | None) -> Scenario:
 
 
 @functools.cache
-def _home_cfg(home: str, config_dir: str | None) -> DictConfig:
+def _home_cfg(home: str, task: tuple[str, ...], config_dir: str | None) -> DictConfig:
     """An evaluation of nothing but genes at home."""
-    words = [f"scenario={home}", "hebbian=none", "lifetime.record_every=0"]
-    return hydra_bridge.composed("evaluate", words, config_dir)
+    return hydra_bridge.composed("evaluate", _lives_in(home, *task, "hebbian=none"), config_dir)
+
+
+def _lives_in(home: str, *words: str) -> list[str]:
+    return [f"scenario={home}", "lifetime.record_every=0", *words]
 
 
 def _folders(config_dir: str | None) -> list[Path]:
@@ -245,7 +265,10 @@ class _Planner:
         self, config: LeaderboardConfig, config_dir: str | None, experiment: str, tests: dict[str, Scenario]
     ) -> None:
         self._config, self._config_dir, self._experiment, self._tests = config, config_dir, experiment, tests
-        self._home, self._entries = TRAINED[experiment], dict[str, _Entry]()
+        self._home = TRAINED.get(experiment, TRAINED["obstacles"])
+        self._task = tuple(typed_as(REVERSAL_TASK)) if experiment == REVERSAL else ()
+        self._repeats = config.reversal_repeats if experiment == REVERSAL else config.repeats
+        self._entries = dict[str, _Entry]()
         self._seeds = range(config.first_seed, config.first_seed + config.champions)
 
     def entry(self, method: Method) -> _Entry:
@@ -275,11 +298,11 @@ class _Planner:
             config = typed(cfg, EvolveConfig)
             self._check(method, config)
             champions = dict(self._evolutions(method, hydra_bridge.plain(cfg), over))
-            lived = hydra_bridge.plain(_home_cfg(self._home, self._config_dir))
+            lived = hydra_bridge.plain(_home_cfg(self._home, self._task, self._config_dir))
             lived["hebbian"] = hydra_bridge.plain(cfg)["hebbian"]
         else:
             lived = self._laid_over(method)
-        lived |= {"seed": self._config.seed, "repeats": self._config.repeats}
+        lived |= {"seed": self._config.seed, "repeats": self._repeats}
         is_plain = config is not None and isinstance(config.controller.rule, NoRule)
         if is_plain and (method.over or method.twin):
             raise ConfigError(
@@ -304,6 +327,7 @@ class _Planner:
             lives=dict(self._lives(method, lived, champions)),
             before=over.champions if over and method.evolve else {},
             config=config,
+            task=evolved.world.task,
         )
 
     def _evolve_cfg(self, method: Method) -> DictConfig:
@@ -328,8 +352,7 @@ class _Planner:
 
     def _laid_over(self, method: Method) -> Plain:
         """How champions live with what is laid over them."""
-        words = [f"scenario={self._home}", "lifetime.record_every=0", *method.overrides("evaluate")]
-        cfg = hydra_bridge.composed("evaluate", words, self._config_dir)
+        cfg = hydra_bridge.composed("evaluate", _lives_in(self._home, *method.overrides("evaluate")), self._config_dir)
         config = typed(cfg, EvaluateConfig)
         for name, world in self._tests.items():
             try:
@@ -337,7 +360,7 @@ class _Planner:
             except ValueError as error:
                 raise ConfigError(f"{name}: {error}") from error
         for controller in config.controllers if "hebbian.rule" in method.evaluate else ():
-            evaluate.compiled_for(controller, PAPER_NETWORK, config.world)
+            evaluate.compiled_for(controller, network_for(config.world, config.layers), config.world)
         return hydra_bridge.plain(cfg)
 
     def _evolutions(self, method: Method, config: Plain, over: _Entry | None) -> Iterator[tuple[int, Job]]:

@@ -2,7 +2,7 @@
 
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,10 @@ from epuckhebb.sim.plasticity.rule import Births
 
 ALL = "all"
 _OWN_PLAIN, _OWN_OVER = "sep_cma_es_varied", "ga"  # what a rule of the user's own is compared with, and laid over
+_PLAIN = "ga"  # what all rules are compared with in reversal learning
+_RULE, _TRAINED = ("hebbian",), ("hebbian", "optimizer", "ga", "training")  # groups of settings
+REVERSAL_TASK = {"task": "reversal"}  # settings of any life in reversal learning
+_REVERSAL_GA = {"ga": "reversal"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,8 +52,12 @@ class Method:
 
     def overrides(self, verb: str) -> list[str]:
         """Its settings of `evolve` or `evaluate`, as they would be typed."""
-        settings = self.evolve if verb == "evolve" else self.evaluate
-        return [f"{key}={_as_typed(value)}" for key, value in settings.items()]
+        return typed_as(self.evolve if verb == "evolve" else self.evaluate)
+
+    @property
+    def rule(self) -> dict[str, Any]:
+        """Those of its settings that choose a plasticity rule."""
+        return {key: value for key, value in {**self.evolve, **self.evaluate}.items() if _is_of(key, _RULE)}
 
 
 _KEYS = {key.name: key.type for key in fields(Method) if key.name not in ("name", "told")}
@@ -83,6 +91,43 @@ def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]
     for name in _wanted(names, files):
         read(name, "methods", ())
     return list(found.values())
+
+
+def in_reversal(methods: Sequence[Method], folders: Sequence[Path]) -> list[Method]:
+    """These methods where reversal learning is asked for: their rules, evolved by the GA in the one world there is.
+
+    Training in other worlds, and optimizers for it, concern the paper's task alone, so that methods which differ in
+    nothing else are one here, and all without plasticity are the GA. What an adaptation does has no place.
+
+    Raises:
+        ConfigError: None has a place here, or method `ga`, with which they are compared, cannot be read.
+    """
+    (plain,) = methods_named([_PLAIN], folders)
+    found = [replace(plain, evolve={**REVERSAL_TASK, **_REVERSAL_GA})]
+    for method in methods:
+        settings = method.evaluate or {key: value for key, value in method.evolve.items() if not _is_of(key, _TRAINED)}
+        if set(settings) - set(method.rule):
+            continue
+        made = replace(
+            method,
+            evolve={**REVERSAL_TASK, **_REVERSAL_GA, **method.rule} if method.evolve else {},
+            evaluate={**REVERSAL_TASK, **method.rule} if method.evaluate else {},
+            over=_PLAIN if method.over else "",
+            twin="" if method.over else _PLAIN,
+        )
+        if method.rule and not any(replace(made, name=one.name, told=one.told) == one for one in found):
+            found.append(made)
+    names = [method.name for method in methods]
+    if not found[1:] and names != [_PLAIN]:
+        raise ConfigError(
+            f"methods={','.join(names)}: none has a place in reversal learning, which compares plasticity rules; give "
+            "one that has hebbian and no adaptation, for example modulated"
+        )
+    return found
+
+
+def _is_of(key: str, groups: Sequence[str]) -> bool:
+    return key.partition(".")[0] in groups
 
 
 def _wanted(names: Sequence[str], files: Mapping[str, Path]) -> Iterator[str]:
@@ -150,6 +195,11 @@ def _own(where: str, files: Mapping[str, Path]) -> Method:
         evolve = {**rule, "optimizer": "sep_cma_es", "training": "varied"}
         return Method(name=name, evolve=evolve, twin=_OWN_PLAIN, told=f"a rule of {path.name}, evolved")
     return Method(name=name, evaluate=rule, over=_OWN_OVER, told=f"a rule of {path.name}, laid over")
+
+
+def typed_as(settings: Mapping[str, Any]) -> list[str]:
+    """Settings as they would be typed."""
+    return [f"{key}={_as_typed(value)}" for key, value in settings.items()]
 
 
 def _as_typed(value: Any) -> str:

@@ -74,9 +74,15 @@ def tell_reproduction(path: Path, console: Console) -> None:
 
 
 def tell_jobs(folder: Path, listed: list[dict[str, Any]], console: Console) -> None:
-    """List the jobs of a sweep or a leaderboard that is not run."""
-    rows = [(n, "done" if job["done"] else "to do", " ".join(job["overrides"])) for n, job in enumerate(listed)]
-    print_table(console, f"{len(listed)} jobs in {folder}/", ("job", "", "overrides"), rows)
+    """List the jobs of a sweep or a leaderboard that is not run; what they are for, or what would be typed."""
+    what = "for" if listed and "told" in listed[0] else "overrides"
+    rows = [
+        (n, "done" if job["done"] else "to do", job.get("told") or " ".join(job["overrides"]))
+        for n, job in enumerate(listed)
+    ]
+    print_table(console, f"{len(listed)} jobs in {folder}/", ("job", "", what), rows)
+    done = sum(job["done"] for job in listed)
+    _line(console, f"{done} done, {len(listed) - done} to do; nothing was run.")
 
 
 def tell_sweep(folder: Path, console: Console) -> None:
@@ -129,16 +135,20 @@ def _cell(value: Any) -> str:
 
 def tell_leaderboard(path: Path, console: Console) -> None:
     """Say how well each method of a leaderboard did, and where its page is."""
-    board = runs.table(path, "leaderboard.csv", formats.LEADERBOARD)
-    for experiment, own in board.groupby("experiment", sort=False):
+    from epuckhebb.study import leaderboard as board  # brings statistics
+
+    told = runs.table(path, "leaderboard.csv", formats.LEADERBOARD)
+    for experiment, own in told.groupby("experiment", sort=False):
         rows = []
         for row in own.itertuples():
             success = rescue.share(float(row.success), float(row.success_low), float(row.success_high))
             twin = "" if pd.isna(row.difference) else f"{row.difference:+.2f}"
             twin += "" if pd.isna(row.difference_low) else f" [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"
-            rows.append((row.method, row.kind, f"{row.mastered} of {row.champions}", success, twin))
-        headings = ("method", "kind", "both sides at home", "success in test worlds", "difference to the twin")
-        print_table(console, f"The {experiment} experiment (95 % interval)", headings, rows)
+            mastered = f"{row.mastered} of {row.champions}"
+            rows.append((row.method, row.kind, mastered, success, f"{row.best:.2f}", twin))
+        method, kind, mastered, share, _, best, difference, *_ = board.head(str(experiment))
+        headings = (method, kind, mastered, share, best, difference)
+        print_table(console, f"{board.title(str(experiment))} (95 % interval)", headings, rows)
     _line(console, f"Report: {path}/report.html")
 
 

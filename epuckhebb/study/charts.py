@@ -297,10 +297,11 @@ def rescue_over_all(over_all: pd.DataFrame) -> bytes:
 _KIND_COLOUR = {leaderboard.PLAIN: "#555555", leaderboard.EVOLVED: "#0072B2", leaderboard.LAID_OVER: "#D55E00"}
 
 
-def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame) -> bytes:
+def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, Mapping[str, float]]) -> bytes:
     """A PNG, a line of two panels for each experiment: success of each method, and the difference to its twin.
 
-    board: of `study.leaderboard.table`. champions: the rows that it was made of.
+    board: of `study.leaderboard.table`. champions: the rows that it was made of. limits: for some experiments lines
+    with their names, what luck gives and what nobody beats.
     """
     groups = list(board.groupby("experiment", sort=False))
     heights = [0.27 * len(own) + 0.9 for _, own in groups]
@@ -316,9 +317,13 @@ def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame) -> bytes:
             _interval(left, place, colour, row.success, row.success_low, row.success_high)
             if row.kind != leaderboard.PLAIN:
                 left.scatter([row.success_off], [place], s=26, marker="x", color=colour, linewidths=1.1)
+                left.scatter([row.success_inverted], [place], s=26, marker="v", color=colour, facecolor="none")
                 _interval(right, place, colour, row.difference, row.difference_low, row.difference_high)
         left.set_yticks(-np.arange(len(own)), [plain(name) for name in own.method], fontsize=8)
-        left.set(xlim=(-0.02, 1.02), title=f"{experiment} experiment")
+        for name, share in limits.get(str(experiment), {}).items():
+            left.axvline(share, color="black", linewidth=0.8, linestyle="--", zorder=0.5)
+            left.annotate(name, (share, 0.6), (2, -7), textcoords="offset points", fontsize=7)
+        left.set(xlim=(-0.02, 1.02), title=leaderboard.title(str(experiment)))
         right.set(title="difference to the twin")
         right.axvline(0, color="black", linewidth=0.8)
         right.tick_params(labelleft=False)
@@ -329,7 +334,7 @@ def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame) -> bytes:
             axes.title.set_fontsize(10)
             axes.spines[["top", "right"]].set_visible(False)
         right.set_yticks(left.get_yticks())
-    panels[-1][0].set_xlabel("share of trials in the test worlds that succeed")
+    panels[-1][0].set_xlabel("share of trials that succeed")
     panels[-1][1].set_xlabel("difference of that share")
     marks = [
         Line2D([], [], color=colour, marker="o", linestyle="", markersize=5, label=leaderboard.KINDS[kind])

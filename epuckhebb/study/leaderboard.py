@@ -2,8 +2,9 @@
 
 A *trial* is one champion, one side and one test world; it succeeds if more than half of its noise repeats do. Champions
 are the independent unit: those of a method and of its plain twin were evolved from the same seeds, and are compared
-seed by seed. Everything is computed from the lifetimes, first a row for each champion, then a row for each method from
-these.
+seed by seed. In reversal learning, the positive control, there are no test worlds: a trial is one of the many of a new
+life, and succeeds if it is rewarded. Everything is computed from the lifetimes, first a row for each champion, then a
+row for each method from these.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,11 +17,14 @@ import pandas as pd
 from epuckhebb.evolution.training import Training
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.scenario import TRAINED, Scenario
+from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.study import findings, rescue
+from epuckhebb.study.limits import limits
 from epuckhebb.study.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson
 from epuckhebb.study.tables import code, markdown_table
 
 FIGURE = "leaderboard.png"
+REVERSAL = "reversal"  # the experiment that is not one of the paper's
 PLAIN, EVOLVED, LAID_OVER = "plain", "evolved", "laid over"  # the kinds of methods
 KINDS = {
     PLAIN: "no plasticity",
@@ -83,13 +87,38 @@ def of_champion(metrics: pd.DataFrame, home: str) -> tuple[dict[str, int | None]
     own = each[each.controller == plastic[0]] if plastic else alone
     at_home, away, off = own[own.scenario == home], own[own.scenario != home], alone[alone.scenario != home]
     count: dict[str, int | None] = {
-        "home_sides": int(at_home.succeeds.sum()),
+        "masters": int(at_home.succeeds.all()),
         "trials": len(away),
         "successes": int(away.succeeds.sum()),
         "successes_off": int(off.succeeds.sum()) if plastic else None,
+        "successes_inverted": None,
     }
     worlds = away.groupby("scenario", sort=False).succeeds.agg(trials="size", successes="sum").reset_index()
     return count, worlds
+
+
+def of_learner(metrics: pd.DataFrame, task: Reversal) -> tuple[dict[str, int | None], pd.DataFrame]:
+    """How a champion fared in reversal learning: a row for it, and one for its world.
+
+    It masters the task if its share of rewarded trials lies nearer to the optimum than to chance.
+
+    Args:
+        metrics: Its lives, without plasticity and, if it has any, with it and with the reward inverted.
+        task: The task.
+    """
+    each = metrics.groupby("controller", sort=False).rewarded_share.agg(["sum", "size"])
+    rewarded = [int(total) for total in (each["sum"] * task.trials).round()]
+    trials = int(each["size"].iloc[0]) * task.trials
+    alone, own, *inverted = rewarded if len(rewarded) > 1 else rewarded * 2
+    count: dict[str, int | None] = {
+        "masters": int(own / trials > sum(limits(task).values()) / 2),
+        "trials": trials,
+        "successes": own,
+        "successes_off": alone if len(rewarded) > 1 else None,
+        "successes_inverted": inverted[0] if inverted else None,
+    }
+    world = {"scenario": metrics.scenario.iloc[0], "trials": trials, "successes": own}
+    return count, pd.DataFrame([world])
 
 
 def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
@@ -97,18 +126,17 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
 
     Args:
         rows: The methods.
-        champions: A row for each champion, with the columns of `of_champion` and those that say whose it is.
+        champions: A row for each champion, with the columns of `of_champion` or `of_learner`, and whose it is.
     """
     found = []
     for row in rows:
         own = _of(champions, row.experiment, row.method)
-        masters = own[own.home_sides == 2]
+        masters = own[own.masters == 1]
         counts = own[["trials", "successes"]].to_numpy(np.int64)
         mastered_low, mastered_high = wilson(len(masters), len(own))
         success_low, success_high = bootstrap_ratio(counts[:, 1], counts[:, 0], seed=0)
         kept = masters[["trials", "successes"]].to_numpy(np.int64)
         kept_low, kept_high = bootstrap_ratio(kept[:, 1], kept[:, 0], seed=0)
-        off = own.successes_off.sum() / counts[:, 0].sum() if row.kind != PLAIN else np.nan
         found.append(
             {
                 "experiment": row.experiment,
@@ -124,17 +152,24 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
                 "success": counts[:, 1].sum() / counts[:, 0].sum(),
                 "success_low": success_low,
                 "success_high": success_high,
+                "best": (counts[:, 1] / counts[:, 0]).max(),
                 "retention": kept[:, 1].sum() / kept[:, 0].sum() if len(kept) else np.nan,
                 "retention_low": kept_low,
                 "retention_high": kept_high,
                 **_against_twin(own, _of(champions, row.experiment, row.twin)),
-                "success_off": off,
+                "success_off": _share(own.successes_off, own.trials),
+                "success_inverted": _share(own.successes_inverted, own.trials),
                 "numbers": row.numbers,
                 "robot_steps": int(own.robot_steps.mean()),
             }
         )
     order = ["experiment", "success"]
     return pd.DataFrame(found).sort_values(order, ascending=[True, False], kind="stable", ignore_index=True)
+
+
+def _share(successes: "pd.Series[Any]", trials: "pd.Series[Any]") -> float:
+    """Successes of all trials; nan where there is no such control."""
+    return np.nan if successes.isna().any() else successes.sum() / trials.sum()
 
 
 def _of(champions: pd.DataFrame, experiment: str, method: str) -> pd.DataFrame:
@@ -159,7 +194,7 @@ def _against_twin(own: pd.DataFrame, twin: pd.DataFrame) -> dict[str, float]:
 
 def cells(row: Any) -> list[str]:
     """The cells of a row of the table, as the pages show them; `row` is one of `table`."""
-    twin = "–"
+    twin, inverted = "–", row.success_inverted
     if row.twin:
         bounds = f" [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"
         twin = f"{row.difference:+.2f}{bounds}, p = {row.sign_flip_p:.2g}, to {code(row.twin)}"
@@ -169,24 +204,25 @@ def cells(row: Any) -> list[str]:
         f"{row.mastered} of {row.champions}",
         f"**{rescue.share(row.success, row.success_low, row.success_high)}**",
         "–" if np.isnan(row.retention) else rescue.share(row.retention, row.retention_low, row.retention_high),
+        f"{row.best:.2f}",
         twin,
         "–" if np.isnan(row.success_off) else f"{row.success_off:.2f}",
+        *([] if row.experiment != REVERSAL else ["–" if np.isnan(inverted) else f"{inverted:.2f}"]),
         f"{row.numbers}",
         f"{row.robot_steps / 1e6:.1f}",
     ]
 
 
-HEAD = [
-    "method",
-    "kind",
-    "both sides at home",
-    "success over the test worlds",
-    "retention",
-    "difference to the twin",
-    "rule off",
-    "numbers evolved",
-    "M robot-steps",
-]
+def head(experiment: str) -> list[str]:
+    """What stands above the cells of the rows of an experiment."""
+    if experiment == REVERSAL:
+        success, controls = ["learn", "rewarded share", "of those that learn"], ["rule off", "reward inverted"]
+    else:
+        success, controls = ["both sides at home", "success over the test worlds", "retention"], ["rule off"]
+    return [
+        *("method", "kind", *success, "best champion", "difference to the twin", *controls),
+        *("numbers evolved", "M robot-steps"),
+    ]
 
 
 def markdown_of(own: pd.DataFrame, costs: pd.DataFrame | None = None) -> str:
@@ -195,7 +231,9 @@ def markdown_of(own: pd.DataFrame, costs: pd.DataFrame | None = None) -> str:
     for row in own.itertuples():
         cost = [] if costs is None else _cost_cells(_of(costs, str(row.experiment), str(row.method)))
         rows.append([*cells(row), *cost])
-    return markdown_table([*HEAD, *([] if costs is None else ["CPU s to evolve", "CPU s to test"])], rows)
+    return markdown_table(
+        [*head(str(own.experiment.iloc[0])), *([] if costs is None else ["CPU s to evolve", "CPU s to test"])], rows
+    )
 
 
 def _cost_cells(own: pd.DataFrame) -> list[str]:
@@ -221,11 +259,12 @@ def markdown(
     parts = ["# Leaderboard\n", f"{provenance}\n", f"{_HOW}\n"]
     for experiment, own in board.groupby("experiment", sort=False):
         worlds = tests[str(experiment)]
-        parts += [
-            f"## The {experiment} experiment\n",
-            f"Home: {code(TRAINED[str(experiment)])}. {len(worlds)} test worlds: {', '.join(map(code, worlds))}.\n",
-            markdown_of(own, costs),
-        ]
+        where = (
+            f"Home: {code(TRAINED[str(experiment)])}. {len(worlds)} test worlds: {', '.join(map(code, worlds))}.\n"
+            if worlds
+            else f"{_HOW_REVERSAL}\n"
+        )
+        parts += [f"## {title(str(experiment))}\n", where, markdown_of(own, costs)]
     parts += [
         "## The figure\n",
         f"![{CAPTION}](figures/{FIGURE})\n\n*{CAPTION}*\n",
@@ -235,20 +274,36 @@ def markdown(
     return "\n".join(parts)
 
 
+def title(experiment: str) -> str:
+    """What an experiment is called above its table."""
+    return "Reversal learning" if experiment == REVERSAL else f"The {experiment} experiment"
+
+
+_HOW_REVERSAL = (
+    "The positive control: a task that cannot be done without plasticity. A *trial* is one of the many of a new life, "
+    "and succeeds if the robot comes to the rewarded end; the other end becomes the rewarded one at a trial that is "
+    "drawn, or never. All methods are evolved by the GA with `ga=reversal` in the one world that there is, so that "
+    "only their rules are compared; what differs in training, optimizer or adaptation alone has no row. *Learn*: "
+    "champions whose share of rewarded trials lies nearer to the optimum than to chance. *Reward inverted*: the same "
+    "champions on the same noise, the modulatory neuron hearing the reward with the other sign; a robot that learns "
+    "from it now comes to the wrong end."
+)
 _HOW = (
     "A *trial* is one champion, one side and one test world; it succeeds if more than half of its noise repeats do. "
     "*Both sides at home*: champions that succeed on the left and on the right in the world that they were evolved in. "
     "*Retention*: success over the test worlds of these champions alone; one that always turns to one side masters "
-    "half of everything for nothing. *Twin*: the same without plasticity, that is the same optimizer, training worlds, "
-    "fitness and robot-steps, or the champions that something is laid over; the difference is paired by the seed of "
-    "the champions, and p is from an exact sign-flip test of it. *Rule off*: the same champions on the same noise "
-    "without plasticity. *Numbers evolved* and *robot-steps* are of one champion; what is laid over costs none of "
-    "its own. Intervals are 95 %, by champion; with fewer than eight champions a difference between methods means "
-    "nothing. CPU seconds, of one champion too, depend on the machine, on what else runs there, and on whether "
+    "half of everything for nothing. *Best champion*: the success of the one that does best in these trials; chosen "
+    "by what it is told for, so it flatters a little. *Twin*: the same without plasticity, that is the same optimizer, "
+    "training worlds, fitness and robot-steps, or the champions that something is laid over; the difference is paired "
+    "by the seed of the champions, and p is from an exact sign-flip test of it. *Rule off*: the same champions on the "
+    "same noise without plasticity. *Numbers evolved* and *robot-steps* are of one champion; what is laid over costs "
+    "none of its own. Intervals are 95 %, by champion; with fewer than eight champions a difference between methods "
+    "means nothing. CPU seconds, of one champion too, depend on the machine, on what else runs there, and on whether "
     "anything had to be compiled: they are in `cost.csv` and on this page, and in no other table, because all others "
     "come out the same to the byte when they are made again."
 )
 CAPTION = (
     "Left: success over the test worlds of each method, with its 95 % interval; small dots are single champions, the "
-    "cross is the same with the rule off. Right: the difference to its twin without plasticity, paired by champion."
+    "cross is the same with the rule off, the triangle with the reward inverted. Right: the difference to its twin "
+    "without plasticity, paired by champion."
 )

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.study import statistics
 from epuckhebb.study.figures import plain, to_png
+from epuckhebb.study.limits import CHANCE, OPTIMUM, limits
 from epuckhebb.study.tables import markdown_table
 
-CHANCE, OPTIMUM = "chance", "optimum"  # what rows of the table are called that no robot lived
 COLUMNS = ("controller", "lives", "rewarded_share", "low", "high", "end_share")
 _COLOURS = ("#999999", "#009E73", "#CC79A7", "#0072B2", "#D55E00", "#E69F00")
 _BEFORE, _AFTER = -3, 6  # trials around the switch
@@ -22,8 +22,7 @@ def table(metrics: pd.DataFrame, trials: pd.DataFrame, task: Reversal, seed: int
     """A row for each controller with the columns `COLUMNS`, and two for chance and the optimum.
 
     A repeat is two lives, one with each end rewarded first and the other end from the same trial on; its value is the
-    mean of both. So a robot that always goes one way, or any fixed sequence of ways, has exactly half of the rewards.
-    The interval is a bootstrap over repeats.
+    mean of both. The interval is a bootstrap over repeats.
 
     metrics, trials: of `epuckhebb.study.evaluate`. seed: of the bootstrap.
     """
@@ -33,8 +32,7 @@ def table(metrics: pd.DataFrame, trials: pd.DataFrame, task: Reversal, seed: int
         low, high = statistics.bootstrap_mean(pairs, seed, (0.0, 1.0))
         ends = (trials.reached_side[trials.controller == name] != "").mean()
         rows.append((name, len(lives), pairs.mean(), low, high, ends))
-    rows.append((CHANCE, None, 0.5, None, None, None))
-    rows.append((OPTIMUM, None, task.optimum(), None, None, None))
+    rows += [(name, None, share, None, None, None) for name, share in limits(task).items()]
     return pd.DataFrame(rows, columns=list(COLUMNS)).astype({"lives": "Int64"})
 
 
