@@ -251,9 +251,11 @@ def test_a_run_of_sep_cma_es_is_resumed_repeated_and_shown(tmp_path, monkeypatch
     assert "checkpoint.npz" in call("evolve", "resume=run", "optimizer.generations=4").stderr
 
 
-def test_a_run_of_sep_cma_es_survives_kill_9(tmp_path):
-    assert call("evolve", *TINY, "optimizer.generations=3", f"hydra.run.dir={tmp_path / 'whole'}").exit_code == 0
-    words = ["evolve", *TINY, "optimizer.generations=3", "--", "9", "beside"]
+@pytest.mark.parametrize("name", ["sep_cma_es", "open_es"])
+def test_a_run_of_a_strategy_survives_kill_9(name, tmp_path):
+    tiny = ["evolve", f"optimizer={name}", *TINY[1:], "optimizer.generations=3"]
+    assert call(*tiny, f"hydra.run.dir={tmp_path / 'whole'}").exit_code == 0
+    words = [*tiny, "--", "9", "beside"]
     done = subprocess.run(
         [sys.executable, HERE / "killed.py", *words], cwd=tmp_path, capture_output=True, text=True, check=False
     )
