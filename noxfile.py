@@ -128,3 +128,17 @@ def bench(session: nox.Session) -> None:
     """Measure a step, its parts, scale and whole commands; writes benchmarks/results.md."""
     session.install(".")
     session.run("python", "benchmarks/run.py")
+
+
+@nox.session
+def peers(session: nox.Session) -> None:
+    """Time a step of Kheperax, of the plain loop and of ours in turn; writes benchmarks/peers.md."""
+    session.install(".", "kheperax==0.2.*")
+    session.run("python", "-W", "ignore", "benchmarks/peers.py")
+
+
+@nox.session(name="all")
+def everything(session: nox.Session) -> None:
+    """Run all other sessions, the heavy ones, too; takes hours."""
+    for name in (*nox.options.sessions, "newest", "hydra14", "slow", "torture", "slurm", "ray", "bench", "peers"):
+        session.notify(name)

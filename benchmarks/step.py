@@ -65,23 +65,28 @@ def microseconds(run: Callable[[], int], clock: Callable[[], float] = time.proce
     return (clock() - began) / steps * 1e6
 
 
+def ours(robots: list[Individual]) -> int:
+    """Let robots live; returns how many robot-steps that were."""
+    live_block(robots, SCENARIO, LIFETIME)
+    return len(robots) * LIFETIME.steps
+
+
+def plain() -> int:
+    """Let a robot live in the plain loop, left and right; returns how many robot-steps that were."""
+    champion = individuals(1)[0]
+    for side in SIDES:
+        robot = reference.Robot(
+            champion.genes, SCENARIO, side, HEBBIAN, gain=LIFETIME.gain_rad_s, key=int(champion.key)
+        )
+        for _ in range(PLAIN_STEPS):
+            robot.step()
+    return len(SIDES) * PLAIN_STEPS
+
+
 def measure() -> list[tuple[str, str]]:
     """A step of each engine, measured in turn; CPU time, medians, and the median of the ratios pair by pair."""
     block, without = individuals(50), individuals(50, GA_ALONE)
     others = {name: individuals(50, by(rule_class(name, "hebbian"))) for name in rule_names() if name != "paper"}
-
-    def ours(robots: list[Individual]) -> int:
-        live_block(robots, SCENARIO, LIFETIME)
-        return len(robots) * LIFETIME.steps
-
-    def plain() -> int:
-        for side in SIDES:
-            robot = reference.Robot(
-                block[0].genes, SCENARIO, side, HEBBIAN, gain=LIFETIME.gain_rad_s, key=int(block[0].key)
-            )
-            for _ in range(PLAIN_STEPS):
-                robot.step()
-        return len(SIDES) * PLAIN_STEPS
 
     for robots in (block, without, *others.values()):
         ours(robots[:2])
