@@ -4,8 +4,11 @@ from pathlib import Path
 
 import pytest
 import yaml
+from hydra._internal.hydra import Hydra
 from test_new_worlds import NEW
+from typer.testing import CliRunner
 
+from epuckhebb.app.cli import app
 from epuckhebb.app.config import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.app.data import data_folder, groups
 from epuckhebb.app.hydra_bridge import composed
@@ -48,3 +51,17 @@ def test_every_file_says_what_it_is_for():
 def test_conf_and_champions_are_found():
     assert isinstance(data_folder("conf"), Path)
     assert (data_folder("runs/reference") / "champion_light.npz").is_file()
+
+
+def test_hydra_composes_the_configuration_of_a_run_once(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    compose_config, composed_for = Hydra.compose_config, []
+
+    def compose(self, config_name, *more, **options):
+        composed_for.append(config_name)
+        return compose_config(self, config_name, *more, **options)
+
+    monkeypatch.setattr(Hydra, "compose_config", compose)
+    words = ["evaluate", "repeats=1", "lifetime.duration_s=1", "lifetime.record_every=0", "-q"]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    assert composed_for == ["evaluate"]

@@ -21,6 +21,7 @@ from typing import Any, TextIO, cast
 
 import hydra
 from hydra import compose, initialize_config_dir
+from hydra._internal.hydra import Hydra
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -436,7 +437,9 @@ def call(verb: str, job: Callable[[DictConfig], None], arguments: list[str], sta
     entry = hydra.main(config_path=str(data_folder("conf")), config_name=verb, **options)(job)
     words = cast(TextIO, _WithoutHydrasWords(sys.stderr))
     workers = _workers_that_end_with_us() if "--multirun" in arguments else nullcontext()
-    with _as_command_line(verb, arguments, stamp), redirect_stderr(words), workers:
+    # Hydra composes all of a configuration to see whether hydra.mode is in it, and then once more.
+    known = nullcontext() if any("hydra.mode" in argument for argument in arguments) else _without(Hydra.get_mode)
+    with _as_command_line(verb, arguments, stamp), redirect_stderr(words), workers, known:
         GlobalHydra.instance().clear()
         try:
             entry()
@@ -452,12 +455,19 @@ def call(verb: str, job: Callable[[DictConfig], None], arguments: list[str], sta
 
 def call_many(verb: str, job: Callable[[DictConfig], None], arguments: list[str], stamp: str) -> None:
     """Call Hydra for jobs that all have a configuration: it need not compose each of them before the first begins."""
-    check = Sweeper.validate_batch_is_legal
-    setattr(Sweeper, check.__name__, lambda *_: None)
-    try:
+    with _without(Sweeper.validate_batch_is_legal):
         call(verb, job, arguments, stamp)
+
+
+@contextmanager
+def _without(method: Callable[..., Any]) -> Iterator[None]:
+    """Time in which a method of Hydra's does nothing, and returns None."""
+    owner = getattr(sys.modules[method.__module__], method.__qualname__.partition(".")[0])
+    setattr(owner, method.__name__, lambda *_, **__: None)
+    try:
+        yield
     finally:
-        setattr(Sweeper, check.__name__, check)
+        setattr(owner, method.__name__, method)
 
 
 def new_stamp() -> str:
