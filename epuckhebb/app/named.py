@@ -187,7 +187,7 @@ def _changed_lifetime(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequ
     """How long, how fast or how noisy lives are, where that is not what this verb or the task has by itself."""
     verb = "evolve" if "training" in cfg else "evaluate"
     task = _own("task", str(choices.get("task")), folders)
-    brought = (entry for entry in (task or {}).get("defaults", []) if isinstance(entry, DictConfig))
+    brought = (entry for entry in ([] if task is None else task.get("defaults", [])) if isinstance(entry, DictConfig))
     choice = next((entry[_BRINGS_LIFETIME] for entry in brought if _BRINGS_LIFETIME in entry), verb)
     found = _file("lifetime", str(choice), folders)
     if found is None or "lifetime" not in cfg:
