@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from epuckhebb.app.cli import app
-from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.app.hydra_bridge import alternatives, combinations, composed
 
 
 @pytest.mark.parametrize(
@@ -23,6 +23,12 @@ from epuckhebb.app.hydra_bridge import composed
 )
 def test_what_is_unusual_is_told_and_nothing_else(verb, words, told):
     assert composed(verb, words).changed == told
+
+
+def test_the_jobs_of_a_sweep_tell_it():
+    choices = alternatives(["lifetime.duration_s=100,250", "seed=1,2"])
+    told = [config["changed"] for _, config in combinations("evaluate", [], choices, None)]
+    assert told == ["lifetime.duration_s=100"] * 2 + [""] * 2
 
 
 def test_it_stands_in_the_title_in_the_table_and_in_the_name_of_the_folder(tmp_path, monkeypatch):

@@ -28,7 +28,7 @@ from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import Scenario
 
 _GROUPS = ("maze", "robot", "scenario", "hebbian", "training")
-NAMED = (*_GROUPS, "adaptation", "compare", "changed")  # all that this file fills in
+NAMED = (*_GROUPS, "adaptation", "compare", "changed", "lifetime", "task")  # what is filled in here, and of what
 _BRINGS = "override /maze@_global_.maze"  # in the defaults of a scenario that has a maze of its own
 _BRINGS_RULE = "override /hebbian"  # in the defaults of an adaptation
 _BRINGS_LIFETIME = "override /lifetime"  # in the defaults of a task
