@@ -66,7 +66,8 @@ def __getattr__(name: str) -> object:
     if name not in _FROM:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, called = _FROM[name]
-    return getattr(import_module(f"{__name__}.{module}"), called)
+    found = getattr(import_module(f"{__name__}.{module}"), called)
+    return found if module.startswith("app.") else import_module(f"{__name__}.app.parts").checked(found)
 
 
 def load(where: str | Path = "reference", experiment: str = "obstacles") -> "NDArray[np.float64]":
@@ -143,7 +144,7 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
 def sweep(
     genome: "NDArray[np.float64] | Evolution | str | Path" = "reference",
     *overrides: str,
-    over: Mapping[str, Sequence[Any]],
+    over: Mapping[str, Sequence[Any]] | None = None,
     config_dir: str | Path | None = None,
     progress: bool = True,
     **keys: Any,
@@ -154,7 +155,7 @@ def sweep(
         genome: As for `evaluate`.
         overrides: As for `evaluate`.
         over: For each key its values, for example `{"scenario": ["base", "lowlight"], "hebbian.N": [0.0002, 0.002]}`;
-            `genome`, `seed` and objects, as `{"hebbian": [Hebbian(N=0.001), MyRule(N=0.001)]}`, too.
+            it must be given. `genome`, `seed` and objects, as `{"hebbian": [Hebbian(N=0.001), MyRule(N=0.001)]}`, too.
         config_dir: As for `evaluate`.
         progress: Whether to show each combination on standard error.
         keys: Settings that all have in common; the same `seed` gives the same numbers.

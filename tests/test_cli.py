@@ -44,7 +44,7 @@ def test_evaluate_leaves_a_whole_run(here):
     assert result.exit_code == 0, result.output
     assert "Time-to-Goal" in result.stdout
     run = only_run(here / "runs" / "evaluate")
-    assert run.name.endswith("_4obstacles_seed1")
+    assert run.name.endswith("_4obstacles+lifetime.duration_s-8_seed1")
     files = {str(file.relative_to(run)) for file in run.rglob("*") if file.is_file()}
     assert files == {
         ".hydra/config.yaml",

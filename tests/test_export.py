@@ -96,7 +96,11 @@ def test_the_controller_drives_and_learns_as_our_robot(tmp_path, monkeypatch, si
     assert result.exit_code == 0, result.output
     result = call("export", "run", "--webots", "-o", "controllers/mine")
     assert result.exit_code == 0, result.output
-    assert result.stdout.strip() == "controllers/mine/mine.py"
+    *written, following = result.stdout.splitlines()
+    assert written == [f"controllers/mine/{name}" for name in ("mine.py", "champion.json", "genes.npy")]
+    assert all(map(Path.is_file, map(Path, written)))
+    assert "choose mine in the field" in following
+    assert "gps_axes" in following
     with np.load("run/traces.npz") as held:
         traces = dict(held)
     for lifetime, (controller, side) in enumerate(zip(traces["controller"], traces["side"], strict=True)):

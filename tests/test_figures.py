@@ -183,7 +183,16 @@ def test_legend_goes_by_the_goal_of_the_moment(drawn):
 
 def test_what_dot_ring_and_dotted_circle_mean_is_told(drawn):
     figures.trajectories(at_rest((0.3, 0.1)), Scenario(), "title")
-    assert "● start    ○ the robot at the end    ◌ goal    ★ lamp" in texts(drawn[0])
+    assert "● start    ○ the robot at the end    ◌ goal    ★ lamp\ngrey: walls" in texts(drawn[0])
+
+
+def test_what_is_brown_is_told_where_it_is(drawn):
+    for scenario in (Scenario(obstacles=2), Scenario(changes=({"at_s": 1.0, "obstacles": 2},))):
+        figures.trajectories(at_rest((0.3, 0.1)), scenario, "title")
+    there, later = (figure.texts[0].get_text() for figure in drawn)
+    assert "grey: walls    brown: obstacles" in there
+    assert "dashed" not in there
+    assert "grey: walls\ndashed brown: obstacles for a part of the life" in later
 
 
 def test_names_are_shown_to_the_letter(rendered):

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from epuckhebb.app import notebook
+from epuckhebb.app import hydra_bridge, notebook
 from epuckhebb.app.cli import app
 
 ROOT = Path(__file__).parents[1]
@@ -19,7 +19,8 @@ EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
 PAGES = [*ROOT.glob("*.md"), ROOT / "runs" / "README.md", *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
 WITH_COMMANDS = [ROOT / "README.md", ROOT / "docs" / "parts.md", *EXAMPLES]
 MORE_COMMANDS = [
-    ROOT / "docs" / f"{name}.md" for name in ("changes", "clusters", "keys", "leaderboard", "reversal", "webots")
+    ROOT / "docs" / f"{name}.md"
+    for name in ("changes", "clusters", "keys", "leaderboard", "results", "reversal", "rules", "webots")
 ]
 BRIEF = {
     # longer than until the changes of the worlds on the pages
@@ -47,6 +48,11 @@ def brief(verb, words, seconds=64):
         return [*shorter, *(["lifetime.record_every=250"] if "--open" in words else [])]
     other = any(word.startswith("optimizer=") for word in words)
     return [*whole, *(["optimizer.generations=1"] if other else BRIEF_GA)]
+
+
+def two_of_many(line):
+    """A command over many seeds, with two of them."""
+    return re.sub(r"\bseed=range\((\d+),\d+\)", lambda found: f"seed={found[1]},{int(found[1]) + 1}", line)
 
 
 def told(page):
@@ -77,10 +83,22 @@ def test_the_commands_of_the_pages_run(pages, seconds, monkeypatch):
     assert all(shown.values())
     assert CliRunner().invoke(app, ["evolve", *brief("evolve", [])]).exit_code == 0
     for line in filter(None, dict.fromkeys(itertools.chain(*shown.values()))):
-        program, verb, *words = shlex.split(line, comments=True)
+        program, verb, *words = shlex.split(two_of_many(line), comments=True)
         assert program == "epuckhebb"
         result = CliRunner().invoke(app, [verb, *words, *brief(verb, words, seconds)])
         assert result.exit_code == 0, f"{line}\n{result.output}"
+
+
+@pytest.mark.parametrize("name", ["results", "rules"])
+def test_the_settings_of_the_slow_commands_compose(name):
+    """Those that are not run in the ordinary suite, each key and each value of a group at least known."""
+    for line in "".join(blocks(ROOT / "docs" / f"{name}.md", "sh")).splitlines():
+        _, verb, *words = shlex.split(two_of_many(line), comments=True)
+        words = [word for word in words if not word.startswith("-")]
+        if verb == "sweep":
+            verb, words = "evaluate", [f"experiment={words[0]}", *words[1:]]
+        first = [values[0] for values in hydra_bridge.alternatives(words).values()]
+        assert hydra_bridge.composed(verb, first)
 
 
 @pytest.mark.slow

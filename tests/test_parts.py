@@ -422,12 +422,13 @@ def test_what_differs_from_the_named_scenario_is_told(words, changed):
 def test_what_changed_is_told_wherever_the_scenario_is(here):
     done("evaluate", "scenario.left_wheel=0.8", *SHORT)
     (run,) = (here / "runs" / "evaluate").iterdir()
-    assert run.name.endswith("_base+left_wheel-0.8_seed1")
-    assert set(metrics(run).changed) == {"left_wheel=0.8"}
+    assert run.name.endswith("_base+left_wheel-0.8+lifetime.duration_s-2_seed1")
+    assert set(metrics(run).changed) == {"left_wheel=0.8, lifetime.duration_s=2"}
     assert set(metrics(run).scenario) == {"base"}
     done("replay", str(run))
-    assert "base (left_wheel=0.8)" in (run / "replay.html").read_text()
-    assert "base (left_wheel=0.8)" in done("show", str(run)).stdout.replace("\n", " ")
+    told = "base (left_wheel=0.8, lifetime.duration_s=2)"
+    assert told in (run / "replay.html").read_text()
+    assert told in done("show", str(run)).stdout.replace("\n", " ")
     assert "same bytes" in done("rerun", str(run)).stdout
 
 
@@ -437,7 +438,7 @@ def test_a_sweep_in_another_maze_with_another_rule():
     words = ["sweep", "obstacles", "scenario=base", "maze=double_t", "hebbian=differential", *BRIEF]
     done(*words, "hydra/launcher=basic", "hydra.sweep.dir=out")
     rows = pd.read_csv("out/sweep.csv")
-    assert set(rows.changed) == {"maze=double_t"}
+    assert set(rows.changed) == {"maze=double_t, lifetime.duration_s=2"}
     assert set(rows.controller) == {"GA", "differential"}
 
 
@@ -445,9 +446,9 @@ def test_a_sweep_in_another_maze_with_another_rule():
 def test_a_scenario_of_ones_own_has_the_name_of_its_file():
     done("evaluate", "scenario=dusk", *BRIEF, *a_folder_of_conf())
     (run,) = Path("runs/evaluate").iterdir()
-    assert run.name.endswith("_dusk_seed1")
+    assert run.name.endswith("_dusk+lifetime.duration_s-2_seed1")
     rows = pd.read_csv(run / "metrics.csv", keep_default_na=False)
-    assert set(zip(rows.scenario, rows.light, rows.changed, strict=True)) == {("dusk", 0.05, "")}
+    assert set(zip(rows.scenario, rows.light, rows.changed, strict=True)) == {("dusk", 0.05, "lifetime.duration_s=2")}
     assert composed("evaluate", ["scenario=dusk", "scenario.light=1"], "conf").changed == "light=1"
 
 

@@ -242,7 +242,11 @@ def test_from_evolve_to_show(champions, monkeypatch, tmp_path):
     champion, run = str(champions / "modulated"), "run"
     genome = files.load_genome(champion, "obstacles")
     assert (genome.network, genome.task, genome.baseline) == (REWARDED, "reversal", None)
-    assert "with rule modulated, for task reversal" in done("show", champion).stdout
+    shown = " ".join(done("show", champion).stdout.split())
+    assert "with rule modulated, for task reversal" in shown
+    share = max(0.0, pd.read_csv(f"{champion}/history.csv").best_fitness.iloc[-1] - 0.2)
+    assert f"rewarded share of the fittest in training: {share:.3f} or more" in shown
+    assert "reached its goal" not in shown
     brief = ["repeats=2", "task.time_out_s=2", "threads=1", "hydra.run.dir=run"]
     told = done("evaluate", f"genome={champion}", "task=reversal", "hebbian=modulated", *brief).stdout
     assert "optimum" in told

@@ -164,3 +164,21 @@ def test_rates_at_which_no_weight_changes_are_drawn_too():
     row |= {"weight_change_mean": 0.0, "weight_change_mean_low": 0.0, "weight_change_mean_high": 0.0}
     doses = [row | {"controller": "late", "N": N, "side": side} for N in (0.001, 0.002) for side in ("left", "right")]
     assert charts.rates(pd.DataFrame(doses), "one lifetime").startswith(b"\x89PNG")
+
+
+def test_weight_change_is_told_in_plain_numbers_on_one_scale(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(charts, "to_png", lambda figure: figure.draw_without_rendering() or drawn.append(figure))
+    row = {"controller": "Hebbian", "success_low": 0.5, "success_high": 1.0, "success": 0.9}
+    changes = [f"weight_change_mean{end}" for end in ("", "_low", "_high")]
+    doses = [
+        row | {"condition": world, "N": N, "side": side, **dict.fromkeys(changes, scale * N)}
+        for world, scale in (("base", 1e5), ("4obstacles", 2e5))
+        for N in (0.0001, 0.002)
+        for side in ("left", "right")
+    ]
+    charts.rates(pd.DataFrame(doses), "one lifetime")
+    upper, lower = drawn[0].axes[1::2]
+    assert upper.get_ylim() == lower.get_ylim()
+    assert {"20", "50", "100"} <= {label.get_text() for label in upper.get_yticklabels()}
+    assert "its interval as a band" in drawn[0].get_suptitle()

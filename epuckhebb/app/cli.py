@@ -402,7 +402,10 @@ def export(
 
     if not webots:
         raise ConfigError("export writes controllers for Webots only; say so with --webots")
-    typer.echo(exported.webots(what, output))
+    written = exported.webots(what, output)
+    for file in written:
+        typer.echo(file)
+    typer.echo(exported.next_step(written[0]))
 
 
 @app.command()

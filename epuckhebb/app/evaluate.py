@@ -44,7 +44,8 @@ def evaluate_job(cfg: DictConfig) -> None:
     threads = hydra_bridge.threads_of_job(cfg.threads)
     with hydra_bridge.job_folder() as path:
         cfg = hydra_bridge.named(cfg)
-        evaluate_into(path, cfg, hydra_bridge.job_overrides(), {}, threads=threads)
+        facts = {"command": hydra_bridge.job_command("evaluate")}
+        evaluate_into(path, cfg, hydra_bridge.job_overrides(), facts, threads=threads)
 
 
 def recorded_job(cfg: DictConfig) -> None:

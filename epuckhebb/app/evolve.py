@@ -45,7 +45,8 @@ def evolve_job(cfg: DictConfig) -> None:
     with hydra_bridge.job_folder() as path:
         cfg = hydra_bridge.named(cfg)
         config = asked(cfg)
-        run = new_run(path, cfg, hydra_bridge.job_overrides(), {})
+        facts = {"command": hydra_bridge.job_command("evolve")}
+        run = new_run(path, cfg, hydra_bridge.job_overrides(), facts)
     evolve_into(run, config, None, threads=hydra_bridge.threads_of_job(cfg.threads), quiet=hydra_bridge.in_multirun())
 
 

@@ -27,7 +27,7 @@ _GPS_AXES = [[0, 1.0], [2, -1.0]]  # X and Y of a maze among the axes of a Webot
 _CONTROLLER = Path(__file__).with_name("webots_controller.py")
 
 
-def webots(what: str, folder: Path) -> Path:
+def webots(what: str, folder: Path) -> list[Path]:
     """Write a controller that plays what a user names: a run of `evaluate`, with its plasticity, or a champion without.
 
     Args:
@@ -35,7 +35,7 @@ def webots(what: str, folder: Path) -> Path:
         folder: The folder of the controller; the controller is called as it is.
 
     Returns:
-        The controller.
+        The files that were written, the controller first.
 
     Raises:
         ConfigError: It cannot be played there, or the folder holds something.
@@ -48,13 +48,26 @@ def webots(what: str, folder: Path) -> Path:
     told = _told(genome, config)
     genes = io.BytesIO()
     np.save(genes, genome.weights.astype("<f8"))
+    written = {
+        folder / f"{folder.resolve().name}.py": _CONTROLLER.read_bytes(),  # Webots wants it to be called as its folder
+        folder / "champion.json": (json.dumps(told, indent=1, allow_nan=False) + "\n").encode(),
+        folder / "genes.npy": genes.getvalue(),
+    }
     try:
-        runs.write_whole(folder / "champion.json", (json.dumps(told, indent=1, allow_nan=False) + "\n").encode())
-        runs.write_whole(folder / "genes.npy", genes.getvalue())
-        runs.write_whole(folder / f"{folder.resolve().name}.py", _CONTROLLER.read_bytes())
+        for file, content in written.items():
+            runs.write_whole(file, content)
     except OSError as error:
         raise ConfigError(f"cannot write {folder}: {error.strerror}") from error
-    return folder / f"{folder.resolve().name}.py"
+    return list(written)
+
+
+def next_step(controller: Path) -> str:
+    """What to do with a controller that has been written."""
+    return (
+        f"Next: put this folder below controllers/ of a Webots project, and choose {controller.stem} in the field "
+        "`controller` of its e-puck. With a GPS in a world whose z axis points up, set gps_axes in champion.json "
+        "to [[0, 1.0], [1, 1.0]]; docs/webots.md tells more."
+    )
 
 
 def _asked(what: str) -> tuple[Genome, EvaluateConfig]:

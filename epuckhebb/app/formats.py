@@ -174,7 +174,9 @@ METRICS: Columns = {
         NUMBER, "share of the steps in which a distance sensor read above 0.8, which is next to touching"
     ),
     "changed": Column(
-        TEXT_OR_EMPTY, "what differs from the named scenario, the paper's maze and the e-puck; empty: nothing"
+        TEXT_OR_EMPTY,
+        "what differs from the named scenario, the paper's maze, the e-puck, and the length, pace and noise that a "
+        "lifetime has there; empty: nothing",
     ),
 }
 FOUND: Columns = {

@@ -497,6 +497,17 @@ def job_overrides() -> list[str]:
     return list(_unresolved(HydraConfig.get().overrides.task))
 
 
+def job_command(verb: str) -> list[str]:
+    """What could be typed to have this job alone done again in this folder."""
+    sources = _unresolved(HydraConfig.get().runtime)["config_sources"]
+    found = next((Path(source["path"]) for source in sources if source["provider"] == "command-line"), None)
+    if found is None:
+        return ["epuckhebb", verb, *job_overrides()]
+    here = Path.cwd()
+    folder = found.relative_to(here) if found.is_relative_to(here) else found
+    return ["epuckhebb", verb, *job_overrides(), "--config-dir", str(folder)]
+
+
 def in_multirun() -> bool:
     """Whether this job is one of many."""
     return bool(HydraConfig.get().mode == RunMode.MULTIRUN)

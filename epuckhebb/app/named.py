@@ -1,14 +1,15 @@
 """What a composed configuration leaves to its files: their names, and what differs from the scenario of that name.
 
 A file of `conf/` is known by its own name, so it need not say `name:`. Hydra knows which files were chosen and where it
-looked for them; here the names are filled in, and a value that is not that of the named scenario is told in the key
-`changed`, which tables, folders and pages show. A configuration that has been completed is left as it is.
+looked for them; here the names are filled in, and a value that is not that of the named scenario, or of the lifetime
+that is usual there, is told in the key `changed`, which tables, folders and pages show. A configuration that has been
+completed is left as it is.
 """
 
 import functools
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +28,11 @@ from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import Scenario
 
 _GROUPS = ("maze", "robot", "scenario", "hebbian", "training")
-NAMED = (*_GROUPS, "adaptation", "compare", "changed")  # all that this file fills in
+NAMED = (*_GROUPS, "adaptation", "compare", "changed", "lifetime", "task")  # what is filled in here, and of what
 _BRINGS = "override /maze@_global_.maze"  # in the defaults of a scenario that has a maze of its own
 _BRINGS_RULE = "override /hebbian"  # in the defaults of an adaptation
+_BRINGS_LIFETIME = "override /lifetime"  # in the defaults of a task
+_RECORDING = "record_every"  # the setting of a lifetime that changes nothing in it
 _LONGEST = 80  # characters of a world in the name of a folder
 
 
@@ -61,7 +64,8 @@ def completed(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Pat
             if isinstance(settings, DictConfig) and isinstance(settings.get("adaptation"), str):
                 settings.adaptation = _adaptation(settings.adaptation, f"compare.{name}.adaptation", folders)
         try:
-            cfg.changed = literal(_changed(cfg, str(choices.get("scenario")), folders))
+            told = [_changed(cfg, str(choices.get("scenario")), folders), *_changed_lifetime(cfg, choices, folders)]
+            cfg.changed = literal(", ".join(filter(None, told)))
         except (ValueError, OmegaConfBaseException) as error:
             raise ConfigError(str(error).splitlines()[0]) from error
     return cfg
@@ -177,6 +181,21 @@ def _changed(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> str:
     task = _plain(cfg.task) if "task" in cfg else None
     lived = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task)
     return "" if original is None else lived.changed_from(original, maze_brought(choice, folders) or T_MAZE, EPUCK)
+
+
+def _changed_lifetime(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> Iterator[str]:
+    """How long, how fast or how noisy lives are, where that is not what this verb or the task has by itself."""
+    verb = "evolve" if "training" in cfg else "evaluate"
+    task = _own("task", str(choices.get("task")), folders)
+    brought = (entry for entry in ([] if task is None else task.get("defaults", [])) if isinstance(entry, DictConfig))
+    choice = next((entry[_BRINGS_LIFETIME] for entry in brought if _BRINGS_LIFETIME in entry), verb)
+    found = _file("lifetime", str(choice), folders)
+    if found is None or "lifetime" not in cfg:
+        return
+    usual = _plain(OmegaConf.create({"lifetime": found, "scenario": cfg.scenario}).lifetime)
+    for key, value in _plain(cfg.lifetime).items():
+        if key != _RECORDING and value != usual.get(key):
+            yield f"lifetime.{key}={value:g}"
 
 
 def _plain(node: DictConfig) -> dict[str, Any]:

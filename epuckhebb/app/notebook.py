@@ -1,5 +1,6 @@
 """The Python interface behind `epuckhebb.evaluate`, `evolve` and `sweep`: the same keys, no folders."""
 
+import difflib
 import html
 import itertools
 import webbrowser
@@ -34,6 +35,7 @@ from epuckhebb.study import figures, replay, self_checks, tables
 from epuckhebb.study.evaluate import COLUMNS, Traces
 from epuckhebb.study.self_checks import Checks
 
+_PARAMETERS = ("config_dir", "over", "progress")  # keywords of these functions that are no keys of the configuration
 _FRAME = '<iframe srcdoc="{}" width="100%" height="760" style="border:0" sandbox="allow-scripts"></iframe>'
 
 
@@ -210,12 +212,13 @@ def evolve(overrides: Sequence[Any], config_dir: str | Path | None, show: bool, 
 def sweep(
     genome: Any,
     overrides: Sequence[Any],
-    over: Mapping[str, Sequence[Any]],
+    over: Mapping[str, Sequence[Any]] | None,
     config_dir: str | Path | None,
     show: bool,
     keys: Mapping[str, Any],
 ) -> pd.DataFrame:
     """See `epuckhebb.sweep`."""
+    _check_keywords(keys)
     if not isinstance(over, Mapping) or not over:
         raise ConfigError(f"over must be keys with their values, as {{'hebbian.N': [0.0002, 0.002]}}, got {over!r}")
     for key, values in over.items():
@@ -288,11 +291,24 @@ def _words(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]:
                 f"overrides are texts such as 'scenario=4obstacles', or keywords such as scenario='4obstacles'; got "
                 f"{override!r}"
             )
+    _check_keywords(keys)
     for key, value in keys.items():
         if key in groups("evaluate") and isinstance(value, list | tuple | np.ndarray):
             raise ConfigError(f"{key} must be one, got {value!r}; for several in turn: sweep(over={{{key!r}: [...]}})")
     words = [word for key, value in keys.items() for word in _override(key, value)]
     return [*words, *overrides]
+
+
+def _check_keywords(keys: Mapping[str, Any]) -> None:
+    """Refuse a parameter of these functions that is misspelt, and would be taken for a key of the configuration.
+
+    Raises:
+        ConfigError: There is one.
+    """
+    for key in keys:
+        near = difflib.get_close_matches(key, _PARAMETERS, n=1, cutoff=0.7)
+        if near:
+            raise ConfigError(f"there is no keyword {key}; did you mean {near[0]}?")
 
 
 def _override(key: str, value: Any) -> Iterator[str]:

@@ -5,6 +5,7 @@ is known from its dataclass, so keys of a user's rule are checked as ours are.
 """
 
 import difflib
+import functools
 import hashlib
 import importlib
 import importlib.util
@@ -16,6 +17,7 @@ import typing
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, replace
 from enum import Enum
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -195,8 +197,36 @@ def _as_declared(value: Any, kind: Any, key: str) -> Any:
 
 
 def _near(name: str, known: Mapping[str, object]) -> str:
-    near = difflib.get_close_matches(name, known, n=1)
-    return f"did you mean {near[0]}?" if near else f"it has {', '.join(known)}"
+    as_written = {one.lower(): one for one in known}  # n for N is the most frequent slip
+    near = difflib.get_close_matches(name.lower(), as_written, n=1)
+    return f"did you mean {as_written[near[0]]}?" if near else f"it has {', '.join(known)}"
+
+
+@functools.cache
+def checked(kind: Any) -> Any:
+    """A class that users make objects of, which from now on refuses in our own words what it cannot take.
+
+    Python would raise a TypeError that names no other setting. It holds for subclasses too, as a user's rule is one.
+    """
+    made = kind.__new__
+
+    def new(cls: Any, *given: Any, **settings: Any) -> Any:
+        called = "Hebbian" if cls is Paper else cls.__name__
+        known = cls._field_defaults if hasattr(cls, "_fields") else {field.name: field.type for field in fields(cls)}
+        for name, value in settings.items():
+            if name not in known:
+                raise ConfigError(f"{called}({name}=...): {name} is not a setting of it; {_near(name, known)}")
+            if known[name] in (int, float) and not isinstance(value, Real):
+                raise ConfigError(f"{called}({name}=...): {name} must be a number, got {value!r}")
+        if made is not object.__new__:
+            return made(cls, *given, **settings)
+        if given:
+            first = next(iter(known))
+            raise ConfigError(f"{called}({given[0]!r}): settings are given by their names, as {called}({first}=...)")
+        return made(cls)
+
+    kind.__new__ = staticmethod(new)
+    return kind
 
 
 def optimizer_names() -> list[str]:

@@ -49,10 +49,12 @@ def recording(run: Path) -> Recording:
         raise ConfigError(f"{run} is of `epuckhebb {facts['verb']}`; give a run folder of `epuckhebb evaluate`")
     config = typed(stored(run, "evaluate"), EvaluateConfig)
     if config.lifetime.record_every == 0:
-        kept = [override for override in facts["overrides"] if not override.startswith("lifetime.record_every=")]
+        alone = facts["command"][1:2] == ["evaluate"]  # else a study's, of which it is one job
+        asked = facts["command"] if alone else ["epuckhebb", "evaluate", *facts["overrides"]]
+        kept = [word for word in asked if not word.startswith("lifetime.record_every=")]
         raise ConfigError(
             f"{run} recorded nothing to replay, because it ran with lifetime.record_every=0; run it again with "
-            f"recording on: {' '.join(['epuckhebb evaluate', *kept, 'lifetime.record_every=8'])}"
+            f"recording on: {' '.join([*kept, 'lifetime.record_every=8'])}"
         )
     lifetimes = len(SIDES) * (1 + len(config.controllers))
     samples = -(-config.lifetime.steps // config.lifetime.record_every)

@@ -343,10 +343,22 @@ def _results(path: Path, console: Console, *, in_short: bool = False) -> None:
         last = history.iloc[-1]
         console.print(
             f"{len(history)} generations: best fitness {history.best_fitness.iloc[0]:.3f} → {last.best_fitness:.3f}, "
-            f"mean {history.mean_fitness.iloc[0]:.3f} → {last.mean_fitness:.3f}; the fittest reached its goal in "
-            f"{100 * last.best_success:.0f} % of its training lifetimes.",
+            f"mean {history.mean_fitness.iloc[0]:.3f} → {last.mean_fitness:.3f}; {_fittest(path, last)}.",
             highlight=False,
         )
+
+
+def _fittest(path: Path, last: pd.Series) -> str:
+    """How well the fittest of the last generation did: how often it came to its goal, or how often it was rewarded."""
+    told = settings(path / runs.CONFIG) if runs.has(path, runs.CONFIG) else {}
+    bonuses = [value for key, value in (told.get("task") or {}).items() if key.endswith("_bonus")]
+    if not bonuses:
+        return f"the fittest reached its goal in {100 * last.best_success:.0f} % of its training lifetimes"
+    bonus = sum(bonuses) + told["training"]["success_bonus"] * last.best_success
+    return (
+        f"rewarded share of the fittest in training: {max(0.0, last.best_fitness - bonus):.3f} or more (its fitness "
+        f"without the {bonus:.3g} that a robot gets which comes to an end in every trial)"
+    )
 
 
 def _tell_genome(genome: Genome, console: Console) -> None:

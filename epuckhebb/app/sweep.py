@@ -58,7 +58,8 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     jobs = list(listed.values())
     usual = Path("runs") / "sweep" / f"{name}_{engine.digest([identities.settings(job.config) for job in jobs])[:8]}"
     folder, launcher = engine.folder_and_launcher(hydras, usual)
-    return Sweep(name=name, jobs=jobs, folder=folder, arguments=[name, *arguments], launcher=launcher)
+    asked = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]
+    return Sweep(name=name, jobs=jobs, folder=folder, arguments=asked, launcher=launcher)
 
 
 def sweep(planned: Sweep, *, fail_fast: bool) -> Outcome:

@@ -12,7 +12,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
 from epuckhebb.sim.controller import CONTROLS, GA
@@ -22,6 +22,8 @@ from epuckhebb.sim.robot import EPUCK, Robot
 from epuckhebb.study import leaderboard, rescue
 from epuckhebb.study.figures import SIDE_COLOUR, plain, to_png
 
+_WEIGHT_CHANGE = "weight change\n(mean of sum |W − W_gene|)"
+_AS_NUMBER = StrMethodFormatter("{x:g}")  # 100, not 10 to the 2
 _SCENARIO_STYLE = {
     "base": ("#0072B2", "o", "-"),
     "2obstacles": ("#E69F00", "s", "--"),
@@ -44,7 +46,7 @@ def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, cham
     for axes, column, label in (
         (top_left, "success", "success (mean of lifetimes)"),
         (top_right, "time_to_goal_s", "time to goal (s), of those that arrive"),
-        (low_left, "weight_change_mean", "weight change, mean sum |W - W_gene|"),
+        (low_left, "weight_change_mean", _WEIGHT_CHANGE),
     ):
         present = [name for name in _SCENARIO_STYLE if name in set(own.scenario)]
         for number, scenario in enumerate(present):
@@ -62,6 +64,9 @@ def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, cham
     top_left.set_ylim(-0.04, 1.04)
     low_left.set_yscale("symlog", linthresh=0.1)
     low_left.set_ylim(bottom=-0.02)
+    low_left.yaxis.set_major_formatter(_AS_NUMBER)
+    low_left.grid(axis="y", color="#ddd", linewidth=0.6)
+    low_left.set_axisbelow(True)
     _rescue_and_harm(low_right, harm[harm.experiment == experiment], at)
     figure.suptitle(
         f"{experiment}: what each rate does, mean over {champions} champions with 95 % bootstrap intervals", fontsize=11
@@ -98,10 +103,10 @@ def rates(doses: pd.DataFrame, told: str) -> bytes:
     conditions = list(doses.groupby("condition", sort=False))
     figure = Figure(figsize=(9, 2.9 * len(conditions) + 0.6), layout="constrained")
     for (condition, own), panels in zip(
-        conditions, figure.subplots(len(conditions), 2, squeeze=False, sharex=True), strict=True
+        conditions, figure.subplots(len(conditions), 2, squeeze=False, sharex=True, sharey="col"), strict=True
     ):
         for axes, column, label in zip(
-            panels, ("success", "weight_change_mean"), ("success", "weight change"), strict=True
+            panels, ("success", "weight_change_mean"), ("success", _WEIGHT_CHANGE), strict=True
         ):
             for side, marker in (("left", "o"), ("right", "^")):
                 of_side = own[own.side == side]
@@ -123,6 +128,8 @@ def rates(doses: pd.DataFrame, told: str) -> bytes:
                     )
                     axes.axhspan(row.success_low, row.success_high, color=SIDE_COLOUR[side], alpha=0.1, linewidth=0)
             axes.set(xscale="log", xlabel="base rate N", ylabel=label)
+            axes.grid(axis="y", color="#ddd", linewidth=0.6)
+            axes.set_axisbelow(True)
             at = sorted(set(own.N[own.N > 0]))
             axes.set_xticks(at, [f"{rate:g}" for rate in at], fontsize=8)
             axes.set_xticks([], minor=True)
@@ -131,9 +138,13 @@ def rates(doses: pd.DataFrame, told: str) -> bytes:
         panels[0].set_ylim(-0.04, 1.04)
         if (own.weight_change_mean > 0).any():  # an adaptation that is never needed changes none
             panels[1].set_yscale("log")
+            panels[1].yaxis.set(major_locator=LogLocator(subs=(1, 2, 5)), major_formatter=_AS_NUMBER)
+            panels[1].yaxis.set(minor_locator=NullLocator())
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
     figure.suptitle(
-        f"What each rate does: {told}\nDashed: GA, without plasticity, where no weight changes", fontsize=10
+        f"What each rate does: {told}\n"
+        "Dashed, with its interval as a band: GA, without plasticity, where no weight changes",
+        fontsize=10,
     )
     return to_png(figure)
 

@@ -35,7 +35,7 @@ _TITLES = {
     CONTROLS[Sign.anti]: "GA with anti-Hebbian plasticity",
     CONTROLS[Sign.shuffled]: "GA with Hebbian plasticity, shuffled signs",
 }
-_SIGNS_TOLD = "● start    ○ the robot at the end    ◌ goal    ★ lamp"
+_GAP = "    "  # between two signs that are explained
 _T = TypeVar("_T")
 _PANEL, _HIGH, _LOW = 4.8, 5.6, 1.6  # inches: width of a panel, greatest and least height of its axes
 _TOP, _BOTTOM, _LINE = 0.6, 0.78, 0.19  # inches: above the axes, below them, and a line of text
@@ -47,7 +47,7 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> bytes:
     left, right, bottom, top = view(scenario)
     axes_height = min(_HIGH, max(_LOW, 4.0 * (top - bottom) / (right - left)))
     wide = max(_PANEL * len(controllers), 6.4 if scenario.changes else _PANEL)
-    lines = [*_lines(scenario, wide), _SIGNS_TOLD]
+    lines = [*_lines(scenario, wide), *_filled(_signs_told(scenario), wide)]
     height, below = axes_height + _TOP + _BOTTOM + _LINE * len(lines), _BOTTOM + _LINE * len(lines)
     figure = Figure(figsize=(wide, height))
     figure.subplots_adjust(left=0.65 / wide, right=0.985, bottom=below / height, top=1 - _TOP / height, wspace=0.16)
@@ -211,14 +211,32 @@ def _draw_path(
 
 def _lines(scenario: Scenario, inches: float) -> list[str]:
     """What changes in mid-life, in lines that fit so many inches."""
+    return _filled((f"◆{number} {told_when(change)}" for number, change in enumerate(scenario.changes, 1)), inches)
+
+
+def _filled(parts: Iterable[str], inches: float) -> list[str]:
+    """The parts one after the other, in lines that fit so many inches."""
     lines: list[str] = []
-    for number, change in enumerate(scenario.changes):
-        told = f"◆{number + 1} {told_when(change)}"
+    for told in parts:
         if lines and len(lines[-1]) + len(told) < 13 * inches:
-            lines[-1] += f"    {told}"
+            lines[-1] += f"{_GAP}{told}"
         else:
             lines += textwrap.wrap(told, round(13 * inches))
     return lines
+
+
+def _signs_told(scenario: Scenario) -> list[str]:
+    """What the signs and the colours of a figure of paths mean, those that are in it."""
+    signs = ["● start", "○ the robot at the end", "◌ goal"]
+    if not scenario.task.has_trials:  # there the lamp says nothing, and is not drawn
+        signs.append("★ lamp")
+    obstacles = _obstacles([world for _, world in scenario.phases])
+    signs.append("grey: walls")
+    if any(obstacle.always for obstacle in obstacles):
+        signs.append("brown: obstacles")
+    if not all(obstacle.always for obstacle in obstacles):
+        signs.append("dashed brown: obstacles for a part of the life")
+    return signs
 
 
 def _write(figure: Figure, lines: list[str]) -> None:

@@ -104,7 +104,9 @@ def figures_of(
         seed: The seed of the noise.
     """
     maze = figures.maze(world("4obstacles")[0])
-    made = {"maze.png": ("The maze: robot at the start, lamp, goals with their 5 cm circles, four obstacles.", maze)}
+    made = {
+        "maze.png": ("The maze: robot at the start, lamp, goals with their 5 cm circles, four obstacles (brown).", maze)
+    }
     for one, genes in genomes.items():
         name, rate = found.showcase[one][0], findings.PAPER_N[one]
         plastic = hebbian(rate, signals[one])
@@ -123,7 +125,7 @@ def figures_of(
         for against in ("fitness", "light" if one == "light" else "proximity"):
             made[f"weight_change_{one}_{against}.png"] = (
                 f"{one}: change of the weights between samples against {against}, `{name}`, N = {rate:g}; left blue, "
-                "right red.",
+                "right orange.",
                 charts.weight_change(changed, against, f"{name}, N = {rate:g}"),
             )
         last = findings.CHANGED[one][-1]

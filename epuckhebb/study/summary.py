@@ -66,8 +66,10 @@ def dose_response(rows: pd.DataFrame, settings: list[str]) -> bytes | None:
     found = []
     for condition, own in plastic.groupby(by, sort=False):
         place = dict(zip(by, condition, strict=True))
-        settings_told = [f"{key}={place[key]}" for key in differ if not key.startswith("scenario")]
-        told = ", ".join(filter(None, [place["scenario"], place["changed"], *settings_told]))
+        settings_told = (f"{key}={place[key]}" for key in differ if not key.startswith("scenario"))
+        told = ", ".join(
+            dict.fromkeys([place["scenario"], *filter(None, place["changed"].split(", ")), *settings_told])
+        )
         alone = rows[(rows.controller == GA) & (rows[world] == [place[key] for key in world]).all(axis=1)]
         for (controller, rate, side), lives in pd.concat([alone, own]).groupby(["controller", "N", "side"], sort=False):
             row = {"condition": f"{told}: {place['controller']}", "controller": controller, "N": float(rate)}

@@ -455,3 +455,30 @@ def test_draws_60_pictures_a_second_at_16_times_the_speed(visit, run):
     )
     print(f"{1000 * len(gaps) / sum(gaps):.1f} pictures a second, longest gap {max(gaps):.0f} ms")
     assert np.median(gaps) < 17.5  # the median, since other work may take the core now and then
+
+
+def test_the_axis_of_the_effective_rate_holds_negative_rates(browser, tmp_path):
+    """Where a modulatory neuron turns the changes round. What is drawn is looked at while it is drawn."""
+    genes = np.load(ARRIVES)["genome"]
+    lifetime = Lifetime(duration_s=10.0, record_every=8)
+    _, traces = evaluate(genes, Scenario(), [HEBBIAN_PLASTICITY], lifetime, repeats=1, seed=1)
+    turned = traces.samples.rate * np.where(np.arange(traces.samples.rate.shape[1]) % 2, 1.0, -3.0)
+    traces = replace(traces, samples=traces.samples._replace(rate=turned))
+    page_text = replay.page(traces, genes, Scenario(), "a test", gain_rad_s=1.0, network=PAPER_NETWORK)
+    (tmp_path / "replay.html").write_text(page_text, encoding="utf-8")
+    context = browser.new_context(viewport={"width": 1280, "height": 900})
+    context.add_init_script(
+        "const pen = CanvasRenderingContext2D.prototype, lineTo = pen.lineTo;"
+        "pen.lineTo = function (x, y) { (this.canvas.heights ??= []).push(y); lineTo.call(this, x, y); };"
+    )
+    page = context.new_page()
+    page.goto((tmp_path / "replay.html").as_uri())
+    chart = page.get_by_label("Effective rate, Nₑ over time")
+    chart.scroll_into_view_if_needed()
+    least, most = chart.evaluate("canvas => [Math.min(...canvas.heights), Math.max(...canvas.heights)]")
+    expect(page.get_by_text("below 0 all changes are turned round")).to_be_visible()
+    if SCREENSHOTS:
+        page.locator(".chart", has=chart).screenshot(path=f"{SCREENSHOTS}/negative_rate.png")
+    context.close()
+    assert least >= 8 - 1e-6
+    assert most <= 78 + 1e-6
