@@ -116,7 +116,10 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
     if experiment not in EXPERIMENTS:
         raise ConfigError(f"leaderboard {experiment}: the experiment must be one of {', '.join(EXPERIMENTS)}")
     hydra_bridge.check_config_dir(config_dir)
-    config_dir = str(Path(config_dir).absolute()) if config_dir else None
+    typed_words = [experiment, *(["--quick"] if quick else []), *arguments]
+    if config_dir is not None:
+        typed_words += ["--config-dir", config_dir]
+        config_dir = str(Path(config_dir).absolute())
     hydras = engine.for_hydra("leaderboard", arguments)
     own = [_as_list(argument) for argument in arguments if argument not in hydras]
     cfg = hydra_bridge.composed("leaderboard", [*(QUICK if quick else ()), *own], config_dir)
@@ -147,7 +150,6 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
     ]
     usual = Path("runs") / "leaderboard" / f"seed{config.first_seed}_{engine.digest(asked)[:8]}"
     folder, launcher = engine.folder_and_launcher(hydras, usual)
-    typed_words = [experiment, *(["--quick"] if quick else []), *arguments]
     return Leaderboard(
         config=config,
         cfg=cfg,
