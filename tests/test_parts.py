@@ -506,7 +506,7 @@ def test_bundled_champions_of_version_0_1_load():
 def test_a_change_in_mid_life_from_end_to_end(here):
     change = "scenario.changes=[{at_s: 1, light: 1.0}, {at_s: 1.5, obstacles: 4}]"
     done("evaluate", change, *SHORT, "hydra.run.dir=run")
-    assert set(metrics("run").changed) == {"light=1 at 1 s, obstacles=4 at 1.5 s"}
+    assert set(metrics("run").changed) == {"light=1 at 1 s, obstacles=4 at 1.5 s, lifetime.duration_s=2"}
     with np.load("run/traces.npz") as traces:
         early = traces["time"][0] < 0.9 if traces["time"].ndim > 1 else traces["time"] < 0.9
         lit = traces["sensors"][0, :, :8].mean(axis=1)

@@ -83,7 +83,9 @@ def test_all_that_the_sweep_of_adaptations_names_is_there():
 
 
 def test_a_dry_run_says_how_much_there_is_to_do(here):
-    assert call("sweep", "obstacles", "--dry-run").stdout.count("to do") == 3
+    told = call("sweep", "obstacles", "--dry-run").stdout
+    assert told.count("│ to do │") == 3
+    assert "0 done, 3 to do; nothing was run." in told
     assert list(here.iterdir()) == []
 
 
