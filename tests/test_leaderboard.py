@@ -21,7 +21,9 @@ from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.study import leaderboard as board
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+ROOT = Path(__file__).parents[1]
+EXAMPLES = ROOT / "examples"
+REFERENCES = [ROOT / "runs" / "reference" / name for name in ("reversal",)]
 TINY = "optimizer.population: 4, optimizer.starts: 3, optimizer.confirm: 2, optimizer.generations: 2"
 TINY += ", lifetime.duration_s: 3, scenario.paper_duration_s: 10"
 EVOLVED = f"optimizer: sep_cma_es, training: varied, {TINY}"
@@ -261,6 +263,7 @@ def test_show_tells_of_it(made):
     shown = CliRunner().invoke(app, ["show", str(folder)])
     assert shown.exit_code == 0, shown.output
     assert "oja_over" in shown.stdout
+    assert "--config-dir" in shown.stdout
     rows = json.loads(CliRunner().invoke(app, ["show", str(folder), "--json"]).stdout)["leaderboard"]
     assert {row["method"] for row in rows} == {"tiny", "learns", "only_rule", "oja_over"}
     run = next(folder.glob("test_*"))
@@ -443,6 +446,32 @@ def test_the_table_by_hand():
     assert table.sign_flip_p["own"] == 1
     assert np.isnan(table.difference["twin"])
     assert np.isnan(table.success_off["twin"])
+
+
+# The reference results
+
+
+@pytest.mark.parametrize("folder", REFERENCES)
+def test_the_reference_table_comes_of_the_rows_of_champions(folder):
+    told = pd.read_csv(folder / "leaderboard.csv").fillna({"twin": ""})
+    rows = [
+        board.Row(experiment=row.experiment, method=row.method, kind=row.kind, twin=row.twin, numbers=int(row.numbers))
+        for row in told.itertuples()
+    ]
+    champions = pd.read_csv(folder / "champions.csv", dtype={"successes_off": "Int64", "successes_inverted": "Int64"})
+    pd.testing.assert_frame_equal(board.table(rows, champions), told, check_dtype=False)
+    worlds = pd.read_csv(folder / "worlds.csv").groupby(["experiment", "method"])[["trials", "successes"]].sum()
+    for row in told.itertuples():
+        assert (row.trials, row.successes) == tuple(worlds.loc[row.experiment, row.method])
+        assert row.champions == (10 if row.experiment == board.REVERSAL else 12)
+
+
+@pytest.mark.parametrize("folder", REFERENCES)
+def test_the_page_of_the_reference_results_tells_what_is_in_their_csv(folder, generated):
+    told = pd.read_csv(folder / "leaderboard.csv").fillna({"twin": ""})
+    for experiment, own in told.groupby("experiment", sort=False):
+        page = "reversal" if experiment == board.REVERSAL else "leaderboard"
+        generated(ROOT / "docs" / f"{page}.md", experiment, board.markdown_of(own))
 
 
 # What is refused

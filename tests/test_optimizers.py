@@ -251,7 +251,7 @@ def test_a_run_of_sep_cma_es_is_resumed_repeated_and_shown(tmp_path, monkeypatch
     assert "checkpoint.npz" in call("evolve", "resume=run", "optimizer.generations=4").stderr
 
 
-@pytest.mark.parametrize("name", ["sep_cma_es", "open_es"])
+@pytest.mark.parametrize("name", [pytest.param("sep_cma_es", marks=pytest.mark.slow), "open_es"])
 def test_a_run_of_a_strategy_survives_kill_9(name, tmp_path):
     tiny = ["evolve", f"optimizer={name}", *TINY[1:], "optimizer.generations=3"]
     assert call(*tiny, f"hydra.run.dir={tmp_path / 'whole'}").exit_code == 0

@@ -65,8 +65,9 @@ def blocks(page, language):
 
 @pytest.fixture
 def checkout(tmp_path, monkeypatch):
-    """A folder with a copy of the examples, where the commands of a page are typed."""
-    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    """A folder with copies of the examples and of a learner, where the commands of a page are typed."""
+    for folder in ("examples", "runs/reference/reversal"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
