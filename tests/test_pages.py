@@ -17,10 +17,10 @@ from epuckhebb.app.cli import app
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
 PAGES = [*ROOT.glob("*.md"), ROOT / "runs" / "README.md", *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
-WITH_COMMANDS = [ROOT / "README.md", ROOT / "docs" / "parts.md", *EXAMPLES]
+WITH_COMMANDS = [ROOT / "README.md", *EXAMPLES]
 MORE_COMMANDS = [
     ROOT / "docs" / f"{name}.md"
-    for name in ("changes", "clusters", "keys", "leaderboard", "results", "reversal", "rules", "webots")
+    for name in ("parts", "changes", "clusters", "keys", "leaderboard", "results", "reversal", "rules", "webots")
 ]
 BRIEF = {
     # longer than until the changes of the worlds on the pages
@@ -90,16 +90,20 @@ def test_the_commands_of_the_pages_run(pages, seconds, monkeypatch):
         assert result.exit_code == 0, f"{line}\n{result.output}"
 
 
-@pytest.mark.parametrize("name", ["results", "rules"])
+@pytest.mark.parametrize("name", ["parts", "results", "rules"])
 def test_the_settings_of_the_slow_commands_compose(name):
     """Those that are not run in the ordinary suite, each key and each value of a group at least known."""
     for line in "".join(blocks(ROOT / "docs" / f"{name}.md", "sh")).splitlines():
         _, verb, *words = shlex.split(two_of_many(line), comments=True)
+        config_dir = None
+        if "--config-dir" in words:
+            place = words.index("--config-dir")
+            _, config_dir = words.pop(place), str(ROOT / words.pop(place))
         words = [word for word in words if not word.startswith("-")]
         if verb == "sweep":
             verb, words = "evaluate", [f"experiment={words[0]}", *words[1:]]
         first = [values[0] for values in hydra_bridge.alternatives(words).values()]
-        assert hydra_bridge.composed(verb, first)
+        assert hydra_bridge.composed(verb, first, config_dir)
 
 
 @pytest.mark.slow
