@@ -2,7 +2,7 @@
 
 import difflib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from omegaconf import OmegaConf
@@ -11,6 +11,7 @@ from epuckhebb.app.config import SCHEMAS, near_keys
 from epuckhebb.app.data import groups
 
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}  # what is missing of Hydra's -> the extra of this package that has it
+_MANY = 30  # choices that are no longer listed in a message
 _KINDS = {"Float": "a number", "Integer": "a whole number", "Boolean": "true or false"}  # OmegaConf's words, and ours
 
 
@@ -44,26 +45,81 @@ def explain(error: BaseException) -> str:
     choice = re.search(r"Could not (?:find|load) '(\w+)/(\w+)'", text)
     if choice and "Available options" in text:
         text, _, options = text.partition(f"Available options in '{choice[1]}':\n")
-        near = ", ".join(difflib.get_close_matches(choice[2], options.split(), n=3))
-        text = f"there is no {choice[1]}={choice[2]}"
-        text += f"\nDid you mean: {near}?" if near else ""
-        text += f"\n{choice[1]} must be one of {', '.join(options.split())}"
+        text = _no_choice(choice[1], choice[2], options.split())
     wrong = re.search(r"Could not override '([^']+)'", text)
+    if wrong and "." in wrong[1]:
+        text = re.sub(r"\nDid you mean: \w+\?", "", text)  # Hydra means the group alone
     if wrong and "Did you mean" not in text:
         owners = [verb for verb in SCHEMAS if wrong[1] in _known_keys(verb)]
-        near = near_keys(wrong[1], sorted({key for verb in ("evaluate", "evolve") for key in _known_keys(verb)}))
+        near = _near(wrong[1], sorted({key for verb in ("evaluate", "evolve") for key in _known_keys(verb)}))
         if owners:
             text += f"\n{wrong[1]} is a key of `epuckhebb {'` and `epuckhebb '.join(owners)}`; give it there"
             text += f": epuckhebb evaluate genome=latest {wrong[1]}=..." if owners == ["evaluate"] else ""
         elif near:
             text += f"\nDid you mean: {near}?"
-    return _plainly(text)
+    return _plainly(_of_a_file(text))
+
+
+def _near(key: str, known: list[str]) -> str:
+    """Keys that are like one that is not known; of a group that is misspelt, the same key."""
+    group, _, rest = key.partition(".")
+    alike = difflib.get_close_matches(group, groups("evolve"), n=1)
+    return f"{alike[0]}.{rest}" if rest and alike and alike[0] != group else near_keys(key, known)
+
+
+def _no_choice(group: str, name: str, options: Sequence[str]) -> str:
+    """What to say of a choice of a group that is not there."""
+    near = ", ".join(difflib.get_close_matches(name, options, n=3))
+    text = f"there is no {group}={name}"
+    text += f"\nDid you mean: {near}?" if near else ""
+    text += (
+        f"\n`epuckhebb keys {group}` lists all {len(options)} of them"
+        if len(options) > _MANY
+        else f"\n{group} must be one of {', '.join(options)}"
+    )
+    return f"{text}\nIs it a file of yours, {group}/{name}.yaml? Then add --config-dir and the folder of {group}/"
+
+
+def _of_a_file(text: str) -> str:
+    """What Hydra says of a file of the user's own, with the name of the file and what should stand there."""
+    within = re.search(r"In '(\w+)/([^']+)': (?:\w+ raised while composing config:\n)?", text)
+    if not within:
+        return text
+    group, name = within[1], within[2]
+    file = f"{group}/{name}.yaml"
+    load = re.search(r"Could not load '(\w+)/([^']+)'", text)
+    if load:
+        known = groups("evaluate").get(load[1], [])
+        near = ", ".join(difflib.get_close_matches(load[2], known, n=3))
+        return f"{file}: there is no {load[1]}={load[2]}, which its defaults name" + (
+            f"\nDid you mean: {near}?" if near else ""
+        )
+    key = re.search(r"Key '([^']+)' not in '\w+'", text)
+    if key and key[1] == group == "experiment":
+        return f"{file} must begin with the line `# @package _global_`: its keys are those of the whole configuration"
+    if key and key[1] == group:
+        return f"{file}: leave out the line `{group}:`, and begin the keys below it at the left edge"
+    if key:
+        full = text.partition(":")[0]
+        near = near_keys(full, _known_keys("evaluate"))
+        return f"{file}: there is no key {full}" + (f"\nDid you mean: {near}?" if near else "")
+    value = re.search(r"^(\S+):\n.*\nValue '(.*)' of type '\w+' could not be converted to (\w+)", text)
+    if value and value[3] in _KINDS:
+        return f"{file}: {value[1]} must be {_KINDS[value[3]]}, got {value[2]}"
+    return text
 
 
 def _plainly(text: str) -> str:
     """What OmegaConf says of a value or a key, in the words of our own messages."""
     text = re.sub(r"Could not override '(\S+)'\.\nKey '\S+' not in '\w+'", r"there is no key \1", text)
     text = re.sub(r"Error merging override \S+\nfield '(\S+)' is not Optional", r"\1 must have a value, got null", text)
+    several = re.search(r"Ambiguous value for argument '([^'=]+)=([^']*)'[\s\S]*", text)
+    if several:
+        told = f"{several[1]}={several[2]} has several values; to do a run with each of them, add -m"
+        decimal = re.fullmatch(r"\d+,\d+", several[2])
+        text = text.replace(
+            several[0], told + (f". A number is written {several[2].replace(',', '.')}" if decimal else "")
+        )
     kind = re.search(r"Error merging override ([^=\s]+)=(.*)\nValue .* could not be converted to (\w+)", text)
     if kind and kind[3] in _KINDS:
         text = text.replace(kind[0], f"{kind[1]} must be {_KINDS[kind[3]]}, got {kind[2]}")

@@ -4,6 +4,7 @@ What they mean stands beside them, in the comments of the files of `conf/`; of w
 There is no other list of keys: `docs/keys.md` is made of this one.
 """
 
+import difflib
 import typing
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, is_dataclass
@@ -68,7 +69,9 @@ def group_named(name: str) -> Group:
     """
     known = {group.name: group for group in all_groups()}
     if name not in known:
-        raise ConfigError(f"keys {name}: the group must be one of {', '.join(known)}")
+        near = difflib.get_close_matches(name, known, n=1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise ConfigError(f"keys {name}: {hint}the group must be one of {', '.join(known)}")
     return known[name]
 
 
