@@ -108,6 +108,13 @@ def test_a_rule_of_ones_own_lives_and_is_kept(lived):
     assert "trace_decay" not in config  # is the paper's rule's
 
 
+def test_what_is_left_as_it_is_in_the_class_is_written_down_too(tmp_path):
+    (tmp_path / "mine.py").write_text(MY_RULES)
+    asked = f"hebbian.rule={tmp_path / 'mine.py'}:oja"
+    assert composed("evaluate", [asked]).hebbian.decay == 1.0
+    assert composed("evaluate", [asked, "hebbian.decay=2"]).hebbian.decay == 2
+
+
 @pytest.mark.usefixtures("here")
 def test_its_setting_matters_and_the_same_rule_gives_the_same_numbers():
     """Ours with decay 1 is the program's Oja."""

@@ -24,6 +24,7 @@ from epuckhebb.app.parts import NONE, PAPER, rule_class, rule_file, scenario_fro
 from epuckhebb.evolution.training import Training
 from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.maze import T_MAZE, Maze, maze_from
+from epuckhebb.sim.plasticity.rule import Rule
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import Scenario
 
@@ -94,7 +95,7 @@ def _is_changed(training: DictConfig, choice: str, folders: Sequence[Path]) -> b
 
 
 def _own_rules(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> None:
-    """Write down where a user's rule is, and drop what a file of `conf/hebbian/` says for another rule only."""
+    """Write down where a user's rule is, and its settings; drop what a file of `conf/hebbian/` says for another."""
     for settings in [cfg.hebbian, *(cfg.get("compare") or {}).values()]:
         file = rule_file(settings) if isinstance(settings, DictConfig) else None
         if file is not None:
@@ -115,6 +116,10 @@ def _own_rules(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> None:
     for key in [key for key in chosen if key not in {"rule", *kind.__dataclass_fields__}]:
         if cfg.hebbian._get_node(key) == chosen._get_node(key):
             del cfg.hebbian[key]
+    told = {*Rule.__dataclass_fields__, *cfg.hebbian}
+    for key, field in kind.__dataclass_fields__.items():  # what the user left as it is in the class
+        if key not in told and isinstance(field.default, bool | int | float | str):
+            cfg.hebbian[key] = field.default
     if cfg.hebbian.get("name") == choice:
         cfg.hebbian.name = kind.__name__.lower()
 
