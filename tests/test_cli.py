@@ -130,7 +130,7 @@ BAD = {
     "unknown key": (["scenrio=base"], ["scenrio", "Did you mean: scenario"]),
     "unknown choice": (
         ["scenario=5obstacles"],
-        ["5obstacles", "one of 2obstacles, 4o", "mean: 4obstacles, 2obstacles"],
+        ["5obstacles", "for example 2obstacles, 4o", "mean: 4obstacles, 2obstacles"],
     ),
     "wrong type": (["hebbian.N=fast"], ["hebbian.N", "fast"]),
     "negative rate": (["hebbian.N=-1"], ["hebbian.N must be 0 or more", "-1"]),

@@ -239,7 +239,7 @@ def test_what_cannot_be_swept(here):
         (["nope"], ["nope", "n_sweep"]),
         (["alone", "--config-dir", "more"], ["alone", "evaluate"]),
         (["light", "scenario.light=1,-1"], ["scenario.light must", "-1"]),
-        (["light", "scenario=nope"], ["nope", "highlight"]),
+        (["light", "scenario=nope"], ["nope", "epuckhebb keys scenario"]),
         (["light", "scenrio.light=1"], ["Did you mean: scenario"]),
         (["light", "hydra/sweeper=basic"], ["hydra/sweeper=basic"]),
         (["light", "hydra/launcher=nope"], ["nope", "joblib"]),

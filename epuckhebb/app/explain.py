@@ -11,7 +11,7 @@ from epuckhebb.app.config import SCHEMAS, near_keys
 from epuckhebb.app.data import groups
 
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}  # what is missing of Hydra's -> the extra of this package that has it
-_MANY = 30  # choices that are no longer listed in a message
+_MANY, _SOME = 30, 4  # choices that are no longer listed in a message, and how many of them are
 _KINDS = {"Float": "a number", "Integer": "a whole number", "Boolean": "true or false"}  # OmegaConf's words, and ours
 
 
@@ -73,7 +73,7 @@ def _no_choice(group: str, name: str, options: Sequence[str]) -> str:
     text = f"there is no {group}={name}"
     text += f"\nDid you mean: {near}?" if near else ""
     text += (
-        f"\n`epuckhebb keys {group}` lists all {len(options)} of them"
+        f"\n`epuckhebb keys {group}` lists all {len(options)} of them, for example {', '.join(options[:_SOME])}"
         if len(options) > _MANY
         else f"\n{group} must be one of {', '.join(options)}"
     )
@@ -83,8 +83,8 @@ def _no_choice(group: str, name: str, options: Sequence[str]) -> str:
 def _of_a_file(text: str) -> str:
     """What Hydra says of a file of the user's own, with the name of the file and what should stand there."""
     within = re.search(r"In '(\w+)/([^']+)': (?:\w+ raised while composing config:\n)?", text)
-    if not within:
-        return text
+    if not within or within[1] not in {*groups("evaluate"), *groups("evolve"), "experiment"}:
+        return text  # a file of Hydra's own
     group, name = within[1], within[2]
     file = f"{group}/{name}.yaml"
     load = re.search(r"Could not load '(\w+)/([^']+)'", text)
@@ -115,7 +115,7 @@ def _plainly(text: str) -> str:
     text = re.sub(r"Error merging override \S+\nfield '(\S+)' is not Optional", r"\1 must have a value, got null", text)
     several = re.search(r"Ambiguous value for argument '([^'=]+)=([^']*)'[\s\S]*", text)
     if several:
-        told = f"{several[1]}={several[2]} has several values; to do a run with each of them, add -m"
+        told = f"{several[1]}={several[2]} has several values; to do a run with each of them, add -m (--multirun)"
         decimal = re.fullmatch(r"\d+,\d+", several[2])
         text = text.replace(
             several[0], told + (f". A number is written {several[2].replace(',', '.')}" if decimal else "")
