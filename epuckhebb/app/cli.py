@@ -105,14 +105,15 @@ Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output, all else on standard error.")
 ]
 Open = Annotated[bool, typer.Option("--open", help="Write the page that replays the run, and open it in a browser.")]
-ExperimentAndSettings = Annotated[
-    list[str] | None,
-    typer.Argument(
-        metavar="[light|obstacles|all] [KEY=VALUE]...",
+
+
+def _experiment(*others: str) -> Any:
+    """The argument of a study: an experiment, the paper's, others or all of them, and settings."""
+    return typer.Argument(
+        metavar=f"[{'|'.join(('light', 'obstacles', *others, 'all'))}] [KEY=VALUE]...",
         help="The experiment, and settings to change.",
         autocompletion=_complete_override,
-    ),
-]
+    )
 
 
 def _say_error(message: str) -> None:
@@ -252,7 +253,7 @@ def replay(
 @app.command(cls=ConfiguredCommand)
 @_told()
 def reproduce(
-    words: ExperimentAndSettings = None,
+    words: Annotated[list[str] | None, _experiment()] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="3 champions, 3 repeats, 2 rates: a look in two minutes.")
     ] = False,
@@ -275,7 +276,7 @@ def reproduce(
 @app.command(cls=ConfiguredCommand)
 @_told()
 def leaderboard(
-    words: ExperimentAndSettings = None,
+    words: Annotated[list[str] | None, _experiment("reversal")] = None,
     quick: Annotated[
         bool,
         typer.Option("--quick", help="3 methods, 2 champions, 8 test worlds, obstacles: a look in three minutes."),
@@ -491,14 +492,18 @@ def _tell(verb: str, runs: list[Path], quiet: bool, as_json: bool) -> None:
 def _tell_jobs(
     verb: str, folder: Path, jobs: "list[Job]", as_json: bool, quiet: bool, told: "dict[str, str] | None" = None
 ) -> None:
-    """List the jobs of a study that is not run. told: what each run is for; without it what would be typed is said."""
+    """List the jobs of a study that is not run. told: what each run is for; of a sweep, what would be typed."""
     from epuckhebb.app import engine
     from epuckhebb.app import show as shown
 
     todo = {job.run for job in engine.todo(folder, jobs)}
     listed = [
-        {"run": job.run, "done": job.run not in todo, "overrides": job.overrides}
-        | ({"told": told[job.run]} if told else {})
+        {
+            "run": job.run,
+            "done": job.run not in todo,
+            "overrides": job.overrides,
+            "told": told[job.run] if told else " ".join(job.overrides),
+        }
         for job in jobs
     ]
     found = {"verb": verb, "folder": str(folder), "jobs": listed}

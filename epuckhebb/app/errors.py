@@ -1,11 +1,12 @@
 """How a call ends before its time: with an error that is told in one message, or by a signal."""
 
+import difflib
 import os
 import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
@@ -23,6 +24,12 @@ class ConfigError(ValueError):
 
 class JobFailedError(RuntimeError):
     """A run began and could not be finished; the message says which and why."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A question to put into a message before what is allowed; nothing if no name is near."""
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"did you mean {near[0]}? " if near else ""
 
 
 @contextmanager

@@ -51,27 +51,35 @@ def explain(error: BaseException) -> str:
         text = re.sub(r"\nDid you mean: \w+\?", "", text)  # Hydra means the group alone
     if wrong and "Did you mean" not in text:
         owners = [verb for verb in SCHEMAS if wrong[1] in _known_keys(verb)]
-        near = _near(wrong[1], sorted({key for verb in ("evaluate", "evolve") for key in _known_keys(verb)}))
+        near = _near(wrong[1])
         if owners:
             text += f"\n{wrong[1]} is a key of `epuckhebb {'` and `epuckhebb '.join(owners)}`; give it there"
             text += f": epuckhebb evaluate genome=latest {wrong[1]}=..." if owners == ["evaluate"] else ""
-        elif near:
-            text += f"\nDid you mean: {near}?"
+        else:
+            text += near
     return _plainly(_of_a_file(text))
 
 
-def _near(key: str, known: list[str]) -> str:
-    """Keys that are like one that is not known; of a group that is misspelt, the same key."""
+def _asked(near: str) -> str:
+    """A line that asks whether these names were meant; nothing if there are none."""
+    return f"\nDid you mean: {near}?" if near else ""
+
+
+def _near(key: str) -> str:
+    """A line that asks for the keys that are like one that is not known; of a misspelt group, for its keys."""
+    known = sorted({key for verb in ("evaluate", "evolve") for key in _known_keys(verb)})
     group, _, rest = key.partition(".")
     alike = difflib.get_close_matches(group, groups("evolve"), n=1)
-    return f"{alike[0]}.{rest}" if rest and alike and alike[0] != group else near_keys(key, known)
+    if rest and alike and alike[0] != group:
+        key = f"{alike[0]}.{rest}"
+        if key in known or not any(other.startswith(f"{alike[0]}.") for other in known):  # or it may have any
+            return _asked(key)
+    return _asked(near_keys(key, known))
 
 
 def _no_choice(group: str, name: str, options: Sequence[str]) -> str:
     """What to say of a choice of a group that is not there."""
-    near = ", ".join(difflib.get_close_matches(name, options, n=3))
-    text = f"there is no {group}={name}"
-    text += f"\nDid you mean: {near}?" if near else ""
+    text = f"there is no {group}={name}{_asked(', '.join(difflib.get_close_matches(name, options, n=3)))}"
     text += (
         f"\n`epuckhebb keys {group}` lists all {len(options)} of them, for example {', '.join(options[:_SOME])}"
         if len(options) > _MANY
@@ -89,11 +97,10 @@ def _of_a_file(text: str) -> str:
     file = f"{group}/{name}.yaml"
     load = re.search(r"Could not load '(\w+)/([^']+)'", text)
     if load:
-        known = groups("evaluate").get(load[1], [])
-        near = ", ".join(difflib.get_close_matches(load[2], known, n=3))
-        return f"{file}: there is no {load[1]}={load[2]}, which its defaults name" + (
-            f"\nDid you mean: {near}?" if near else ""
+        near = ", ".join(
+            difflib.get_close_matches(load[2], groups("evolve").get(load[1], groups("evaluate").get(load[1], [])), n=3)
         )
+        return f"{file}: there is no {load[1]}={load[2]}, which its defaults name{_asked(near)}"
     key = re.search(r"Key '([^']+)' not in '\w+'", text)
     if key and key[1] == group == "experiment":
         return f"{file} must begin with the line `# @package _global_`: its keys are those of the whole configuration"
@@ -101,8 +108,7 @@ def _of_a_file(text: str) -> str:
         return f"{file}: leave out the line `{group}:`, and begin the keys below it at the left edge"
     if key:
         full = text.partition(":")[0]
-        near = near_keys(full, _known_keys("evaluate"))
-        return f"{file}: there is no key {full}" + (f"\nDid you mean: {near}?" if near else "")
+        return f"{file}: there is no key {full}{_near(full)}"
     value = re.search(r"^(\S+):\n.*\nValue '(.*)' of type '\w+' could not be converted to (\w+)", text)
     if value and value[3] in _KINDS:
         return f"{file}: {value[1]} must be {_KINDS[value[3]]}, got {value[2]}"
@@ -116,10 +122,9 @@ def _plainly(text: str) -> str:
     several = re.search(r"Ambiguous value for argument '([^'=]+)=([^']*)'[\s\S]*", text)
     if several:
         told = f"{several[1]}={several[2]} has several values; to do a run with each of them, add -m (--multirun)"
-        decimal = re.fullmatch(r"\d+,\d+", several[2])
-        text = text.replace(
-            several[0], told + (f". A number is written {several[2].replace(',', '.')}" if decimal else "")
-        )
+        if re.fullmatch(r"\d+,\d+", several[2]):
+            told += f". A number is written {several[2].replace(',', '.')}"
+        text = text.replace(several[0], told)
     kind = re.search(r"Error merging override ([^=\s]+)=(.*)\nValue .* could not be converted to (\w+)", text)
     if kind and kind[3] in _KINDS:
         text = text.replace(kind[0], f"{kind[1]} must be {_KINDS[kind[3]]}, got {kind[2]}")

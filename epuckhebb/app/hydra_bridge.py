@@ -438,7 +438,7 @@ def call(verb: str, job: Callable[[DictConfig], None], arguments: list[str], sta
     words = cast(TextIO, _WithoutHydrasWords(sys.stderr))
     workers = _workers_that_end_with_us() if "--multirun" in arguments else nullcontext()
     # Hydra composes all of a configuration to see whether hydra.mode is in it, and then once more.
-    known = nullcontext() if any("hydra.mode" in argument for argument in arguments) else _without(Hydra.get_mode)
+    known = nullcontext() if any("hydra.mode" in argument for argument in arguments) else _without(Hydra, "get_mode")
     with _as_command_line(verb, arguments, stamp), redirect_stderr(words), workers, known:
         GlobalHydra.instance().clear()
         try:
@@ -455,19 +455,19 @@ def call(verb: str, job: Callable[[DictConfig], None], arguments: list[str], sta
 
 def call_many(verb: str, job: Callable[[DictConfig], None], arguments: list[str], stamp: str) -> None:
     """Call Hydra for jobs that all have a configuration: it need not compose each of them before the first begins."""
-    with _without(Sweeper.validate_batch_is_legal):
+    with _without(Sweeper, "validate_batch_is_legal"):
         call(verb, job, arguments, stamp)
 
 
 @contextmanager
-def _without(method: Callable[..., Any]) -> Iterator[None]:
-    """Time in which a method of Hydra's does nothing, and returns None."""
-    owner = getattr(sys.modules[method.__module__], method.__qualname__.partition(".")[0])
-    setattr(owner, method.__name__, lambda *_, **__: None)
+def _without(owner: type, method: str) -> Iterator[None]:
+    """Time in which a method of one of Hydra's classes does nothing, and returns None."""
+    before = getattr(owner, method)
+    setattr(owner, method, lambda *_, **__: None)
     try:
         yield
     finally:
-        setattr(owner, method.__name__, method)
+        setattr(owner, method, before)
 
 
 def new_stamp() -> str:

@@ -4,7 +4,6 @@ What they mean stands beside them, in the comments of the files of `conf/`; of w
 There is no other list of keys: `docs/keys.md` is made of this one.
 """
 
-import difflib
 import typing
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, is_dataclass
@@ -19,7 +18,7 @@ from rich.text import Text
 
 from epuckhebb.app.config import SCHEMAS
 from epuckhebb.app.data import data_folder, first_comment, groups
-from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.errors import ConfigError, did_you_mean
 from epuckhebb.app.method import Method
 from epuckhebb.app.parts import NONE, optimizer_class, rule_class, task_class
 
@@ -69,9 +68,7 @@ def group_named(name: str) -> Group:
     """
     known = {group.name: group for group in all_groups()}
     if name not in known:
-        near = difflib.get_close_matches(name, known, n=1)
-        hint = f"did you mean {near[0]}? " if near else ""
-        raise ConfigError(f"keys {name}: {hint}the group must be one of {', '.join(known)}")
+        raise ConfigError(f"keys {name}: {did_you_mean(name, known)}the group must be one of {', '.join(known)}")
     return known[name]
 
 

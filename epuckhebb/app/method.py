@@ -10,7 +10,7 @@ import yaml
 
 from epuckhebb.app import hydra_bridge
 from epuckhebb.app.data import first_comment
-from epuckhebb.app.errors import ConfigError
+from epuckhebb.app.errors import ConfigError, did_you_mean
 from epuckhebb.app.machine import path_of
 from epuckhebb.app.parts import rule_class
 from epuckhebb.sim.plasticity.rule import Births
@@ -18,7 +18,7 @@ from epuckhebb.sim.plasticity.rule import Births
 ALL = "all"
 _OWN_PLAIN, _OWN_OVER = "sep_cma_es_varied", "ga"  # what a rule of the user's own is compared with, and laid over
 _PLAIN = "ga"  # what all rules are compared with in reversal learning
-_RULE, _TRAINED = ("hebbian",), ("hebbian", "optimizer", "ga", "training")  # groups of settings
+_OF_RULE, _OF_TRAINING = ("hebbian",), ("optimizer", "ga", "training")  # groups of settings
 REVERSAL_TASK = {"task": "reversal"}  # settings of any life in reversal learning
 _REVERSAL_GA = {"ga": "reversal"}
 
@@ -57,7 +57,7 @@ class Method:
     @property
     def rule(self) -> dict[str, Any]:
         """Those of its settings that choose a plasticity rule."""
-        return {key: value for key, value in {**self.evolve, **self.evaluate}.items() if _is_of(key, _RULE)}
+        return {key: value for key, value in {**self.evolve, **self.evaluate}.items() if _is_of(key, _OF_RULE)}
 
 
 _KEYS = {key.name: key.type for key in fields(Method) if key.name not in ("name", "told")}
@@ -105,8 +105,7 @@ def in_reversal(methods: Sequence[Method], folders: Sequence[Path]) -> list[Meth
     (plain,) = methods_named([_PLAIN], folders)
     found = [replace(plain, evolve={**REVERSAL_TASK, **_REVERSAL_GA})]
     for method in methods:
-        settings = method.evaluate or {key: value for key, value in method.evolve.items() if not _is_of(key, _TRAINED)}
-        if set(settings) - set(method.rule):
+        if not all(_is_of(key, (*_OF_RULE, *_OF_TRAINING)) for key in {**method.evolve, **method.evaluate}):
             continue
         made = replace(
             method,
@@ -140,10 +139,9 @@ def _wanted(names: Sequence[str], files: Mapping[str, Path]) -> Iterator[str]:
 def _read(name: str, why: str, files: Mapping[str, Path]) -> Method:
     """The method of a file."""
     if name not in files:
-        near = difflib.get_close_matches(name, files, n=1)
-        hint = f"did you mean {near[0]}? " if near else ""
         raise ConfigError(
-            f"{why}={name}: {hint}A method is one of {', '.join(sorted(files))}, or FILE.py:NAME, a rule of your own"
+            f"{why}={name}: {did_you_mean(name, files)}a method is one of {', '.join(sorted(files))}, or FILE.py:NAME, "
+            "a rule of your own"
         )
     file = files[name]
     try:

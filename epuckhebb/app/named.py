@@ -30,7 +30,7 @@ from epuckhebb.sim.scenario import Scenario
 
 _GROUPS = ("maze", "robot", "scenario", "hebbian", "training")
 NAMED = (*_GROUPS, "adaptation", "compare", "changed", "lifetime", "task")  # what is filled in here, and of what
-_BRINGS = "override /maze@_global_.maze"  # in the defaults of a scenario that has a maze of its own
+_BRINGS_MAZE = "override /maze@_global_.maze"  # in the defaults of a scenario that has a maze of its own
 _BRINGS_RULE = "override /hebbian"  # in the defaults of an adaptation
 _BRINGS_LIFETIME = "override /lifetime"  # in the defaults of a task
 _RECORDING = "record_every"  # the setting of a lifetime that changes nothing in it
@@ -169,14 +169,8 @@ def _of_group(group: str, folders: Sequence[Path]) -> list[Path]:
 
 def _rule_brought(choice: str, folders: Sequence[Path]) -> DictConfig | None:
     """The settings of the rule that an adaptation of this name brings, or else of the rule of this name."""
-    own = _own("adaptation", choice, folders)
-    for entry in [] if own is None else list(own.get("defaults", [])):
-        if isinstance(entry, DictConfig) and _BRINGS_RULE in entry:
-            return _file("hebbian", str(entry[_BRINGS_RULE]), folders)
-        found = _rule_brought(entry, folders) if isinstance(entry, str) and entry not in (NONE, "_self_") else None
-        if found is not None:
-            return found
-    return _file("hebbian", PAPER if own is not None else choice, folders)
+    usual = choice if _own("adaptation", choice, folders) is None else PAPER
+    return _file("hebbian", _brought("adaptation", choice, _BRINGS_RULE, folders) or usual, folders)
 
 
 def _changed(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> str:
@@ -191,10 +185,8 @@ def _changed(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> str:
 def _changed_lifetime(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> Iterator[str]:
     """How long, how fast or how noisy lives are, where that is not what this verb or the task has by itself."""
     verb = "evolve" if "training" in cfg else "evaluate"
-    task = _own("task", str(choices.get("task")), folders)
-    brought = (entry for entry in ([] if task is None else task.get("defaults", [])) if isinstance(entry, DictConfig))
-    choice = next((entry[_BRINGS_LIFETIME] for entry in brought if _BRINGS_LIFETIME in entry), verb)
-    found = _file("lifetime", str(choice), folders)
+    choice = _brought("task", str(choices.get("task")), _BRINGS_LIFETIME, folders) or verb
+    found = _file("lifetime", choice, folders)
     if found is None or "lifetime" not in cfg:
         return
     usual = _plain(OmegaConf.create({"lifetime": found, "scenario": cfg.scenario}).lifetime)
@@ -231,20 +223,30 @@ def _scenario(choice: str, *texts: str) -> Scenario:
 
 def maze_brought(choice: str, folders: Sequence[Path]) -> Maze | None:
     """The maze that a file of `conf/scenario/`, or one that it takes over from, puts in place of the usual one."""
-    brought = _brought(choice, folders)
+    brought = _maze_settings(choice, folders)
     return None if brought is None else maze_from(brought)
 
 
-def _brought(choice: str, folders: Sequence[Path]) -> dict[str, Any] | None:
+def _maze_settings(choice: str, folders: Sequence[Path]) -> dict[str, Any] | None:
     """The settings of that maze."""
-    own = _own("scenario", choice, folders)
+    brought = _brought("scenario", choice, _BRINGS_MAZE, folders)
+    found = None if brought is None else _file("maze", brought, folders)
+    return None if found is None else _plain(found)
+
+
+def _brought(group: str, choice: str, override: str, folders: Sequence[Path]) -> str | None:
+    """What a file of a group, or one that it takes over from, chooses of another group in its defaults."""
+    own = _own(group, choice, folders)
     entries = [] if own is None else list(own.get("defaults", []))
     for entry in entries:
-        if isinstance(entry, DictConfig) and _BRINGS in entry:
-            found = _file("maze", str(entry[_BRINGS]), folders)
-            return None if found is None else _plain(found)
-    parts = (_brought(entry, folders) for entry in entries if isinstance(entry, str) and entry != "_self_")
-    return next((maze for maze in parts if maze is not None), None)
+        if isinstance(entry, DictConfig) and override in entry:
+            return str(entry[override])
+    parts = (
+        _brought(group, entry, override, folders)
+        for entry in entries
+        if isinstance(entry, str) and entry not in (NONE, "_self_")
+    )
+    return next((chosen for chosen in parts if chosen is not None), None)
 
 
 def world_of(choice: str, folders: Sequence[Path], robot: dict[str, Any]) -> Scenario | None:
@@ -254,7 +256,7 @@ def world_of(choice: str, folders: Sequence[Path], robot: dict[str, Any]) -> Sce
         ConfigError: A file cannot be read.
         ValueError: The world cannot be.
     """
-    return scenario_of(choice, folders, _brought(choice, folders) or _usual_maze(), robot)
+    return scenario_of(choice, folders, _maze_settings(choice, folders) or _usual_maze(), robot)
 
 
 def maze_asked(choice: str, maze: dict[str, Any]) -> dict[str, Any]:

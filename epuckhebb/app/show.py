@@ -75,12 +75,8 @@ def tell_reproduction(path: Path, console: Console) -> None:
 
 def tell_jobs(folder: Path, listed: list[dict[str, Any]], console: Console) -> None:
     """List the jobs of a sweep or a leaderboard that is not run; what they are for, or what would be typed."""
-    what = "for" if listed and "told" in listed[0] else "overrides"
-    rows = [
-        (n, "done" if job["done"] else "to do", job.get("told") or " ".join(job["overrides"]))
-        for n, job in enumerate(listed)
-    ]
-    print_table(console, f"{len(listed)} jobs in {folder}/", ("job", "", what), rows)
+    rows = [(n, "done" if job["done"] else "to do", job["told"]) for n, job in enumerate(listed)]
+    print_table(console, f"{len(listed)} jobs in {folder}/", ("job", "", "what"), rows)
     done = sum(job["done"] for job in listed)
     _line(console, f"{done} done, {len(listed) - done} to do; nothing was run.")
 
@@ -351,10 +347,10 @@ def _results(path: Path, console: Console, *, in_short: bool = False) -> None:
 def _fittest(path: Path, last: pd.Series) -> str:
     """How well the fittest of the last generation did: how often it came to its goal, or how often it was rewarded."""
     told = settings(path / runs.CONFIG) if runs.has(path, runs.CONFIG) else {}
-    bonuses = [value for key, value in (told.get("task") or {}).items() if key.endswith("_bonus")]
-    if not bonuses:
+    task = told.get("task") or {}
+    if task.get("kind") != "reversal":
         return f"the fittest reached its goal in {100 * last.best_success:.0f} % of its training lifetimes"
-    bonus = sum(bonuses) + told["training"]["success_bonus"] * last.best_success
+    bonus = task["end_bonus"] + task["progress_bonus"] + told["training"]["success_bonus"] * last.best_success
     return (
         f"rewarded share of the fittest in training: {max(0.0, last.best_fitness - bonus):.3f} or more (its fitness "
         f"without the {bonus:.3g} that a robot gets which comes to an end in every trial)"

@@ -303,7 +303,7 @@ _HOW = (
     "come out the same to the byte when they are made again."
 )
 CAPTION = (
-    "Left: success over the test worlds of each method, with its 95 % interval; small dots are single champions, the "
-    "cross is the same with the rule off, the triangle with the reward inverted. Right: the difference to its twin "
-    "without plasticity, paired by champion."
+    "Left: success over the test worlds, or share of rewarded trials, of each method, with its 95 % interval; small "
+    "dots are single champions, the cross is the same with the rule off, the triangle with the reward inverted. Right: "
+    "the difference to its twin without plasticity, paired by champion."
 )
