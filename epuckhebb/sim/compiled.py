@@ -28,6 +28,8 @@ import numpy as np
 import platformdirs
 from numba.extending import register_jitable
 
+from epuckhebb.sim.inlined import InlinedCompiler
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
@@ -39,7 +41,7 @@ if _settings.DISABLE_JIT:
     raise RuntimeError(
         "NUMBA_DISABLE_JIT is set, and without compiled code there is no physics here; unset it and start again"
     )
-_building_block: Any = register_jitable(forceinline=True, **_OPTIONS)
+_building_block: Any = register_jitable(forceinline=True, pipeline_class=InlinedCompiler, **_OPTIONS)
 _njit: Any = numba.njit
 
 
@@ -93,12 +95,14 @@ def kernel(function: Function, **parts: object) -> Function:
 def _distrust(cache: Any) -> None:
     """Let a cache that is damaged, full or lost be as if it were empty: then the kernel is compiled.
 
+    A kernel that is there is loaded alone: before numba reads one, it imports all that it needs to compile (and SciPy).
+
     A file ends with the SHA-256 of what is before it, which unpickling does not look at. What does not bear it is not
     read: machine code with a flipped bit would give other digits, or end the process.
     """
     files = cache._cache_file
     open_file, load_index, load_data = files._open_for_write, files._load_index, files._load_data
-    load, save = cache.load_overload, cache.save_overload
+    load, save = cache._load_overload, cache.save_overload
 
     @contextmanager
     def open_with_checksum(path: str) -> Iterator[BytesIO]:

@@ -1,0 +1,56 @@
+"""How numba compiles a function that is only ever inlined into a kernel: without machine code of its own.
+
+Numba makes every function that it meets ready to be called by itself, from Python and from C. Of a building block only
+the intermediate code is wanted, which LLVM puts into the kernel that calls it; the rest was a quarter of the time that
+compiling took. What is left out decides nothing: the kernel's machine code is the same.
+"""
+
+from typing import Any
+
+from numba import _dynfunc
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import PassManager, register_pass
+from numba.core.typed_passes import NativeLowering
+
+
+class _IntermediateCode(JITCodeLibrary):
+    """The code of a function, to be linked into that of others."""
+
+    def _finalize_final_module(self) -> None:
+        """Leave it as it is; numba would translate it for the processor and load it."""
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _LoweringToInline(NativeLowering):
+    """Numba's step from typed code to LLVM's, for a function that nobody calls by its address."""
+
+    _name = "lowering_to_inline"
+
+    def run_pass(self, state: Any) -> bool:
+        """Lower a function, and let others find its code by an address that stands for it, and is none."""
+        state.library = _IntermediateCode(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags = state.flags.copy()
+        state.flags.no_compile = state.flags.no_cpython_wrapper = state.flags.no_cfunc_wrapper = True
+        super().run_pass(state)
+        lowered = state["cr"]
+        kept_alive = (state.library,)
+        stands_for_it = _dynfunc.make_function(
+            lowered.fndesc.lookup_module(), state.func_id.func_name, "", 0, lowered.env, kept_alive
+        )
+        state.targetctx.insert_user_function(stands_for_it, lowered.fndesc, [state.library])
+        state["cr"] = lowered._replace(cfunc=stands_for_it)
+        return True
+
+
+class InlinedCompiler(CompilerBase):
+    """Numba's compiler (its `pipeline_class`) for functions that are inlined."""
+
+    def define_pipelines(self) -> list[PassManager]:
+        """Numba's own steps, but for the last."""
+        steps = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        steps.passes = [(_LoweringToInline if step is NativeLowering else step, told) for step, told in steps.passes]
+        steps.finalize()
+        return [steps]
