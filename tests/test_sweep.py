@@ -222,6 +222,23 @@ def test_a_failed_job_is_told_of_and_the_others_are_kept(here, monkeypatch):
 
 
 @pytest.mark.usefixtures("failing")
+def test_a_launcher_gets_so_many_jobs_at_a_time_and_all_of_them_though_one_failed(here, monkeypatch):
+    monkeypatch.setattr(engine, "AT_ONCE", 2)
+    call_many, counts = hydra_bridge.call_many, []
+
+    def counted(verb, do, arguments, stamp):
+        counts.append(arguments[0].count(",") + 1)
+        call_many(verb, do, arguments, stamp)
+
+    monkeypatch.setattr(hydra_bridge, "call_many", counted)
+    result = call("sweep", "obstacles", "scenario=base,4obstacles,2obstacles", *FAST, "hydra/launcher=basic")
+    assert (result.exit_code, counts) == (1, [2, 1])
+    folder = only_sweep(here)
+    assert list(pd.read_csv(folder / "failed.csv").job) == [0]
+    assert set(pd.read_csv(folder / "sweep.csv").scenario) == {"2obstacles", "4obstacles"}
+
+
+@pytest.mark.usefixtures("failing")
 def test_fail_fast_starts_no_further_job(here):
     result = call("sweep", "obstacles", *TWO, "seed=1,2", "hydra/launcher=basic", "--fail-fast", "--json")
     assert result.exit_code == 1
@@ -433,4 +450,4 @@ def test_one_bar_counts_the_runs_and_the_failures(here):
         (here / name).mkdir(parents=True)
         (here / name / "status.json").write_text(json.dumps({"state": state}))
     jobs = [engine.Job(number=n, overrides=[], run=f"job_{name}", config={}) for n, name in enumerate("abc")]
-    assert engine.count(here, jobs, "unfinished/s_*") == (1, 1)
+    assert engine.count(here, jobs, [here / "unfinished" / f"s_{n}" for n in (1, 2, 3)]) == (1, 1)

@@ -46,6 +46,7 @@ from epuckhebb.app.runs import UNFINISHED, RunFolder
 NO_EFFECT = ("threads",)  # keys on which no result depends
 _APART = ("seed", "repeats", "threads")  # keys that are checked by `check_counts` alone
 _LIST, _JOBS, _STOP = "sweep.json", "jobs", "stop"
+AT_ONCE = 1000  # jobs that a launcher gets at a time: as many as SLURM takes in one array (its MaxArraySize is 1001)
 
 
 @dataclass(frozen=True)
@@ -282,22 +283,28 @@ def launch(
     missing = todo(folder, jobs)
     for job in missing:  # a job's place with anything but a whole run in it: someone has been at it
         shutil.rmtree(folder / job.run, ignore_errors=True)
-    stamp, trouble = hydra_bridge.new_stamp(), ""
+    attempts: dict[str, Path] = {}
+    trouble = ""
     if missing:
         _write_jobs(study, {"name": name, "command": study.command, "fail_fast": fail_fast}, jobs, missing)
-        try:
-            with counting(len(missing), lambda: count(folder, missing, f"{UNFINISHED}/{stamp}_*")):
-                hydra_bridge.call_many("study", do, _arguments(folder, missing, launcher, stamp), stamp)
-        except (ConfigError, JobFailedError) as error:
-            trouble = str(error)
+        with counting(len(missing), lambda: count(folder, missing, list(attempts.values()))):
+            for first in range(0, len(missing), AT_ONCE):
+                some, stamp = missing[first : first + AT_ONCE], hydra_bridge.new_stamp()
+                attempts |= {job.run: folder / UNFINISHED / f"{stamp}_{place}" for place, job in enumerate(some)}
+                try:
+                    hydra_bridge.call_many("study", do, _arguments(folder, some, launcher, stamp), stamp)
+                except (ConfigError, JobFailedError) as error:
+                    trouble = str(error)
+                if trouble and fail_fast:
+                    break
     remaining = {job.run for job in todo(folder, jobs)}
     failures, left = [], 0
-    for place, job in enumerate(missing):
-        attempt = folder / UNFINISHED / f"{stamp}_{place}"
-        if job.run in remaining and fail_fast and not attempt.exists():
+    for job in missing:
+        begun = job.run in attempts and attempts[job.run].exists()
+        if job.run in remaining and fail_fast and not begun:
             left += 1
         elif job.run in remaining:
-            why = runs.status_of(attempt).get("error") or trouble or "it ended without a word"
+            why = runs.status_of(attempts[job.run]).get("error") or trouble or "it ended without a word"
             failures.append((job, str(why)))
     with suppress(OSError):
         (folder / UNFINISHED).rmdir()  # if nothing is left in it
@@ -305,10 +312,12 @@ def launch(
     return Outcome(done=done, before=len(jobs) - len(missing), failures=failures, left=left)
 
 
-def count(folder: Path, jobs: Sequence[Job], attempts: str) -> tuple[int, int]:
-    """How many of the jobs have their run folder, and how many of the attempts (a pattern) have failed."""
+def count(folder: Path, jobs: Sequence[Job], attempts: Sequence[Path]) -> tuple[int, int]:
+    """How many of the jobs have their run folder, and how many of the attempts have failed."""
     done = len({job.run for job in jobs} & {path.name for path in folder.iterdir()})
-    return done, sum(runs.status_of(attempt).get("state") == "failed" for attempt in folder.glob(attempts))
+    unfinished = folder / UNFINISHED
+    there = {path.name for path in unfinished.iterdir()} if unfinished.is_dir() else set()
+    return done, sum(runs.status_of(path).get("state") == "failed" for path in attempts if path.name in there)
 
 
 def one_job(cfg: DictConfig, work: Callable[[Path, str, JobAsked, dict[str, Any]], None]) -> None:
