@@ -53,6 +53,16 @@ def tests(session: nox.Session) -> None:
     session.run("pytest", *TWO_CORES, *session.posargs)
 
 
+@nox.session
+def coverage(session: nox.Session) -> None:
+    """Say which lines and branches the test suite runs, those of subprocesses and of compiled code among them."""
+    session.install("-e", ".", *group("tests"), *group("coverage"), STABLE)
+    env = {"NUMBA_JIT_COVERAGE": "1", "XDG_CACHE_HOME": session.create_tmp()}  # what is compiled counts as run
+    session.run("coverage", "run", "-m", "pytest", *TWO_CORES, *session.posargs, env=env)
+    session.run("coverage", "combine", "--quiet")
+    session.run("coverage", "report")
+
+
 @nox.session(python=NEWEST)
 def newest(session: nox.Session) -> None:
     """Run the test suite on the newest Python of this machine that numba supports."""
@@ -140,5 +150,5 @@ def peers(session: nox.Session) -> None:
 @nox.session(name="all")
 def everything(session: nox.Session) -> None:
     """Run all other sessions, the heavy ones, too; takes hours."""
-    for name in (*nox.options.sessions, "newest", "hydra14", "slow", "torture", "slurm", "ray", "bench", "peers"):
+    for name in (*nox.options.sessions, "coverage", "newest", "hydra14", "slow", "torture", "slurm", "ray", "bench", "peers"):
         session.notify(name)
