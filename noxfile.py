@@ -150,5 +150,6 @@ def peers(session: nox.Session) -> None:
 @nox.session(name="all")
 def everything(session: nox.Session) -> None:
     """Run all other sessions, the heavy ones, too; takes hours."""
-    for name in (*nox.options.sessions, "coverage", "newest", "hydra14", "slow", "torture", "slurm", "ray", "bench", "peers"):
+    heavy = ("coverage", "newest", "hydra14", "slow", "torture", "slurm", "ray", "bench", "peers")
+    for name in (*nox.options.sessions, *heavy):
         session.notify(name)
