@@ -515,7 +515,14 @@ def test_a_mistake_gets_one_message_and_leaves_nothing(mistake, call, tmp_path, 
 def test_an_experiment_that_is_none_is_refused(call):
     result = call("sound")
     assert result.exit_code == 2
-    assert "light, obstacles, reversal, all" in result.stderr
+    assert "sound is no experiment; it must be one of light, obstacles, reversal, several of them" in result.stderr
+    assert call("light,", "champions=2").exit_code == 2
+
+
+def test_several_experiments_stand_in_one_table():
+    planned = leaderboard_plan.plan("obstacles,light", ["methods=ga", "champions=2"])
+    assert [entry.row.experiment for entry in planned.entries] == ["light", "obstacles"]
+    assert planned.folder == leaderboard_plan.plan("light", ["methods=ga", "champions=2"]).folder
 
 
 def test_a_folder_of_somebody_else_is_refused(call, tmp_path, monkeypatch):

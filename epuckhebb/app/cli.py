@@ -111,7 +111,7 @@ def _experiment(*others: str) -> Any:
     """The argument of a study: an experiment, the paper's, others or all of them, and settings."""
     return typer.Argument(
         metavar=f"[{'|'.join(('light', 'obstacles', *others, 'all'))}] [KEY=VALUE]...",
-        help="The experiment, and settings to change.",
+        help=f"The experiment{', or several with commas between,' if others else ''} and settings to change.",
         autocompletion=_complete_override,
     )
 

@@ -19,7 +19,7 @@ from epuckhebb.app.engine import Job
 from epuckhebb.app.errors import ConfigError
 from epuckhebb.app.hydra_bridge import Plain
 from epuckhebb.app.machine import require
-from epuckhebb.app.method import REVERSAL_TASK, Method, in_reversal, methods_named, typed_as
+from epuckhebb.app.method import ALL, REVERSAL_TASK, Method, in_reversal, methods_named, typed_as
 from epuckhebb.app.named import world_of
 from epuckhebb.app.parts import check_pace, network_for, sha256_of
 from epuckhebb.sim.plasticity.rule import NoRule
@@ -29,7 +29,7 @@ from epuckhebb.study import leaderboard as board
 from epuckhebb.study.leaderboard import EVOLVED, LAID_OVER, PLAIN, Row
 
 REVERSAL = board.REVERSAL
-EXPERIMENTS = {**{one: (one,) for one in (*TRAINED, REVERSAL)}, "all": (*TRAINED, REVERSAL)}
+EXPERIMENTS = (*TRAINED, REVERSAL)
 QUICK = ("champions=2", "tests=[rescue]", "methods=[ga,sep_cma_es_varied,abcd_shared]")
 _METHODS = "methods="
 _OF_RULES = ("merges", "merge_every")  # settings of optimizers that concern nothing but rules
@@ -107,14 +107,30 @@ class Leaderboard:
         return [(what, list(jobs.values())) for what, jobs in named if jobs]
 
 
+def _experiments_named(text: str) -> list[str]:
+    """The experiments of an argument, in their usual order."""
+    named = {name.strip() for name in text.split(",")}
+    if unknown := named - {*EXPERIMENTS, ALL}:
+        raise ConfigError(
+            f"leaderboard {text}: {', '.join(sorted(unknown)) or 'nothing'} is no experiment; it must be one of "
+            f"{', '.join(EXPERIMENTS)}, several of them with commas between, or {ALL}"
+        )
+    return [one for one in EXPERIMENTS if one in named or ALL in named]
+
+
 def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_dir: str | None = None) -> Leaderboard:
     """List what belongs to a leaderboard, each part composed and checked; nothing is written.
+
+    Args:
+        experiment: Its name, several of them with commas between, or all.
+        arguments: Overrides, of the study and of Hydra.
+        quick: Whether only a look is wanted.
+        config_dir: A folder with YAML of the user's own.
 
     Raises:
         ConfigError: The experiment, a method, a key or a value cannot be used.
     """
-    if experiment not in EXPERIMENTS:
-        raise ConfigError(f"leaderboard {experiment}: the experiment must be one of {', '.join(EXPERIMENTS)}")
+    experiments = _experiments_named(experiment)
     hydra_bridge.check_config_dir(config_dir)
     typed_words = [experiment, *(["--quick"] if quick else []), *arguments]
     if config_dir is not None:
@@ -126,7 +142,7 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
     config = typed(cfg, LeaderboardConfig)
     folders = _folders(config_dir)
     all_tests = tests_of(config.tests, config_dir)
-    tests = {one: all_tests.get(one, {}) for one in EXPERIMENTS[experiment]}
+    tests = {one: all_tests.get(one, {}) for one in experiments}
     for one, worlds in tests.items():
         if not worlds and one != REVERSAL:
             raise ConfigError(f"tests={','.join(config.tests)}: none of their scenarios is of the {one} experiment")
