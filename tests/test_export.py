@@ -142,6 +142,16 @@ def test_a_champion_is_played_without_plasticity_with_genes_in_their_order(tmp_p
     np.testing.assert_array_equal(genes, told["weights"])
 
 
+def test_of_several_controllers_the_first_is_taken_and_the_others_are_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    short = ["lifetime.duration_s=0.064", "repeats=1", "lifetime.record_every=0", "-q"]
+    assert call("evaluate", "compare=[oja]", *short, "hydra.run.dir=both").exit_code == 0
+    result = call("export", "both", "--webots")
+    assert result.exit_code == 0
+    assert "Left out, as one controller is taken of a run: oja." in result.stdout
+    assert json.loads(Path("epuckhebb_champion/champion.json").read_text())["rule"]["N"] == 1.5e-5
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

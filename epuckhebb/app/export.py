@@ -24,6 +24,7 @@ from epuckhebb.sim.robot import EPUCK
 
 _LIGHT_FULL_SCALE = 4095.0  # of Webots' e-puck in the dark, where our readings are 1
 _GPS_AXES = [[0, 1.0], [2, -1.0]]  # X and Y of a maze among the axes of a Webots world whose y points up
+_CHAMPION = "champion.json"  # what the controller has to know
 _CONTROLLER = Path(__file__).with_name("webots_controller.py")
 
 
@@ -50,7 +51,7 @@ def webots(what: str, folder: Path) -> list[Path]:
     np.save(genes, genome.weights.astype("<f8"))
     written = {
         folder / f"{folder.resolve().name}.py": _CONTROLLER.read_bytes(),  # Webots wants it to be called as its folder
-        folder / "champion.json": (json.dumps(told, indent=1, allow_nan=False) + "\n").encode(),
+        folder / _CHAMPION: (json.dumps(told, indent=1, allow_nan=False) + "\n").encode(),
         folder / "genes.npy": genes.getvalue(),
     }
     try:
@@ -62,9 +63,11 @@ def webots(what: str, folder: Path) -> list[Path]:
 
 
 def next_step(controller: Path) -> str:
-    """What to do with a controller that has been written."""
+    """What to do with a controller that has been written, and which others of its run were left out."""
+    left_out = json.loads((controller.parent / _CHAMPION).read_text(encoding="utf-8"))["left_out"]
+    told = f"Left out, as one controller is taken of a run: {', '.join(left_out)}.\n" if left_out else ""
     return (
-        f"Next: put this folder below controllers/ of a Webots project, and choose {controller.stem} in the field "
+        f"{told}Next: put this folder below controllers/ of a Webots project, and choose {controller.stem} in the field "
         "`controller` of its e-puck. With a GPS in a world whose z axis points up, set gps_axes in champion.json "
         "to [[0, 1.0], [1, 1.0]]; docs/webots.md tells more."
     )
@@ -101,6 +104,7 @@ def _told(genome: Genome, config: EvaluateConfig) -> dict[str, Any]:
         "arms": arms,
         "goals": {side: list(goal) for side, goal in world.goals_now.items()},
         "rule": _rule(config.controllers[0]) if config.controllers else None,
+        "left_out": [controller.name for controller in config.controllers[1:]],
     }
 
 
