@@ -23,7 +23,7 @@ from epuckhebb.study import leaderboard as board
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
-REFERENCES = [ROOT / "runs" / "reference" / name for name in ("reversal",)]
+REFERENCES = [ROOT / "runs" / "reference" / name for name in ("leaderboard", "reversal")]
 TINY = "optimizer.population: 4, optimizer.starts: 3, optimizer.confirm: 2, optimizer.generations: 2"
 TINY += ", lifetime.duration_s: 3, scenario.paper_duration_s: 10"
 EVOLVED = f"optimizer: sep_cma_es, training: varied, {TINY}"

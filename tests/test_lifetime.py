@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from epuckhebb.sim import block
 from epuckhebb.sim.adaptation.adaptation import Adaptation, gate_numbers
 from epuckhebb.sim.adaptation.change_signal import no_baseline
 from epuckhebb.sim.block import Individual, LostRobotError, live_block, load_kernel
@@ -104,6 +105,19 @@ def test_agrees_with_the_prototype_over_whole_lifetimes(genomes):
     assert (np.median(differences, axis=0) < 1e-5).all()
     within = (differences < [0.5, 1e-3, 1e-3, 0.03, 1e-3]).mean(axis=0)
     assert (within > 0.88).all(), within
+
+
+def test_who_has_no_rule_lives_in_the_kernel_of_the_others_on_any_threads(genomes, monkeypatch):
+    asked = set()
+    monkeypatch.setattr(
+        block, "kernel_of", lambda rule, *args, **more: asked.add(rule) or kernel_of(rule, *args, **more)
+    )
+    lives = [
+        Individual(genes=genomes[0], side="left", controller=controller, key=np.uint64(1))
+        for controller in (GA_ALONE, GA_ALONE, learning(0.002), learning(0.002))
+    ]
+    live_block(lives, Scenario(), Lifetime(duration_s=1.0), threads=4)
+    assert asked == {Paper}
 
 
 def test_alone_in_a_block_and_on_any_threads_the_bits_are_the_same(genomes):

@@ -67,8 +67,8 @@ def next_step(controller: Path) -> str:
     left_out = json.loads((controller.parent / _CHAMPION).read_text(encoding="utf-8"))["left_out"]
     told = f"Left out, as one controller is taken of a run: {', '.join(left_out)}.\n" if left_out else ""
     return (
-        f"{told}Next: put this folder below controllers/ of a Webots project, and choose {controller.stem} in the field "
-        "`controller` of its e-puck. With a GPS in a world whose z axis points up, set gps_axes in champion.json "
+        f"{told}Next: put this folder below controllers/ of a Webots project, and choose {controller.stem} in the "
+        "field `controller` of its e-puck. With a GPS in a world whose z axis points up, set gps_axes in champion.json "
         "to [[0, 1.0], [1, 1.0]]; docs/webots.md tells more."
     )
 

@@ -161,9 +161,11 @@ def live_block(
     """
     size = max(1, min(_LIVES_PER_BLOCK, -(-len(individuals) // threads)))
     blocks = [individuals[first : first + size] for first in range(0, len(individuals), size)]
+    rules = [type(who.controller.rule) for who in individuals if not who.controller.adaptation.acts]
+    spare = next((rule for rule in rules if rule is not NoRule), NoRule)
     # A pool even for one thread: Ctrl-C while numba builds a result would crash the process.
     with ThreadPoolExecutor(threads) as pool:
-        lived = list(pool.map(lambda block: _live_in_one_space(block, scenario, lifetime), blocks))
+        lived = list(pool.map(lambda block: _live_in_one_space(block, scenario, lifetime, spare), blocks))
     return [life for block in lived for life in block]
 
 
@@ -177,7 +179,7 @@ class _Phase(NamedTuple):
 
 
 def _live_in_one_space(
-    individuals: Sequence[Individual], scenario: Scenario, lifetime: Lifetime
+    individuals: Sequence[Individual], scenario: Scenario, lifetime: Lifetime, spare: type[Rule]
 ) -> list[tuple[Outcome, Samples]]:
     robot = scenario.robot
     if lifetime.gain_rad_s > robot.motor_limit_rad_s:
@@ -196,8 +198,6 @@ def _live_in_one_space(
         phases.append(_Phase(step, world, space, walls))
     more_faults = any(_faults(world).more for _, world in scenario.phases)
     kinds: dict[tuple[int, int], _Kind] = {}
-    rules = [type(who.controller.rule) for who in individuals if not who.controller.adaptation.acts]
-    spare = next((rule for rule in rules if rule is not NoRule), NoRule)
     lived = []
     for who in individuals:
         place = (id(who.controller), id(who.network))
@@ -225,7 +225,7 @@ def _kind(
 ) -> _Kind:
     """What individuals of this kind share.
 
-    gain: of their wheels [rad/s]. spare: a rule that others of the block have. Who has no rule lives in its kernel,
+    gain: of their wheels [rad/s]. spare: a rule of others who live beside them. Who has no rule lives in its kernel,
     with N = 0, to the same bits: one kernel less to compile.
     """
     rule, adaptation, robot = controller.rule, controller.adaptation, world.robot
