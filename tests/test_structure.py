@@ -14,7 +14,8 @@ from epuckhebb.app.parts import optimizer_names, rule_names, task_names
 PACKAGE = Path(epuckhebb.__file__).parent
 LAYERS = ["sim", "evolution", "study", "app"]
 INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
-    "compiled": set(),
+    "inlined": set(),
+    "compiled": {"inlined"},
     "mapping": set(),
     "random": {"compiled"},
     "light": {"compiled"},
