@@ -11,8 +11,8 @@ from epuckhebb.sim import block
 inside, generations = [], []
 
 
-def timed_kernel_of(*parts):
-    live = kernel_of(*parts)
+def timed_kernel_of(*parts, **more):
+    live = kernel_of(*parts, **more)
 
     def timed_live(*arguments):
         began = time.thread_time()
