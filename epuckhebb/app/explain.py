@@ -65,6 +65,11 @@ def _asked(near: str) -> str:
     return f"\nDid you mean: {near}?" if near else ""
 
 
+def _alike(name: str, choices: Sequence[str]) -> str:
+    """A line that asks for the choices that are like one that is not there."""
+    return _asked(", ".join(difflib.get_close_matches(name, choices, n=3)))
+
+
 def _near(key: str) -> str:
     """A line that asks for the keys that are like one that is not known; of a misspelt group, for its keys."""
     known = sorted({key for verb in ("evaluate", "evolve") for key in _known_keys(verb)})
@@ -79,7 +84,7 @@ def _near(key: str) -> str:
 
 def _no_choice(group: str, name: str, options: Sequence[str]) -> str:
     """What to say of a choice of a group that is not there."""
-    text = f"there is no {group}={name}{_asked(', '.join(difflib.get_close_matches(name, options, n=3)))}"
+    text = f"there is no {group}={name}{_alike(name, options)}"
     text += (
         f"\n`epuckhebb keys {group}` lists all {len(options)} of them, for example {', '.join(options[:_SOME])}"
         if len(options) > _MANY
@@ -97,10 +102,8 @@ def _of_a_file(text: str) -> str:
     file = f"{group}/{name}.yaml"
     load = re.search(r"Could not load '(\w+)/([^']+)'", text)
     if load:
-        near = ", ".join(
-            difflib.get_close_matches(load[2], groups("evolve").get(load[1], groups("evaluate").get(load[1], [])), n=3)
-        )
-        return f"{file}: there is no {load[1]}={load[2]}, which its defaults name{_asked(near)}"
+        choices = groups("evolve").get(load[1], groups("evaluate").get(load[1], []))
+        return f"{file}: there is no {load[1]}={load[2]}, which its defaults name{_alike(load[2], choices)}"
     key = re.search(r"Key '([^']+)' not in '\w+'", text)
     if key and key[1] == group == "experiment":
         return f"{file} must begin with the line `# @package _global_`: its keys are those of the whole configuration"

@@ -95,7 +95,7 @@ def kernel(function: Function, **parts: object) -> Function:
 def _distrust(cache: Any) -> None:
     """Let a cache that is damaged, full or lost be as if it were empty: then the kernel is compiled.
 
-    A kernel that is there is loaded alone: before numba reads one, it imports all that it needs to compile (and SciPy).
+    What is intact is read by `_load_overload`: `load_overload` would first import all that compiling needs, and SciPy.
 
     A file ends with the SHA-256 of what is before it, which unpickling does not look at. What does not bear it is not
     read: machine code with a flipped bit would give other digits, or end the process.

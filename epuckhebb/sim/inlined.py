@@ -1,8 +1,9 @@
 """How numba compiles a function that is only ever inlined into a kernel: without machine code of its own.
 
 Numba makes every function that it meets ready to be called by itself, from Python and from C. Of a building block only
-the intermediate code is wanted, which LLVM puts into the kernel that calls it; the rest was a quarter of the time that
-compiling took. What is left out decides nothing: the kernel's machine code is the same.
+the intermediate code is wanted, which LLVM puts into the kernel that calls it; the rest took a quarter of the time of
+compiling the paper's kernel (numba 0.68: 9.0 CPU s with it, 6.8 without). It decides nothing that a kernel computes:
+`tests/test_digest.py` holds the bits of its results.
 """
 
 from typing import Any
@@ -30,7 +31,11 @@ class _LoweringToInline(NativeLowering):
     _name = "lowering_to_inline"
 
     def run_pass(self, state: Any) -> bool:
-        """Lower a function, and let others find its code by an address that stands for it, and is none."""
+        """Lower a function to LLVM's code, without loading it.
+
+        Numba finds the code of a function by the Python object that calls it. One is made, with the address 0: nobody
+        calls it, as all calls are inlined.
+        """
         state.library = _IntermediateCode(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags = state.flags.copy()
         state.flags.no_compile = state.flags.no_cpython_wrapper = state.flags.no_cfunc_wrapper = True
