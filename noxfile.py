@@ -1,4 +1,4 @@
-"""All commands of the project: `nox` runs lint, types, tests, web, notebooks and docs; `nox --list` has the others."""
+"""All commands of the project: `nox` runs what must pass before a change is merged; `nox --list` has the others."""
 
 import os
 import shutil
@@ -6,7 +6,7 @@ import subprocess
 
 import nox
 
-nox.options.sessions = ["lint", "types", "tests", "web", "notebooks", "docs"]
+nox.options.sessions = ["lint", "types", "tests", "newest", "web", "notebooks", "docs"]
 nox.options.default_venv_backend = "uv|venv"  # uv, where it is installed, makes an environment in seconds
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 STABLE = "hydra-core==1.3.*"  # some plug-ins ask for a Hydra in a way that lets pip take a pre-release
@@ -48,14 +48,21 @@ def types(session: nox.Session) -> None:
 
 @nox.session
 def tests(session: nox.Session) -> None:
-    """Run the test suite against the installed package, on two cores."""
+    """Run the ordinary test suite against the installed package, on two cores."""
     session.install(".", *group("tests"), STABLE)
     session.run("pytest", *TWO_CORES, *session.posargs)
 
 
 @nox.session
+def thorough(session: nox.Session) -> None:
+    """Run the ordinary suite, and the tests that try once more, on other input, what that suite has run."""
+    session.install(".", *group("tests"), STABLE)
+    session.run("pytest", *TWO_CORES, "-m", "not (slow or torture or slurm or ray)", *session.posargs)
+
+
+@nox.session
 def coverage(session: nox.Session) -> None:
-    """Say which lines and branches the test suite runs, those of subprocesses and of compiled code among them."""
+    """Say which lines and branches the ordinary suite runs, those of subprocesses and of compiled code among them."""
     session.install("-e", ".", *group("tests"), *group("coverage"), STABLE)
     env = {"NUMBA_JIT_COVERAGE": "1", "XDG_CACHE_HOME": session.create_tmp()}  # what is compiled counts as run
     session.run("coverage", "run", "-m", "pytest", *TWO_CORES, *session.posargs, env=env)
@@ -65,7 +72,7 @@ def coverage(session: nox.Session) -> None:
 
 @nox.session(python=NEWEST)
 def newest(session: nox.Session) -> None:
-    """Run the test suite on the newest Python of this machine that numba supports."""
+    """Run the ordinary suite on the newest Python of this machine that numba supports."""
     if NEWEST is None:
         session.skip("no Python 3.12 to 3.15 here; the session `tests` has run on the one of nox")
     tests(session)
@@ -73,7 +80,7 @@ def newest(session: nox.Session) -> None:
 
 @nox.session
 def hydra14(session: nox.Session) -> None:
-    """Run the test suite with the pre-release of Hydra 1.4."""
+    """Run the ordinary suite with the pre-release of Hydra 1.4."""
     session.install(".", *group("tests"), *PRE_RELEASE)
     session.run("pytest", *TWO_CORES, *session.posargs)
 
@@ -135,9 +142,19 @@ def docs(session: nox.Session) -> None:
 
 @nox.session
 def bench(session: nox.Session) -> None:
-    """Measure a step, its parts, scale and whole commands; writes benchmarks/results.md."""
+    """Measure steps, commands and studies; `nox -s bench -- COMMIT` an earlier version too; writes results.md."""
     session.install(".")
-    session.run("python", "benchmarks/run.py")
+    before = []
+    if session.posargs:
+        folder = session.create_tmp()
+        tree, python = f"{folder}/tree", f"{folder}/venv/bin/python"
+        shutil.rmtree(tree, ignore_errors=True)
+        session.run("git", "clone", "--quiet", ".", tree, external=True)
+        session.run("git", "-C", tree, "checkout", "--quiet", session.posargs[0], external=True)
+        session.run("python", "-m", "venv", "--clear", f"{folder}/venv")
+        session.run(python, "-m", "pip", "install", "--quiet", tree, external=True)
+        before = [session.posargs[0], python, f"{tree}/benchmarks"]
+    session.run("python", "benchmarks/run.py", *before)
 
 
 @nox.session
@@ -150,6 +167,6 @@ def peers(session: nox.Session) -> None:
 @nox.session(name="all")
 def everything(session: nox.Session) -> None:
     """Run all other sessions, the heavy ones, too; takes hours."""
-    heavy = ("coverage", "newest", "hydra14", "slow", "torture", "slurm", "ray", "bench", "peers")
+    heavy = ("thorough", "coverage", "hydra14", "slow", "torture", "slurm", "ray", "bench", "peers")
     for name in (*nox.options.sessions, *heavy):
         session.notify(name)

@@ -18,11 +18,11 @@ def measure() -> list[tuple[str, str]]:
     """Seconds and megabytes of `--help`, `evaluate` and `evolve`, and bytes written with and without recording."""
     with tempfile.TemporaryDirectory() as folder:
         here = Path(folder)
-        cold = _seconds(here, "evaluate", "scenario=4obstacles")
-        rows = [("evaluate, first start (compiles)", _told(cold))]
+        cold = spent(here, "evaluate", "scenario=4obstacles")
+        rows = [("evaluate, first start (compiles)", told(cold))]
         for name, words in (("--help", ["--help"]), ("evaluate, warm", ["evaluate", "scenario=4obstacles"])):
-            rows.append((name, _told(*(_seconds(here, *words) for _ in range(REPEATS)))))
-        rows.append(("evolve, the paper's size", _told(*(_seconds(here, "evolve") for _ in range(3)))))
+            rows.append((name, told(*(spent(here, *words) for _ in range(REPEATS)))))
+        rows.append(("evolve, the paper's size", told(*(spent(here, "evolve") for _ in range(REPEATS)))))
         rows += [(f"evolve, inside steps (CPU): {what}", share) for what, share in _inside(here)]
         peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
         rows.append(("peak memory of any of them", f"{peak:.0f} MB"))
@@ -33,7 +33,7 @@ def measure() -> list[tuple[str, str]]:
                     f"lifetime.record_every={every}",
                     f"hydra.run.dir=r{seconds}_{every}",
                 ]
-                _seconds(here, "evaluate", *words)
+                spent(here, "evaluate", *words)
                 written = sum(f.stat().st_size for f in (here / f"r{seconds}_{every}").rglob("*") if f.is_file())
                 rows.append((f"written: {seconds} s, a sample every {every} steps", f"{written / 1e6:.2f} MB"))
     return rows
@@ -41,35 +41,38 @@ def measure() -> list[tuple[str, str]]:
 
 def _inside(here: Path) -> list[tuple[str, str]]:
     script = Path(__file__).with_name("inside.py")
-    told = subprocess.run(
+    printed = subprocess.run(
         [sys.executable, script, "hydra.run.dir=inside"],
         cwd=here,
-        env=_environment(here),
+        env=environment(here),
         check=True,
         capture_output=True,
         text=True,
     ).stdout
     return list(
-        zip(("of the whole process", "of the generations"), (f"{share} %" for share in told.split()), strict=True)
+        zip(("of the whole process", "of the generations"), (f"{share} %" for share in printed.split()), strict=True)
     )
 
 
-def _environment(here: Path) -> dict[str, str]:
+def environment(here: Path) -> dict[str, str]:
+    """This process's environment, but for kernels of its own."""
     return {**os.environ, "XDG_CACHE_HOME": str(here / "cache")}
 
 
-def _told(*spent: tuple[float, float]) -> str:
-    wall, cpu = (median(column) for column in zip(*spent, strict=True))
+def told(*times: tuple[float, float]) -> str:
+    """Medians of wall and CPU times, in words."""
+    wall, cpu = (median(column) for column in zip(*times, strict=True))
     return f"{wall:.2f} s (CPU {cpu:.2f} s)"
 
 
-def _seconds(here: Path, *words: str) -> tuple[float, float]:
+def spent(here: Path, *words: str) -> tuple[float, float]:
+    """Wall and CPU seconds of a command, run in this folder."""
     quiet = [] if words[0] == "--help" else ["--quiet"]
     began, cpu_before = time.perf_counter(), _cpu_of_children()
-    subprocess.run([EPUCKHEBB, *words, *quiet], cwd=here, env=_environment(here), check=True, capture_output=True)
+    subprocess.run([EPUCKHEBB, *words, *quiet], cwd=here, env=environment(here), check=True, capture_output=True)
     return time.perf_counter() - began, _cpu_of_children() - cpu_before
 
 
 def _cpu_of_children() -> float:
-    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return spent.ru_utime + spent.ru_stime
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime

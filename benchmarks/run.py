@@ -1,47 +1,106 @@
-"""All benchmarks: tables on the terminal, and `benchmarks/results.md` with date, machine, versions and load."""
+"""All benchmarks: tables on the terminal, and `benchmarks/results.md` with date, machine, versions and load.
 
+`python run.py [COMMIT PYTHON FOLDER]`: with the `benchmarks` folder of an earlier version, and a Python that has it
+installed, both are measured in turn, round by round, and their figures stand side by side.
+"""
+
+import json
 import os
 import platform
+import re
+import subprocess
 import sys
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from typing import NamedTuple
 
-import commands
-import parts
-import scale
-import step
 from rich.console import Console
 from rich.table import Table
 
-RESULTS = Path(__file__).with_name("results.md")
-SECTIONS = {
-    "A control step against the plain loop (CPU time)": step.measure,
-    "Its parts, each in a loop of its own (CPU time)": parts.measure,
-    "Scale (CPU time a robot-step; gain in wall time)": scale.measure,
-    "Whole commands (wall time, on a machine that others use too; CPU time beside it)": commands.measure,
-}
+HERE = Path(__file__).parent
+RESULTS = HERE / "results.md"
+
+
+class Section(NamedTuple):
+    """A file of this folder, how often each of its measurements is done in a round, and how many rounds there are."""
+
+    title: str
+    module: str
+    repeats: int
+    rounds: int
+
+
+SECTIONS = (
+    Section("A control step against the plain loop (CPU time)", "step", 3, 3),
+    Section("Its parts, each in a loop of its own (CPU time)", "parts", 3, 3),
+    Section("Scale (CPU time a robot-step; gain in wall time)", "scale", 1, 3),
+    Section("Whole commands (wall time; CPU time beside it)", "commands", 1, 3),
+    Section("Studies (wall time; CPU time beside it)", "studies", 1, 1),
+)
+
+
+class Version(NamedTuple):
+    """What is measured: its name in tables, the Python that has it, and its folder of benchmarks."""
+
+    name: str
+    python: str
+    folder: Path
 
 
 def main() -> None:
     """Measure everything and tell."""
     console = Console()
     packages = ", ".join(f"{name} {version(name)}" for name in ("pymunk", "numba", "numpy"))
+    versions = [Version("now", sys.executable, HERE)]
+    if len(sys.argv) > 1:
+        commit, python, folder = sys.argv[1:]
+        versions.insert(0, Version(f"before ({commit})", python, Path(folder)))
+    in_turn = f"; the version before and this one in turn, {SECTIONS[0].rounds} rounds" if len(versions) > 1 else ""
     lines = [
         "# Benchmarks\n",
         f"{datetime.now(UTC):%Y-%m-%d}, {_processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, "
-        f"{packages}; load average at the start {os.getloadavg()[0]:.2f}. Medians; `nox -s bench` measures anew.\n",
+        f"{packages}; load average at the start {os.getloadavg()[0]:.2f}. Medians{in_turn}; `nox -s bench` measures "
+        "anew.\n",
     ]
-    for title, measure in SECTIONS.items():
-        table = Table(title=title, title_justify="left", show_header=False)
-        lines.append(f"## {title}\n\n| | |\n| --- | ---: |")
-        for name, figure in measure():
-            table.add_row(name, figure)
-            lines.append(f"| {name} | {figure} |")
+    for section in SECTIONS:
+        table = Table("", *(version.name for version in versions), title=section.title, title_justify="left")
+        lines.append(f"## {section.title}\n")
+        lines.append(f"| {' | '.join(['', *(version.name for version in versions)])} |")
+        lines.append(f"| --- |{' ---: |' * len(versions)}")
+        for row in _measured(section, versions):
+            table.add_row(*row)
+            lines.append(f"| {' | '.join(row)} |")
         lines.append("")
         console.print(table)
     RESULTS.write_text("\n".join(lines), encoding="utf-8")
     console.print(f"Written to {RESULTS.relative_to(Path.cwd()) if RESULTS.is_relative_to(Path.cwd()) else RESULTS}")
+
+
+def _measured(section: Section, versions: list[Version]) -> list[list[str]]:
+    """The rows of a section: name, and the median over the rounds of each version's figure."""
+    told: list[dict[str, list[str]]] = [{} for _ in versions]
+    for _ in range(section.rounds):
+        for measured, figures in zip(versions, told, strict=True):
+            for name, figure in _once(section, measured):
+                figures.setdefault(name, []).append(figure)
+    names = dict.fromkeys(name for figures in reversed(told) for name in figures)  # in the order of the newest
+    return [[name, *(_median(figures.get(name, [])) for figures in told)] for name in names]
+
+
+def _once(section: Section, measured: Version) -> Iterable[tuple[str, str]]:
+    has_it = (measured.folder / f"{section.module}.py").exists()
+    folder = measured.folder if has_it else HERE  # what is new here must only start commands
+    words = [measured.python, HERE / "section.py", folder, section.module, str(section.repeats)]
+    done = subprocess.run(words, check=True, stdout=subprocess.PIPE, text=True)
+    return [(name, figure) for name, figure in json.loads(done.stdout.splitlines()[-1])]
+
+
+def _median(figures: list[str]) -> str:
+    """Of figures such as `1.20 us` or `2.2 s (CPU 2.8 s)` the one in the middle by its first number."""
+    ordered = sorted(figures, key=lambda figure: float(re.findall(r"[\d.]+", figure)[0]))
+    return ordered[len(ordered) // 2] if ordered else "–"
 
 
 def _processor() -> str:

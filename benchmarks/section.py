@@ -1,0 +1,14 @@
+"""One section of the benchmarks in a process of its own: `python section.py FOLDER MODULE REPEATS`, JSON on the output.
+
+FOLDER is the `benchmarks` of the version to measure, with which this Python's `epuckhebb` must be the same.
+"""
+
+import importlib
+import json
+import sys
+
+folder, module, repeats = sys.argv[1:]
+sys.path[0] = folder
+section = importlib.import_module(module)
+section.REPEATS = int(repeats)
+print(json.dumps(section.measure()))

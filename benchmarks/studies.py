@@ -1,0 +1,41 @@
+"""What whole studies cost: `reproduce`, and how soon a sweep of hundreds of jobs begins its first; all is compiled."""
+
+import signal
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import commands
+
+
+def measure() -> list[tuple[str, str]]:
+    """Seconds of `reproduce --quick` and `reproduce all`, and until the first job of `sweep adaptive` has begun."""
+    with tempfile.TemporaryDirectory() as folder:
+        here = Path(folder)
+        commands.spent(here, "reproduce", "all", "--quick")  # compiles
+        quick = commands.spent(here, "reproduce", "all", "--quick", "seed=2")
+        whole = commands.spent(here, "reproduce", "all")
+        _first_job(here, "compiles")
+        return [
+            ("reproduce all --quick", commands.told(quick)),
+            ("reproduce all", commands.told(whole)),
+            ("sweep adaptive, until its first job has begun", f"{_first_job(here, 'compiled'):.2f} s"),
+        ]
+
+
+def _first_job(here: Path, name: str) -> float:
+    """Seconds until a job of the sweep has a folder of its own; then the sweep is interrupted."""
+    place = here / name
+    place.mkdir()
+    began = time.perf_counter()
+    words = [commands.EPUCKHEBB, "sweep", "adaptive", "--quiet"]
+    sweep = subprocess.Popen(words, cwd=place, env=commands.environment(here), stderr=subprocess.DEVNULL)
+    while not any(place.rglob("status.json")):
+        if sweep.poll() is not None:
+            raise RuntimeError("the sweep has ended before its first job")
+        time.sleep(0.02)
+    spent = time.perf_counter() - began
+    sweep.send_signal(signal.SIGINT)
+    sweep.wait()
+    return spent
