@@ -119,6 +119,7 @@ def test_spells_and_rests_take_turns():
     assert not resting(1e9, 0.0, 0.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("signal", list(Signal))
 @pytest.mark.parametrize("sign", [Sign.hebbian, Sign.anti])
 def test_always_in_need_is_the_papers_rule_bit_for_bit(genomes, signal, sign):
@@ -194,6 +195,7 @@ def test_agrees_with_the_oracle(master, beside_the_oracle, change_signal, thresh
     assert samples.change_signal[-1] == pytest.approx(robot.change_signal, abs=1e-8)
 
 
+@pytest.mark.thorough
 def test_a_robot_with_24_rays_agrees_with_the_oracle(lidar, wide, beside_the_oracle):
     network, genes = wide
     baseline = remember(genes, Scenario(robot=lidar), 4.0, network=network)

@@ -48,6 +48,7 @@ def test_needs_no_other_setting(here, scenario):
     assert np.isnan(traces["change_signal"][[name == GA for name in traces["controller"]]]).all()
 
 
+@pytest.mark.thorough
 def test_the_bundled_champions_remember():
     """They are of version 0.1, which said nothing of robots and networks."""
     for experiment, scenario in TRAINED.items():
@@ -72,6 +73,7 @@ def test_a_champion_keeps_what_it_remembers_and_show_tells():
     assert f"{baseline.reading_mean[1, 3]:.2f} ± {baseline.reading_spread[1, 3]:.2f}" in shown
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("here")
 def test_older_champions_live_again_and_say_so():
     np.save("old.npy", files.load_genome("reference_20", "obstacles").genes)

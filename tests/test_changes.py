@@ -38,6 +38,7 @@ def changed(*changes, **more):
     return Scenario(changes=changes, **more)
 
 
+@pytest.mark.thorough
 @settings(deadline=None, max_examples=40)
 @given(
     times=st.lists(st.floats(0.001, 12), min_size=1, max_size=3, unique=True).map(sorted),

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from cases import first_of
 from typer.testing import CliRunner
 
 from epuckhebb.app import progress
@@ -89,7 +90,7 @@ def test_show_tells_of_both_kinds(here):
         assert "finished" in result.stdout
 
 
-@pytest.mark.parametrize("launcher", ["basic", "joblib"])
+@pytest.mark.parametrize("launcher", first_of(["basic", "joblib"]))
 def test_multirun_sweeps(here, launcher):
     words = ["-m", "hebbian.N=0,0.002", "scenario=base,4obstacles", f"hydra/launcher={launcher}", "seed=3"]
     result = call("evaluate", *words, *FAST)
@@ -329,6 +330,7 @@ def test_what_is_told_to_ignore_a_signal_ignores_it():
     assert "Hangup" not in ended_by(script, signal.SIGTERM)[0]
 
 
+@pytest.mark.thorough
 def test_garbage_is_collected_while_jobs_run(tmp_path, monkeypatch):
     from epuckhebb.app import evaluate
 

@@ -26,6 +26,7 @@ def place(tmp_path_factory):
     return folder
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("line", COMMANDS)
 def test_a_command_of_the_page(place, monkeypatch, line):
     monkeypatch.chdir(place)

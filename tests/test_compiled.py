@@ -188,6 +188,7 @@ print(json.dumps(told))
 """
 
 
+@pytest.mark.thorough
 def test_a_kernel_that_is_there_is_loaded_without_the_compiler(tmp_path):
     look = "print('numba.np.linalg' in sys.modules)"
     script = f"import sys; from epuckhebb.sim.block import load_kernel; load_kernel(); {look}"
@@ -199,6 +200,7 @@ def test_a_kernel_that_is_there_is_loaded_without_the_compiler(tmp_path):
     assert [process.stdout.strip() for process in told] == ["True", "False"]
 
 
+@pytest.mark.thorough
 def test_kernels_that_two_processes_compiled_live_side_by_side_in_a_third(tmp_path):
     one, two, both, backwards = in_processes(TOYS, ["2", "3", "2 3", "3 2"], tmp_path)
     alone = {**one, **two}

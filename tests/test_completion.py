@@ -45,6 +45,7 @@ def a_run(folder):
     (folder / "status.json").write_text("{}")
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not shutil.which("bash") or not Path(PROGRAM).is_file(), reason="no bash, or not installed")
 def test_bash(here):
     a_run(here / "runs" / "evolve" / "one")

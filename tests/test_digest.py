@@ -20,8 +20,8 @@ from epuckhebb.study.evaluate import COLUMNS, evaluate
 
 METRICS = list(COLUMNS[COLUMNS.index("success") : COLUMNS.index("changed")])
 CHAMPIONS = ("reference_1", "reference_101")
-TREATMENTS = {  # name, as it was when the digest was made -> overrides
-    "paper": ["hebbian=paper"],
+PAPER = {"paper": ["hebbian=paper"]}  # name, as it was when the digest was made -> overrides
+OTHERS = {
     "final": ["hebbian.signal=final"],
     "lifetime_mean": ["hebbian.signal=lifetime_mean"],
     "light_code": ["hebbian.signal=light_code"],
@@ -51,12 +51,17 @@ def config(*overrides):
     return typed(composed("evaluate", [*overrides, "lifetime.record_every=0"]), EvaluateConfig)
 
 
-def test_lifetimes_have_the_same_bits(golden):
+@pytest.mark.parametrize(
+    ("treatments", "file"),
+    [(PAPER, "lifetimes"), pytest.param(OTHERS, "other_lifetimes", marks=pytest.mark.thorough)],
+    ids=["paper", "others"],
+)
+def test_lifetimes_have_the_same_bits(treatments, file, golden):
     assert set(PAPER_SCENARIOS) <= set(groups("evaluate")["scenario"])
     worlds = {name: config(f"scenario={name}") for name in PAPER_SCENARIOS}
     champions = {(one, where): files.load_genome(where, one) for one in TRAINED for where in CHAMPIONS}
     told = []
-    for name, overrides in TREATMENTS.items():
+    for name, overrides in treatments.items():
         controllers = {one: config(f"scenario={home}", *overrides).controllers for one, home in TRAINED.items()}
         rows = []
         for world in worlds.values():
@@ -68,7 +73,7 @@ def test_lifetimes_have_the_same_bits(golden):
         if name == "paper":
             told.append(f"GA {digest([r[r.controller == GA][METRICS].to_numpy(float) for r in rows])}")
         told.append(f"{name} {digest([r[r.controller != GA][METRICS].to_numpy(float) for r in rows])}")
-    golden("lifetimes.digest", "\n".join(told) + "\n")
+    golden(f"{file}.digest", "\n".join(told) + "\n")
 
 
 @pytest.mark.parametrize("overrides", [["ga=textbook"], ["ga=as_coded", "scenario=highlight", "ga.start_noise=1"]])

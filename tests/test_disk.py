@@ -5,6 +5,7 @@ import subprocess
 from contextlib import contextmanager
 
 import pytest
+from cases import first_of
 from typer.testing import CliRunner
 
 from epuckhebb.app.cli import app
@@ -78,7 +79,7 @@ def refused(words, expected):
     return result.exit_code
 
 
-@pytest.mark.parametrize(("verb", "pages"), [("evaluate", 5), ("evolve", 0), ("resume", 2), ("sweep", 6)])
+@pytest.mark.parametrize(("verb", "pages"), first_of([("evaluate", 5), ("evolve", 0), ("resume", 2), ("sweep", 6)]))
 def test_a_full_disk(disk, verb, pages):
     first, more = CALLS[verb]
     assert call(first).exit_code == 0
@@ -98,6 +99,7 @@ def test_a_full_disk(disk, verb, pages):
         assert "1 done before, 1 to do" in call([word for word in more if word != "-q"]).stderr
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("verb", CALLS)
 def test_a_disk_that_may_only_be_read(disk, verb):
     first, more = CALLS[verb]

@@ -105,6 +105,7 @@ def test_three_generations_and_three_more_equal_six():
             np.testing.assert_array_equal(array, other.state[name])
 
 
+@pytest.mark.thorough
 def test_controllers_that_learn_and_other_networks_evolve_too():
     network = Network((16, 10, 6, 2))
     learning = Controller(name="x", rule=Paper(N=0.01, sign=Sign.shuffled))

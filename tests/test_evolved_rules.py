@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from cases import first_of
 from typer.testing import CliRunner
 
 import epuckhebb
@@ -44,10 +45,10 @@ SIZES = {
     Discrete: "234 weights, 4 when_better, 4 when_worse, 1 eta, 1 threshold, 1 high, 1 low",
 }
 LIVED = {
+    Modulated: Modulated(N=0.003),
     ABCD: ABCD(N=0.003, leak=0.5),
     ABCDShared: ABCDShared(N=0.0003),
     ABCDNeuron: ABCDNeuron(N=0.002, leak=1.0),
-    Modulated: Modulated(N=0.003),
     BaldwinN: BaldwinN(N=0.01),
     Discrete: Discrete(N=0.001),
     Online: Online(window_s=4.0, sigma=0.05),
@@ -162,7 +163,7 @@ def test_what_a_synapse_of_the_neuron_centric_rule_does_follows_from_its_two_neu
     assert coefficients_of(ABCDNeuron, network, **p)[:, 3].tolist() == expected
 
 
-@pytest.mark.parametrize("rule", LIVED)
+@pytest.mark.parametrize("rule", first_of(LIVED))
 def test_a_rule_agrees_with_its_twin_in_plain_python(rule, beside_the_oracle, genomes):
     """At a gain of 1, as walls that a robot bumps into make much of the last bit."""
     genes = initial(np.random.default_rng(130), 1, plan_of(PAPER_NETWORK, rule))[0]
@@ -181,6 +182,7 @@ def test_a_rule_agrees_with_its_twin_in_plain_python(rule, beside_the_oracle, ge
 # Pace and birth
 
 
+@pytest.mark.thorough
 def test_as_much_is_learnt_on_a_metre_at_any_pace(lived):
     """Standing robots learn at a pace that is the gain's share of that at which N holds; with 0, at N."""
     genes = np.concatenate([np.zeros(234), np.ones(25)])
@@ -266,7 +268,7 @@ def test_what_cannot_evolve_is_refused(overrides, message):
 
 
 @pytest.mark.parametrize(
-    "name", ["abcd", "abcd_neuron", "abcd_shared", "baldwin", "baldwin_n", "discrete", "modulated"]
+    "name", first_of(["abcd", "abcd_neuron", "abcd_shared", "baldwin", "baldwin_n", "discrete", "modulated"])
 )
 def test_a_rule_is_chosen_by_its_name(name):
     config = typed(composed("evolve", [f"hebbian={name}"]), EvolveConfig)
@@ -312,7 +314,7 @@ def test_a_champion_keeps_what_its_rule_evolved(champions, monkeypatch, tmp_path
     done("rerun", "again", "-q")
 
 
-@pytest.mark.parametrize("rule", ["modulated", "abcd"])
+@pytest.mark.parametrize("rule", first_of(["modulated", "abcd"]))
 def test_an_evolution_of_a_rule_goes_on_to_the_same_bytes(rule, champions, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     words = ["evolve", f"hebbian={rule}", "training=varied", *TINY, "hydra.run.dir=run"]
@@ -322,6 +324,7 @@ def test_an_evolution_of_a_rule_goes_on_to_the_same_bytes(rule, champions, monke
         assert (champions / rule / name).read_bytes() == Path("run", name).read_bytes()
 
 
+@pytest.mark.thorough
 def test_a_rule_evolves_for_a_given_champion(champions, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     own = [f"genome={champions / 'modulated'}", "hebbian=abcd_shared", *TINY]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import first_of
 from typer.testing import CliRunner
 
 import epuckhebb
@@ -86,7 +87,7 @@ def played(monkeypatch, controller, traces, lifetime, side):
     return np.reshape(robot.speeds, (-1, 2)), weights
 
 
-@pytest.mark.parametrize("signal", ["behaviour", "final", "lifetime_mean", "light_code"])
+@pytest.mark.parametrize("signal", first_of(["behaviour", "final", "lifetime_mean", "light_code"]))
 def test_the_controller_drives_and_learns_as_our_robot(tmp_path, monkeypatch, signal):
     monkeypatch.chdir(tmp_path)
     words = [f"hebbian.signal={signal}", "hebbian.N=0.002", "repeats=1", "lifetime.record_every=1", "seed=3"]

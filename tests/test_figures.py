@@ -195,6 +195,7 @@ def test_what_is_brown_is_told_where_it_is(drawn):
     assert "grey: walls\ndashed brown: obstacles for a part of the life" in later
 
 
+@pytest.mark.thorough
 def test_names_are_shown_to_the_letter(rendered):
     names = ["[/x]", r"$\foo$", "$", "a_b^{c", r"\$1$"]
     title = " ".join(names)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from cases import first_of
 from typer.testing import CliRunner
 
 from epuckhebb.app.cli import app
@@ -44,7 +45,7 @@ def test_a_rule_of_ones_own_on_ray(tmp_path, monkeypatch):
     sweep_by_a_rule_of_ones_own_on("ray_local", tmp_path)
 
 
-@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
+@pytest.mark.parametrize("launcher", first_of(["joblib", "submitit_local"]))
 def test_a_rule_of_ones_own_on_this_machine(tmp_path, monkeypatch, launcher):
     if launcher == "submitit_local":
         pytest.importorskip("submitit")

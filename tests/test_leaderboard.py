@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from cases import first_of
 from typer.testing import CliRunner
 
 from epuckhebb.app import data, formats, hydra_bridge, leaderboard, leaderboard_plan, method, runs
@@ -181,6 +182,7 @@ def test_off_is_the_twin_where_something_is_laid_over(made):
     )
 
 
+@pytest.mark.thorough
 def test_a_row_of_the_users_own_does_only_what_is_missing(copy, call, tmp_path):
     before, stamps = promised(copy), {file: file.stat().st_mtime_ns for file in copy.glob("*/metrics.csv")}
     (tmp_path / "mine.py").write_text(
@@ -208,6 +210,7 @@ def test_a_rule_that_evolves_something_is_evolved():
     assert method.overrides("evolve")[1:] == ["optimizer=sep_cma_es", "training=varied"]
 
 
+@pytest.mark.thorough
 def test_what_was_damaged_or_lost_is_made_again_and_the_rest_is_kept(copy, call):
     before = promised(copy)
     champions = pd.read_csv(copy / "champions.csv")
@@ -225,6 +228,7 @@ def test_what_was_damaged_or_lost_is_made_again_and_the_rest_is_kept(copy, call)
     assert kept.stat().st_mtime_ns == stamp
 
 
+@pytest.mark.thorough
 def test_interrupted_it_goes_on_to_the_same_bytes(copy, call, made, monkeypatch):
     for run in copy.glob("test_*"):
         shutil.rmtree(run)
@@ -287,6 +291,7 @@ def short(monkeypatch):
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("short")
 def test_reversal_learning_compares_rules(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -330,7 +335,7 @@ def test_the_share_of_a_learner_by_hand():
     assert count == {"masters": 0, "trials": 20, "successes": 10, "successes_off": None, "successes_inverted": None}
 
 
-@pytest.mark.parametrize("methods", ["best", "ga_varied,best"])
+@pytest.mark.parametrize("methods", first_of(["best", "ga_varied,best"]))
 def test_what_has_no_place_in_reversal_learning_is_refused(methods, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ConfigError, match="none has a place in reversal learning"):
@@ -357,6 +362,7 @@ def test_the_tab_key_offers_methods():
     assert not [offer for offer in data.complete_override("leaderboard", "") if offer.startswith("method=")]
 
 
+@pytest.mark.thorough
 def test_every_method_of_the_program_can_be_planned_and_says_what_it_is(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     planned = leaderboard_plan.plan("obstacles", ["champions=1"])

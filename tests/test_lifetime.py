@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from cases import first_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -47,7 +48,7 @@ def test_agrees_with_the_oracle_step_by_step(genomes, beside_the_oracle, side, s
 
 
 @pytest.mark.parametrize("sign", list(Sign))
-@pytest.mark.parametrize("rule", list(RULES))
+@pytest.mark.parametrize("rule", first_of(RULES))
 def test_every_rule_and_sign_agrees_with_the_oracle(genomes, beside_the_oracle, rule, sign):
     of_updates = signs(sign, 234, np.random.default_rng(4))
     controller = Controller(name="x", rule=RULES[rule])
@@ -55,6 +56,7 @@ def test_every_rule_and_sign_agrees_with_the_oracle(genomes, beside_the_oracle, 
     assert outcome.weight_change_mean > 0.01
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("side", SIDES)
 def test_a_small_network_agrees_with_the_oracle(beside_the_oracle, side):
     network = Network((16, 10, 6, 2))
@@ -138,7 +140,7 @@ def test_alone_in_a_block_and_on_any_threads_the_bits_are_the_same(genomes):
     assert _bits(backwards) == _bits(together)
 
 
-@pytest.mark.parametrize("rule", [*RULES, NoRule])
+@pytest.mark.parametrize("rule", first_of([*RULES, NoRule]))
 def test_who_does_not_learn_has_the_same_bits_with_every_rule(genomes, lived, rule):
     outcome, samples = lived(genomes[2], controller=Controller(name="x", rule=rule()))
     alone, of_alone = lived(genomes[2], controller=GA_ALONE)
@@ -194,6 +196,7 @@ class Paused:
         self.kernel(self.life, self.birth, self.space.handles, *self.told, step, 1, self.samples)
 
 
+@pytest.mark.thorough
 @settings(deadline=None, max_examples=30)
 @given(
     rule=st.sampled_from(list(RULES)),

@@ -251,6 +251,7 @@ def test_a_run_of_sep_cma_es_is_resumed_repeated_and_shown(tmp_path, monkeypatch
     assert "checkpoint.npz" in call("evolve", "resume=run", "optimizer.generations=4").stderr
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", [pytest.param("sep_cma_es", marks=pytest.mark.slow), "open_es"])
 def test_a_run_of_a_strategy_survives_kill_9(name, tmp_path):
     tiny = ["evolve", f"optimizer={name}", *TINY[1:], "optimizer.generations=3"]
@@ -263,6 +264,7 @@ def test_a_run_of_a_strategy_survives_kill_9(name, tmp_path):
     assert same(tmp_path / "whole", tmp_path / "killed_9_beside")
 
 
+@pytest.mark.thorough
 def test_a_multirun_may_vary_seed_and_training(tmp_path):
     words = ["evolve", "-m", *TINY[:-1], "optimizer.generations=1", "training=home,gain_varied", "--json"]
     result = call(*words, f"hydra.sweep.dir={tmp_path}")

@@ -72,6 +72,7 @@ def checkout(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("checkout")
 @pytest.mark.parametrize(
     ("pages", "seconds"),
@@ -90,6 +91,7 @@ def test_the_commands_of_the_pages_run(pages, seconds, monkeypatch):
         assert result.exit_code == 0, f"{line}\n{result.output}"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["parts", "results", "rules"])
 def test_the_settings_of_the_slow_commands_compose(name):
     """Those that are not run in the ordinary suite, each key and each value of a group at least known."""
@@ -148,6 +150,7 @@ def test_the_python_page(monkeypatch):
     assert Path("paths.png").is_file()
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("checkout")
 def test_a_sweep_with_the_rule_of_the_example():
     words = ["hebbian.rule=examples/own_rule/my_rules.py:Gated", "hebbian.N=0.0002", "scenario=base"]
@@ -156,6 +159,7 @@ def test_a_sweep_with_the_rule_of_the_example():
     assert result.exit_code == 0, result.output
 
 
+@pytest.mark.thorough
 def test_the_python_of_the_parts_page_runs(checkout, monkeypatch):
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(checkout))

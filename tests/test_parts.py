@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from cases import first_of
 from typer.testing import CliRunner
 
 import epuckhebb
@@ -115,6 +116,7 @@ def test_what_is_left_as_it_is_in_the_class_is_written_down_too(tmp_path):
     assert composed("evaluate", [asked, "hebbian.decay=2"]).hebbian.decay == 2
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("here")
 def test_its_setting_matters_and_the_same_rule_gives_the_same_numbers():
     """Ours with decay 1 is the program's Oja."""
@@ -133,7 +135,7 @@ def test_it_is_replayed_and_shown(copy):
     assert "oja" in (copy / "evaluated" / "replay.html").read_text()
 
 
-@pytest.mark.parametrize(("run", "after"), [("evaluated", "changed"), ("evolved", "removed")])
+@pytest.mark.parametrize(("run", "after"), first_of([("evaluated", "changed"), ("evolved", "removed")]))
 def test_a_rerun_takes_the_copy(copy, run, after):
     if after == "changed":
         (copy / "my_rules.py").write_text(ANOTHER)
@@ -158,6 +160,7 @@ def test_a_copy_that_was_changed_or_lost_is_refused(copy, copied):
     assert not (copy / "runs").exists()
 
 
+@pytest.mark.thorough
 def test_an_evolution_by_it_goes_on_and_its_champion_lives(copy):
     assert list(told("evolved")["rules"].values()) == [sha256_of(copy / "my_rules.py")]
     assert (copy / "evolved" / "rules" / "my_rules.py").read_text() == MY_RULES
@@ -203,6 +206,7 @@ def test_below_compare():
     np.testing.assert_array_equal(rows[rows.controller == "own"][measured], alone[alone.controller == "oja"][measured])
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("here")
 def test_in_a_sweep_and_changed_it_makes_new_jobs():
     words = ["sweep", "rates", *BRIEF, "hydra/launcher=basic", "hydra.sweep.dir=out", *a_folder_of_conf()]
@@ -214,6 +218,7 @@ def test_in_a_sweep_and_changed_it_makes_new_jobs():
     assert len(list(Path("out").glob("job_*"))) == 4
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("launcher", ["basic", "joblib"])
 def test_in_a_multirun(here, launcher):
     rule = f"hebbian.rule={here}/my_rules.py:oja"  # workers that are kept from an earlier call stay in its folder
@@ -223,6 +228,7 @@ def test_in_a_multirun(here, launcher):
     assert list(rows[rows.controller == "oja"].N.unique()) == [0.0001, 0.0002]
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("here")
 def test_an_object_from_python():
     rule = rule_class("my_rules.py:oja", "hebbian")
@@ -235,6 +241,7 @@ def test_an_object_from_python():
     assert (late.weight_change_mean == 0).all()  # two seconds are not late
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("here")
 def test_what_a_rule_evolves_goes_with_the_champion():
     """In a file and in Python; a champion that lacks it is refused."""
@@ -396,6 +403,7 @@ def test_a_controller_is_called_as_in_tables(words, name, rule, rate):
     assert (controller.name, type(controller.rule).__name__.lower(), controller.rule.N) == (name, rule.lower(), rate)
 
 
+@pytest.mark.thorough
 def test_an_adaptation_lives_beside_what_is_compared(here):
     done("evaluate", "adaptation=shortfall", "compare.y={adaptation: late}", *BRIEF, "hydra.run.dir=out")
     assert list(metrics(here / "out").controller.unique()) == ["GA", "shortfall", "y"]
@@ -439,6 +447,7 @@ def test_what_changed_is_told_wherever_the_scenario_is(here):
     assert "same bytes" in done("rerun", str(run)).stdout
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("here")
 def test_a_sweep_in_another_maze_with_another_rule():
     """Nothing of the usual maze and rule is left in a job."""
@@ -471,6 +480,7 @@ def others(tmp_path_factory):
     return folder
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "layers", "robot", "genes", "words"),
     [
@@ -510,6 +520,7 @@ def test_bundled_champions_of_version_0_1_load():
 # A change in mid-life
 
 
+@pytest.mark.thorough
 def test_a_change_in_mid_life_from_end_to_end(here):
     change = "scenario.changes=[{at_s: 1, light: 1.0}, {at_s: 1.5, obstacles: 4}]"
     done("evaluate", change, *SHORT, "hydra.run.dir=run")
@@ -531,7 +542,7 @@ def test_a_change_in_mid_life_from_end_to_end(here):
 
 @pytest.mark.parametrize("robot", groups("evaluate")["robot"])
 @pytest.mark.parametrize("maze", groups("evaluate")["maze"])
-@pytest.mark.parametrize(("verb", "schema"), [("evaluate", EvaluateConfig), ("evolve", EvolveConfig)])
+@pytest.mark.parametrize(("verb", "schema"), first_of([("evaluate", EvaluateConfig), ("evolve", EvolveConfig)]))
 def test_every_maze_with_every_robot(verb, schema, maze, robot):
     config = typed(composed(verb, [f"maze={maze}", f"robot={robot}"]), schema)
     assert (config.world.maze.name, config.world.robot.name) == (maze, robot)
@@ -540,6 +551,7 @@ def test_every_maze_with_every_robot(verb, schema, maze, robot):
 RULES, ADAPTATIONS = groups("evaluate")["hebbian"], groups("evaluate")["adaptation"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("hebbian", "adaptation"),
     sorted({*itertools.product(RULES, ["none", "late"]), *itertools.product(["none", "paper"], ADAPTATIONS)}),

@@ -87,6 +87,7 @@ def test_the_page_needs_nothing_else(made):
     assert page.count('src="data:image/png;base64,') == 15
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("_no_figures")
 def test_an_interrupted_run_does_only_what_is_missing_and_ends_with_the_same_bytes(made, tmp_path, monkeypatch):
     shutil.copytree(made[0], tmp_path / "runs" / "reproduce" / made[0].name)
@@ -134,6 +135,7 @@ def test_it_says_when_it_ran_and_how_it_ended(made):
     assert json.loads((made[0] / "provenance.json").read_text())["command"][:3] == ["epuckhebb", "reproduce", "all"]
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="no such locks")
 def test_two_calls_do_not_work_in_one_folder(copy):
     before = {file: file.read_bytes() for file in copy.rglob("*") if file.is_file()}
@@ -146,6 +148,7 @@ def test_two_calls_do_not_work_in_one_folder(copy):
     assert {file: file.read_bytes() for file in copy.rglob("*") if file.is_file()} == before
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("_no_figures")
 def test_interrupted_anywhere_it_goes_on_to_the_same_bytes(made, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -183,6 +186,7 @@ def test_a_failure_is_told_of_and_written_down(copy, monkeypatch):
     assert "ArithmeticError" in told["traceback"]
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("_no_figures")
 def test_lifetimes_of_an_earlier_run_that_were_damaged_are_lived_again(copy):
     before, damaged = contents(copy), copy / "lifetimes" / "light_seed002.csv"
@@ -201,6 +205,7 @@ def test_lifetimes_of_a_version_that_kept_no_checksums_are_named_if_they_cannot_
     assert status(copy)["state"] == "failed"
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("_no_figures")
 def test_show_tells_of_one_that_is_running_and_of_one_that_has_finished(copy, monkeypatch):
     tell, shown = reproduce._tell, []
@@ -341,6 +346,7 @@ def test_a_champion_of_a_version_that_kept_no_checksums_is_named_if_it_cannot_be
     assert champion.read_bytes() == cut
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("_no_figures")
 def test_a_champion_and_a_history_that_were_damaged_are_evolved_again(copy):
     before = contents(copy)

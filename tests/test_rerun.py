@@ -89,6 +89,7 @@ def test_what_differs_is_named(run):
     assert "was (nothing)" in told["difference"]
 
 
+@pytest.mark.thorough
 def test_an_evolution_that_was_resumed_is_repeated_whole(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     call(*EVOLVE, "hydra.run.dir=run")
@@ -137,6 +138,7 @@ def evaluations_at_once(count, cwd):
     assert len({(run / "metrics.csv").read_bytes() for run in runs}) == 1
 
 
+@pytest.mark.thorough
 def test_evaluations_started_at_once_do_not_meet(tmp_path):
     evaluations_at_once(2, tmp_path)
 

@@ -66,6 +66,7 @@ def test_three_generations_and_three_more_are_six(six, three):
     assert "generations: 6" in (three / ".hydra" / "config.yaml").read_text()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("points", ["5 beside 6 before 7 beside 22 after"])
 def test_killed_between_any_two_writes(six, tmp_path, points):
     words = ["evolve", *TINY, "ga.generations=6", "--", *points.split()]
@@ -161,6 +162,7 @@ def test_a_run_at_work_is_left_alone(three):
     assert len(pd.read_csv(three / "history.csv")) == 3
 
 
+@pytest.mark.thorough
 def test_ctrl_c_ends_it_in_the_middle_of_a_life_and_the_run_goes_on(tmp_path):
     words = ["evolve", "lifetime.duration_s=1e9", "threads=2", "hydra.run.dir=run"]  # a life takes hours
     started = subprocess.Popen(
@@ -180,6 +182,7 @@ def test_ctrl_c_ends_it_in_the_middle_of_a_life_and_the_run_goes_on(tmp_path):
     assert json.loads((tmp_path / "run" / "status.json").read_text())["state"] == "interrupted"
 
 
+@pytest.mark.thorough
 def test_a_full_disk_keeps_the_generations_before(three, small_files):
     """A limit on the size of files stands for the disk: the last file that fits is the checkpoint."""
     before = {name: (three / name).read_bytes() for name in RESULTS}

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from cases import first_of
 from omegaconf import OmegaConf
 from typer.testing import CliRunner
 
@@ -63,7 +64,7 @@ def failing(monkeypatch):
     monkeypatch.setattr(verb, "evaluate", fail)
 
 
-@pytest.mark.parametrize("name", groups("sweep")["experiment"])
+@pytest.mark.parametrize("name", first_of(groups("sweep")["experiment"]))
 def test_a_dry_run_lists_the_jobs_and_writes_nothing(here, name):
     many = name == "adaptive" or name.startswith("rescue")
     few = ["genome=reference_101", "scenario=base,highlight,lowlight"] if many else []
@@ -92,12 +93,14 @@ def test_a_dry_run_says_how_much_there_is_to_do(here):
 
 @pytest.mark.parametrize(
     "words",
-    [
-        ["hebbian.N=0,1e-5", "scenario=base,lowlight", "lifetime.noise=${scenario.light}"],
-        ["seed=1,2", "hebbian.N=0.001", "lifetime.noise=${seed}", "scenario=base"],
-        ["lifetime.duration_s=3,4", "lifetime.gain_rad_s=${lifetime.noise}", "scenario=base", "hebbian.N=0"],
-        ["scenario.light=0.1,1", "repeats=2,3", "network.layers=[16,7,5,8,4,2]", "scenario=base", "hebbian.N=0,1"],
-    ],
+    first_of(
+        [
+            ["hebbian.N=0,1e-5", "scenario=base,lowlight", "lifetime.noise=${scenario.light}"],
+            ["seed=1,2", "hebbian.N=0.001", "lifetime.noise=${seed}", "scenario=base"],
+            ["lifetime.duration_s=3,4", "lifetime.gain_rad_s=${lifetime.noise}", "scenario=base", "hebbian.N=0"],
+            ["scenario.light=0.1,1", "repeats=2,3", "network.layers=[16,7,5,8,4,2]", "scenario=base", "hebbian.N=0,1"],
+        ]
+    ),
 )
 def test_what_is_listed_is_what_hydra_would_compose(words):
     identities = engine.Identities()
@@ -108,6 +111,7 @@ def test_what_is_listed_is_what_hydra_would_compose(words):
         assert identities.of(job.config) == engine.Identities().of(job.config) == job.run
 
 
+@pytest.mark.thorough
 def test_ten_thousand_jobs_are_listed_without_composing_each(monkeypatch):
     composed, count = hydra_bridge.compose, []
     monkeypatch.setattr(hydra_bridge, "compose", lambda *args, **more: count.append(args) or composed(*args, **more))
@@ -116,6 +120,7 @@ def test_ten_thousand_jobs_are_listed_without_composing_each(monkeypatch):
     assert jobs[-1].config["seed"] == jobs[-1].config["repeats"] == 100
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("failing")
 def test_the_folder_of_a_sweep_says_how_it_ended_and_show_tells(here, monkeypatch):
     words = ["sweep", "obstacles", *TWO, "hydra/launcher=basic", "-q"]
@@ -169,6 +174,7 @@ def test_a_sweep_leaves_tables_and_is_not_done_twice(here):
     assert "seed=1" in told["overrides"]
 
 
+@pytest.mark.thorough
 def test_only_what_is_whole_is_kept(here):
     words = ["sweep", "obstacles", "scenario=base,2obstacles,4obstacles", *FAST, "hydra/launcher=basic", "-q"]
     assert call(*words).exit_code == 0
@@ -189,6 +195,7 @@ def test_only_what_is_whole_is_kept(here):
     check_whole(folder, tables)
 
 
+@pytest.mark.thorough
 def test_another_genome_or_another_science_is_done_anew(here, monkeypatch):
     np.save("mine.npy", np.zeros(234))
     words = ["sweep", "obstacles", "scenario=base", *FAST, "genome=mine.npy", "hydra/launcher=basic"]
@@ -299,6 +306,7 @@ def test_a_file_where_the_folder_should_be(here):
     assert "cannot write a sweep to runs/sweep" in result.stderr
 
 
+@pytest.mark.thorough
 def test_a_full_disk_spoils_no_earlier_result(here, small_files, monkeypatch):
     """A limit on the size of files stands for the disk: metrics.csv of the second seed does not fit."""
     words = ["sweep", "obstacles", "scenario=base", *FAST, "hydra/launcher=basic", "hydra.sweep.dir=out"]
@@ -339,6 +347,7 @@ def check_whole(folder, tables):
     assert not (folder / "unfinished").exists()
 
 
+@pytest.mark.thorough
 def test_killed_with_its_workers_it_resumes_to_the_same_tables(here):
     words = ["sweep", "obstacles", *FAST, "seed=1,2"]
     (here / "whole").mkdir()
@@ -396,6 +405,7 @@ def is_gone(group):
     return False
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("launcher", "number", "to_all"),
     [

@@ -4,8 +4,9 @@ What they mean stands beside them, in the comments of the files of `conf/`; of w
 There is no other list of keys: `docs/keys.md` is made of this one.
 """
 
+import functools
 import typing
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from enum import Enum
 from pathlib import Path
@@ -53,11 +54,12 @@ class Group:
     more: Mapping[str, list[Key]]
 
 
-def all_groups() -> list[Group]:
+@functools.cache
+def all_groups() -> tuple[Group, ...]:
     """The verbs with their own keys, then the groups of all of them."""
     own = [Group(verb, {}, "", list(_keys(_conf(f"{verb}.yaml"), "", SCHEMAS[verb])), {}) for verb in SCHEMAS]
     names = dict.fromkeys(name for verb in SCHEMAS for name in groups(verb) if name != "experiment")
-    return [*own, *map(_group, names)]
+    return (*own, *map(_group, names))
 
 
 def group_named(name: str) -> Group:
@@ -72,7 +74,7 @@ def group_named(name: str) -> Group:
     return known[name]
 
 
-def tell(wanted: list[Group], console: Console) -> None:
+def tell(wanted: Sequence[Group], console: Console) -> None:
     """Print groups: their choices, then their keys; keys first where they would be lost below all choices."""
     for group in wanted:
         console.print(Text(title(group), style="bold"))
