@@ -4,6 +4,7 @@ import pytest
 from typer.testing import CliRunner
 
 from epuckhebb.app.cli import app
+from epuckhebb.app.explain import explain
 
 FILES = {
     "scenario/misspelt.yaml": "ligth: 0.03\n",
@@ -48,3 +49,10 @@ def test_a_misspelt_group_of_keys_is_told_with_the_near_one():
     result = CliRunner().invoke(app, ["keys", "hebian"])
     assert result.exit_code == 2
     assert "did you mean hebbian?" in result.stderr
+
+
+def test_an_error_that_is_its_own_cause_is_told_once():
+    """As OmegaConf makes them under a debugger, or with OC_CAUSE=1."""
+    error, cause = ValueError("outer"), KeyError("inner")
+    error.__cause__, cause.__cause__ = cause, cause
+    assert explain(error) == "outer\n'inner'"

@@ -125,7 +125,7 @@ def test_one_rate_has_no_dose_response(rates):
 
 def test_the_dose_response_has_each_condition_and_the_genes_alone_beside_it(monkeypatch):
     drawn = []
-    monkeypatch.setattr(summary.charts, "rates", lambda doses, told: drawn.append((doses, told)))
+    monkeypatch.setattr(charts, "rates", lambda doses, told: drawn.append((doses, told)))
     rows = [
         lives(controller, rate if controller == "Hebbian" else "0", n + (controller == "GA"), **settings)
         for n, noise in enumerate("01")

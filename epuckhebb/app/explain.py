@@ -18,13 +18,15 @@ _KINDS = {"Float": "a number", "Integer": "a whole number", "Boolean": "true or 
 def explain(error: BaseException) -> str:
     """Hydra's message, made fit for a reader: causes included, advice that does not apply left out, near keys named."""
     lines: list[str] = []
-    current: BaseException | None = error
-    while current is not None:
+    causes: list[BaseException] = [error]
+    # Under a debugger, OmegaConf gives an error itself as its cause.
+    while (cause := causes[-1].__cause__) is not None and cause not in causes:
+        causes.append(cause)
+    for current in causes:
         for line in str(current).splitlines():
             kept = line.strip()
             if kept and kept not in lines and not kept.startswith(("object_type=", "reference_type=", "full_key:")):
                 lines.append(kept)
-        current = current.__cause__
     full_key = re.search(r"full_key: (\S+)", str(error))
     if full_key and not any(full_key[1] in line for line in lines):
         lines.insert(0, f"{full_key[1]}:")

@@ -12,7 +12,6 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from epuckhebb.sim import random
 from epuckhebb.sim.random import Stream
@@ -36,6 +35,8 @@ def wilson(successes: int, n: int) -> tuple[float, float]:
     """
     if n == 0:
         return _UNKNOWN
+    from scipy import stats  # takes as long to load as the program itself, which listing a sweep need not wait for
+
     interval = stats.binomtest(successes, n).proportion_ci(0.95, method="wilson")
     return float(interval.low), float(interval.high)
 
@@ -189,6 +190,8 @@ def _agree(part: NDArray[np.int64], whole: NDArray[np.int64]) -> bool:
 
 def _score_interval(share: float, n: float) -> tuple[float, float]:
     """Wilson's 95 % interval at this share for n cases, n > 0 being no whole number perhaps (scipy's needs one)."""
+    from scipy import stats
+
     z = float(stats.norm.ppf(0.975))
     middle = share + z * z / (2 * n)
     away = z * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))

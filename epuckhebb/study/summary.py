@@ -9,7 +9,7 @@ import pandas as pd
 
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.scenario import TRAINED
-from epuckhebb.study import charts, findings, rescue
+from epuckhebb.study import findings, rescue
 from epuckhebb.study.evaluate import COLUMNS
 from epuckhebb.study.statistics import bootstrap_mean, wilson
 from epuckhebb.study.tables import code
@@ -76,6 +76,8 @@ def dose_response(rows: pd.DataFrame, settings: list[str]) -> bytes | None:
             found.append({**row, "side": side, **_doses(lives, several)})
     doses = pd.DataFrame(found)
     each = f"mean over {rows.genome.nunique()} champions" if several else f"mean of {doses.n.max()} lifetimes"
+    from epuckhebb.study import charts  # matplotlib takes a while to load
+
     return charts.rates(doses, f"{each} on each side, with 95 % intervals")
 
 
@@ -123,6 +125,8 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str, b
     seeds = f"{code(each.genome.iloc[0])} to {code(each.genome.iloc[-1])}"
     page = rescue.markdown(over_all, by_scenario, retention, champions, lifetimes.repeat.nunique(), seeds)
     found = {"rescue_over_all": over_all, "rescue_and_harm": by_scenario, "retention": retention}
+    from epuckhebb.study import charts
+
     return found, page, charts.rescue_over_all(over_all)
 
 
