@@ -33,9 +33,9 @@ class Section(NamedTuple):
 
 
 SECTIONS = (
-    Section("A control step against the plain loop (CPU time)", "step", 3, 3),
-    Section("Its parts, each in a loop of its own (CPU time)", "parts", 3, 3),
-    Section("Scale (CPU time a robot-step; gain in wall time)", "scale", 1, 3),
+    Section("A control step against the plain loop (CPU time)", "step", 3, 7),
+    Section("Its parts, each in a loop of its own (CPU time)", "parts", 3, 7),
+    Section("Scale (CPU time a robot-step; gain in wall time)", "scale", 3, 3),
     Section("Whole commands (wall time; CPU time beside it)", "commands", 1, 3),
     Section("Studies (wall time; CPU time beside it)", "studies", 1, 1),
     Section("The whole study (wall time; CPU time beside it)", "whole_study", 1, 1),
@@ -58,7 +58,7 @@ def main() -> None:
     if len(sys.argv) > 1:
         commit, python, folder = sys.argv[1:]
         versions.insert(0, Version(f"before ({commit})", python, Path(folder)))
-    in_turn = f"; the version before and this one in turn, {SECTIONS[0].rounds} rounds" if len(versions) > 1 else ""
+    in_turn = "; the version before and this one in turn" if len(versions) > 1 else ""
     lines = [
         "# Benchmarks\n",
         f"{datetime.now(UTC):%Y-%m-%d}, {_processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, "

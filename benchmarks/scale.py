@@ -13,6 +13,7 @@ REPEATS = 3
 
 def measure() -> list[tuple[str, str]]:
     """Microseconds a robot-step for 1 to 5,000 robots on 1 thread, and the gain of 2 threads for 500."""
+    live_block(individuals(2), SCENARIO, LIFETIME)  # loads the kernel
     rows = []
     for robots in (1, 10, 50, 500, 5000):
         spent = median(_once(robots, 1, time.process_time) for _ in range(REPEATS))
