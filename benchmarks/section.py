@@ -1,6 +1,6 @@
 """One section of the benchmarks in a process of its own: `python section.py FOLDER MODULE REPEATS`, JSON on the output.
 
-FOLDER is the `benchmarks` of the version to measure, with which this Python's `epuckhebb` must be the same.
+FOLDER is the `benchmarks` of the version of epuckhebb that this Python has installed.
 """
 
 import importlib

@@ -1,6 +1,7 @@
 """The bits of today: metrics of bundled champions in every scenario with every controller, and two tiny evolutions.
 
-A change that must not change results leaves its golden files alone. `--regenerate` writes them anew; whoever does that
+A change that must not change results leaves its golden files alone. In the ordinary suite only the paper's rule lives;
+`pytest -m "not slow" tests/test_digest.py` has all controllers. `--regenerate` writes them anew; whoever does that
 says in the changelog which results are others now.
 """
 
