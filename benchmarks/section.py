@@ -7,8 +7,9 @@ import importlib
 import json
 import sys
 
-folder, module, repeats = sys.argv[1:]
-sys.path[0] = folder
-section = importlib.import_module(module)
-section.REPEATS = int(repeats)
-print(json.dumps(section.measure()))
+if __name__ == "__main__":  # and not in the processes that a section starts
+    folder, module, repeats = sys.argv[1:]
+    sys.path[0] = folder
+    section = importlib.import_module(module)
+    section.REPEATS = int(repeats)
+    print(json.dumps(section.measure()))

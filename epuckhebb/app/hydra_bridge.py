@@ -37,6 +37,7 @@ from epuckhebb.app.config import literal, thread_count
 from epuckhebb.app.data import LATEST, data_folder, groups
 from epuckhebb.app.errors import ConfigError, JobFailedError, end_with
 from epuckhebb.app.explain import explain
+from epuckhebb.app.hydra_files import parse_once
 from epuckhebb.app.machine import path_of
 from epuckhebb.app.named import NAMED, completed, world_name
 from epuckhebb.app.parts import GENETIC, not_its_settings
@@ -52,6 +53,7 @@ _VALUE_KEY = re.compile(r"[\w.]+")  # of a plain override: nothing added, delete
 _REFERENCE = re.compile(r"\$\{(.*?)\}")
 _KEPT = 64  # compositions that are kept for the next combination
 _VERSION_BASE: dict[str, Any] = {} if IS_HYDRA_1_4 else {"version_base": "1.3"}  # from 1.4 on it is warned about
+parse_once()
 
 
 Plain = dict[str, Any]  # a configuration of plain values
