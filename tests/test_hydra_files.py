@@ -10,7 +10,8 @@ ASKED = [
     ("evaluate", []),
     ("evaluate", ["scenario=4obstacles", "scenario.light=0.07", "lifetime.duration_s=3", "hebbian.N=0.1"]),
     ("evaluate", ["hydra/launcher=joblib", "hydra.launcher.n_jobs=7", "hydra.job_logging.root=4"]),
-    ("evaluate", ["adaptation=best", "maze=double_t", "robot=epuck_lidar", "task=reversal"]),
+    ("evaluate", ["adaptation=best", "maze=double_t", "robot=epuck_lidar", "task=reversal", "task.trials=12"]),
+    ("evaluate", ["adaptation=late", "adaptation.threshold=0.7", "hebbian=oja", "task=reversal"]),
     ("evaluate", ["experiment=adaptive", "~hebbian.sign", "+hebbian.mine=3"]),
     ("evolve", ["optimizer=open_es", "optimizer.population=8", "training=varied"]),
 ]

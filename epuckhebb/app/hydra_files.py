@@ -5,6 +5,7 @@ only an interpolation in a list of defaults needs. That is half of the time that
 parsed once by a process, and the list is made where it is needed. A Hydra whose insides are others is left as it is.
 """
 
+import copy
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,7 @@ def _remembering(load: Load) -> Load:
             key = (*key, Path(source.path, source._normalize_file_name(config_path)).read_bytes())
         if key not in _parsed:
             _parsed[key] = load(repository, config_path)
-        return _parsed[key]
+        return copy.deepcopy(_parsed[key])  # Hydra may put it as it is into what it composes, and change that
 
     return load_config
 
