@@ -163,8 +163,8 @@ def combinations(
 ) -> Iterator[tuple[list[str], Plain]]:
     """Every combination of the choices (as from `alternatives`), as overrides and as a configuration of plain values.
 
-    Hydra takes a tenth of a second or two for each composition, so only the groups are composed by it; their values are put
-    into a copy, in which the names are filled in. A value to which nothing in a configuration refers is then simply
+    Hydra takes a tenth of a second or two for each composition, so only the groups are composed by it; their values are
+    put into a copy, in which the names are filled in. A value to which nothing in a configuration refers is then simply
     put in its place. What cannot be put in so simply is left to Hydra, which may also explain why not.
 
     Raises:
