@@ -148,7 +148,8 @@ def _world(*, _root_: DictConfig) -> str:
     return world_name(own, runtime.choices, _folders(runtime))
 
 
-OmegaConf.register_new_resolver("epuckhebb.world", _world, replace=True)
+_register: Any = OmegaConf.register_resolver if IS_HYDRA_1_4 else OmegaConf.register_new_resolver  # its name changed
+_register("epuckhebb.world", _world, replace=True)
 
 
 def plain(cfg: DictConfig) -> Plain:
