@@ -1,8 +1,8 @@
 """What Hydra does again for each composition, to the same result, is done once or not at all.
 
 For each job of a multirun Hydra parses some fifteen small YAML files, and for each of them it lists all choices, which
-only an interpolation in a list of defaults needs. That is half of the time that a composition takes. Here a text is
-parsed once by a process, and the list is made where it is needed. A Hydra whose insides are others is left as it is.
+only an interpolation in a list of defaults needs. That is nearly half of the time that a composition takes. Here a text
+is parsed once by a process, and the list is made where it is needed. A Hydra whose insides are others is left as it is.
 """
 
 import copy
