@@ -17,8 +17,8 @@ ASKED = [
 ]
 
 
-def all_composed():
-    return [OmegaConf.to_container(composed(*asked, with_hydra=True), resolve=False) for asked in ASKED]
+def all_composed(asked=ASKED):
+    return [OmegaConf.to_container(composed(*words, with_hydra=True), resolve=False) for words in asked]
 
 
 def test_as_hydra_does_it_alone(monkeypatch):
@@ -35,11 +35,7 @@ def test_as_hydra_does_it_alone(monkeypatch):
             patch.setattr(owner, name, alone)
         by_hydra = all_composed()
     assert all_composed() == by_hydra
-    ASKED.reverse()
-    try:
-        assert all_composed()[::-1] == by_hydra
-    finally:
-        ASKED.reverse()
+    assert all_composed(ASKED[::-1])[::-1] == by_hydra
 
 
 def test_a_text_is_parsed_once(monkeypatch):
