@@ -29,7 +29,7 @@ def _first_job(here: Path, name: str) -> float:
     began = time.perf_counter()
     words = [commands.EPUCKHEBB, "sweep", "adaptive", "--quiet"]
     sweep = subprocess.Popen(words, cwd=place, env=commands.environment(here), stderr=subprocess.DEVNULL)
-    while not any(place.rglob("status.json")):
+    while not any(place.glob("runs/sweep/*/*/status.json")):  # the sweep's own is there earlier
         if sweep.poll() is not None:
             raise RuntimeError("the sweep has ended before its first job")
         time.sleep(0.02)
