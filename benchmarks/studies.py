@@ -23,13 +23,13 @@ def measure() -> list[tuple[str, str]]:
 
 
 def _first_job(here: Path, name: str) -> float:
-    """Seconds until a job of the sweep has a folder of its own; then the sweep is interrupted."""
+    """Seconds until a job of the sweep has said that it has begun; then the sweep is interrupted."""
     place = here / name
     place.mkdir()
     began = time.perf_counter()
     words = [commands.EPUCKHEBB, "sweep", "adaptive", "--quiet"]
     sweep = subprocess.Popen(words, cwd=place, env=commands.environment(here), stderr=subprocess.DEVNULL)
-    while not any(place.glob("runs/sweep/*/*/status.json")):  # the sweep's own is there earlier
+    while not any(place.glob("runs/sweep/*/*/*/status.json")):  # the sweep's own is there earlier
         if sweep.poll() is not None:
             raise RuntimeError("the sweep has ended before its first job")
         time.sleep(0.02)

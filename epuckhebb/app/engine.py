@@ -190,12 +190,21 @@ class Identities:
             check_counts(**{key: config[key] for key in _APART})
         except ValueError as error:
             raise ConfigError(str(error)) from error
-        shared = digest(self._texts_of(config, (*_APART, "genome")))
-        if shared not in self._asked:
-            self._asked[shared] = typed(cfg or as_config(config, "evaluate"), EvaluateConfig)
+        shared = self.meet(config, cfg)
         if (shared, config["genome"]) not in self._more:
             self._more[shared, config["genome"]] = self._depends_on(config, self._asked[shared])
         return f"job_{digest([self.settings(config), self._more[shared, config['genome']]])[:12]}"
+
+    def meet(self, config: Plain, cfg: DictConfig | None = None) -> str:
+        """Check what many configurations share with this one, once; returns a digest of that.
+
+        Raises:
+            ConfigError: A value cannot be used.
+        """
+        shared = digest(self._texts_of(config, (*_APART, "genome")))
+        if shared not in self._asked:
+            self._asked[shared] = typed(cfg or as_config(config, "evaluate"), EvaluateConfig)
+        return shared
 
     def settings(self, config: Plain) -> str:
         """A digest of a configuration, but for the keys on which no result depends."""
@@ -391,9 +400,9 @@ def check_same(now: str, run: str) -> None:
 
 def _write_jobs(study: RunFolder, told: dict[str, Any], jobs: Sequence[Job], missing: Sequence[Job]) -> None:
     """Write what the jobs read: a file for each that is missing, and a list of them all."""
-    for job in missing:
-        asked = runs.as_json({"overrides": job.overrides, "config": job.config})
-        runs.write_whole(study.path / _JOBS / f"{job.run}.json", asked)
+    for job in missing:  # the next call would write them anew, so they need not last; there may be ten thousand
+        asked = json.dumps({"overrides": job.overrides, "config": job.config}).encode()
+        runs.write_whole(study.path / _JOBS / f"{job.run}.json", asked, lasting=False)
     study.write(_LIST, runs.as_json({"schema": runs.SCHEMA, **told, "jobs": [job.run for job in jobs]}))
 
 

@@ -160,13 +160,24 @@ def plain(cfg: DictConfig) -> Plain:
 
 
 def combinations(
-    verb: str, fixed: list[str], choices: dict[str, list[str]], config_dir: str | None
+    verb: str,
+    fixed: list[str],
+    choices: dict[str, list[str]],
+    config_dir: str | None,
+    meet: Callable[[Plain, DictConfig], object] = lambda _config, _cfg: None,
 ) -> Iterator[tuple[list[str], Plain]]:
     """Every combination of the choices (as from `alternatives`), as overrides and as a configuration of plain values.
 
     Hydra takes a tenth of a second or two for each composition, so only the groups are composed by it; their values are
     put into a copy, in which the names are filled in. A value to which nothing in a configuration refers is then simply
     put in its place. What cannot be put in so simply is left to Hydra, which may also explain why not.
+
+    Args:
+        verb: The verb.
+        fixed: Overrides that all have.
+        choices: For each key the overrides that it has in turn.
+        config_dir: A folder with more configuration files.
+        meet: Is told each configuration that others share but for single values, also as Hydra has it.
 
     Raises:
         ConfigError: An override cannot be used.
@@ -199,7 +210,9 @@ def combinations(
     def shared(told: tuple[tuple[str, str], ...]) -> tuple[Plain, frozenset[str] | None]:
         """What the choices of all keys but the free ones lead to, and the keys to which something in it refers."""
         cfg = with_values(told, free)
-        return plain(cfg), _referred_to(cfg)
+        config = plain(cfg)
+        meet(config, cfg)
+        return config, _referred_to(cfg)
 
     @functools.cache
     def template() -> DictConfig:

@@ -6,6 +6,7 @@ that is usual there, is told in the key `changed`, which tables, folders and pag
 completed is left as it is.
 """
 
+import copy
 import functools
 import json
 import re
@@ -169,7 +170,7 @@ def _of_group(group: str, folders: Sequence[Path]) -> list[Path]:
 
 def _rule_brought(choice: str, folders: Sequence[Path]) -> DictConfig | None:
     """The settings of the rule that an adaptation of this name brings, or else of the rule of this name."""
-    usual = choice if _own("adaptation", choice, folders) is None else PAPER
+    usual = choice if _text("adaptation", choice, folders) is None else PAPER
     return _file("hebbian", _brought("adaptation", choice, _BRINGS_RULE, folders) or usual, folders)
 
 
@@ -236,8 +237,7 @@ def _maze_settings(choice: str, folders: Sequence[Path]) -> dict[str, Any] | Non
 
 def _brought(group: str, choice: str, override: str, folders: Sequence[Path]) -> str | None:
     """What a file of a group, or one that it takes over from, chooses of another group in its defaults."""
-    own = _own(group, choice, folders)
-    entries = [] if own is None else list(own.get("defaults", []))
+    entries = _defaults(group, choice, folders)
     for entry in entries:
         if isinstance(entry, DictConfig) and override in entry:
             return str(entry[override])
@@ -274,34 +274,58 @@ def _usual_maze() -> dict[str, Any]:
 
 @functools.lru_cache(maxsize=256)
 def _read(text: str) -> DictConfig:
-    """A file of `conf/`; the jobs of a sweep ask for the same few again and again."""
+    """A file of `conf/`, not to be changed; the jobs of a sweep ask for the same few again and again."""
     own = OmegaConf.create(text)
     assert isinstance(own, DictConfig)
     return own
 
 
-def _own(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None:
-    """What a file of a group holds by itself."""
+@functools.lru_cache(maxsize=256)
+def _together(texts: tuple[str, ...]) -> DictConfig:
+    """What several files hold together, the later ones over the earlier ones; not to be changed."""
+    merged = OmegaConf.merge(*map(_read, texts))
+    assert isinstance(merged, DictConfig)
+    merged.pop("defaults", None)
+    return merged
+
+
+def _text(group: str, choice: str, folders: Sequence[Path]) -> str | None:
+    """The file of a group that has this name."""
     name = f"{group}/{choice}.yaml"
     path = next((folder / name for folder in folders if (folder / name).is_file()), None)
+    if path is None:
+        return None
     try:
-        return None if path is None else _read(path.read_text(encoding="utf-8")).copy()
+        text = path.read_text(encoding="utf-8")
+        _read(text)
     except (OSError, YAMLError, OmegaConfBaseException) as error:
         raise ConfigError(f"{path} cannot be read: {error}") from error
+    return text
+
+
+def _defaults(group: str, choice: str, folders: Sequence[Path]) -> list[Any]:
+    """The list of defaults of a file of a group, if there is such a file."""
+    text = _text(group, choice, folders)
+    return [] if text is None else list(_read(text).get("defaults", []))
+
+
+def _texts(group: str, choice: str, folders: Sequence[Path]) -> Iterator[str]:
+    """A file of a group, and those of its group that it takes over from, in the order in which Hydra merges them."""
+    text = _text(group, choice, folders)
+    if text is None:
+        return
+    entries = _defaults(group, choice, folders)
+    for entry in entries if "_self_" in entries else ["_self_", *entries]:
+        if entry == "_self_":
+            yield text
+        elif isinstance(entry, str):
+            yield from _texts(group, entry, folders)
 
 
 def _file(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None:
     """A file of a group with what it takes over from others of its group, as Hydra puts them together."""
-    own = _own(group, choice, folders)
-    if own is None:
-        return None
-    entries = list(own.pop("defaults", []))
-    if "_self_" not in entries:
-        entries.insert(0, "_self_")
-    parts = [own if entry == "_self_" else _file(group, entry, folders) for entry in entries if isinstance(entry, str)]
+    texts = tuple(_texts(group, choice, folders))
     try:
-        merged = OmegaConf.merge(*(part for part in parts if part is not None))
+        return copy.deepcopy(_together(texts)) if texts else None
     except OmegaConfBaseException as error:
         raise ConfigError(f"{group}={choice} cannot be put together: {error}") from error
-    assert isinstance(merged, DictConfig)
-    return merged

@@ -48,15 +48,22 @@ _RESULTS = (".csv", "champion.npz")  # how the names of files end on which other
 _NOUN = {"evaluate": "run", "evolve": "run", "reproduce": "reproduction"}
 
 
-def write_whole(target: Path, content: bytes) -> None:
-    """Write a file and its folder: whole, or not at all."""
+def write_whole(target: Path, content: bytes, *, lasting: bool = True) -> None:
+    """Write a file and its folder: whole, or not at all.
+
+    Args:
+        target: The file.
+        content: What it is to hold.
+        lasting: Whether to wait until it would outlast a power failure.
+    """
     target.parent.mkdir(parents=True, exist_ok=True)
     beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
         with beside.open("wb") as file:
             file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
+            if lasting:
+                file.flush()
+                os.fsync(file.fileno())
         beside.replace(target)
     except OSError:  # a full disk, for example
         beside.unlink(missing_ok=True)

@@ -51,7 +51,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     choices = hydra_bridge.alternatives([*swept, *(argument for argument in arguments if argument not in hydras)])
     listed: dict[str, Job] = {}
     identities = engine.Identities()
-    for overrides, config in hydra_bridge.combinations("evaluate", named, choices, config_dir):
+    for overrides, config in hydra_bridge.combinations("evaluate", named, choices, config_dir, identities.meet):
         run = identities.of(config)
         if run not in listed:
             listed[run] = Job(number=len(listed), overrides=[*named, *overrides], run=run, config=config)
