@@ -44,6 +44,7 @@ from epuckhebb.sim.maze import Pose, Region, Side, added, boxes, gap
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, PAPER_NETWORK, Network, weights_at_birth
 from epuckhebb.sim.physics import PymunkSpace
 from epuckhebb.sim.plasticity.control import Sign, signs
+from epuckhebb.sim.plasticity.paper import Paper
 from epuckhebb.sim.plasticity.rule import (
     BIRTH_RANGE,
     Births,
@@ -162,7 +163,7 @@ def live_block(
     size = max(1, min(_LIVES_PER_BLOCK, -(-len(individuals) // threads)))
     blocks = [individuals[first : first + size] for first in range(0, len(individuals), size)]
     rules = [type(who.controller.rule) for who in individuals if not who.controller.adaptation.acts]
-    spare = next((rule for rule in rules if rule is not NoRule), NoRule)
+    spare = next((rule for rule in rules if rule is not NoRule and not rule.evolved), Paper)
     # A pool even for one thread: Ctrl-C while numba builds a result would crash the process.
     with ThreadPoolExecutor(threads) as pool:
         lived = list(pool.map(lambda block: _live_in_one_space(block, scenario, lifetime, spare), blocks))
@@ -225,8 +226,8 @@ def _kind(
 ) -> _Kind:
     """What individuals of this kind share.
 
-    gain: of their wheels [rad/s]. spare: a rule of others who live beside them. Who has no rule lives in its kernel,
-    with N = 0, to the same bits: one kernel less to compile.
+    gain: of their wheels [rad/s]. spare: a rule of others who live beside them, or the paper's. Who has no rule lives
+    in its kernel, with N = 0, to the same bits and as fast: one kernel less to compile.
     """
     rule, adaptation, robot = controller.rule, controller.adaptation, world.robot
     if rule.signal is Signal.light_code and (robot.lights, robot.distances) != LIGHT_CODE_SENSORS:
@@ -234,7 +235,7 @@ def _kind(
             f"hebbian.signal=light_code is of the published program, whose robot has 8 light and 8 distance sensors; "
             f"robot {robot.name} has {robot.lights} and {robot.distances}"
         )
-    compiled_for = spare if controller.is_ga_alone and not spare.evolved else type(rule)
+    compiled_for = spare if controller.is_ga_alone else type(rule)
     numbers = rule.numbers() if compiled_for is type(rule) else dict.fromkeys(compiled_for.settings(), 0.0)
     return _Kind(
         live=kernel_of(
