@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim import fitness
-from epuckhebb.sim.adaptation.adaptation import gate_numbers
+from epuckhebb.sim.adaptation.adaptation import AdaptationRoom, adaptation_room, gate_numbers
 from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, check_baseline, no_baseline
 from epuckhebb.sim.adaptation.homeostasis import check_patterns, no_patterns
 from epuckhebb.sim.adaptation.self_check.corrections import Corrections, check_corrections
@@ -209,7 +209,10 @@ def _live_in_one_space(
 
 
 class _Kind(NamedTuple):
-    """What individuals with the same controller and network share."""
+    """What individuals with the same controller and network share.
+
+    untouched: what an adaptation would keep, of who has none and never writes there; None with an adaptation.
+    """
 
     live: Callable[..., None]
     plasticity: Plasticity
@@ -218,6 +221,7 @@ class _Kind(NamedTuple):
     signs: NDArray[np.float64] | None
     baseline: BaselineOfSide
     room: Room
+    untouched: AdaptationRoom | None
     no_samples: Samples
 
 
@@ -261,6 +265,7 @@ def _kind(
         signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
         baseline=no_baseline(robot.inputs),
         room=room_for(network, robot),
+        untouched=None if adaptation.acts else adaptation_room(robot),
         no_samples=empty_samples(0, network),
     )
 
@@ -290,7 +295,10 @@ def _live_one(who: Individual, kind: _Kind, phases: list[_Phase], lifetime: Life
         of_updates,
     )
     trials = first.task.trials_at_birth(who.side, who.task_key)
-    life = born(birth, who.network, first.robot, kind.room, who.corrections, trials)
+    over = kind.untouched
+    if over is None or who.corrections is not None:
+        over = adaptation_room(first.robot, who.corrections)
+    life = born(birth, who.network, first.robot, kind.room, over, trials)
     record_every = lifetime.record_every if who.record else 0
     samples = empty_samples(-(-lifetime.steps // record_every), who.network) if record_every else kind.no_samples
 

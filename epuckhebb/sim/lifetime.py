@@ -17,7 +17,6 @@ from epuckhebb.sim import faults, fitness
 from epuckhebb.sim.adaptation import adaptation as over
 from epuckhebb.sim.adaptation.adaptation import AdaptationRoom, Gate, adaptation_room
 from epuckhebb.sim.adaptation.change_signal import BaselineOfSide
-from epuckhebb.sim.adaptation.self_check.corrections import Corrections
 from epuckhebb.sim.compiled import compiled, kernel
 from epuckhebb.sim.faults import Faults
 from epuckhebb.sim.light import Lights
@@ -67,6 +66,9 @@ TALLY = np.dtype(
     ],
     align=True,
 )
+_TALLY_AT_BIRTH = np.zeros(1, TALLY)
+_TALLY_AT_BIRTH["time_to_goal"], _TALLY_AT_BIRTH["change_signal"] = math.nan, math.nan
+_TALLY_AT_BIRTH["need"], _TALLY_AT_BIRTH["scale"] = 1.0, 1.0
 
 
 class Room(NamedTuple):
@@ -445,12 +447,13 @@ def born(
     network: Network,
     robot: Robot,
     room: Room | None = None,
-    corrections: Corrections | None = None,
+    over: AdaptationRoom | None = None,
     trials: NDArray[np.void] = NO_TRIALS,
 ) -> Life:
     """A life before its first step.
 
-    room: workspace to use; None for some of its own. corrections: None for none. trials: those that it will be.
+    room, over: workspace to use, and what an adaptation keeps, corrections among it; None for some of its own, without
+    corrections. trials: those that it will be.
 
     Raises:
         ValueError: the genes are not as many as the network has weights.
@@ -460,17 +463,14 @@ def born(
             f"a network of layers {network} has {network.synapses} weights, got {birth.weights.shape[0]} genes and "
             f"{birth.signs.shape[0]} signs"
         )
-    tally = np.zeros(1, TALLY)
-    tally["time_to_goal"], tally["change_signal"], tally["need"] = math.nan, math.nan, 1.0
-    tally["scale"] = 1.0
     activation = np.zeros(network.neurons)
     activation[network.bias] = 1.0
     return Life(
-        tally=tally,
+        tally=_TALLY_AT_BIRTH.copy(),
         weights=birth.weights.copy(),
         kept=birth.kept.copy(),
         activation=activation,
-        over=adaptation_room(robot, corrections),
+        over=adaptation_room(robot) if over is None else over,
         trials=trials,
         room=room_for(network, robot) if room is None else room,
     )
