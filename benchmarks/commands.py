@@ -22,6 +22,7 @@ def measure() -> list[tuple[str, str]]:
         rows = [("evaluate, first start (compiles)", told(cold))]
         for name, words in (("--help", ["--help"]), ("evaluate, warm", ["evaluate", "scenario=4obstacles"])):
             rows.append((name, told(*(spent(here, *words) for _ in range(REPEATS)))))
+        rows.append(("evolve, the first (compiles the dance)", told(spent(here, "evolve"))))
         rows.append(("evolve, the paper's size", told(*(spent(here, "evolve") for _ in range(REPEATS)))))
         rows += [(f"evolve, inside steps (CPU): {what}", share) for what, share in _inside(here)]
         peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
