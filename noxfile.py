@@ -1,4 +1,7 @@
-"""All commands of the project: `nox` runs what must pass before a change is merged; `nox --list` has the others."""
+"""All commands of the project.
+
+`nox` runs what must pass before a change is merged, `nox -j 2` two sessions at a time; `nox --list` has the others.
+"""
 
 import os
 import shutil
@@ -6,7 +9,8 @@ import subprocess
 
 import nox
 
-nox.options.sessions = ["lint", "types", "tests", "newest", "web", "notebooks", "docs"]
+nox.needs_version = ">=2026.8.10"  # the first that runs sessions in parallel
+nox.options.sessions = ["tests", "lint", "types", "docs", "web", "notebooks", "newest"]
 nox.options.default_venv_backend = "uv|venv"  # uv, where it is installed, makes an environment in seconds
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 STABLE = "hydra-core==1.3.*"  # some plug-ins ask for a Hydra in a way that lets pip take a pre-release
@@ -31,36 +35,37 @@ def group(name: str) -> list[str]:
     return nox.project.dependency_groups(PROJECT, name)
 
 
-@nox.session
+@nox.session(allow_parallel=True)
 def lint(session: nox.Session) -> None:
-    """Check style and formatting."""
+    """Check style, formatting and which package imports which."""
     session.install(*group("lint"))
     session.run("ruff", "check", ".")
     session.run("ruff", "format", "--check", ".")
+    session.run("lint-imports", "--no-cache")
 
 
-@nox.session
+@nox.session(allow_parallel=True)
 def types(session: nox.Session) -> None:
     """Check types, strictly."""
     session.install(".", *group("types"))
     session.run("mypy", "epuckhebb")
 
 
-@nox.session
+@nox.session(allow_parallel=True)
 def tests(session: nox.Session) -> None:
     """Run the ordinary test suite against the installed package, on two cores."""
     session.install(".", *group("tests"), STABLE)
     session.run("pytest", *TWO_CORES, *session.posargs)
 
 
-@nox.session
+@nox.session(tags=["heavy"])
 def thorough(session: nox.Session) -> None:
     """Run the ordinary suite, and the tests that try once more, on other input, what that suite has run."""
     session.install(".", *group("tests"), STABLE)
     session.run("pytest", *TWO_CORES, "-m", "not (slow or torture or slurm or ray)", *session.posargs)
 
 
-@nox.session
+@nox.session(tags=["heavy"])
 def coverage(session: nox.Session) -> None:
     """Say which lines and branches the ordinary suite runs, those of subprocesses and of compiled code among them."""
     session.install("-e", ".", *group("tests"), *group("coverage"), STABLE)
@@ -70,7 +75,7 @@ def coverage(session: nox.Session) -> None:
     session.run("coverage", "report")
 
 
-@nox.session(python=NEWEST)
+@nox.session(python=NEWEST, allow_parallel=True)
 def newest(session: nox.Session) -> None:
     """Run the ordinary suite on the newest Python of this machine that numba supports."""
     if NEWEST is None:
@@ -78,28 +83,28 @@ def newest(session: nox.Session) -> None:
     tests(session)
 
 
-@nox.session
+@nox.session(tags=["heavy"])
 def hydra14(session: nox.Session) -> None:
     """Run the ordinary suite with the pre-release of Hydra 1.4."""
     session.install(".", *group("tests"), *PRE_RELEASE)
     session.run("pytest", *TWO_CORES, *session.posargs)
 
 
-@nox.session
+@nox.session(tags=["heavy"])
 def slow(session: nox.Session) -> None:
     """Run the tests that take minutes: kills at random moments, 64 processes at once, the wheel and the sdist."""
     session.install(".", *group("tests"), *group("package"), STABLE)
     session.run("pytest", "-m", "slow", *session.posargs)
 
 
-@nox.session
+@nox.session(tags=["heavy"])
 def torture(session: nox.Session) -> None:
     """Damage files, kill every verb, type nonsense, fill disks; another time: `nox -s torture -- --torture-seed 2`."""
     session.install(".", *group("tests"), STABLE)
     session.run("pytest", "-m", "torture", "tests/torture", *session.posargs)
 
 
-@nox.session
+@nox.session(tags=["heavy"])
 def slurm(session: nox.Session) -> None:
     """Run a sweep on a SLURM cluster of one node, which is installed (Debian, as root) if it is not there."""
     if not shutil.which("slurmctld"):
@@ -110,14 +115,14 @@ def slurm(session: nox.Session) -> None:
     session.run("python", "tests/slurm_cluster.py", "pytest", "-m", "slurm", "tests/test_launchers.py")
 
 
-@nox.session
+@nox.session(tags=["heavy"])
 def ray(session: nox.Session) -> None:
     """Run a sweep on Ray, started on this machine."""
     session.install(".[ray]", *group("tests"), STABLE)
     session.run("pytest", "-m", "ray", "tests/test_launchers.py")
 
 
-@nox.session
+@nox.session(allow_parallel=True)
 def web(session: nox.Session) -> None:
     """Drive the replay page in a real, headless Chromium."""
     if not (os.environ.get("EPUCKHEBB_CHROMIUM") or any(map(shutil.which, CHROMIUM))):
@@ -126,21 +131,21 @@ def web(session: nox.Session) -> None:
     session.run("pytest", "tests/web", *session.posargs)
 
 
-@nox.session
+@nox.session(allow_parallel=True)
 def notebooks(session: nox.Session) -> None:
     """Run the notebooks of the examples from beginning to end."""
     session.install(".", *group("notebooks"), STABLE)
     session.run("pytest", "--nbmake", "examples", "--override-ini", "addopts=", *session.posargs)
 
 
-@nox.session
+@nox.session(allow_parallel=True)
 def docs(session: nox.Session) -> None:
     """Make the site of the pages in `site/`; a link that leads nowhere ends it."""
     session.install(".", *group("docs"))
     session.run("mkdocs", "build", "--strict", env={"NO_MKDOCS_2_WARNING": "1"})
 
 
-@nox.session
+@nox.session(tags=["heavy"])
 def bench(session: nox.Session) -> None:
     """Measure steps, commands and studies; `nox -s bench -- COMMIT` an earlier version too; writes results.md."""
     session.install(".")
@@ -157,16 +162,8 @@ def bench(session: nox.Session) -> None:
     session.run("python", "benchmarks/run.py", *before)
 
 
-@nox.session
+@nox.session(tags=["heavy"])
 def peers(session: nox.Session) -> None:
     """Time a step of Kheperax, of the plain loop and of ours in turn; writes benchmarks/peers.md."""
     session.install(".", "kheperax==0.2.*")
     session.run("python", "-W", "ignore", "benchmarks/peers.py")
-
-
-@nox.session(name="all")
-def everything(session: nox.Session) -> None:
-    """Run all other sessions, the heavy ones, too; takes hours."""
-    heavy = ("thorough", "coverage", "hydra14", "slow", "torture", "slurm", "ray", "bench", "peers")
-    for name in (*nox.options.sessions, *heavy):
-        session.notify(name)

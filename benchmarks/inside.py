@@ -3,10 +3,10 @@
 import sys
 import time
 
-from epuckhebb.app import cli
-from epuckhebb.app import evolve as verb
+from epuckhebb.cli import verbs
 from epuckhebb.evolution.evolve import evolve
-from epuckhebb.sim import block
+from epuckhebb.runs import evolve as verb
+from epuckhebb.sim import block, stage
 
 inside, generations = [], []
 
@@ -33,6 +33,6 @@ def timed_evolve(*arguments, **named):
 
 
 block.load_kernel()
-kernel_of, block.kernel_of, verb.evolve = block.kernel_of, timed_kernel_of, timed_evolve
-cli.app(["evolve", "--quiet", *sys.argv[1:]], standalone_mode=False)
+kernel_of, stage.kernel_of, verb.evolve = stage.kernel_of, timed_kernel_of, timed_evolve
+verbs.app(["evolve", "--quiet", *sys.argv[1:]], standalone_mode=False)
 print(*(f"{100 * sum(inside) / whole:.0f}" for whole in (time.process_time(), sum(generations))))

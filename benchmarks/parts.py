@@ -14,12 +14,13 @@ from epuckhebb.sim import light
 from epuckhebb.sim.maze import T_MAZE, Pose, boxes
 from epuckhebb.sim.network import PAPER_NETWORK, forward_pass, weights_at_birth
 from epuckhebb.sim.physics import PymunkSpace, mover
-from epuckhebb.sim.plasticity.paper import Paper
 from epuckhebb.sim.plasticity.rule import kept_at_birth
-from epuckhebb.sim.plasticity.update import Now, update_of
+from epuckhebb.sim.plasticity.rules.paper import Paper
+from epuckhebb.sim.plasticity.update import StepContext, update_of
 from epuckhebb.sim.plasticity.weight_change import room
 from epuckhebb.sim.random import normal_numbers
-from epuckhebb.sim.robot import EPUCK, sense_room, senses
+from epuckhebb.sim.robot import EPUCK
+from epuckhebb.sim.senses import sense_workspace, senses
 
 LOOPS, REPEATS = 100_000, 7
 loop: Any = njit(nogil=True, error_model="numpy")
@@ -60,7 +61,7 @@ def plasticity_loop(n, weights, kept, genes, coefficients, activation, lengths, 
             coefficients,
             activation,
             1e-9,
-            Now(0.5, np.uint64(1), 0),
+            StepContext(0.5, np.uint64(1), 0),
             lengths,
             signs,
             numbers,
@@ -98,7 +99,7 @@ def measure() -> list[tuple[str, str]]:
     wall.place_robot(Pose(0.007, 0.16, math.pi / 2))
     corner.place_robot(Pose(-0.375, 0.17, 3 * math.pi / 4))
     return [
-        ("rays, light and infra-red", _time(senses_loop, walls, lit, numbers, sense_room(EPUCK), activation)),
+        ("rays, light and infra-red", _time(senses_loop, walls, lit, numbers, sense_workspace(EPUCK), activation)),
         ("noise", _time(noise_loop, np.uint64(7), numbers)),
         ("network", _time(network_loop, genes, activation, np.empty(8))),
         ("plasticity", _time(plasticity_loop, *plasticity)),

@@ -21,11 +21,11 @@ from kheperax.tasks.config import KheperaxConfig
 from kheperax.tasks.main import KheperaxTask
 from step import LIFETIME, individuals, microseconds, ours, plain
 
+from epuckhebb.analysis.tables import markdown_table
 from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.maze import T_MAZE, boxes
 from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.robot import EPUCK
-from epuckhebb.study.tables import markdown_table
 
 ROBOTS, REPEATS = 50, 7
 RESULTS = Path(__file__).with_name("peers.md")
@@ -59,8 +59,8 @@ def kheperax() -> Callable[[], int]:
     config.robot = config.robot.replace(
         posture=Posture(*T_MAZE.start),
         radius=EPUCK.radius_m,
-        laser_ranges=EPUCK.reach_m,
-        laser_angles=jax.numpy.array([np.radians(place.azimuth) for place in EPUCK.distance_places]),
+        laser_ranges=EPUCK.distance.reach_m,
+        laser_angles=jax.numpy.array([np.radians(place.azimuth) for place in EPUCK.distance.places]),
     )
     env, network, score = KheperaxTask.create_default_task(config, jax.random.PRNGKey(0))
     readings = jax.numpy.zeros((ROBOTS, env.observation_size))

@@ -13,18 +13,19 @@ from statistics import median
 
 import numpy as np
 
-from epuckhebb.app.parts import rule_class, rule_names
+from epuckhebb.config.parts import rule_class, rule_names
 from epuckhebb.evolution.optimizer import initial
-from epuckhebb.sim.block import Individual, live_block
+from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import PAPER_NETWORK
-from epuckhebb.sim.plasticity.paper import Paper
 from epuckhebb.sim.plasticity.rule import Births, Rule
+from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.random import Stream, key
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.session import Individual
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import reference

@@ -23,19 +23,19 @@ API = """# Python reference
       show_root_toc_entry: false
       members: [evaluate, evolve, sweep, load]
 
-::: epuckhebb.app.notebook.Evaluation
+::: epuckhebb.api.Evaluation
 
-::: epuckhebb.app.notebook.Evolution
+::: epuckhebb.api.Evolution
 
 ::: epuckhebb.sim.plasticity.rule.Rule
 
 ::: epuckhebb.sim.plasticity.rule.Evolved
 
-::: epuckhebb.sim.plasticity.paper.Paper
+::: epuckhebb.sim.plasticity.rules.paper.Paper
 
 ::: epuckhebb.sim.adaptation.adaptation.Adaptation
 
-::: epuckhebb.sim.lifetime.Lifetime
+::: epuckhebb.sim.life.Lifetime
 
 ::: epuckhebb.evolution.optimizers.ga.GA
 """

@@ -6,9 +6,9 @@ when it dies the changes are forgotten. This package evolves such controllers, l
 or with obstacles, and says what plasticity did for them.
 
 Axes: X to the robot's right and Y ahead of it at the start; headings anticlockwise from X. Units: m, s, rad, kg.
-Read in this order: sim/maze, light, robot, network, plasticity/paper, fitness, physics, lifetime, block; then
-evolution/training, optimizer, optimizers/ga, evolve; then study/evaluate, tables, figures, replay; study/findings for
-what many champions tell. app/ is the program around it, conf/ its settings.
+Read in this order: sim/maze, light, robot, network, plasticity/rules/paper, fitness, physics, life, lifetime, session,
+block; then evolution/training, optimizer, optimizers/ga, evolve; then analysis/evaluate, tables, figures, replay;
+analysis/findings for what many champions tell. The other packages are the program around it, conf/ its settings.
 
     import epuckhebb
     result = epuckhebb.evaluate("reference", scenario="4obstacles")  # .metrics, .table, .traces, .plot(), .replay()
@@ -42,21 +42,21 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from epuckhebb.app.notebook import Evaluation, Evolution
+    from epuckhebb.api import Evaluation, Evolution
     from epuckhebb.evolution.optimizers.ga import GA
     from epuckhebb.sim.adaptation.adaptation import Adaptation
-    from epuckhebb.sim.lifetime import Lifetime
-    from epuckhebb.sim.plasticity.paper import Paper as Hebbian
+    from epuckhebb.sim.life import Lifetime
     from epuckhebb.sim.plasticity.rule import Evolved, Rule
+    from epuckhebb.sim.plasticity.rules.paper import Paper as Hebbian
 
 _FROM = {  # name -> where it is, and what it is called there; loaded when asked for
     "GA": ("evolution.optimizers.ga", "GA"),
     "Adaptation": ("sim.adaptation.adaptation", "Adaptation"),
-    "Evaluation": ("app.notebook", "Evaluation"),
-    "Evolution": ("app.notebook", "Evolution"),
+    "Evaluation": ("api", "Evaluation"),
+    "Evolution": ("api", "Evolution"),
     "Evolved": ("sim.plasticity.rule", "Evolved"),
-    "Hebbian": ("sim.plasticity.paper", "Paper"),
-    "Lifetime": ("sim.lifetime", "Lifetime"),
+    "Hebbian": ("sim.plasticity.rules.paper", "Paper"),
+    "Lifetime": ("sim.life", "Lifetime"),
     "Rule": ("sim.plasticity.rule", "Rule"),
 }
 
@@ -66,8 +66,7 @@ def __getattr__(name: str) -> object:
     if name not in _FROM:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, called = _FROM[name]
-    found = getattr(import_module(f"{__name__}.{module}"), called)
-    return found if module.startswith("app.") else import_module(f"{__name__}.app.parts").checked(found)
+    return getattr(import_module(f"{__name__}.{module}"), called)
 
 
 def load(where: str | Path = "reference", experiment: str = "obstacles") -> "NDArray[np.float64]":
@@ -84,9 +83,10 @@ def load(where: str | Path = "reference", experiment: str = "obstacles") -> "NDA
     Raises:
         ValueError: There is no genome there; the message says why.
     """
-    from epuckhebb.app import files, runs
+    from epuckhebb.store import run
+    from epuckhebb.store.genome import load_genome
 
-    return files.load_genome(str(runs.found(str(where), "evolve")), experiment).genes
+    return load_genome(str(run.found(str(where), "evolve")), experiment).genes
 
 
 def evaluate(
@@ -116,9 +116,9 @@ def evaluate(
     Raises:
         ValueError: A setting or the genome cannot be used; the message says why.
     """
-    from epuckhebb.app import notebook
+    from epuckhebb import api
 
-    return notebook.evaluate(genome, overrides, config_dir, progress, keys)
+    return api.evaluate(genome, overrides, config_dir, progress, keys)
 
 
 def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool = True, **keys: Any) -> "Evolution":
@@ -127,7 +127,7 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     Args:
         overrides: Settings as on the command line, for example "seed=7".
         config_dir: A folder with YAML files of your own.
-        progress: Whether to show each generation on standard error.
+        progress: Whether to show how far it is on standard error; without a terminal a line in half a minute.
         keys: Settings as keywords: `seed=7`, `scenario="highlight"`, `ga=GA(population=20)`.
 
     Returns:
@@ -136,9 +136,9 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     Raises:
         ValueError: A setting cannot be used; the message says why.
     """
-    from epuckhebb.app import notebook
+    from epuckhebb import api
 
-    return notebook.evolve(overrides, config_dir, progress, keys)
+    return api.evolve(overrides, config_dir, progress, keys)
 
 
 def sweep(
@@ -157,15 +157,16 @@ def sweep(
         over: For each key its values, for example `{"scenario": ["base", "lowlight"], "hebbian.N": [0.0002, 0.002]}`;
             it must be given. `genome`, `seed` and objects, as `{"hebbian": [Hebbian(N=0.001), MyRule(N=0.001)]}`, too.
         config_dir: As for `evaluate`.
-        progress: Whether to show each combination on standard error.
+        progress: Whether to show how far it is on standard error; without a terminal a line in half a minute.
         keys: Settings that all have in common; the same `seed` gives the same numbers.
 
     Returns:
-        The rows of all `metrics.csv`, with what was set in columns before them.
+        A row a lifetime, each of them once, with the columns of `metrics.csv`. Before them is a column for each key of
+        `over` that `metrics.csv` has no column for; it says `any` for the GA if the key is one of plasticity.
 
     Raises:
         ValueError: A setting or a genome cannot be used; the message says why.
     """
-    from epuckhebb.app import notebook
+    from epuckhebb import api
 
-    return notebook.sweep(genome, overrides, over, config_dir, progress, keys)
+    return api.sweep(genome, overrides, over, config_dir, progress, keys)

@@ -1,12 +1,12 @@
 """`python -m epuckhebb` is `epuckhebb`. Nothing heavy is imported before the program knows how to be interrupted."""
 
-from epuckhebb.app.errors import leave_when_asked
+from epuckhebb.runtime.errors import leave_when_asked
 
 
 def main() -> None:
     """The entry point of `epuckhebb`."""
     leave_when_asked()
-    from epuckhebb.app.cli import main as command_line
+    from epuckhebb.cli.verbs import main as command_line
 
     command_line()
 

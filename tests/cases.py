@@ -1,6 +1,40 @@
-"""Cases of a test that cost too much to be tried all each time."""
+"""What many tests do alike: call the program, look at what it left, and leave dear cases to the thorough suite."""
+
+import re
+from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
+
+from epuckhebb.cli.verbs import app
+from epuckhebb.runtime.errors import USAGE
+
+
+def call(*words):
+    """Call the program in this process; click's result."""
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def done(*words):
+    """Call the program, which must succeed."""
+    result = call(*words)
+    assert result.exit_code == 0, (words, result.output)
+    return result
+
+
+def refused(*words):
+    """Call the program, which must refuse: exit code 2 and one message, which is returned."""
+    result = call(*words)
+    assert result.exit_code == USAGE, (words, result.output)
+    assert isinstance(result.exception, SystemExit)
+    assert len(re.findall("^Error: ", result.stderr, re.MULTILINE)) == 1, result.output
+    return result.stderr
+
+
+def contents(folder="."):
+    """The bytes of all files of a folder, by their names; not what Python compiled."""
+    files = [file for file in Path(folder).rglob("*") if file.is_file() and "__pycache__" not in file.parts]
+    return {str(file.relative_to(folder)): file.read_bytes() for file in files}
 
 
 def first_of(cases, ordinary=1):

@@ -2,6 +2,7 @@
 
 import gc
 import re
+import signal
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -10,15 +11,23 @@ import pytest
 import reference
 from omegaconf import OmegaConf
 
-from epuckhebb.sim.block import Individual, live_block
+from epuckhebb.config.parts_from_yaml import robot_from
+from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
-from epuckhebb.sim.plasticity.paper import Paper
-from epuckhebb.sim.robot import robot_from
+from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.session import Individual
 
 HERE = Path(__file__).parent
+
+
+def pytest_configure():
+    """Hear signals that a shell lets what it runs in the background ignore, and that this program then ignores, too."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def pytest_collection_finish():
@@ -30,6 +39,13 @@ def pytest_collection_finish():
 def pytest_addoption(parser):
     parser.addoption("--regenerate", action="store_true", help="write the golden files anew; read the diff")
     parser.addoption("--torture-seed", type=int, default=1, help="seed of the torture tests")
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """An empty folder of the test's own, which is the current one."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
 @pytest.fixture(scope="session")
@@ -73,7 +89,7 @@ def lived():
 
     def live(genome, side="left", N=0.0, seconds=8.0, key=1, scenario=None, record_every=1, controller=None, **more):
         rule = {name: more.pop(name) for name in ("signal", "w_max", "floor") if name in more}
-        own = ("network", "start", "signs", "baseline", "corrections")
+        own = ("network", "start", "signs", "nominal", "corrections")
         who = {name: more.pop(name) for name in own if name in more}
         controller = controller or Controller(name="Hebbian", rule=Paper(N=N, **rule))
         individual = Individual(

@@ -10,13 +10,14 @@ import sys
 from pathlib import Path
 
 import epuckhebb
-import epuckhebb.app.evolve
-from epuckhebb.app import cli, runs
+import epuckhebb.runs.evolve
+from epuckhebb.cli import verbs
+from epuckhebb.store import disk
 
 
 def die_at(number, where):
     """Make the process kill itself at a write."""
-    write, replace = runs.write_whole, Path.replace
+    write, replace = disk.write_atomic, Path.replace
     seen = 0
 
     def die():
@@ -36,7 +37,7 @@ def die_at(number, where):
         if seen == number:
             die()
 
-    runs.write_whole, Path.replace = dying_write, dying_replace
+    disk.write_atomic, Path.replace = dying_write, dying_replace
 
 
 def run(words, point=None):
@@ -47,7 +48,7 @@ def run(words, point=None):
     if point:
         die_at(int(point[0]), point[1])
     sys.argv = ["epuckhebb", *words]
-    cli.main()
+    verbs.main()
     return None
 
 

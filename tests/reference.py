@@ -50,7 +50,7 @@ class Robot:
         noise_level=1.0,
         key=0,
         start=None,
-        baseline=None,
+        nominal=None,
         signs=None,
         home=None,
     ):
@@ -86,7 +86,7 @@ class Robot:
         self.evolved = self.parts_of(genes[synapses:])
         self.be_born()
         self.junction, self.undirected, self.before_trial = 0.0, 0.0, 0
-        self.baseline, self.recent, self.arrived, self.away, self.late = baseline, None, False, 0.0, 0.0
+        self.nominal, self.recent, self.arrived, self.away, self.late = nominal, None, False, 0.0, 0.0
         self.change_signal = math.nan
         self.hand, self.smooth, self.loss, self.ratio, self.dead = None, None, np.zeros(2), 1.0, []
         self.scale, self.novelty, self.brightness, self.used_scale = 1.0, None, None, 1.0
@@ -176,7 +176,7 @@ class Robot:
             self.junction = 1.0
         forward = min(1.0, max(0.0, (left + right) / 1.5))
         spin = max(0.0, 1 - abs(right - left) / 2)
-        avoid = 1 - max(readings[self.kind.lights :]) ** 3
+        avoid = 1 - max(readings[self.kind.light.count :]) ** 3
         combined = (forward + 2 * avoid + spin + self.junction) / 5
         self.undirected += (forward + 2 * avoid + spin) / 5
         self.step_number += 1
@@ -195,7 +195,7 @@ class Robot:
         elif self.rule.N > 0:
             self.learn(activations, rate)
         change = sum(np.abs(w - g).sum() for w, g in zip(self.weights, self.genes, strict=True))
-        lit = self.weights[0][: self.kind.lights] * (1 - self.used_scale)
+        lit = self.weights[0][: self.kind.light.count] * (1 - self.used_scale)
         change += np.abs(lit).sum() + np.abs(lit.sum(axis=0)).sum()
         self.move(*self.command(left, right, readings, need), heading)
         self.moved_to = tuple(self.body.position)
@@ -238,7 +238,7 @@ class Robot:
     def sense(self, x, y, heading):
         kind = self.kind
         numbers = noise(self.key, self.step_number, kind.inputs) if self.noise_level > 0 else np.zeros(kind.inputs)
-        place_x, place_y, look_x, look_y = self.placed(kind.light_places, x, y, heading)
+        place_x, place_y, look_x, look_y = self.placed(kind.light.places, x, y, heading)
         irradiance = 1 + light.SUN_IRRADIANCE * self.world.light * np.maximum(
             0, look_x * light.SUN_X + look_y * light.SUN_Y
         )
@@ -250,27 +250,27 @@ class Robot:
             off_axis = np.arctan2(-to_y, -to_x) - math.atan2(lamp.towards_y, lamp.towards_x)
             lit = np.abs((off_axis + np.pi) % (2 * np.pi) - np.pi) <= lamp.beam_rad
             irradiance += lit * lamp.intensity * cosine / away**2
-        dark = np.clip(2 - irradiance, 0, 1) * (1 + self.noise_level * 0.01 * numbers[: kind.lights])
+        dark = np.clip(2 - irradiance, 0, 1) * (1 + self.noise_level * 0.01 * numbers[: kind.light.count])
 
-        distance = np.full(kind.distances, np.inf)
-        places = zip(*self.placed(kind.distance_places, x, y, heading), strict=True)
+        distance = np.full(kind.distance.count, np.inf)
+        places = zip(*self.placed(kind.distance.places, x, y, heading), strict=True)
         for i, (place_x, place_y, look_x, look_y) in enumerate(places):
-            end = (place_x + look_x * kind.reach_m, place_y + look_y * kind.reach_m)
+            end = (place_x + look_x * kind.distance.reach_m, place_y + look_y * kind.distance.reach_m)
             hit = self.space.segment_query_first((place_x, place_y), end, 0, pymunk.ShapeFilter(mask=1))
             if hit is not None:
-                distance[i] = hit.alpha * kind.reach_m
-        curve = np.array(kind.distance_curve)
-        apparent = np.minimum(distance * kind.stretch, curve[-1, 0])
+                distance[i] = hit.alpha * kind.distance.reach_m
+        curve = np.array(kind.distance.curve)
+        apparent = np.minimum(distance * kind.distance.stretch, curve[-1, 0])
         value = np.interp(apparent, curve[:, 0], curve[:, 1])
         fraction = np.interp(apparent, curve[:, 0], curve[:, 2])
-        echo = value * (1 + self.noise_level * fraction * numbers[kind.lights :])
-        echo = np.clip(echo / kind.full_scale, 0, 1) * self.world.distance_gain + self.world.distance_offset
+        echo = value * (1 + self.noise_level * fraction * numbers[kind.light.count :])
+        echo = np.clip(echo / kind.distance.full_scale, 0, 1) * self.world.distance_gain + self.world.distance_offset
         readings = np.clip(np.concatenate([dark, echo]), 0, 1)
         for number in self.world.dead_sensors:
-            if number < kind.lights:
+            if number < kind.light.count:
                 readings[number] = 1
-            if number < kind.distances:
-                readings[kind.lights + number] = 0
+            if number < kind.distance.count:
+                readings[kind.light.count + number] = 0
         return readings
 
     def placed(self, places, x, y, heading):
@@ -294,8 +294,8 @@ class Robot:
                 self.step_number += 1
         (self.key, self.gain), self.step_number, felt = own, 0, np.array(felt)
 
-        lights = self.kind.lights
-        self.dead = [n for n in range(self.kind.distances) if not felt[:, lights + n].any()]
+        lights = self.kind.light.count
+        self.dead = [n for n in range(self.kind.distance.count) if not felt[:, lights + n].any()]
         used = [i for i in range(self.kind.inputs) if i % lights not in self.dead]
         far = [i for i in used if i >= lights]
         weight = 1 / (memory.spread[1:, far] + 0.003)
@@ -332,14 +332,14 @@ class Robot:
 
     def sun_by_heading(self, level):
         """(128, lights) readings under the sun alone."""
-        azimuth = np.radians([place.azimuth for place in self.kind.light_places])
+        azimuth = np.radians([place.azimuth for place in self.kind.light.places])
         towards = np.arange(128)[:, None] * 2 * math.pi / 128
         height = math.hypot(light.SUN_X, light.SUN_Y)
         return np.clip(1 - light.SUN_IRRADIANCE * level * height * np.maximum(0, np.cos(towards - azimuth)), 0, 1)
 
     def correct(self, readings):
         """Readings as they would be at home."""
-        lights = self.kind.lights
+        lights = self.kind.light.count
         seen = readings[:lights]
         if self.ratio < 1:
             bright = 1 - seen
@@ -365,7 +365,7 @@ class Robot:
         """Readings with the light as homeostasis scales it."""
         if not self.adaptation.homeostasis:
             return readings
-        home, bright = self.baseline, 1 - readings[: self.kind.lights]
+        home, bright = self.nominal, 1 - readings[: self.kind.light.count]
         before = bright if self.brightness is None else self.brightness
         self.brightness = before + (bright - before) / max(1, self.scale)
         if self.step_number % 4 == 0:
@@ -383,7 +383,7 @@ class Robot:
             self.change_signal = self.novelty[0] / home.novelty
             self.used_scale = self.scale if self.novelty[0] < 0.7 * self.novelty[1] else 1.0
         if self.used_scale != 1:
-            readings[: self.kind.lights] = 1 - np.minimum(1, self.used_scale * self.brightness)
+            readings[: self.kind.light.count] = 1 - np.minimum(1, self.used_scale * self.brightness)
         return readings
 
     def command(self, left, right, readings, need):
@@ -391,7 +391,7 @@ class Robot:
         fastest = self.kind.motor_limit_rad_s / self.gain
         if self.adaptation.follows_walls and self.adaptation.is_gated:
             if need > 0:
-                left, right = (speed / self.gain for speed in self.follow(readings[self.kind.lights :]))
+                left, right = (speed / self.gain for speed in self.follow(readings[self.kind.light.count :]))
             else:
                 self.hand = None
         return (
@@ -433,7 +433,7 @@ class Robot:
         return (forward + 2 * (1 - max(readings[3:11]) ** 3) + spin + follow) / 6
 
     def need(self, readings, fitness, place):
-        now, over, baseline = (self.step_number - 1) * STEP, self.adaptation, self.baseline
+        now, over, baseline = (self.step_number - 1) * STEP, self.adaptation, self.nominal
         felt = np.append(readings, fitness)
         self.recent = felt if self.recent is None else self.recent + STEP / (5 + STEP) * (felt - self.recent)
         at_goal = math.dist(place, self.goal) < self.world.maze.goal_radius_m
@@ -537,7 +537,7 @@ class Robot:
 
 
 def live(robot, steps):
-    """A whole lifetime: the metrics of `epuckhebb.sim.block.Outcome`, in the same order, and the steps."""
+    """A whole lifetime: the metrics of `epuckhebb.sim.life.Outcome`, in the same order, and the steps."""
     told, path, arrived, changes, behaviour, contacts = [], 0.0, math.nan, 0.0, 0.0, 0
     for step in range(steps):
         happened = robot.step()
@@ -550,7 +550,7 @@ def live(robot, steps):
             arrived = (step + 1) * STEP
         changes += change
         behaviour += combined
-        contacts += max(readings[robot.kind.lights : robot.kind.inputs]) > 0.8
+        contacts += max(readings[robot.kind.light.count : robot.kind.inputs]) > 0.8
         if robot.over:
             break
     steps = len(told)

@@ -14,16 +14,17 @@ from epuckhebb.sim.adaptation.change_signals.lateness import change_signal as la
 from epuckhebb.sim.adaptation.change_signals.novelty import change_signal as novelty
 from epuckhebb.sim.adaptation.change_signals.shortfall import change_signal as shortfall
 from epuckhebb.sim.adaptation.gate import need, resting
-from epuckhebb.sim.block import Individual, live_block
+from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.maze import SIDES, T_MAZE
 from epuckhebb.sim.plasticity.control import Sign, signs
-from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK, STEP_S
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.session import Individual
 
 FAST = {"gain_rad_s": 4.0, "record_every": 1}
 NOTHING = no_baseline(16)
@@ -50,7 +51,7 @@ def live(genome, controller, baseline=None, scenario=None, side="left", seconds=
         controller=controller,
         key=np.uint64(key),
         record=True,
-        baseline=None if baseline is None else baseline.of(side),
+        nominal=None if baseline is None else baseline.of(side),
     )
     return live_block([individual], scenario or Scenario(), Lifetime(duration_s=seconds, **FAST))[0]
 
@@ -133,7 +134,7 @@ def test_always_in_need_is_the_papers_rule_bit_for_bit(genomes, signal, sign):
                 side="right",
                 controller=controller(**paper, **more),
                 key=np.uint64(3),
-                baseline=NOTHING,
+                nominal=NOTHING,
                 signs=of_updates,
                 record=True,
             )
@@ -190,7 +191,7 @@ def test_late_is_plastic_and_the_goal_makes_forget(master):
 def test_agrees_with_the_oracle(master, beside_the_oracle, change_signal, threshold, fault):
     genome, baseline = master
     gated = controller(0.001, change_signal=change_signal, threshold=threshold, slope=5.0, active_s=2, rest_s=1)
-    told = {"seconds": 16, "baseline": baseline.of("right"), "key": 5}
+    told = {"seconds": 16, "nominal": baseline.of("right"), "key": 5}
     _, samples, robot = beside_the_oracle(genome, "right", Scenario(**fault), gated, **told)
     assert samples.change_signal[-1] == pytest.approx(robot.change_signal, abs=1e-8)
 
@@ -204,7 +205,7 @@ def test_a_robot_with_24_rays_agrees_with_the_oracle(lidar, wide, beside_the_ora
     of_updates = signs(Sign.shuffled, network.synapses, np.random.default_rng(4))
     lamp = Lamp(towards_x=-1.0, towards_y=0.7, beam_rad=1.2)
     world = Scenario(robot=lidar, light=1.0, dead_sensors=(11, 3), lamp=lamp)
-    told = {"seconds": 60, "baseline": baseline.of("right"), "network": network, "signs": of_updates}
+    told = {"seconds": 60, "nominal": baseline.of("right"), "network": network, "signs": of_updates}
     outcome, samples, robot = beside_the_oracle(genes, "right", world, gated, **told)
     assert samples.change_signal[-1] == pytest.approx(robot.change_signal, abs=1e-8)
     assert outcome.weight_change_mean > 0

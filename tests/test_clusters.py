@@ -4,9 +4,7 @@ import shlex
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
-
-from epuckhebb.app.cli import app
+from cases import call, done
 
 PAGE = Path(__file__).parents[1] / "docs" / "clusters.md"
 COMMANDS = [line.partition(" #")[0].strip() for line in PAGE.read_text().splitlines() if line.startswith("epuckhebb ")]
@@ -22,7 +20,7 @@ def place(tmp_path_factory):
     text = "# @package _global_\nhydra: {sweeper: {params: {seed: '1,2'}}}\n"
     (folder / "my_conf" / "experiment" / "mine.yaml").write_text(text)
     words = ["evolve", *EVOLVE, f"hydra.run.dir={folder}/runs/evolve/RUN", "-q"]
-    assert CliRunner().invoke(app, words).exit_code == 0
+    done(*words)
     return folder
 
 
@@ -37,7 +35,7 @@ def test_a_command_of_the_page(place, monkeypatch, line):
         words = [word for word in words if word != "-m" and not word.startswith("seed=")] + ["--cfg", "hydra"]
     else:
         assert any(word.startswith("resume=") for word in words)
-    result = CliRunner().invoke(app, words)
+    result = call(*words)
     if result.exit_code == 2 and "ray_local" in line:
         assert NO_RAY in result.stderr
     else:

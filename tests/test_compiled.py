@@ -1,5 +1,7 @@
 """How the science is compiled: a kernel's name says what it is made of, and kernels do not get in each other's way."""
 
+import ctypes
+import importlib.util
 import json
 import os
 import shutil
@@ -13,13 +15,14 @@ import numba
 import numpy as np
 import pytest
 
-from epuckhebb.sim import lifetime
-from epuckhebb.sim.compiled import compiled, digest, kernel
-from epuckhebb.sim.lifetime import kernel_of
+from epuckhebb.sim import kernels
+from epuckhebb.sim.compiled import compiled, kernel
+from epuckhebb.sim.digest import UnknownPartError, digest
+from epuckhebb.sim.kernels import kernel_of
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.plasticity import update
-from epuckhebb.sim.plasticity.oja import Oja
-from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.plasticity.rules.oja import Oja
+from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK
 
 FACTOR = 2.0
@@ -101,19 +104,84 @@ def test_options_enumerations_and_modules_matter():
     assert of_module(1.0) == of_module(1.0) != of_module(2.0)
 
 
+def scaled(number):
+    return lambda x: number * x
+
+
+def filled(number):
+    def fill(x, out):
+        out[0] = number * x[0]
+
+    return fill
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda number: numba.njit(scaled(number)),
+        lambda number: numba.vectorize(scaled(number)),
+        lambda number: numba.cfunc("f8(f8)")(scaled(number)),
+        lambda number: numba.guvectorize(["f8[:],f8[:]"], "(n)->()")(filled(number)),
+        lambda number: numba.njit("f8(f8)" if number == 2 else "f4(f4)")(scaled(1)),
+    ],
+    ids=["njit", "vectorize", "cfunc", "guvectorize", "signature"],
+)
+def test_what_numba_compiles_for_an_object_matters(made):
+    names = [digest(calls(helper, helper, helper)) for helper in (made(2), made(2), made(3))]
+    assert names[0] == names[1] != names[2]
+
+
+def uses(helpers):
+    return lambda x: helpers.scale(x) + 1.0
+
+
+def test_a_helper_is_read_whatever_its_module_is_called(tmp_path, monkeypatch):
+    """Python has a module `profile`, too."""
+    names = []
+    for number in (2.0, 3.0):
+        file = tmp_path / str(number) / "profile.py"
+        file.parent.mkdir()
+        file.write_text(f"def scale(x):\n    return {number} * x\n")
+        spec = importlib.util.spec_from_file_location("profile", file)
+        profile = importlib.util.module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, "profile", profile)
+        spec.loader.exec_module(profile)
+        names.append((digest(profile.scale), digest(uses(profile))))
+    for one, other in zip(*names, strict=True):
+        assert one != other
+
+
+def whole(x):
+    return part(x)  # noqa: F821  # it is put in
+
+
+def test_what_cannot_be_read_is_compiled_in_memory(monkeypatch, tmp_path):
+    """The address of a function of C says nothing of what it does."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    libc = ctypes.CDLL(None)
+    libc.abs.argtypes, libc.abs.restype = [ctypes.c_int], ctypes.c_int
+    absolute = libc.abs
+    parallel = numba.vectorize(["f8(f8)"], target="parallel")(scaled(2.0))
+    for part in (absolute, parallel, object(), types.ModuleType("helpers")):
+        with pytest.raises(UnknownPartError):
+            digest(calls(part, part, part))
+    assert kernel(whole, part=absolute)(-3) == 3
+    assert not list(tmp_path.iterdir())
+
+
 def name_of(rule, network=PAPER_NETWORK):
     return kernel_of(rule, "none", network, EPUCK).py_func.__qualname__
 
 
 def test_a_script_that_changes_an_equation_gets_a_kernel_of_its_own(monkeypatch):
     before = name_of(Paper)
-    monkeypatch.setattr(lifetime, "_kernels", {})
+    monkeypatch.setattr(kernels, "_kernels", {})
     assert name_of(Paper) == before
 
     def soft(weight, rate, direction, w_max):
         return w_max * np.tanh((weight + rate * direction) / w_max)
 
-    monkeypatch.setattr(lifetime, "_kernels", {})
+    monkeypatch.setattr(kernels, "_kernels", {})
     monkeypatch.setattr(update, "next_weight", compiled(soft))
     assert name_of(Paper) != before
 
@@ -138,9 +206,9 @@ def in_processes(code, arguments, cache):
 
 NAMES = """
 import json
-from epuckhebb.sim.lifetime import kernel_of
+from epuckhebb.sim.kernels import kernel_of
 from epuckhebb.sim.network import PAPER_NETWORK
-from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK
 made = [kernel_of(Paper, s, PAPER_NETWORK, EPUCK).py_func.__qualname__ for s in ("none", "lateness", "novelty")]
 print(json.dumps(made))
@@ -208,36 +276,6 @@ def test_kernels_that_two_processes_compiled_live_side_by_side_in_a_third(tmp_pa
         assert {factor: result for factor, (result, _) in told.items()} == {f: r for f, (r, _) in alone.items()}
         assert all(hits == 1 for _, hits in told.values())
     assert alone["2.0"][0] != alone["3.0"][0]
-
-
-LIVES = """
-import json, sys
-import numpy as np
-from epuckhebb.sim import lifetime
-from epuckhebb.sim.block import Individual, live_block
-from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.plasticity.oja import Oja
-from epuckhebb.sim.plasticity.paper import Paper
-from epuckhebb.sim.scenario import Scenario
-
-genes, told = np.random.default_rng(1).uniform(-1, 1, 234), {}
-for name in sys.argv[1:]:
-    controller = Controller(name=name, rule={"paper": Paper, "oja": Oja}[name](N=0.01))
-    who = Individual(genes=genes, side="left", key=np.uint64(2), controller=controller)
-    outcome = live_block([who], Scenario(obstacles=4), lifetime.Lifetime(duration_s=30, gain_rad_s=4))[0][0]
-    told[name] = [float(x).hex() for x in outcome]
-hits = sum(sum(made.stats.cache_hits.values()) for made in lifetime._kernels.values())
-print(json.dumps([told, hits]))
-"""
-
-
-@pytest.mark.slow
-def test_lives_whose_kernels_two_processes_compiled_have_the_same_bits_in_a_third(tmp_path):
-    (one, _), (two, _), (both, hits), (other, _) = in_processes(
-        LIVES, ["paper", "oja", "oja paper", "paper oja"], tmp_path
-    )
-    assert both == other == {**one, **two}
-    assert hits == 2
 
 
 def double(x):

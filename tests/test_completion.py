@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
-from epuckhebb.app import data
-from epuckhebb.app.config import LiveFitness
-from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.cli import completion
+from epuckhebb.config.compose import composed
+from epuckhebb.config.schema import LiveFitness
 from epuckhebb.evolution.optimizers.ga import Crossover, Selection
+from epuckhebb.runtime import resources
 from epuckhebb.sim.adaptation.adaptation import Exploration
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.plasticity.control import Sign
@@ -34,12 +35,6 @@ def bash(*words):
     return done.stdout.split()
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def a_run(folder):
     folder.mkdir(parents=True)
     (folder / "status.json").write_text("{}")
@@ -52,7 +47,7 @@ def test_bash(here):
     assert bash("swe") == ["sweep"]
     assert bash("evaluate", "scenario", "=", "lo") == ["lowlight"]
     assert set(bash("evaluate", "-m", "hebbian", "=")) >= {"none", "paper", "oja"}
-    known = {file.stem for file in (data.data_folder("conf") / "adaptation").glob("*.yaml")}
+    known = {file.stem for file in (resources.data_folder("conf") / "adaptation").glob("*.yaml")}
     assert set(bash("evaluate", "adaptation", "=")) == known
     assert set(bash("evaluate", "robot", "=")) == {"epuck", "epuck_lidar"}
     assert set(bash("evaluate", "scen")) >= {"scenario=base", "scenario.light="}
@@ -78,27 +73,21 @@ def _no_bash(monkeypatch):
 @pytest.mark.usefixtures("_no_bash")
 def test_keys_and_values(here):
     a_run(here / "runs" / "evolve" / "one")
-    assert data.complete_override("evaluate", "repe") == ["repeats=", "repeats=10"]
-    assert data.complete_override("evaluate", "hebbian.tr") == [
-        *("hebbian.trace_decay=", "hebbian.trace_decay=0.95"),
-        *("hebbian.trace_update=", "hebbian.trace_update=0.05"),
-    ]
-    assert data.complete_override("evaluate", "adaptation.th") == ["adaptation.threshold=", "adaptation.threshold=0.0"]
-    assert data.complete_override("evaluate", "maze=t_maze_") == [
-        "maze=t_maze_110",
-        "maze=t_maze_90",
-        "maze=t_maze_wide",
-    ]
-    assert data.complete_override("evaluate", "genome=r") == ["genome=reference", "genome=runs/evolve/one"]
-    assert data.complete_override("evaluate", "genome=l") == ["genome=latest"]
-    assert data.complete_override("evolve", "ga=") == ["ga=as_coded", "ga=reversal", "ga=textbook"]
-    assert data.complete_override("evolve", "resume=") == ["resume=latest", "resume=runs/evolve/one"]
-    assert data.complete_override("sweep", "lifetime.dur")[0] == "lifetime.duration_s="
-    assert data.complete_override("evaluate", "nothing=") == []
-    assert data.complete_sweep("n") == ["n_sweep"]
-    assert data.complete_group("ev") == ["evaluate", "evolve"]
-    assert data.complete_run("") == ["latest", "runs/evolve/one"]
-    assert data.complete_shown("") == ["latest", "reference", "runs/evolve/one"]
+    assert completion.complete_override("evaluate", "repe") == ["repeats=", "repeats=10"]
+    offers = ["hebbian.trace_decay=", "hebbian.trace_decay=0.95", "hebbian.trace_update=", "hebbian.trace_update=0.05"]
+    assert completion.complete_override("evaluate", "hebbian.tr") == offers
+    mazes = ["maze=t_maze_110", "maze=t_maze_90", "maze=t_maze_wide"]
+    assert completion.complete_override("evaluate", "maze=t_maze_") == mazes
+    assert completion.complete_override("evaluate", "genome=r") == ["genome=reference", "genome=runs/evolve/one"]
+    assert completion.complete_override("evaluate", "genome=l") == ["genome=latest"]
+    assert completion.complete_override("evolve", "ga=") == ["ga=as_coded", "ga=reversal", "ga=textbook"]
+    assert completion.complete_override("evolve", "resume=") == ["resume=latest", "resume=runs/evolve/one"]
+    assert completion.complete_override("sweep", "lifetime.dur")[0] == "lifetime.duration_s="
+    assert completion.complete_override("evaluate", "nothing=") == []
+    assert completion.complete_sweep("n") == ["n_sweep"]
+    assert completion.complete_group("ev") == ["evaluate", "evolve"]
+    assert completion.complete_run("") == ["latest", "runs/evolve/one"]
+    assert completion.complete_shown("") == ["latest", "reference", "runs/evolve/one"]
 
 
 VALUES = {
@@ -115,18 +104,17 @@ VALUES = {
 @pytest.mark.usefixtures("_no_bash")
 def test_a_key_of_few_values_is_completed_with_all_of_them(place):
     verb, key = place.split()
-    offered = data.complete_override(verb, f"{key}=")
+    offered = completion.complete_override(verb, f"{key}=")
     assert sorted(offered) == sorted(f"{key}={member.name}" for member in VALUES[place])
 
 
 @pytest.mark.usefixtures("_no_bash")
 def test_other_values_are_completed_too():
-    assert data.complete_override("evaluate", "adaptation.change_signal=l") == ["adaptation.change_signal=lateness"]
-    assert data.complete_override("evaluate", "adaptation.self_check=") == [
-        "adaptation.self_check=true",
-        "adaptation.self_check=false",
-    ]
-    assert data.complete_override("evaluate", "hebbian.w_max=") == ["hebbian.w_max=2.0"]
+    key = "adaptation.change_signal"
+    assert completion.complete_override("evaluate", f"{key}=l") == [f"{key}=lateness"]
+    key = "adaptation.self_check"
+    assert completion.complete_override("evaluate", f"{key}=") == [f"{key}=true", f"{key}=false"]
+    assert completion.complete_override("evaluate", "hebbian.w_max=") == ["hebbian.w_max=2.0"]
 
 
 @pytest.mark.parametrize("verb", ["evaluate", "evolve", "sweep"])
@@ -144,5 +132,5 @@ def test_every_key_is_offered(verb):
     keys = set(below(OmegaConf.to_container(composed(composed_verb, []))))
     # Names of files, which the program fills in.
     keys -= {"scenario.name", "hebbian.name", "adaptation.name", "training.name"}
-    offered = {offer.partition("=")[0] for offer in data.complete_override(verb, "")}
+    offered = {offer.partition("=")[0] for offer in completion.complete_override(verb, "")}
     assert keys <= offered

@@ -1,17 +1,20 @@
 """Every file of conf/ composes into a checked configuration."""
 
+import itertools
 from pathlib import Path
 
 import pytest
 import yaml
+from cases import done, first_of
 from hydra._internal.hydra import Hydra
 from test_new_worlds import NEW
-from typer.testing import CliRunner
 
-from epuckhebb.app.cli import app
-from epuckhebb.app.config import EvaluateConfig, EvolveConfig, typed
-from epuckhebb.app.data import data_folder, groups
-from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.cli.options import with_genomes_named
+from epuckhebb.config.compose import combinations, composed
+from epuckhebb.config.conf import groups
+from epuckhebb.config.overrides import alternatives
+from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
+from epuckhebb.runtime.resources import data_folder
 
 SCHEMA = {"evaluate": EvaluateConfig, "evolve": EvolveConfig}
 TOGETHER = {"maze", "robot", "hebbian", "adaptation"}  # two of them at a time: test_parts.py
@@ -53,8 +56,8 @@ def test_conf_and_champions_are_found():
     assert (data_folder("runs/reference") / "champion_light.npz").is_file()
 
 
-def test_hydra_composes_the_configuration_of_a_run_once(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("here")
+def test_hydra_composes_the_configuration_of_a_run_once(monkeypatch):
     compose_config, composed_for = Hydra.compose_config, []
 
     def compose(self, config_name, *more, **options):
@@ -63,5 +66,136 @@ def test_hydra_composes_the_configuration_of_a_run_once(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Hydra, "compose_config", compose)
     words = ["evaluate", "repeats=1", "lifetime.duration_s=1", "lifetime.record_every=0", "-q"]
-    assert CliRunner().invoke(app, words).exit_code == 0
+    done(*words)
     assert composed_for == ["evaluate"]
+
+
+def test_the_champions_between_two_are_named():
+    given = ["genome=reference_1,...,reference_4,mine.npz", "seed=1"]
+    named = ["genome=reference_1,reference_2,reference_3,reference_4,mine.npz", "seed=1"]
+    assert with_genomes_named(given) == named
+
+
+# What is compared, and what is called how
+
+
+@pytest.mark.parametrize(("scenario", "rate"), [("base", 0.000015), ("lowlight", 0.002)])
+def test_what_is_compared_runs_at_the_papers_rate_of_its_scenario(scenario, rate):
+    words = [f"scenario={scenario}", "compare.x={sign: shuffled}", "compare.y={adaptation: late}"]
+    paper, x, y = typed(composed("evaluate", words), EvaluateConfig).controllers
+    assert (paper.name, x.name, y.name) == ("Hebbian", "x", "y")
+    assert paper.rule.N == x.rule.N == y.rule.N == rate
+    assert (x.rule.sign.name, y.rule.sign.name) == ("shuffled", "hebbian")
+    assert (y.adaptation.change_signal, y.adaptation.active_s, y.adaptation.motor_noise) == ("lateness", 10, 2)
+    assert not x.adaptation.needs_baseline
+
+
+@pytest.mark.parametrize(
+    ("words", "name", "rule", "rate"),
+    [
+        ([], "Hebbian", "Paper", 0.000015),
+        (["hebbian.sign=anti"], "anti-Hebbian", "Paper", 0.000015),
+        (["hebbian=mild"], "mild", "Paper", 0.0002),
+        (["hebbian=bcm"], "bcm", "BCM", 0.000015),
+        (["hebbian=bcm", "hebbian.sign=shuffled"], "bcm (shuffled)", "BCM", 0.000015),
+        (["adaptation=late"], "late", "Paper", 0.0005),
+        (["adaptation=novelty"], "novelty", "Paper", 0.0002),
+        (["adaptation=late", "hebbian=oja"], "late", "Oja", 0.000015),
+        (["adaptation=late", "hebbian=none"], "late", "NoRule", 0),
+        (["adaptation=late", "hebbian.N=0.1"], "late", "Paper", 0.1),
+        (["hebbian.name=mine"], "mine", "Paper", 0.000015),
+        (["adaptation.change_signal=novelty", "adaptation.name=mine"], "mine", "Paper", 0.000015),
+    ],
+)
+def test_a_controller_is_called_as_in_tables(words, name, rule, rate):
+    (controller,) = typed(composed("evaluate", words), EvaluateConfig).controllers
+    assert (controller.name, type(controller.rule).__name__.lower(), controller.rule.N) == (name, rule.lower(), rate)
+
+
+# The files of conf/
+
+
+@pytest.mark.parametrize("robot", groups("evaluate")["robot"])
+@pytest.mark.parametrize("maze", groups("evaluate")["maze"])
+@pytest.mark.parametrize(("verb", "schema"), first_of([("evaluate", EvaluateConfig), ("evolve", EvolveConfig)]))
+def test_every_maze_with_every_robot(verb, schema, maze, robot):
+    config = typed(composed(verb, [f"maze={maze}", f"robot={robot}"]), schema)
+    assert (config.world.maze.name, config.world.robot.name) == (maze, robot)
+
+
+RULES, ADAPTATIONS = groups("evaluate")["hebbian"], groups("evaluate")["adaptation"]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("hebbian", "adaptation"),
+    sorted({*itertools.product(RULES, ["none", "late"]), *itertools.product(["none", "paper"], ADAPTATIONS)}),
+)
+def test_adaptations_over_rules(hebbian, adaptation):
+    config = typed(composed("evaluate", [f"hebbian={hebbian}", f"adaptation={adaptation}"]), EvaluateConfig)
+    assert len(config.controllers) == ((hebbian, adaptation) != ("none", "none"))
+    for controller in config.controllers:
+        assert controller.adaptation.acts == (adaptation != "none")
+        assert (controller.rule.N > 0) == (hebbian != "none")
+
+
+def controllers(*words):
+    return typed(composed("evaluate", list(words)), EvaluateConfig).controllers
+
+
+def test_what_is_compared_by_its_name_is_what_the_name_alone_gives():
+    main, *others = controllers("scenario=lowlight", "compare=[late,best,homeostasis,oja,mild]")
+    assert main.name == "Hebbian"
+    for other in others:
+        group = "hebbian" if other.name in ("oja", "mild") else "adaptation"
+        (alone,) = controllers("scenario=lowlight", f"{group}={other.name}")
+        assert other == alone
+
+
+@pytest.mark.parametrize("name", ["none", "paper"])
+def test_none_beside_an_adaptation_is_the_papers_rule(name):
+    late, beside = controllers("adaptation=late", f"compare=[{name}]")
+    assert (late.name, beside) == ("late", controllers()[0])
+
+
+def test_what_lives_anyway_is_not_compared_twice():
+    assert [one.name for one in controllers("compare=[late,none]")] == ["Hebbian", "late"]
+    assert [one.name for one in controllers("adaptation=late", "compare=[late,none]")] == ["late", "Hebbian"]
+
+
+# What differs from the named scenario
+
+
+@pytest.mark.parametrize(
+    ("words", "changed"),
+    [
+        ([], ""),
+        (["scenario.light=0.1"], ""),
+        (["scenario.goals={left: null}"], ""),
+        (["scenario.goals={left: [-0.36, 0.155]}"], ""),
+        (["scenario=4obstacles", "scenario.obstacles=4"], ""),
+        (["scenario.left_wheel=0.8"], "left_wheel=0.8"),
+        (["scenario.light=1.0", "scenario.lamp.beam_rad=1.2"], "light=1, lamp.beam_rad=1.2"),
+        (["scenario.changes=[{at_s: 1, light: 1.0}]"], "light=1 at 1 s"),
+        (["maze=t_maze_wide"], "maze=t_maze_wide"),
+        (["maze=double_t", "robot=epuck_lidar"], "maze=double_t, robot=epuck_lidar"),
+        (["scenario=lowlight", "hebbian=oja", "seed=3"], ""),
+        (["scenario=lowlight", "lifetime.duration_s=200", "lifetime.record_every=0"], ""),
+        (["scenario=lowlight", "lifetime.duration_s=250"], "lifetime.duration_s=250"),
+        (["scenario.paper_duration_s=50"], "paper_duration_s=50"),
+        (["lifetime=evolve"], "lifetime.duration_s=60, lifetime.gain_rad_s=4"),
+        (["task=reversal"], "task=reversal"),
+    ],
+)
+def test_what_differs_from_the_named_scenario_is_told(words, changed):
+    cfg = composed("evaluate", words)
+    assert cfg.changed == changed
+    assert cfg.scenario.name == (words[0].partition("=")[2] if words and words[0].startswith("scenario=") else "base")
+
+
+def test_what_differs_in_training_and_in_the_jobs_of_a_sweep_is_told():
+    assert composed("evolve", []).changed == ""
+    assert composed("evolve", ["scenario.light=0.5", "lifetime.noise=0"]).changed == "light=0.5, lifetime.noise=0"
+    choices = alternatives(["lifetime.duration_s=100,250", "seed=1,2"])
+    told = [config["changed"] for _, config in combinations("evaluate", [], choices, None)]
+    assert told == ["lifetime.duration_s=100"] * 2 + [""] * 2

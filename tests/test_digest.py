@@ -10,14 +10,14 @@ import hashlib
 import numpy as np
 import pytest
 
-from epuckhebb.app import files
-from epuckhebb.app.config import EvaluateConfig, EvolveConfig, typed
-from epuckhebb.app.data import groups
-from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.analysis.evaluate import COLUMNS, evaluate
+from epuckhebb.config.compose import composed
+from epuckhebb.config.conf import groups
+from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.scenario import TRAINED
-from epuckhebb.study.evaluate import COLUMNS, evaluate
+from epuckhebb.store.genome import load_genome
 
 METRICS = list(COLUMNS[COLUMNS.index("success") : COLUMNS.index("changed")])
 CHAMPIONS = ("reference_1", "reference_101")
@@ -60,7 +60,7 @@ def config(*overrides):
 def test_lifetimes_have_the_same_bits(treatments, file, golden):
     assert set(PAPER_SCENARIOS) <= set(groups("evaluate")["scenario"])
     worlds = {name: config(f"scenario={name}") for name in PAPER_SCENARIOS}
-    champions = {(one, where): files.load_genome(where, one) for one in TRAINED for where in CHAMPIONS}
+    champions = {(one, where): load_genome(where, one) for one in TRAINED for where in CHAMPIONS}
     told = []
     for name, overrides in treatments.items():
         controllers = {one: config(f"scenario={home}", *overrides).controllers for one, home in TRAINED.items()}

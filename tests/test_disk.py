@@ -5,10 +5,7 @@ import subprocess
 from contextlib import contextmanager
 
 import pytest
-from cases import first_of
-from typer.testing import CliRunner
-
-from epuckhebb.app.cli import app
+from cases import call, contents, done, first_of
 
 PAGE = 4096
 SHORT = ["lifetime.duration_s=3", "-q"]
@@ -21,10 +18,6 @@ CALLS = {  # what leaves a result in the folder `one`, and what then has more to
     "resume": ([*EVOLVE, "hydra.run.dir=one"], ["evolve", "resume=one", "ga.generations=4", "-q"]),
     "sweep": ([*SWEEP, "seed=1"], [*SWEEP, "seed=1,2"]),
 }
-
-
-def call(words):
-    return CliRunner().invoke(app, words)
 
 
 def mount(*words):
@@ -67,12 +60,9 @@ def read_only(disk):
         assert mount("-o", "remount,rw", str(disk))
 
 
-def contents(folder):
-    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
-
-
-def refused(words, expected):
-    result = call(words)
+def fails(words, expected):
+    """The exit code of a call that cannot write."""
+    result = call(*words)
     assert result.exit_code in (1, 2), result.output
     assert expected in result.stderr
     assert "Traceback" not in result.output
@@ -82,30 +72,30 @@ def refused(words, expected):
 @pytest.mark.parametrize(("verb", "pages"), first_of([("evaluate", 5), ("evolve", 0), ("resume", 2), ("sweep", 6)]))
 def test_a_full_disk(disk, verb, pages):
     first, more = CALLS[verb]
-    assert call(first).exit_code == 0
+    done(*first)
     results = "one/job_*" if verb == "sweep" else "one"
     before = [contents(folder) for folder in disk.glob(results)]
     assert before
     with full(disk, pages):
-        refused(more, "No space left on device")
+        fails(more, "No space left on device")
     assert list(disk.rglob(".*.tmp")) == []
     if verb == "resume":  # the checkpoint is whole, so the rest can be made of it
-        assert call([*EVOLVE, "ga.generations=4", "hydra.run.dir=never_stopped"]).exit_code == 0
-        assert call(more).exit_code == 0
+        done(*EVOLVE, "ga.generations=4", "hydra.run.dir=never_stopped")
+        done(*more)
         assert (disk / "one" / "history.csv").read_bytes() == (disk / "never_stopped" / "history.csv").read_bytes()
     else:
         assert [contents(folder) for folder in disk.glob(results)] == before
     if verb == "sweep":
-        assert "1 done before, 1 to do" in call([word for word in more if word != "-q"]).stderr
+        assert "1 done before, 1 to do" in call(*(word for word in more if word != "-q")).stderr
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("verb", CALLS)
 def test_a_disk_that_may_only_be_read(disk, verb):
     first, more = CALLS[verb]
-    assert call(first).exit_code == 0
+    done(*first)
     before = contents(disk)
     with read_only(disk):
-        assert refused(more, "Read-only file system") == 2
+        assert fails(more, "Read-only file system") == 2
     assert contents(disk) == before
-    assert call(more).exit_code == 0
+    done(*more)

@@ -1,14 +1,16 @@
 """The engine of studies: what is missing is done, in order, by one process at a time, and its end is written down."""
 
 import json
+import time
 
 import pytest
 from omegaconf import OmegaConf
 
-from epuckhebb.app import errors, runs
-from epuckhebb.app.engine import Task, at_work, carry_out, is_whole
-from epuckhebb.app.errors import ConfigError, JobFailedError
-from epuckhebb.app.progress import TaskProgress, be_quiet
+from epuckhebb.runtime import errors, progress
+from epuckhebb.runtime.errors import ConfigError, JobFailedError
+from epuckhebb.runtime.progress import TaskProgress, be_quiet, counting
+from epuckhebb.store import disk
+from epuckhebb.studies.jobs import Task, at_work, carry_out, is_whole
 
 CFG = OmegaConf.create({"seed": 1})
 
@@ -58,6 +60,26 @@ def test_a_result_that_was_damaged_or_lost_is_made_again(study):
     assert set(status(folder)["sha256"]) >= {"one", "two", "three"}
 
 
+def test_tables_of_an_earlier_call_that_this_one_has_not_are_no_longer_there(study):
+    folder, _, task = study
+
+    def tables(*names):
+        return Task("tables", (), lambda run: [*(run.write(name, name) for name in names), run.remove_stale()])
+
+    carry_out(folder, "study", CFG, [], [tables("both.csv", "stale.csv", "mine.csv")])
+    (folder / "mine.csv").write_text("with notes")
+    (folder / "notes.txt").write_text("dear")
+    with pytest.raises(KeyboardInterrupt):  # the record of what was written outlasts an interruption
+        carry_out(folder, "study", CFG, [], [task("two", KeyboardInterrupt()), tables("both.csv")])
+    assert (folder / "stale.csv").exists()
+    carry_out(folder, "study", CFG, [], [tables("both.csv")])
+    names = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
+    (aside,) = (name for name in names if name.startswith("set_aside/mine.csv"))
+    assert (folder / aside).read_text() == "with notes"
+    assert names == {".hydra/config.yaml", "both.csv", "notes.txt", "provenance.json", "status.json", aside}
+    assert set(status(folder)["sha256"]) == {".hydra/config.yaml", "both.csv", "provenance.json"}
+
+
 @pytest.mark.parametrize(
     ("error", "raised", "state"),
     [
@@ -97,17 +119,17 @@ def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work
         (folder / name).mkdir(parents=True)
         (folder / name / ".half.1.tmp").touch()
     (folder / ".mine.tmp").touch()
-    held = runs.hold(folder / working)
+    held = disk.lock(folder / working)
     with at_work(folder, "study", None, [], []):
         left = sorted(str(file.relative_to(folder)) for file in folder.rglob(".*.tmp"))
-    runs.release(held)
+    disk.release(held)
     assert left == [".mine.tmp", f"{working}/.half.1.tmp", "unfinished/of_someone_else/.half.1.tmp"]
 
 
 def test_a_result_is_a_file_or_a_run_that_has_finished(tmp_path):
     assert not is_whole(tmp_path / "nothing")
     for state in ("running", "finished"):
-        runs.write_whole(tmp_path / state / "status.json", runs.as_json({"state": state}))
+        disk.write_atomic(tmp_path / state / "status.json", disk.as_json({"state": state}))
     assert not is_whole(tmp_path / "running")
     assert is_whole(tmp_path / "finished")
     assert is_whole(tmp_path / "finished" / "status.json")
@@ -123,3 +145,43 @@ def test_it_is_told_how_far_a_task_is_and_what_was_done_before_does_not_count(st
     carry_out(folder, "study", CFG, [], [task("one"), half, Task("three", (), lambda _: None)])
     assert shown == [(0.0, "2/3  two"), (2.0, "2/3  two  world 2 of 3"), (4.0, "3/3  three")]
     assert "3/3  three  0 s left" in capsys.readouterr().err
+
+
+@pytest.fixture
+def few_looks(monkeypatch):
+    """Jobs are counted when they are over, and not in between."""
+    be_quiet(False)
+    monkeypatch.setattr(progress, "_EVERY_S", 3600.0)
+
+
+@pytest.mark.usefixtures("few_looks")
+def test_in_a_log_each_of_few_jobs_has_a_line_and_many_have_one_in_half_a_minute(capsys, monkeypatch):
+    def lines(total, done):
+        with counting(total, lambda: (done, 1)):
+            pass
+        return capsys.readouterr().err.splitlines()
+
+    assert lines(3, 2) == ["job 3/3  1 failed"]
+    assert lines(1000, 500) == []
+    monkeypatch.setattr(progress, "_LINE_S", 0.0)
+    (line,) = lines(1000, 499)
+    assert line.startswith("job 500/1000  1 failed  ")
+    be_quiet(True)
+    assert lines(3, 2) == []
+
+
+def test_a_long_job_is_not_waited_for_in_silence(capsys, monkeypatch):
+    be_quiet(False)
+    monkeypatch.setattr(progress, "_EVERY_S", 0.01)
+    monkeypatch.setattr(progress, "_LINE_S", 0.0)
+    with counting(3, lambda: (0, 0)):
+        time.sleep(0.2)
+    assert capsys.readouterr().err.count("job 0/3") > 1
+
+
+def test_in_a_notebook_the_tasks_of_a_sweep_have_one_line_in_half_a_minute(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")  # as ipykernel does; it is no terminal all the same
+    with TaskProgress([1.0] * 40, each=False) as bar:
+        for number in range(40):
+            bar.show(number, "genome=reference_1")
+    assert capsys.readouterr().err == ""

@@ -11,10 +11,10 @@ from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers.ga import GA, Crossover, Selection, crossover, mutate, next_generation, select
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.plasticity.control import Sign
-from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.scenario import Scenario
 
 AS_CODED = {
@@ -134,21 +134,11 @@ def test_history_of_a_tiny_evolution(golden):
     golden("evolution.csv", pd.DataFrame(history).round(9).to_csv(index=False))
 
 
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("population", 0),
-        ("generations", 0),
-        ("elites", 51),
-        ("loops", 0),
-        ("tournament", 0),
-        ("crossover_rate", 1.5),
-        ("mutation_rate", -0.1),
-        ("mutation_range", 0.0),
-        ("gene_limit", float("inf")),
-        ("start_noise", -1.0),
-    ],
-)
+IMPOSSIBLE = {"population": 0, "generations": 0, "elites": 51, "loops": 0, "tournament": 0, "crossover_rate": 1.5}
+IMPOSSIBLE |= {"mutation_rate": -0.1, "mutation_range": 0.0, "gene_limit": float("inf"), "start_noise": -1.0}
+
+
+@pytest.mark.parametrize(("key", "value"), IMPOSSIBLE.items())
 def test_impossible_algorithms_are_refused_by_name(key, value):
     with pytest.raises(ValueError, match=rf"ga\.{key} must .*{value}"):
         GA(**{key: value})

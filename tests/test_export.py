@@ -9,20 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cases import first_of
-from typer.testing import CliRunner
+from cases import done, first_of, refused
 
 import epuckhebb
-from epuckhebb.app import files
-from epuckhebb.app.cli import app
 from epuckhebb.sim.network import PAPER_NETWORK, forward_pass
+from epuckhebb.store import genome
 
 ROOT = Path(__file__).parents[1]
 SECONDS = 6.4
-
-
-def call(*words):
-    return CliRunner().invoke(app, list(words))
 
 
 class StandIn:
@@ -88,15 +82,13 @@ def played(monkeypatch, controller, traces, lifetime, side):
 
 
 @pytest.mark.parametrize("signal", first_of(["behaviour", "final", "lifetime_mean", "light_code"]))
-def test_the_controller_drives_and_learns_as_our_robot(tmp_path, monkeypatch, signal):
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("here")
+def test_the_controller_drives_and_learns_as_our_robot(monkeypatch, signal):
     words = [f"hebbian.signal={signal}", "hebbian.N=0.002", "repeats=1", "lifetime.record_every=1", "seed=3"]
     fast = ["lifetime.gain_rad_s=5", f"lifetime.duration_s={SECONDS}"]
     start = "maze.start={x: 0.03, y: 0.15, heading_deg: 30}"  # soon in the arm: the junction term matters
-    result = call("evaluate", *words, *fast, start, "hydra.run.dir=run", "-q")
-    assert result.exit_code == 0, result.output
-    result = call("export", "run", "--webots", "-o", "controllers/mine")
-    assert result.exit_code == 0, result.output
+    result = done("evaluate", *words, *fast, start, "hydra.run.dir=run", "-q")
+    result = done("export", "run", "--webots", "-o", "controllers/mine")
     *written, following = result.stdout.splitlines()
     assert written == [f"controllers/mine/{name}" for name in ("mine.py", "champion.json", "genes.npy")]
     assert all(map(Path.is_file, map(Path, written)))
@@ -117,12 +109,12 @@ def test_the_controller_drives_and_learns_as_our_robot(tmp_path, monkeypatch, si
         assert y > 0.1
 
 
-def test_the_order_of_the_genes_is_that_of_the_page(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("here")
+def test_the_order_of_the_genes_is_that_of_the_page():
     (script,) = re.findall(
         r"^```python\n(.*?)^```$", (ROOT / "docs" / "webots.md").read_text(), re.MULTILINE | re.DOTALL
     )
-    assert call("export", "reference_7", "--webots", "-o", "controllers/genes_only").exit_code == 0
+    done("export", "reference_7", "--webots", "-o", "controllers/genes_only")
     names = {}
     exec(script, names)
     readings, first = np.random.default_rng(1).random(16), names["first"]
@@ -133,22 +125,21 @@ def test_the_order_of_the_genes_is_that_of_the_page(tmp_path, monkeypatch):
     np.testing.assert_allclose(activation[17:24], np.tanh(readings @ first[:16] + first[16]), atol=1e-12)
 
 
-def test_a_champion_is_played_without_plasticity_with_genes_in_their_order(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert call("export", "reference_7", "--webots").exit_code == 0
+@pytest.mark.usefixtures("here")
+def test_a_champion_is_played_without_plasticity_with_genes_in_their_order():
+    done("export", "reference_7", "--webots")
     told = json.loads(Path("epuckhebb_champion/champion.json").read_text())
     assert told["rule"] is None
     genes = np.load("epuckhebb_champion/genes.npy")
-    np.testing.assert_array_equal(genes, files.load_genome("reference_7", "obstacles").genes)
+    np.testing.assert_array_equal(genes, genome.load_genome("reference_7", "obstacles").genes)
     np.testing.assert_array_equal(genes, told["weights"])
 
 
-def test_of_several_controllers_the_first_is_taken_and_the_others_are_named(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("here")
+def test_of_several_controllers_the_first_is_taken_and_the_others_are_named():
     short = ["lifetime.duration_s=0.064", "repeats=1", "lifetime.record_every=0", "-q"]
-    assert call("evaluate", "compare=[oja]", *short, "hydra.run.dir=both").exit_code == 0
-    result = call("export", "both", "--webots")
-    assert result.exit_code == 0
+    done("evaluate", "compare=[oja]", *short, "hydra.run.dir=both")
+    result = done("export", "both", "--webots")
     assert "Left out, as one controller is taken of a run: oja." in result.stdout
     assert json.loads(Path("epuckhebb_champion/champion.json").read_text())["rule"]["N"] == 1.5e-5
 
@@ -156,17 +147,14 @@ def test_of_several_controllers_the_first_is_taken_and_the_others_are_named(tmp_
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["reference"], "say so with --webots"),
+        (["reference"], "type `epuckhebb export reference --webots`"),
         (["nowhere", "--webots"], "nowhere does not exist"),
         (["late", "--webots"], "controller late cannot be taken to Webots"),
         (["reference", "--webots", "-o", "late"], "late holds files already"),
     ],
 )
-def test_what_cannot_be_exported_is_refused(tmp_path, monkeypatch, words, message):
-    monkeypatch.chdir(tmp_path)
+def test_what_cannot_be_exported_is_refused(here, words, message):
     short = ["lifetime.duration_s=0.064", "repeats=1", "lifetime.record_every=0", "-q"]
-    assert call("evaluate", "adaptation=late", *short, "hydra.run.dir=late").exit_code == 0
-    result = call("export", *words)
-    assert result.exit_code == 2
-    assert message in result.stderr
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["late"]
+    done("evaluate", "adaptation=late", *short, "hydra.run.dir=late")
+    assert message in refused("export", *words)
+    assert sorted(path.name for path in here.iterdir()) == ["late"]

@@ -45,7 +45,9 @@ def test_agrees_with_the_oracle(genomes, lived, beside_the_oracle, fault):
 def test_gain_and_offset_are_of_distance_readings_alone(gain, offset):
     readings = np.linspace(0.0, 1.0, 16)
     expected = np.append(readings[:8], np.clip(gain * readings[8:] + offset, 0, 1))
-    hooks(EPUCK, more=True).misread(readings, Faults(np.empty(0, int), gain, offset, 1.0, 1.0, 0.0, 0.0, 0.0))
+    hooks(EPUCK, more=True).apply_sensor_faults(
+        readings, Faults(np.empty(0, int), gain, offset, 1.0, 1.0, 0.0, 0.0, 0.0)
+    )
     np.testing.assert_allclose(readings, expected, rtol=1e-12)
 
 

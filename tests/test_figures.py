@@ -5,22 +5,23 @@ import math
 
 import matplotlib.figure
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from PIL import Image
 
+from epuckhebb.analysis import charts, figures, movie
+from epuckhebb.analysis.evaluate import Traces, evaluate
+from epuckhebb.analysis.floor import floor, view
 from epuckhebb.sim.controller import HEBBIAN, Controller
-from epuckhebb.sim.lifetime import Lifetime, Samples, empty_samples
+from epuckhebb.sim.life import Lifetime, Samples, empty_samples
 from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
 from epuckhebb.sim.network import Network
-from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.study import charts, figures, movie
-from epuckhebb.study.evaluate import Traces, evaluate
-from epuckhebb.study.floor import floor, view
 
 ROOM = Maze(  # a room of 0.6 m by 0.4 m, off the middle, with a wall far away that nobody can get to
     name="room",
@@ -160,30 +161,26 @@ def test_changes_are_marked_on_the_path(drawn):
 
 
 @pytest.mark.parametrize(
-    ("end", "told"),
-    [((-0.36, 0.155), "left: at the goal"), ((0.0, 0.16), "left: did not arrive")],
+    ("end", "drives_on", "told"),
+    [
+        ((-0.36, 0.155), False, "left: at the goal"),
+        ((-0.36, 0.155), True, "left: was at the goal, drove on"),
+        ((0.0, 0.16), False, "left: did not arrive"),
+    ],
 )
-def test_legend_says_how_it_ended(drawn, end, told):
-    figures.trajectories(at_rest(end), Scenario(), "")
-    assert told in texts(drawn[0])
-
-
-def test_legend_tells_robots_that_drove_on_from_those_that_never_came(drawn):
-    traces = at_rest((-0.36, 0.155))
-    traces.samples.pose[:, 50:, 0] = 0.0
+def test_legend_says_how_it_ended(drawn, end, drives_on, told):
+    traces = at_rest(end)
+    if drives_on:
+        traces.samples.pose[:, 50:, 0] = 0.0
     figures.trajectories(traces, Scenario(), "")
-    assert {"left: was at the goal, drove on", "right: did not arrive"} <= set(texts(drawn[0]))
+    assert told in texts(drawn[0])
+    assert "● start    ○ the robot at the end    ◌ goal    ★ lamp\ngrey: walls" in texts(drawn[0])
 
 
 def test_legend_goes_by_the_goal_of_the_moment(drawn):
     moving = Scenario(changes=[{"at_s": 50.0, "goals": {"left": [-0.2, 0.155], "right": [-0.36, 0.155]}}])
     figures.trajectories(at_rest((-0.36, 0.155)), moving, "")
     assert {"left: was at the goal, drove on", "right: at the goal"} <= set(texts(drawn[0]))
-
-
-def test_what_dot_ring_and_dotted_circle_mean_is_told(drawn):
-    figures.trajectories(at_rest((0.3, 0.1)), Scenario(), "title")
-    assert "● start    ○ the robot at the end    ◌ goal    ★ lamp\ngrey: walls" in texts(drawn[0])
 
 
 def test_what_is_brown_is_told_where_it_is(drawn):
@@ -283,3 +280,11 @@ def test_same_trajectories_give_the_same_bytes():
     assert first == figures.trajectories(traces, world, "title")
     with Image.open(io.BytesIO(first)) as picture:
         assert math.isclose(picture.width, 2 * 4.8 * 120, abs_tol=1)
+
+
+def test_a_learning_curve_above_one_is_drawn_whole(drawn):
+    history = pd.DataFrame({"best_fitness": [0.4, 1.05], "mean_fitness": [0.2, 0.6]})
+    charts.learning_curves({"reversal": [history]})
+    charts.learning_curves({"light": [history / 2]})
+    assert drawn[0].axes[0].get_ylim()[1] > 1.05
+    assert drawn[1].axes[0].get_ylim() == (0, 1)

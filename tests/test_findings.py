@@ -1,6 +1,7 @@
 """The statistics of the study, on cases small enough to count by hand."""
 
 import math
+import re
 
 import numpy as np
 import pandas as pd
@@ -10,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from epuckhebb.app.data import data_folder
+from epuckhebb.analysis import findings, published, report, rescue
+from epuckhebb.analysis.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson, wilson_by_champion
+from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.controller import GA, HEBBIAN
-from epuckhebb.study import findings, published, rescue
-from epuckhebb.study.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson, wilson_by_champion
 
 
 @pytest.mark.parametrize(
@@ -265,6 +266,9 @@ def test_success_counts_champions():
     assert tuple(found.loc[("base", GA, "right"), ["successes", "n"]]) == (1, 2)
     assert tuple(found.loc[("base", GA, "right"), ["low", "high"]]) == wilson(1, 2)
     assert tuple(found.loc[("base", GA, "both"), ["successes", "n"]]) == (1, 2)
+    assert tuple(found.loc[("2obstacles", HEBBIAN, "both"), ["successes", "gained"]]) == (2, 1)  # b, with plasticity
+    assert tuple(found.loc[("4obstacles", HEBBIAN, "left"), ["successes", "gained"]]) == (1, 1)
+    assert not found.xs(GA, level="controller").gained.any()
 
 
 def test_claims_by_hand():
@@ -272,7 +276,9 @@ def test_claims_by_hand():
     assert tuple(found.loc["4 obstacles defeat the GA", ["true", "n"]]) == (2, 3)
     assert tuple(found.loc["N = 1.5e-05 rescues it at 4", ["true", "n"]]) == (1, 2)
     assert tuple(found.loc["Weight change grows with obstacles", ["true", "n"]]) == (0, 4)
-    assert found.verdict["The genome is unchanged after a lifetime"] == "mixed"  # 2 of 2 are not many
+    unchanged = found.loc["The genome is unchanged after a lifetime"]
+    assert unchanged.verdict == "check passed"
+    assert math.isnan(unchanged.low)  # it is no statistic
     assert found.verdict["N = 1.5e-05 rescues it at 2"] == "no trial to judge by"
 
 
@@ -290,9 +296,10 @@ def test_sides_of_a_champion_are_one_piece_of_evidence():
         ([1] * 19 + [0], [1] * 20, "holds"),
         ([1] + [0] * 19, [1] * 20, "does not hold"),
         ([1] * 10 + [0] * 10, [1] * 20, "mixed"),
-        ([1] * 3, [1] * 3, "mixed"),
+        ([0] * 3, [2] * 3, "inconclusive (n = 6)"),
+        ([1] * 3, [1] * 3, "inconclusive (n = 3)"),
         ([1] * 4, [1] * 4, "holds"),
-        ([2, 2], [2, 2], "mixed"),  # four trials, but two champions
+        ([2, 2], [2, 2], "inconclusive (n = 4)"),  # four trials, but two champions
         ([], [], "no trial to judge by"),
     ],
 )
@@ -302,10 +309,16 @@ def test_verdicts(part, whole, verdict):
 
 @pytest.mark.parametrize(
     ("low", "high", "verdict"),
-    [(0.5, 1.0, "mixed"), (0.51, 1.0, "holds"), (0.0, 0.5, "mixed"), (0.0, 0.49, "does not hold")],
+    [
+        (0.5, 1.0, "inconclusive (n = 7)"),
+        (0.51, 1.0, "holds"),
+        (0.25, 0.75, "mixed"),
+        (0.24, 0.75, "inconclusive (n = 7)"),
+        (0.0, 0.49, "does not hold"),
+    ],
 )
 def test_the_rule_is_as_it_is_printed(low, high, verdict):
-    assert findings.verdict(low, high) == verdict
+    assert findings.verdict(low, high, 7) == verdict
 
 
 def test_every_claim_is_judged_by_the_one_rule():
@@ -314,8 +327,12 @@ def test_every_claim_is_judged_by_the_one_rule():
     for unchanged in (0, 1, 2):
         found = findings.claims(both, {"obstacles": unchanged, "light": unchanged})
         assert len(found) == 13
-        assert [findings.verdict(row.low, row.high) for row in found.itertuples()] == list(found.verdict)
+        judged = found[~found.verdict.str.startswith("check")]
+        assert [findings.verdict(row.low, row.high, row.n) for row in judged.itertuples()] == list(judged.verdict)
         assert (found.n == 0).equals(found.verdict == "no trial to judge by")
+        assert set(found.verdict[found.verdict.str.startswith("check")]) == {
+            f"check {('failed', 'passed')[unchanged == 2]}"
+        }
 
 
 @pytest.fixture(scope="module")
@@ -337,12 +354,6 @@ def test_published_values_are_the_papers(paper):
     assert said["highlight", HEBBIAN, "right"] == 0
 
 
-def test_a_missing_published_value_is_named(paper):
-    broken = {**paper, "table2": {**paper["table2"], "cells": [{"scenario": "base", "controller": "GA", "left": {}}]}}
-    with pytest.raises(ValueError, match=r"table2: every cell needs .*right"):
-        published.published_values(broken)
-
-
 def test_comparison_puts_ours_beside_theirs(paper):
     values = published.published_values(paper)
     found = published.compare(values, EACH, {"obstacles": "a"}).set_index(["scenario", "controller", "side", "metric"])
@@ -351,3 +362,11 @@ def test_comparison_puts_ours_beside_theirs(paper):
     assert cell.relative_deviation == pytest.approx(100 / 213.82 - 1)
     text = published.to_markdown(found.reset_index(), of_all=False)
     assert "| **Time-to-Goal (s)** | 100.00 (213.82) |" in text
+
+
+def test_the_page_of_a_report_has_no_style_but_its_own_and_numbers_end_at_the_right():
+    table = "| scenario | share | p |\n| --- | ---: | --- |\n| 2obstacles | 0.56 [0.36, 0.74] | – |\n"
+    page = report.html(table, lambda _: b"")
+    assert not re.search(r"<[^>]* style=", page)
+    assert '<td>2obstacles</td>\n<td class="number">0.56 [0.36, 0.74]</td>\n<td class="number">–</td>' in page
+    assert '<th>scenario</th>\n<th class="number">share</th>' in page

@@ -7,19 +7,23 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
+from cases import done, refused
 
-from epuckhebb.app import files, formats, keys
-from epuckhebb.app.cli import app
-from epuckhebb.app.config import _keys_below
-from epuckhebb.app.data import groups
-from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.analysis import evaluate, findings, reversal, summary
+from epuckhebb.analysis.evaluate import Traces
+from epuckhebb.analysis.tables import markdown_table, plain
+from epuckhebb.cli.keys import sections, title
+from epuckhebb.config import keys
+from epuckhebb.config.compose import composed
+from epuckhebb.config.compose import plain as plain_values
+from epuckhebb.config.conf import groups
+from epuckhebb.config.words import keys_below
 from epuckhebb.evolution.evolve import Generation, history_row
-from epuckhebb.sim.lifetime import empty_samples
+from epuckhebb.sim.life import empty_samples
 from epuckhebb.sim.network import PAPER_NETWORK
-from epuckhebb.study import evaluate, findings, reversal, self_checks, summary
-from epuckhebb.study.evaluate import Traces
-from epuckhebb.study.tables import markdown_table, plain
+from epuckhebb.store.columns import CHAMPION, TABLES, TRACES
+from epuckhebb.store.genome import champion_file, load_genome
+from epuckhebb.store.traces import traces_file
 
 ROOT = Path(__file__).parents[1]
 FILES, KEYS = ROOT / "docs" / "files.md", ROOT / "docs" / "keys.md"
@@ -29,7 +33,7 @@ REFERENCE = ROOT / "runs" / "reference"
 def tables():
     """The columns of every table, as sections of a page."""
     parts = []
-    for name, (told, columns) in formats.TABLES.items():
+    for name, (told, columns) in TABLES.items():
         rows = [[f"`{column}`", meaning.told] for column, meaning in columns.items()]
         parts.append(f"\n## Columns of {name}\n\n{told}\n\n{markdown_table(['column', 'what it is'], rows)}")
     return "".join(parts)
@@ -39,11 +43,11 @@ def all_keys():
     """Every group, its choices and its keys, as sections of a page."""
     parts = []
     for group in keys.all_groups():
-        parts.append(f"\n## {keys.title(group)}\n")
+        parts.append(f"\n## {title(group)}\n")
         if group.choices:
             rows = [[f"`{choice}`", plain(told)] for choice, told in group.choices.items()]
             parts.append(f"\n{markdown_table(['choice', 'what it is'], rows)}")
-        for told, own in keys.sections(group):
+        for told, own in sections(group):
             rows = [[f"`{key.name}`", f"`{key.default}`" if key.default else "", plain(key.told)] for key in own]
             table = markdown_table(["key", "default", "what it is"], rows)
             parts.append(f"\n{told}\n\n{table}" if told else f"\n{table}")
@@ -60,8 +64,8 @@ def arrays(told):
 
 def test_the_page_of_files_tells_what_the_code_tells(generated):
     generated(FILES, "tables", tables())
-    generated(FILES, "traces", arrays(formats.TRACES))
-    generated(FILES, "champion", arrays(formats.CHAMPION))
+    generated(FILES, "traces", arrays(TRACES))
+    generated(FILES, "champion", arrays(CHAMPION))
 
 
 def test_the_page_of_keys_tells_what_the_files_of_conf_tell(generated):
@@ -70,12 +74,12 @@ def test_the_page_of_keys_tells_what_the_files_of_conf_tell(generated):
 
 @pytest.mark.parametrize("verb", ["evaluate", "evolve", "reproduce", "leaderboard"])
 def test_every_key_is_told(verb):
-    told = {key.name: key.told for group in keys.all_groups() for _, own in keys.sections(group) for key in own}
+    told = {key.name: key.told for group in keys.all_groups() for _, own in sections(group) for key in own}
     assert [name for name, meaning in told.items() if not meaning] == []
     assert [name for group in keys.all_groups() for name, meaning in group.choices.items() if not meaning] == []
     names = {f"{group}.name" for group in groups(verb)}  # of files, which the program fills in
     whole = ("maze.", "robot.")  # their first keys are told, and not what a maze names below them
-    for name in set(_keys_below(composed(verb, []), "")) - names:
+    for name in set(keys_below(plain_values(composed(verb, [])))) - names:
         parent = ".".join(name.split(".")[: 2 if name.startswith(whole) else None])
         assert parent in told or any(other.startswith(f"{parent}.") for other in told) or parent in groups(verb), name
 
@@ -83,57 +87,53 @@ def test_every_key_is_told(verb):
 @pytest.mark.parametrize("words", [[], ["scenario"], ["evolve"]])
 def test_the_verb_prints_keys(words, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    result = CliRunner().invoke(app, ["keys", *words])
-    assert result.exit_code == 0, result.output
+    result = done("keys", *words)
     assert ("scenario.light" in result.stdout) == (words != ["evolve"])
     assert max(map(len, result.stdout.splitlines())) <= 80
 
 
 def test_an_unknown_group_is_refused():
-    result = CliRunner().invoke(app, ["keys", "scenery"])
-    assert result.exit_code == 2
-    assert "must be one of evaluate, evolve" in result.stderr
+    assert "must be one of evaluate, evolve" in refused("keys", "scenery")
 
 
 def test_every_column_is_told_once():
-    told = {name: list(columns) for name, (_, columns) in formats.TABLES.items()}
-    assert all(column.told for _, columns in formats.TABLES.values() for column in columns.values())
+    told = {name: list(columns) for name, (_, columns) in TABLES.items()}
+    assert all(column.told for _, columns in TABLES.values() for column in columns.values())
     assert told["metrics.csv"] == list(evaluate.COLUMNS)
     assert told["metrics.csv with task=reversal"] == list(evaluate.REWARDED)
     assert told["reversal_trials.csv"] == list(evaluate.TRIALS)
     assert told["reversal.csv"] == list(reversal.COLUMNS)
-    assert told["findings.csv"] == list(self_checks.COLUMNS)
     one = np.zeros(1)
     last = {"champion": one, "champion_fitness": 0.0, "state": {}, "robot_steps": 0, "seconds": 0.0}
     assert told["history.csv"] == list(history_row(Generation(number=0, fitness=one, success=one, **last)))
-    lifetime = pd.DataFrame([dict.fromkeys(evaluate.COLUMNS, "1")])
+    lifetime = pd.DataFrame([dict.fromkeys([*evaluate.COLUMNS, "rewarded_share"], "1")])
     assert list(summary.summary(lifetime, ["light"]))[-len(told["summary.csv"]) :] == told["summary.csv"]
     assert told["trials.csv"] == list(findings.trials(lifetime.assign(**lifetime.iloc[0, 11:20].astype(float))))
 
 
 @pytest.mark.parametrize("table", sorted(REFERENCE.rglob("*.csv")), ids=lambda table: str(table.relative_to(REFERENCE)))
 def test_the_tables_of_the_reference_results_are_told(table):
-    assert list(pd.read_csv(table, nrows=0)) == list(formats.TABLES[table.name][1])
+    assert list(pd.read_csv(table, nrows=0)) == list(TABLES[table.name][1])
 
 
 def test_every_array_of_the_traces_is_told_with_its_shape():
     one = empty_samples(5, PAPER_NETWORK)
     samples = type(one)(*(np.stack([array] * 4) for array in one))
     traces = Traces(controller=["GA"] * 4, side=["left"] * 4, samples=samples)
-    with np.load(io.BytesIO(files.traces_file(traces, np.zeros(234), PAPER_NETWORK))) as written:
-        assert set(written) == set(formats.TRACES)
+    with np.load(io.BytesIO(traces_file(traces, np.zeros(234), PAPER_NETWORK))) as written:
+        assert set(written) == set(TRACES)
         sizes = {"lifetimes": 4, "samples": 5, "inputs": 16, "synapses": 234, "layers": 6}
-        for name, array in formats.TRACES.items():
+        for name, array in TRACES.items():
             assert written[name].shape == tuple(sizes.get(size, size) for size in array.shape), name
 
 
 def test_every_array_of_a_champion_is_told():
-    genome = files.load_genome("reference", "obstacles")
-    with np.load(io.BytesIO(files.champion_file(genome, 1.0, "obstacles", 1, 2))) as written:
+    genome = load_genome("reference", "obstacles")
+    with np.load(io.BytesIO(champion_file(genome, 1.0, "obstacles", 1, 2))) as written:
         for name in written:
-            assert any(fnmatch(name, told) for told in formats.CHAMPION), name
+            assert any(fnmatch(name, told) for told in CHAMPION), name
         assert all(
             any(fnmatch(name, told) for name in written)
-            for told in formats.CHAMPION
+            for told in CHAMPION
             if told not in ("self_*", "rule", "task", "rewarded")
         )

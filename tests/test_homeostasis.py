@@ -6,19 +6,19 @@ import numpy as np
 import pandas as pd
 import pytest
 import reference
-from typer.testing import CliRunner
+from cases import done
 
-from epuckhebb.app.cli import app
 from epuckhebb.sim.adaptation.adaptation import Adaptation, hooks
 from epuckhebb.sim.adaptation.baseline import Baseline, remember
 from epuckhebb.sim.adaptation.change_signal import no_baseline
 from epuckhebb.sim.adaptation.homeostasis import PATTERNS, homeostasis_room, remember_patterns
-from epuckhebb.sim.block import Individual, live_block
+from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.lifetime import TALLY, Lifetime
+from epuckhebb.sim.life import TALLY, Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.session import Individual
 
 BRIGHT = Scenario(name="highlight", experiment="light", light=1.0, paper_duration_s=40.0)
 KEY = np.uint64(4)
@@ -32,7 +32,7 @@ def home(genomes):
 
 
 def life(genes, home, scenario=BRIGHT, controller=HOMEOSTATIC, side="left", seconds=10.0):
-    who = Individual(genes=genes, side=side, key=KEY, controller=controller, baseline=home.of(side), record=True)
+    who = Individual(genes=genes, side=side, key=KEY, controller=controller, nominal=home.of(side), record=True)
     [told] = live_block([who], scenario, Lifetime(duration_s=seconds, gain_rad_s=4, record_every=1))
     return told
 
@@ -59,7 +59,7 @@ def test_in_dimmer_light_the_scale_is_as_much_larger(genomes, home, level):
 
 def test_the_scale_finds_the_level_of_the_light(home):
     """A robot that stands where it has been at home, in light of 0.4 times home's, looking about."""
-    scale, room = hooks("none", EPUCK, homeostatic=True).scale, homeostasis_room(EPUCK.lights)
+    scale, room = hooks("none", EPUCK, homeostatic=True).scale, homeostasis_room(EPUCK.light.count)
     tally, rng = np.zeros(1, TALLY).view(np.recarray), np.random.default_rng(3)
     tally["scale"] = 1.0
     for step in range(2000):
@@ -82,7 +82,7 @@ def test_a_scale_that_explains_nothing_is_not_used(genomes, home):
 def test_agrees_with_the_oracle(genomes, home, world):
     world = replace(BRIGHT, **world)
     outcome, samples = life(genomes[0], home, world, side="right")
-    robot = reference.Robot(genomes[0], world, "right", HOMEOSTATIC, gain=4, key=KEY, baseline=home.of("right"))
+    robot = reference.Robot(genomes[0], world, "right", HOMEOSTATIC, gain=4, key=KEY, nominal=home.of("right"))
     expected, steps = reference.live(robot, len(samples.time))
     np.testing.assert_allclose(samples.sensors, [s[3] for s in steps], rtol=0, atol=1e-6)
     np.testing.assert_allclose(samples.pose, [s[:3] for s in steps], rtol=0, atol=1e-7)
@@ -98,18 +98,16 @@ def test_patterns_are_remembered(home):
     assert novelty == 0.01  # the noise of a light sensor is no news
 
 
-def test_as_a_user_meets_it(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("here")
+def test_as_a_user_meets_it():
     words = ["scenario=lowlight", "adaptation=homeostasis", "repeats=1", "lifetime.duration_s=2", "hydra.run.dir=run"]
-    result = CliRunner().invoke(app, ["evaluate", *words])
-    assert result.exit_code == 0, result.output
-    assert "does not remember what the light looks like" in result.output
+    done("evaluate", *words)
     rows = pd.read_csv("run/metrics.csv")
     assert set(rows.controller) == {"GA", "homeostasis"}
 
 
 def test_what_cannot_be_is_refused(genomes, home):
-    who = Individual(genes=genomes[0], side="left", key=KEY, controller=HOMEOSTATIC, baseline=no_baseline(16))
+    who = Individual(genes=genomes[0], side="left", key=KEY, controller=HOMEOSTATIC, nominal=no_baseline(16))
     with pytest.raises(ValueError, match="64 patterns of 8 light sensors"):
         live_block([who], BRIGHT, Lifetime(duration_s=1))
     told = {name: getattr(home, name) for name in Baseline.__dataclass_fields__}

@@ -3,8 +3,8 @@
 from hydra._internal import config_repository, defaults_list
 from omegaconf import OmegaConf
 
-from epuckhebb.app import hydra_files
-from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.config import hydra_cache
+from epuckhebb.config.compose import composed
 
 ASKED = [
     ("evaluate", []),
@@ -66,6 +66,6 @@ def test_an_interpolation_in_a_list_of_defaults_is_resolved(tmp_path):
 def test_another_hydra_is_left_as_it_is(monkeypatch):
     monkeypatch.setattr(config_repository, "ConfigRepository", type("Other", (), {}))
     monkeypatch.delattr(defaults_list, "_create_interpolation_map", raising=False)
-    hydra_files.parse_once()
+    hydra_cache.parse_once()
     assert not hasattr(defaults_list, "_create_interpolation_map")
     assert not hasattr(config_repository.ConfigRepository, "load_config")

@@ -5,10 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from cases import first_of
-from typer.testing import CliRunner
-
-from epuckhebb.app.cli import app
+from cases import call, done, first_of
 
 MY_RULE = Path(__file__).parents[1] / "examples" / "own_rule" / "my_rules.py"
 THREE = ["sweep", "obstacles", "lifetime.duration_s=3", "repeats=2", "hydra.sweep.dir=out"]
@@ -16,11 +13,10 @@ THREE = ["sweep", "obstacles", "lifetime.duration_s=3", "repeats=2", "hydra.swee
 
 def sweep_on(launcher, folder, *words, scenarios=("base", "2obstacles", "4obstacles")):
     words = (*words, f"scenario={','.join(scenarios)}")
-    result = CliRunner().invoke(app, [*THREE, f"hydra/launcher={launcher}", *words])
-    assert result.exit_code == 0, result.output
+    done(*THREE, f"hydra/launcher={launcher}", *words)
     rows = pd.read_csv(folder / "out" / "sweep.csv")
     assert tuple(rows.scenario.unique()) == scenarios
-    again = CliRunner().invoke(app, [*THREE, f"hydra/launcher={launcher}", *words])
+    again = call(*THREE, f"hydra/launcher={launcher}", *words)
     assert f"{len(scenarios)} done before, 0 to do" in again.stderr
     return (folder / "out" / "sweep.csv").read_bytes()
 
@@ -33,16 +29,14 @@ def sweep_by_a_rule_of_ones_own_on(launcher, folder, *words, **more):
 
 @pytest.mark.slurm
 @pytest.mark.filterwarnings("default")
-def test_a_rule_of_ones_own_on_slurm(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    sweep_by_a_rule_of_ones_own_on("slurm", tmp_path, "hydra.launcher.mem_gb=1")
+def test_a_rule_of_ones_own_on_slurm(here):
+    sweep_by_a_rule_of_ones_own_on("slurm", here, "hydra.launcher.mem_gb=1")
 
 
 @pytest.mark.ray
 @pytest.mark.filterwarnings("default")
-def test_a_rule_of_ones_own_on_ray(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    sweep_by_a_rule_of_ones_own_on("ray_local", tmp_path)
+def test_a_rule_of_ones_own_on_ray(here):
+    sweep_by_a_rule_of_ones_own_on("ray_local", here)
 
 
 @pytest.mark.parametrize("launcher", first_of(["joblib", "submitit_local"]))
@@ -56,17 +50,15 @@ def test_a_rule_of_ones_own_on_this_machine(tmp_path, monkeypatch, launcher):
 @pytest.mark.slurm
 @pytest.mark.filterwarnings("default")  # submitit warns that this cluster keeps no accounts
 @pytest.mark.parametrize("launcher", ["submitit_slurm", "slurm"])
-def test_three_jobs_on_slurm(tmp_path, monkeypatch, launcher):
-    monkeypatch.chdir(tmp_path)
-    table = sweep_on(launcher, tmp_path, "hydra.launcher.mem_gb=1")
-    submitted = {path.name.partition("_")[0] for path in (tmp_path / "out" / ".submitit").glob("[0-9]*")}
+def test_three_jobs_on_slurm(here, monkeypatch, launcher):
+    table = sweep_on(launcher, here, "hydra.launcher.mem_gb=1")
+    submitted = {path.name.partition("_")[0] for path in (here / "out" / ".submitit").glob("[0-9]*")}
     assert len(submitted) == 1, submitted  # one array of three jobs
-    monkeypatch.chdir(tmp_path / "out")
-    assert sweep_on("basic", tmp_path / "out") == table
+    monkeypatch.chdir(here / "out")
+    assert sweep_on("basic", here / "out") == table
 
 
 @pytest.mark.ray
 @pytest.mark.filterwarnings("default")  # Ray leaves sockets open
-def test_three_jobs_on_ray(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    sweep_on("ray_local", tmp_path)
+def test_three_jobs_on_ray(here):
+    sweep_on("ray_local", here)

@@ -8,19 +8,23 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from cases import first_of
-from typer.testing import CliRunner
+from cases import call, done, first_of, refused
 
-from epuckhebb.app import data, formats, hydra_bridge, leaderboard, leaderboard_plan, method, runs
-from epuckhebb.app.cli import app
-from epuckhebb.app.config import EvolveConfig, typed
-from epuckhebb.app.data import data_folder, groups
-from epuckhebb.app.errors import ConfigError
-from epuckhebb.app.method import in_reversal, methods_named
+from epuckhebb.analysis import leaderboard as board
+from epuckhebb.cli import completion
+from epuckhebb.config import compose
+from epuckhebb.config import methods as known_methods
+from epuckhebb.config.conf import groups
+from epuckhebb.config.methods import methods_named
+from epuckhebb.config.schema import EvolveConfig, typed
 from epuckhebb.evolution.training import HOME, Training
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.tasks.reversal import Reversal
-from epuckhebb.study import leaderboard as board
+from epuckhebb.store import columns
+from epuckhebb.studies import leaderboard, leaderboard_jobs, leaderboard_plan
+from epuckhebb.studies.leaderboard_plan import in_reversal
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
@@ -54,8 +58,8 @@ hydra:
     params:
       scenario: base, 4obstacles, base_half
 """
-ASKED = ["obstacles", "tests=[few]", "champions=2", "repeats=1", "hydra/launcher=basic"]
-MADE = [*ASKED, "methods=learns,only_rule,oja_over"]
+ASKED = ["leaderboard", "obstacles", "tests=[few]", "champions=2", "repeats=1", "hydra/launcher=basic"]
+MADE = [*ASKED, "methods=learns,only_rule,oja_over", "--config-dir"]
 
 
 @pytest.fixture(scope="module")
@@ -71,17 +75,10 @@ def conf(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def call(conf):
-    """Call the verb with these methods."""
-    return lambda *words: CliRunner().invoke(app, ["leaderboard", *words, "--config-dir", str(conf)])
-
-
-@pytest.fixture(scope="module")
-def made(call, tmp_path_factory):
+def made(conf, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("leaderboard"))
-        result = call(*MADE)
-        assert result.exit_code == 0, result.output
+        result = done(*MADE, conf)
         (folder,) = (tmp_path_factory.getbasetemp() / "leaderboard0" / "runs" / "leaderboard").iterdir()
         yield folder, result
 
@@ -105,7 +102,7 @@ def test_it_leaves_tables_a_figure_and_a_page(made):
     names = {file.name for file in folder.iterdir()}
     assert {"leaderboard.csv", "leaderboard.md", "champions.csv", "worlds.csv", "cost.csv", "report.md"} <= names
     for table in folder.glob("*.csv"):
-        assert list(pd.read_csv(table, nrows=0)) == list(formats.TABLES[table.name][1])
+        assert list(pd.read_csv(table, nrows=0)) == list(columns.TABLES[table.name][1])
     assert (folder / "figures" / "leaderboard.png").read_bytes().startswith(b"\x89PNG")
     page = (folder / "report.html").read_text()
     assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
@@ -183,9 +180,9 @@ def test_off_is_the_twin_where_something_is_laid_over(made):
 
 
 @pytest.mark.thorough
-def test_a_row_of_the_users_own_does_only_what_is_missing(copy, call, tmp_path):
+def test_a_row_of_the_users_own_does_only_what_is_missing(copy, conf, here):
     before, stamps = promised(copy), {file: file.stat().st_mtime_ns for file in copy.glob("*/metrics.csv")}
-    (tmp_path / "mine.py").write_text(
+    (here / "mine.py").write_text(
         "from epuckhebb import Rule\n"
         "class Forgets(Rule):\n"
         "    '''A weight goes back to 0.'''\n"
@@ -193,12 +190,12 @@ def test_a_row_of_the_users_own_does_only_what_is_missing(copy, call, tmp_path):
         "    def synapse(weight):\n"
         "        return -weight\n"
     )
-    listed = json.loads(call(*ASKED, "methods=mine.py:Forgets", "--dry-run", "--json").stdout)["jobs"]
+    words = [*ASKED, "methods=mine.py:Forgets", "--dry-run", "--json", "--config-dir", conf]
+    listed = json.loads(done(*words).stdout)["jobs"]
     assert [job["done"] for job in listed] == [False] * 6  # two champions of the GA, their lives, those with the rule
     (method,) = methods_named(["mine.py:Forgets"], [data_folder("conf")])[1:]
     assert (method.over, method.told) == ("ga", "a rule of mine.py, laid over")
-    result = call(*MADE[:-1], "methods=learns,only_rule,oja_over", "champions=2")
-    assert result.exit_code == 0, result.output
+    done(*MADE, conf)
     assert promised(copy) == before
     assert {file: file.stat().st_mtime_ns for file in copy.glob("*/metrics.csv")} == stamps
 
@@ -211,7 +208,7 @@ def test_a_rule_that_evolves_something_is_evolved():
 
 
 @pytest.mark.thorough
-def test_what_was_damaged_or_lost_is_made_again_and_the_rest_is_kept(copy, call):
+def test_what_was_damaged_or_lost_is_made_again_and_the_rest_is_kept(copy, conf):
     before = promised(copy)
     champions = pd.read_csv(copy / "champions.csv")
     kept = copy / champions.test[0] / "metrics.csv"
@@ -222,14 +219,13 @@ def test_what_was_damaged_or_lost_is_made_again_and_the_rest_is_kept(copy, call)
     (copy / champions.test[3] / "metrics.csv").write_text("half a f")
     (copy / champions.test[4] / "status.json").unlink()
     (copy / "leaderboard.csv").unlink()
-    result = call(*MADE)
-    assert result.exit_code == 0, result.output
+    done(*MADE, conf)
     assert promised(copy) == before
     assert kept.stat().st_mtime_ns == stamp
 
 
 @pytest.mark.thorough
-def test_interrupted_it_goes_on_to_the_same_bytes(copy, call, made, monkeypatch):
+def test_interrupted_it_goes_on_to_the_same_bytes(copy, conf, made, monkeypatch):
     for run in copy.glob("test_*"):
         shutil.rmtree(run)
     live, seen = leaderboard._live, []
@@ -242,36 +238,25 @@ def test_interrupted_it_goes_on_to_the_same_bytes(copy, call, made, monkeypatch)
 
     with monkeypatch.context() as patch:
         patch.setattr(leaderboard, "_live", stop)
-        result = call(*MADE)
+        result = call(*MADE, conf)
     assert result.exit_code == 130
     assert "8 of 14 jobs are done; the same command does the rest" in result.stderr
-    shown = CliRunner().invoke(app, ["show", str(copy)])
-    assert shown.exit_code == 0, shown.output
+    shown = done("show", copy)
     assert "interrupted" in shown.stdout
-    result = call(*MADE)
-    assert result.exit_code == 0, result.output
+    result = done(*MADE, conf)
     assert "test champions: 8 jobs, 2 done before, 6 to do." in result.stderr
     assert promised(copy) == promised(made[0])
 
 
-def test_two_calls_do_not_work_in_one_folder(copy, call):
-    held = runs.hold(copy)
-    result = call(*MADE)
-    runs.release(held)
-    assert result.exit_code == 2
-    assert f"another process is working on runs/leaderboard/{copy.name}" in result.stderr
-
-
 def test_show_tells_of_it(made):
     folder, _ = made
-    shown = CliRunner().invoke(app, ["show", str(folder)])
-    assert shown.exit_code == 0, shown.output
+    shown = done("show", folder)
     assert "oja_over" in shown.stdout
     assert "--config-dir" in shown.stdout
-    rows = json.loads(CliRunner().invoke(app, ["show", str(folder), "--json"]).stdout)["leaderboard"]
+    rows = json.loads(call("show", folder, "--json").stdout)["leaderboard"]
     assert {row["method"] for row in rows} == {"tiny", "learns", "only_rule", "oja_over"}
     run = next(folder.glob("test_*"))
-    assert CliRunner().invoke(app, ["show", str(run)]).exit_code == 0
+    done("show", run)
 
 
 # Reversal learning
@@ -282,38 +267,36 @@ def short(monkeypatch):
     """Lives of the task have two short trials, and four of them evolve."""
     lives = {"trials": 2, "first_switch": 2, "last_switch": 2, "reward_s": 0.1, "time_out_s": 1.0}
     monkeypatch.setattr(
-        method, "REVERSAL_TASK", {"task": "reversal"} | {f"task.{key}": value for key, value in lives.items()}
+        known_methods, "REVERSAL_TASK", {"task": "reversal"} | {f"task.{key}": value for key, value in lives.items()}
     )
-    monkeypatch.setattr(leaderboard_plan, "REVERSAL_TASK", method.REVERSAL_TASK)
+    monkeypatch.setattr(leaderboard_jobs, "REVERSAL_TASK", known_methods.REVERSAL_TASK)
     evolution = {"population": 4, "generations": 2, "elites": 1, "loops": 1}
     monkeypatch.setattr(
-        method, "_REVERSAL_GA", {"ga": "reversal"} | {f"ga.{key}": value for key, value in evolution.items()}
+        leaderboard_plan, "_REVERSAL_GA", {"ga": "reversal"} | {f"ga.{key}": value for key, value in evolution.items()}
     )
 
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("short")
-def test_reversal_learning_compares_rules(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_reversal_learning_compares_rules(here):
     words = ["leaderboard", "reversal", "methods=modulated", "champions=1", "reversal_repeats=2"]
     words += ["hydra/launcher=basic", "hydra.sweep.dir=board"]
-    result = CliRunner().invoke(app, words)
-    assert result.exit_code == 0, result.output
+    result = done(*words)
     assert "Reversal learning" in result.stdout
-    champions = pd.read_csv(tmp_path / "board" / "champions.csv").set_index("method")
-    table = pd.read_csv(tmp_path / "board" / "leaderboard.csv").set_index("method")
+    champions = pd.read_csv(here / "board" / "champions.csv").set_index("method")
+    table = pd.read_csv(here / "board" / "leaderboard.csv").set_index("method")
     assert table.kind.to_dict() == {"ga": "plain", "modulated": "evolved"}
     assert table.twin.fillna("").to_dict() == {"ga": "", "modulated": "ga"}
     assert set(table.trials) == {2 * 2 * 2}
     for name, own in champions.iterrows():
-        lived = pd.read_csv(tmp_path / "board" / own.test / "metrics.csv")
+        lived = pd.read_csv(here / "board" / own.test / "metrics.csv")
         rewarded = lived.groupby("controller", sort=False).rewarded_share.sum() * 2
         assert own.successes == rewarded.iloc[1 if len(rewarded) > 1 else 0]
         assert np.isnan(own.successes_inverted) == (name != "modulated")
         if name == "modulated":
             assert list(rewarded.index) == ["GA", "modulated", "modulated (reward inverted)"]
             assert (own.successes_off, own.successes_inverted) == (rewarded.iloc[0], rewarded.iloc[2])
-    page = (tmp_path / "board" / "report.md").read_text()
+    page = (here / "board" / "report.md").read_text()
     assert "| reward inverted |" in page
     assert "4 new lives of every champion in reversal learning" in page
 
@@ -336,11 +319,10 @@ def test_the_share_of_a_learner_by_hand():
 
 
 @pytest.mark.parametrize("methods", first_of(["best", "ga_varied,best"]))
-def test_what_has_no_place_in_reversal_learning_is_refused(methods, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_what_has_no_place_in_reversal_learning_is_refused(methods, here):
     with pytest.raises(ConfigError, match="none has a place in reversal learning"):
         leaderboard_plan.plan("reversal", [f"methods={methods}"])
-    assert list(tmp_path.iterdir()) == []
+    assert list(here.iterdir()) == []
 
 
 def test_methods_that_differ_in_training_or_optimizer_alone_are_one_in_reversal_learning():
@@ -357,14 +339,13 @@ def test_methods_that_differ_in_training_or_optimizer_alone_are_one_in_reversal_
 
 
 def test_the_tab_key_offers_methods():
-    assert "methods=modulated" in data.complete_override("leaderboard", "meth")
-    assert data.complete_override("leaderboard", "methods=abcd_s") == ["methods=abcd_shared"]
-    assert not [offer for offer in data.complete_override("leaderboard", "") if offer.startswith("method=")]
+    assert "methods=modulated" in completion.complete_override("leaderboard", "meth")
+    assert completion.complete_override("leaderboard", "methods=abcd_s") == ["methods=abcd_shared"]
+    assert not [offer for offer in completion.complete_override("leaderboard", "") if offer.startswith("method=")]
 
 
 @pytest.mark.thorough
-def test_every_method_of_the_program_can_be_planned_and_says_what_it_is(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_every_method_of_the_program_can_be_planned_and_says_what_it_is(here):
     planned = leaderboard_plan.plan("obstacles", ["champions=1"])
     methods = [entry.method for entry in planned.entries]
     assert sorted(method.name for method in methods) == groups("leaderboard")["method"]
@@ -373,7 +354,7 @@ def test_every_method_of_the_program_can_be_planned_and_says_what_it_is(tmp_path
     assert (kinds["ga"], kinds["evolve_and_merge"], kinds["best"]) == ("plain", "evolved", "laid over")
     assert len(planned.tests["obstacles"]) == 8 + 29
     assert len({job.run for job in planned.jobs}) == len(planned.jobs)
-    assert list(tmp_path.iterdir()) == []
+    assert list(here.iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -400,9 +381,9 @@ def test_whether_a_world_of_training_can_be_a_test(training, world, can):
 def test_no_training_of_the_program_can_be_a_test():
     """As planning would say; here for all worlds that the program tests with and trains in."""
     for experiment, home in TRAINED.items():
-        tests = leaderboard_plan.tests_of(["rescue", "rescue_new_kinds"], None)[experiment]
-        trained = leaderboard_plan.world_named(home, None)
-        trainings = [hydra_bridge.composed("evolve", [f"training={name}"]) for name in ("home", "varied")]
+        tests = leaderboard_jobs.tests_of(["rescue", "rescue_new_kinds"], None)[experiment]
+        trained = leaderboard_jobs.world_named(home, None)
+        trainings = [compose.composed("evolve", [f"training={name}"]) for name in ("home", "varied")]
         for cfg in trainings:
             training = typed(cfg, EvolveConfig).training
             assert not any(board.can_be(trained, training, world) for world in tests.values())
@@ -508,34 +489,15 @@ BAD = {
 
 
 @pytest.mark.parametrize("mistake", BAD)
-def test_a_mistake_gets_one_message_and_leaves_nothing(mistake, call, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_a_mistake_gets_one_message_and_leaves_nothing(mistake, conf, here):
     words, expected = BAD[mistake]
-    result = call(*ASKED, *words)
-    assert result.exit_code == 2, result.output
+    result = refused(*ASKED, *words, "--config-dir", conf)
     for text in expected:
-        assert text in result.stderr
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_an_experiment_that_is_none_is_refused(call):
-    result = call("sound")
-    assert result.exit_code == 2
-    assert "sound is no experiment; it must be one of light, obstacles, reversal, several of them" in result.stderr
-    assert call("light,", "champions=2").exit_code == 2
+        assert text in result
+    assert list(here.iterdir()) == []
 
 
 def test_several_experiments_stand_in_one_table():
     planned = leaderboard_plan.plan("obstacles,light", ["methods=ga", "champions=2"])
     assert [entry.row.experiment for entry in planned.entries] == ["light", "obstacles"]
     assert planned.folder == leaderboard_plan.plan("light", ["methods=ga", "champions=2"]).folder
-
-
-def test_a_folder_of_somebody_else_is_refused(call, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "there").mkdir()
-    (tmp_path / "there" / "thesis.tex").write_text("x")
-    result = call(*MADE, "hydra.sweep.dir=there")
-    assert result.exit_code == 2
-    assert "nothing there is touched" in result.stderr
-    assert [file.name for file in (tmp_path / "there").iterdir()] == ["thesis.tex"]

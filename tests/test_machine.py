@@ -2,6 +2,7 @@
 
 import errno
 import importlib
+import io
 import os
 import pwd
 import subprocess
@@ -10,22 +11,17 @@ from pathlib import Path
 
 import filelock
 import pytest
-from typer.testing import CliRunner
+from cases import call, refused
+from rich.console import Console
 
-from epuckhebb.app import machine, runs
-from epuckhebb.app.cli import app
-from epuckhebb.app.config import thread_count
-from epuckhebb.app.errors import USAGE, ConfigError
-from epuckhebb.app.machine import path_of
-from epuckhebb.app.runs import RunFolder
+from epuckhebb.runtime import resources
+from epuckhebb.runtime.console import is_of_output
+from epuckhebb.runtime.errors import JOB_FAILED, USAGE, ConfigError
+from epuckhebb.runtime.resources import path_of, thread_count
+from epuckhebb.store import disk
+from epuckhebb.store.folder import RunFolder
 
 compiled = importlib.import_module("epuckhebb.sim.compiled")
-
-
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 @pytest.fixture
@@ -57,23 +53,6 @@ def test_where_kernels_are_kept(monkeypatch, here):
     assert compiled._cache_folder("name") == here / "numba" / "kernel-name"
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["evaluate", "genome='~nosuchuser/x'"],
-        ["evaluate", "hebbian.rule='~nosuchuser/x.py:Rule'"],
-        ["evaluate", "-m", "hebbian.rule='~nosuchuser/x.py:Rule'", "seed=1,2"],
-        ["evolve", "resume=~nosuchuser/x"],
-        ["reproduce", "genome='~nosuchuser/x'"],
-    ],
-)
-def test_the_home_of_nobody(here, words):
-    told = CliRunner().invoke(app, words)
-    assert told.exit_code == USAGE, told.output
-    assert "no home folder is known for ~nosuchuser" in told.stderr
-    assert list(here.iterdir()) == []
-
-
 def test_cores_are_those_that_this_process_may_use(monkeypatch):
     monkeypatch.setenv("LOKY_MAX_CPU_COUNT", "1")
     assert thread_count(0) == 1
@@ -82,12 +61,12 @@ def test_cores_are_those_that_this_process_may_use(monkeypatch):
 
 @pytest.mark.parametrize(("said", "limit"), [("1000000\n", 1_000_000), ("max\n", None)])
 def test_memory_is_that_of_the_container(monkeypatch, here, said, limit):
-    monkeypatch.setattr(machine, "_LIMITS", (str(here / "none"),))
-    whole = machine.memory()
+    monkeypatch.setattr(resources, "_LIMITS", (str(here / "none"),))
+    whole = resources.memory()
     assert whole > 2**28
     (here / "memory.max").write_text(said, encoding="utf-8")
-    monkeypatch.setattr(machine, "_LIMITS", (str(here / "none"), str(here / "memory.max")))
-    assert machine.memory() == (limit or whole)
+    monkeypatch.setattr(resources, "_LIMITS", (str(here / "none"), str(here / "memory.max")))
+    assert resources.memory() == (limit or whole)
 
 
 TOO_MUCH = {
@@ -103,58 +82,72 @@ TOO_MUCH = {
 
 @pytest.mark.parametrize("what", TOO_MUCH)
 def test_what_there_is_no_memory_for_is_refused(here, monkeypatch, what):
-    monkeypatch.setattr(machine, "memory", lambda: 2**30)
+    monkeypatch.setattr(resources, "memory", lambda: 2**30)
     words, remedy = TOO_MUCH[what]
-    told = CliRunner().invoke(app, words)
-    assert told.exit_code == USAGE, told.output
-    assert "GiB of memory, and there are 1.0 GiB" in told.stderr
-    assert remedy in told.stderr
-    assert list(here.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (["evolve", "ga.tournament=100000000000"], "ga.tournament must lie between 1 and 100000, got 100000000000"),
-        (["evaluate", "threads=1000000"], "threads must lie between 0 (one for each core) and 1024, got 1000000"),
-        (["evaluate", "lifetime.duration_s=1e300"], "lifetime.duration_s must be at least one step"),
-        (["evaluate", "-m", "seed=range(1,1000000000)"], "at most 100000 jobs can be asked for in one call"),
-        (["sweep", "n_sweep", "seed=range(1,1000)", "repeats=range(1,1000)"], "at most 100000 jobs"),
-    ],
-)
-def test_what_no_machine_could_do_is_refused(here, words, told):
-    result = CliRunner().invoke(app, words)
-    assert result.exit_code == USAGE, result.output
-    assert told in result.stderr
+    told = refused(*words)
+    assert "GiB of memory, and there are 1.0 GiB" in told
+    assert remedy in told
     assert list(here.iterdir()) == []
 
 
 def test_a_folder_is_held_by_one_and_nothing_stays_there(here):
-    held = runs.hold(here)
-    assert runs.is_held(here)
+    held = disk.lock(here)
+    assert disk.is_locked(here)
     with pytest.raises(BlockingIOError):
-        runs.hold(here)
-    runs.release(held)
-    assert not runs.is_held(here)
+        disk.lock(here)
+    disk.release(held)
+    assert not disk.is_locked(here)
     assert list(here.iterdir()) == []
-    assert not runs.is_held(here / "nowhere")
+    assert not disk.is_locked(here / "nowhere")
 
 
 def test_the_system_lets_go_of_a_folder_when_its_process_is_killed(here):
     hold = "import filelock, os, sys; lock = filelock.FileLock(sys.argv[1]); lock.acquire(); os.kill(os.getpid(), 9)"
-    subprocess.run([sys.executable, "-c", hold, str(here / runs._LOCK)], check=False)
-    assert [path.name for path in here.iterdir()] == [runs._LOCK]
-    assert not runs.is_held(here)
-    with RunFolder.going_on(here, "sweep", None, [], {}):  # what it left is known as ours
-        assert runs.is_held(here)
+    subprocess.run([sys.executable, "-c", hold, str(here / disk.LOCK)], check=False)
+    assert [path.name for path in here.iterdir()] == [disk.LOCK]
+    assert not disk.is_locked(here)
+    with RunFolder.resume(here, "sweep", None, [], {}):  # what it left is known as ours
+        assert disk.is_locked(here)
 
 
 @pytest.mark.usefixtures("here")
 def test_a_file_system_without_locks_is_not_fatal(monkeypatch):
     def acquire(lock):
-        assert lock.lock_file == runs._LOCK
+        assert lock.lock_file == disk.LOCK
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     monkeypatch.setattr(filelock.FileLock, "acquire", acquire)
-    assert runs.hold(Path()) is None
-    runs.release(None)
+    assert disk.lock(Path()) is None
+    disk.release(None)
+
+
+@pytest.mark.parametrize(
+    "setting", ["NUMBA_DISABLE_JIT=1", "NUMBA_DEBUGINFO=1", "NUMBA_NUM_THREADS=0", "NUMBA_NUM_THREADS=-2"]
+)
+def test_what_breaks_the_compiler_is_named_and_nothing_runs(monkeypatch, here, setting):
+    """Without it, it would live without physics, and say that it had finished."""
+    monkeypatch.setenv(*setting.split("="))
+    assert f"{setting} is set" in refused("evaluate", "repeats=1")
+    assert not list(here.iterdir())
+
+
+def test_a_current_folder_that_is_gone_is_named(monkeypatch, tmp_path):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    told = call("evaluate", "repeats=1")
+    assert (told.exit_code, told.stderr.startswith("Error: the current folder is gone")) == (USAGE, True)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has a device that is always full")
+def test_an_output_that_takes_nothing_is_named():
+    with Path("/dev/full").open("wb", buffering=0) as full:
+        told = subprocess.run(
+            [sys.executable, "-m", "epuckhebb", "--help"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+        with pytest.raises(OSError, match="No space left") as error:
+            Console(file=io.TextIOWrapper(full, write_through=True)).print("a table")
+    assert told.returncode == JOB_FAILED
+    assert told.stderr == "Error: the output cannot be written: No space left on device\n"
+    assert is_of_output(error.value)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from epuckhebb.sim import robot as robots
+from epuckhebb.sim import sensors
 from epuckhebb.sim.lifetime import is_in
 from epuckhebb.sim.maze import (
     SIDES,
@@ -18,11 +18,11 @@ from epuckhebb.sim.maze import (
     Pose,
     Region,
     boxes,
-    check_reachable,
-    gap,
 )
+from epuckhebb.sim.reachable import check_reachable, gap
 from epuckhebb.sim.robot import EPUCK, Robot
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.sensors import DistanceSensors, LightSensors
 
 
 @pytest.mark.parametrize(("side", "sign"), [("left", -1), ("right", 1)])
@@ -75,22 +75,17 @@ def other(**values):
     [
         ({"walls": {}}, r"maze\.walls must hold one"),
         ({"walls": {"thin": Box(0, 0, 0.1, 0.0)}}, r"maze\.walls\.thin must be x, y, width and height"),
-        ({"walls": {"lost": Box(0, math.nan, 0.1, 0.1)}}, r"maze\.walls\.lost must"),
         ({"obstacles": {"stem_left": Box(0, 0, 0.1, 0.1)}}, r"different names, both have stem_left"),
-        ({"obstacle_counts": ()}, r"maze\.obstacle_counts must lie between 0 and the 4"),
         ({"obstacle_counts": (0, 5)}, r"maze\.obstacle_counts must .* got \[0, 5\]"),
         ({"goals": {"left": Place(0, 0)}}, r"maze\.goals must have one for each of left, right, got \['left'\]"),
         ({"goals": {"left": Place(0, 0), "right": Place(0.6, 0)}}, r"maze\.goals\.right must lie in the arena"),
-        ({"goals": {"left": Place(0, math.nan), "right": Place(0, 0)}}, r"maze\.goals\.left must lie"),
         ({"arms": {"left": Region()}}, r"maze\.arms must have"),
         ({"arms": {"left": Region(), "right": Region(left=1, right=0)}}, r"maze\.arms\.right must have left below"),
         ({"start": Pose(0, -0.7, 0)}, r"maze\.start must lie in the arena"),
         ({"start": Pose(0, 0, math.inf)}, r"maze\.start\.heading"),
-        ({"arena_m": 0.0}, r"maze\.arena_m must"),
         ({"arena_m": 11.0}, r"maze\.arena_m must be more than 0 and at most 10"),
         ({"goal_radius_m": 0.0}, r"maze\.goal_radius_m must"),
         ({"niches": (Niche("z", (0, 1), (0, 1), (0, 1), (0, 1)),)}, r"maze\.niches\[0\] must run along x or y"),
-        ({"niches": (Niche("x", (1, 0), (0, 1), (0, 1), (0, 1)),)}, r"maze\.niches\[0\] must"),
     ],
 )
 def test_impossible_mazes_are_refused(values, message):
@@ -114,16 +109,18 @@ def test_impossible_mazes_are_refused(values, message):
         ({"walls": {**T_MAZE.walls, "narrow": Box(0.2, 0.12, 0.02, 0.06)}}, r"goal of the right"),
     ],
 )
-def test_scenarios_in_which_no_robot_can_get_to_a_goal_are_refused(values, message):
+def test_scenarios_in_which_no_robot_can_get_to_a_goal_are_refused_when_checked(values, message):
+    world = Scenario(maze=other(**values))
     with pytest.raises(ValueError, match=message):
-        Scenario(maze=other(**values))
+        world.check()
 
 
 def test_what_a_small_robot_can_reach_a_large_one_cannot():
     tight = other(walls={**T_MAZE.walls, "narrow": Box(0.2, 0.12, 0.02, 0.06)})
-    sensor = robots.Place(0.0, 0.0, 0.0)
-    small = Robot(name="small", radius_m=0.03, light_places=(sensor,), distance_places=(sensor,))
-    assert Scenario(maze=tight, robot=small).maze is tight
+    ahead = (sensors.Place(0.0, 0.0, 0.0),)
+    groups = LightSensors(places=ahead), DistanceSensors(places=ahead)
+    small = Robot(name="small", radius_m=0.03, sensors=groups)
+    Scenario(maze=tight, robot=small).check()
 
 
 def test_a_layout_needs_niches_and_obstacles_are_counted():

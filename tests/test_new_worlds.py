@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
-from epuckhebb.app.config import EvaluateConfig, EvolveConfig, typed
-from epuckhebb.app.data import data_folder, groups
-from epuckhebb.app.hydra_bridge import composed
-from epuckhebb.app.named import maze_asked, maze_brought, scenario_of
+from epuckhebb.config.compose import composed
+from epuckhebb.config.conf import groups
+from epuckhebb.config.names import maze_asked, maze_brought, scenario_of
+from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
+from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.maze import SIDES, T_MAZE
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from epuckhebb.app.cli import app
+from epuckhebb.cli.verbs import app
 
 ROOT = Path(__file__).parents[1]
 TINY = ["lifetime.duration_s=3", "-q"]
@@ -49,7 +49,8 @@ def built(tmp_path_factory):
 def data():
     conf = {f"conf/{file.relative_to(ROOT / 'conf')}" for file in (ROOT / "conf").rglob("*.yaml")}
     champions = {f"runs/reference/champions/{file.name}" for file in (ROOT / "runs/reference/champions").glob("*.npz")}
-    return conf | champions | {f"runs/reference/champion_{name}.npz" for name in ("light", "obstacles")}
+    showcases = {f"runs/reference/champion_{name}.npz" for name in ("light", "obstacles")}
+    return conf | champions | showcases | {"runs/reference/success.csv"}
 
 
 def test_both_hold_the_configuration_and_the_champions(built):

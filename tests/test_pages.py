@@ -9,10 +9,9 @@ import webbrowser
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from cases import call, done
 
-from epuckhebb.app import hydra_bridge, notebook
-from epuckhebb.app.cli import app
+from epuckhebb import api
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
@@ -31,11 +30,7 @@ BRIEF = {
     "keys": [],
     "export": [],
 }
-BRIEF_TASK = [
-    "task.trials=2",
-    "task.last_switch=2",
-    "task.time_out_s=1",
-]  # their number and time say how long a life is
+BRIEF_TASK = ["task.trials=2", "task.last_switch=2", "task.time_out_s=1"]  # these say how long a life is
 BRIEF_GA = ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=1"]
 
 
@@ -83,29 +78,11 @@ def test_the_commands_of_the_pages_run(pages, seconds, monkeypatch):
     monkeypatch.setattr(webbrowser, "open", lambda _: True)
     shown = {page: "".join(blocks(page, "sh")).splitlines() for page in pages}
     assert all(shown.values())
-    assert CliRunner().invoke(app, ["evolve", *brief("evolve", [])]).exit_code == 0
+    done("evolve", *brief("evolve", []))
     for line in filter(None, dict.fromkeys(itertools.chain(*shown.values()))):
         program, verb, *words = shlex.split(two_of_many(line), comments=True)
         assert program == "epuckhebb"
-        result = CliRunner().invoke(app, [verb, *words, *brief(verb, words, seconds)])
-        assert result.exit_code == 0, f"{line}\n{result.output}"
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", ["parts", "results", "rules"])
-def test_the_settings_of_the_slow_commands_compose(name):
-    """Those that are not run in the ordinary suite, each key and each value of a group at least known."""
-    for line in "".join(blocks(ROOT / "docs" / f"{name}.md", "sh")).splitlines():
-        _, verb, *words = shlex.split(two_of_many(line), comments=True)
-        config_dir = None
-        if "--config-dir" in words:
-            place = words.index("--config-dir")
-            _, config_dir = words.pop(place), str(ROOT / words.pop(place))
-        words = [word for word in words if not word.startswith("-")]
-        if verb == "sweep":
-            verb, words = "evaluate", [f"experiment={words[0]}", *words[1:]]
-        first = [values[0] for values in hydra_bridge.alternatives(words).values()]
-        assert hydra_bridge.composed(verb, first, config_dir)
+        done(verb, *words, *brief(verb, words, seconds))
 
 
 @pytest.mark.slow
@@ -121,10 +98,7 @@ def test_the_tutorial(checkout, monkeypatch):
     more = {"evaluate": short, "sweep": [*short, "hydra/launcher=basic"]}
     for line in "".join(blocks(page, "sh")).splitlines():
         _, verb, *words = shlex.split(line)
-        result = CliRunner().invoke(
-            app, [verb, *words, *more.get(verb, brief(verb, words) if verb == "evolve" else [])]
-        )
-        assert result.exit_code == 0, f"{line}\n{result.output}"
+        done(verb, *words, *more.get(verb, brief(verb, words) if verb == "evolve" else []))
     (plot,) = blocks(page, "python")
     exec(plot, {})
     assert (checkout / "dim.png").read_bytes().startswith(b"\x89PNG")
@@ -134,29 +108,18 @@ def test_the_tutorial(checkout, monkeypatch):
 @pytest.mark.usefixtures("checkout")
 def test_the_python_page(monkeypatch):
     """All its blocks, one after the other, with short lifetimes."""
-    evaluate, evolve = notebook.evaluate, notebook.evolve
+    evaluate, evolve = api.evaluate, api.evolve
 
     def briefly(genome, overrides, *more):
         return evaluate(genome, [*overrides, "lifetime.duration_s=2"], *more)
 
-    monkeypatch.setattr(notebook, "evaluate", briefly)
-    monkeypatch.setattr(
-        notebook, "evolve", lambda overrides, *more: evolve([*overrides, "lifetime.duration_s=1"], *more)
-    )
+    monkeypatch.setattr(api, "evaluate", briefly)
+    monkeypatch.setattr(api, "evolve", lambda overrides, *more: evolve([*overrides, "lifetime.duration_s=1"], *more))
     names = {}
     for block in blocks(ROOT / "docs" / "python.md", "python"):
         exec(block, names)
     assert set(names["success"].index.get_level_values("scenario")) == {"base", "4obstacles"}
     assert Path("paths.png").is_file()
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("checkout")
-def test_a_sweep_with_the_rule_of_the_example():
-    words = ["hebbian.rule=examples/own_rule/my_rules.py:Gated", "hebbian.N=0.0002", "scenario=base"]
-    words += brief("evaluate", words)
-    result = CliRunner().invoke(app, ["sweep", "n_sweep", *words, "hydra/launcher=basic"])
-    assert result.exit_code == 0, result.output
 
 
 @pytest.mark.thorough
@@ -192,7 +155,7 @@ def test_commands_work_in_every_shell(page):
 
 @pytest.mark.parametrize("verb", ["evaluate", "evolve", "sweep", "reproduce"])
 def test_examples_of_help_work_in_every_shell(verb):
-    examples = CliRunner().invoke(app, [verb, "--help"]).stdout.partition("Examples")[2]
+    examples = call(verb, "--help").stdout.partition("Examples")[2]
     assert f"epuckhebb {verb}" in examples
     assert "'" not in examples
 

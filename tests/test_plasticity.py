@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuckhebb.sim.network import PAPER_NETWORK, Network
-from epuckhebb.sim.plasticity.bcm import BCM
 from epuckhebb.sim.plasticity.control import Sign, signs
-from epuckhebb.sim.plasticity.differential import Differential
-from epuckhebb.sim.plasticity.oja import Oja
-from epuckhebb.sim.plasticity.paper import Paper
 from epuckhebb.sim.plasticity.rule import NoRule, Rule
-from epuckhebb.sim.plasticity.update import Now, effective_rate, next_weight, update_of
+from epuckhebb.sim.plasticity.rules.bcm import BCM
+from epuckhebb.sim.plasticity.rules.differential import Differential
+from epuckhebb.sim.plasticity.rules.oja import Oja
+from epuckhebb.sim.plasticity.rules.paper import Paper
+from epuckhebb.sim.plasticity.update import StepContext, effective_rate, next_weight, update_of
 from epuckhebb.sim.plasticity.weight_change import room, total_of
 
 RULES = (Paper, Oja, BCM, Differential)
@@ -130,7 +130,7 @@ def updated(rule, network, weights, genes, activation, rate, w_max, all_of=None,
         np.empty((0, network.synapses)),
         activation,
         rate,
-        Now(0.5, np.uint64(1), 0),
+        StepContext(0.5, np.uint64(1), 0),
         np.empty(0),
         np.ones(network.synapses) if of_updates is None else of_updates,
         tuple(rule(N=1.0, w_max=w_max).numbers().values()),

@@ -10,9 +10,9 @@ import pytest
 import yaml
 
 import epuckhebb
-from epuckhebb.app.data import groups
+from epuckhebb.analysis import findings, report, rescue
+from epuckhebb.config.conf import groups
 from epuckhebb.sim.scenario import TRAINED
-from epuckhebb.study import findings, report, rescue
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "runs" / "reference"
@@ -22,6 +22,12 @@ README, RESULTS = ROOT / "README.md", ROOT / "docs" / "results.md"
 def test_the_readme_is_short_and_its_picture_small():
     assert len(README.read_text().splitlines()) <= 120
     assert (ROOT / "docs" / "lowlight.gif").stat().st_size < 2e6
+
+
+def test_ci_runs_the_line_with_which_the_readme_runs_all_checks():
+    *_, line = (ROOT / ".ci" / "run").read_text().splitlines()
+    assert line == "python -m pip install nox uv && nox -j 2"
+    assert f"```\n{line}\n```" in README.read_text()
 
 
 def test_the_clone_line_and_the_citation_name_one_repository_and_version():
@@ -59,7 +65,9 @@ def test_results_are_those_of_the_reference_run(generated):
 
 def test_the_verdicts_of_the_reference_run_follow_the_printed_rule():
     claims = pd.read_csv(REFERENCE / "claims.csv")
-    assert list(claims.verdict) == [findings.verdict(row.low, row.high) for row in claims.itertuples()]
+    judged = claims[claims.verdict != "check passed"]
+    assert list(judged.verdict) == [findings.verdict(row.low, row.high, row.n) for row in judged.itertuples()]
+    assert report._claims(claims) in (REFERENCE / "report.md").read_text()
 
 
 def test_the_account_of_adaptive_plasticity_is_that_of_its_study(generated):

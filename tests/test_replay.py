@@ -10,17 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from epuckhebb.analysis import movie, replay
+from epuckhebb.analysis.evaluate import Traces, evaluate
+from epuckhebb.analysis.moments import Arrival, arrival, begins, told_when
 from epuckhebb.sim.controller import GA, HEBBIAN, Controller
-from epuckhebb.sim.lifetime import Lifetime, Samples, empty_samples
+from epuckhebb.sim.life import Lifetime, Samples, empty_samples
 from epuckhebb.sim.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
 from epuckhebb.sim.network import Network, weights_at_birth
-from epuckhebb.sim.plasticity.paper import Paper
-from epuckhebb.sim.robot import Place as Sensor
+from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.study import movie, replay
-from epuckhebb.study.evaluate import Traces, evaluate
-from epuckhebb.study.moments import Arrival, arrival, begins, told_when
+from epuckhebb.sim.sensors import DistanceSensors, LightSensors
+from epuckhebb.sim.sensors import Place as Sensor
 
 COLUMNS = {"x": ("pose", 0), "y": ("pose", 1), "heading": ("pose", 2), "left": ("motors", 0), "right": ("motors", 1)}
 SAME_NAME = {"sensors": "sensors", "fitness": "fitness", "rate": "rate", "weightChange": "weight_change"}
@@ -234,10 +235,12 @@ CORRIDOR = Maze(  # from the start up, then to the right
 RAYS = Robot(
     name="rays",
     radius_m=0.05,
-    light_places=(Sensor(0.03, 0.0, 0.0),),
-    distance_places=tuple(Sensor(0.0, 0.0, 15.0 * number) for number in range(24)),
-    reach_m=0.2,
-    stretch=0.5,
+    sensors=(
+        LightSensors(places=(Sensor(0.03, 0.0, 0.0),)),
+        DistanceSensors(
+            places=tuple(Sensor(0.0, 0.0, 15.0 * number) for number in range(24)), reach_m=0.2, stretch=0.5
+        ),
+    ),
 )
 
 
@@ -287,39 +290,32 @@ ARRIVED, LATE = Arrival(50.2, 0.03, stayed=True), Arrival(61.0, 0.04, stayed=Tru
 AWAY, PASSED = Arrival(None, 0.26, stayed=False), Arrival(60.4, 0.23, stayed=False)
 
 
+WITHOUT_AWAY, WITH_AWAY = (f"{how} plasticity it ended 26 cm away" for how in ("without", "with"))
+
+
 @pytest.mark.parametrize(
     ("arrivals", "sentence"),
     [
-        (
-            [ARRIVED, LATE],
-            "Both robots reached the goal on the left: without plasticity after 50.2 s, with plasticity after 61.0 s.",
-        ),
-        (
-            [AWAY, LATE],
-            "Only the robot with plasticity reached the goal on the left and stayed there, after 61.0 s; "
-            "without plasticity it ended 26 cm away.",
-        ),
+        ([ARRIVED, LATE], "Both robots reached {}: without plasticity after 50.2 s, with plasticity after 61.0 s."),
+        ([AWAY, LATE], f"Only the robot with plasticity reached {{}} and stayed there, after 61.0 s; {WITHOUT_AWAY}."),
+        ([AWAY, AWAY], f"Neither robot reached {{}}: {WITHOUT_AWAY}, {WITH_AWAY}."),
+        ([ARRIVED], "The robot reached {} after 50.2 s."),
+        ([AWAY], "The robot never reached {}: it ended 26 cm away."),
         (
             [ARRIVED, PASSED],
-            "Only the robot without plasticity reached the goal on the left and stayed there, after 50.2 s; "
+            "Only the robot without plasticity reached {} and stayed there, after 50.2 s; "
             "with plasticity it was there after 60.4 s but drove on and ended 23 cm away.",
         ),
         (
-            [AWAY, AWAY],
-            "Neither robot reached the goal on the left: without plasticity it ended 26 cm away, "
-            "with plasticity it ended 26 cm away.",
-        ),
-        (
             [PASSED, AWAY],
-            "Neither robot stayed at the goal on the left: without plasticity it was there after 60.4 s "
-            "but drove on and ended 23 cm away, with plasticity it ended 26 cm away.",
+            "Neither robot stayed at {}: without plasticity it was there after 60.4 s "
+            f"but drove on and ended 23 cm away, {WITH_AWAY}.",
         ),
-        ([ARRIVED], "The robot reached the goal on the left after 50.2 s."),
-        ([AWAY], "The robot never reached the goal on the left: it ended 26 cm away."),
     ],
 )
 def test_outcome_is_one_plain_sentence(arrivals, sentence):
-    assert replay.outcome("left", [GA, HEBBIAN][: len(arrivals)], arrivals) == sentence
+    expected = sentence.format("the goal on the left")
+    assert replay.outcome("left", [GA, HEBBIAN][: len(arrivals)], arrivals) == expected
 
 
 def test_outcome_names_controllers_it_does_not_know():

@@ -3,36 +3,20 @@
 import json
 import re
 import shutil
-import signal
-import subprocess
-import sys
-import time
 
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
+from cases import call, done, refused
 
-from epuckhebb.app import reproduce, runs
-from epuckhebb.app.cli import app
-from epuckhebb.app.progress import TaskProgress
-from epuckhebb.sim.network import Network
-from epuckhebb.study import findings, rescue
+from epuckhebb.analysis import findings, rescue
+from epuckhebb.runtime.progress import TaskProgress
+from epuckhebb.store.run import status_of
+from epuckhebb.studies import reproduce
 
-SMALL = [
-    "champions=2",
-    "repeats=1",
-    "rates=[0.001]",
-    "ga.population=4",
-    "ga.generations=2",
-    "ga.elites=1",
-    "ga.loops=1",
-]
+TINY = ["ga.population=4", "ga.generations=2", "ga.elites=1", "ga.loops=1"]
+ALL = ["reproduce", "all", "champions=2", "repeats=1", "rates=[0.001]", *TINY]
 SHOWN = []  # on the bar, by `made`
-
-
-def call(*words):
-    return CliRunner().invoke(app, ["reproduce", *words])
 
 
 @pytest.fixture
@@ -41,17 +25,12 @@ def _no_figures(monkeypatch):
     monkeypatch.setattr(reproduce, "_figures", lambda *_: {})
 
 
-def contents(folder):
-    return {file.name: file.read_bytes() for file in folder.rglob("*.csv")}
-
-
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("reproduce"))
         patch.setattr(TaskProgress, "put", lambda _, completed, told: SHOWN.append((completed, told)))
-        result = call("all", *SMALL)
-        assert result.exit_code == 0, result.output
+        result = done(*ALL)
         (folder,) = (tmp_path_factory.getbasetemp() / "reproduce0" / "runs" / "reproduce").iterdir()
         yield folder, result
 
@@ -87,32 +66,11 @@ def test_the_page_needs_nothing_else(made):
     assert page.count('src="data:image/png;base64,') == 15
 
 
-@pytest.mark.thorough
-@pytest.mark.usefixtures("_no_figures")
-def test_an_interrupted_run_does_only_what_is_missing_and_ends_with_the_same_bytes(made, tmp_path, monkeypatch):
-    shutil.copytree(made[0], tmp_path / "runs" / "reproduce" / made[0].name)
-    monkeypatch.chdir(tmp_path)
-    folder = tmp_path / "runs" / "reproduce" / made[0].name
-    before = contents(folder)
-    kept = folder / "champions" / "light_seed001.npz"
-    stamp = kept.stat().st_mtime_ns
-    (folder / "champions" / "obstacles_seed002.npz").unlink()
-    (folder / "lifetimes" / "light_seed002.csv").unlink()
-    (folder / "claims.csv").unlink()
-    assert call("all", *SMALL, "threads=1").exit_code == 0
-    assert contents(folder) == before
-    assert kept.stat().st_mtime_ns == stamp
-
-
 @pytest.fixture
 def copy(made, tmp_path, monkeypatch):
     """A copy of the finished folder, in which the same command works."""
     monkeypatch.chdir(tmp_path)
     return shutil.copytree(made[0], tmp_path / "runs" / "reproduce" / made[0].name)
-
-
-def status(folder):
-    return json.loads((folder / "status.json").read_text())
 
 
 def stopping(monkeypatch, error, after):
@@ -128,122 +86,43 @@ def stopping(monkeypatch, error, after):
     monkeypatch.setattr(reproduce, "evaluate", stop)
 
 
-def test_it_says_when_it_ran_and_how_it_ended(made):
-    told = status(made[0])
-    assert told["state"] == "finished"
-    assert told["started"] < told["finished"]
-    assert json.loads((made[0] / "provenance.json").read_text())["command"][:3] == ["epuckhebb", "reproduce", "all"]
-
-
-@pytest.mark.thorough
-@pytest.mark.skipif(sys.platform == "win32", reason="no such locks")
-def test_two_calls_do_not_work_in_one_folder(copy):
-    before = {file: file.read_bytes() for file in copy.rglob("*") if file.is_file()}
-    held = runs.hold(copy)
-    result = call("all", *SMALL)
-    runs.release(held)
-    assert result.exit_code == 2
-    assert f"another process is working on runs/reproduce/{copy.name}" in result.stderr
-    assert "Traceback" not in result.output
-    assert {file: file.read_bytes() for file in copy.rglob("*") if file.is_file()} == before
-
-
 @pytest.mark.thorough
 @pytest.mark.usefixtures("_no_figures")
-def test_interrupted_anywhere_it_goes_on_to_the_same_bytes(made, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_interrupted_anywhere_it_goes_on_to_the_same_bytes(made, here, monkeypatch):
     with monkeypatch.context() as patch:
         stopping(patch, KeyboardInterrupt, after=3)  # in the second champion's second world
-        result = call("all", *SMALL)
+        result = call(*ALL)
     assert result.exit_code == 130
     assert "interrupted: 5 of 8 jobs are done; the same command does the rest" in result.stderr
-    folder = tmp_path / "runs" / "reproduce" / made[0].name
-    assert status(folder)["state"] == "interrupted"
-    shown = CliRunner().invoke(app, ["show", str(folder)])
-    assert shown.exit_code == 0, shown.output
+    folder = here / "runs" / "reproduce" / made[0].name
+    assert status_of(folder)["state"] == "interrupted"
+    shown = done("show", folder)
     assert "5 of 8 jobs" in " ".join(shown.stdout.split())
     assert not (folder / "claims.csv").exists()
     (folder / "lifetimes" / ".light_seed002.csv.1.tmp").write_text("half a f")
-    result = call("all", *SMALL)
-    assert result.exit_code == 0, result.output
+    result = done(*ALL)
     assert result.stderr.startswith("6/9  evaluate light_seed002")
-    assert contents(folder) == contents(made[0])
+    assert tables(folder) == tables(made[0])
     assert list(folder.rglob("*.tmp")) == []
     told = json.loads((folder / "provenance.json").read_text())
     assert len(told["resumed"]) == 1
-    assert status(folder)["state"] == "finished"
-    assert status(folder)["started"] < told["resumed"][0]["started"]
+    assert status_of(folder)["state"] == "finished"
+    assert status_of(folder)["started"] < told["resumed"][0]["started"]
 
 
 def test_a_failure_is_told_of_and_written_down(copy, monkeypatch):
     (copy / "lifetimes" / "light_seed002.csv").unlink()
     stopping(monkeypatch, ArithmeticError("the robot is lost"), after=0)
-    result = call("all", *SMALL)
+    result = call(*ALL)
     assert result.exit_code == 1
     assert "the robot is lost" in result.stderr
-    told = status(copy)
+    told = status_of(copy)
     assert told["state"] == "failed"
     assert "ArithmeticError" in told["traceback"]
 
 
-@pytest.mark.thorough
-@pytest.mark.usefixtures("_no_figures")
-def test_lifetimes_of_an_earlier_run_that_were_damaged_are_lived_again(copy):
-    before, damaged = contents(copy), copy / "lifetimes" / "light_seed002.csv"
-    damaged.write_bytes(damaged.read_bytes()[:-20])
-    assert call("all", *SMALL).exit_code == 0
-    assert contents(copy) == before
-
-
-@pytest.mark.usefixtures("_no_figures")
-def test_lifetimes_of_a_version_that_kept_no_checksums_are_named_if_they_cannot_be_read(copy):
-    (copy / "status.json").write_text('{"schema": 1, "state": "finished"}')
-    (copy / "lifetimes" / "light_seed002.csv").write_bytes(b"")
-    result = call("all", *SMALL)
-    assert result.exit_code == 2
-    assert "light_seed002.csv" in result.stderr
-    assert status(copy)["state"] == "failed"
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("_no_figures")
-def test_show_tells_of_one_that_is_running_and_of_one_that_has_finished(copy, monkeypatch):
-    tell, shown = reproduce._tell, []
-
-    def look_and_tell(study, run):
-        shown.append(CliRunner().invoke(app, ["show", str(study.folder)]))
-        tell(study, run)
-
-    monkeypatch.setattr(reproduce, "_tell", look_and_tell)
-    assert call("all", *SMALL).exit_code == 0
-    shown.append(CliRunner().invoke(app, ["show", str(copy)]))
-    (copy / "status.json").write_text('{"schema": 1, "state": "finished"}')  # as earlier versions wrote it
-    shown.append(CliRunner().invoke(app, ["show", str(copy)]))
-    for result, state in zip(shown, ("running", "finished", "finished"), strict=True):
-        assert result.exit_code == 0, result.output
-        assert re.search(rf"State +{state}", result.stdout)
-        assert "The paper's claims" in result.stdout
-    told = json.loads(CliRunner().invoke(app, ["show", str(copy), "--json"]).stdout)
-    assert told["verb"] == "reproduce"
-
-
-@pytest.mark.slow  # test_resume.py has one for every run of the tests
-def test_ctrl_c_ends_it_and_says_how_to_go_on(tmp_path):
-    words = ["reproduce", "light", "ga.population=2000", "ga.generations=1000", "-q"]
-    started = subprocess.Popen(
-        [sys.executable, "-m", "epuckhebb", *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True
-    )
-    with started:
-        while not list(tmp_path.glob("runs/reproduce/*/provenance.json")):
-            assert started.poll() is None
-            time.sleep(0.05)
-        time.sleep(1)  # inside a generation of 12000 lifetimes
-        started.send_signal(signal.SIGINT)
-        told = started.communicate(timeout=300)[1]
-    assert started.returncode == 130, told
-    assert "interrupted: 0 of 40 jobs are done; the same command does the rest" in told
-    (folder,) = (tmp_path / "runs" / "reproduce").iterdir()
-    assert status(folder)["state"] == "interrupted"
+def tables(folder):
+    return {file.name: file.read_bytes() for file in folder.rglob("*.csv")}
 
 
 def rows_of(report, heading):
@@ -303,55 +182,36 @@ def test_csvs_trace_back_to_lifetimes(made):
 
 
 @pytest.mark.usefixtures("_no_figures")
-def test_one_given_genome_stands_beside_the_paper(tmp_path, monkeypatch, genomes):
-    monkeypatch.chdir(tmp_path)
+def test_one_given_genome_stands_beside_the_paper(here, genomes):
     np.save("mine.npy", genomes[0])
-    result = call("obstacles", "genome=mine.npy", "rates=[]", "repeats=1", "signal=as_coded")
-    assert result.exit_code == 0, result.output
-    (folder,) = (tmp_path / "runs" / "reproduce").iterdir()
+    done("reproduce", "obstacles", "genome=mine.npy", "rates=[]", "repeats=1", "signal=as_coded")
+    (folder,) = (here / "runs" / "reproduce").iterdir()
     comparison = pd.read_csv(folder / "comparison.csv")
     assert comparison.relative_deviation.notna().sum() > 30
     assert "Relative deviation" in (folder / "report.md").read_text()
 
 
-BAD = {
-    "no champions": (["champions=0"], ["champions must be 1 or more", "0"]),
-    "no such experiment": (["sound"], ["sound", "light, obstacles, all"]),
-    "other layers": (["genome=layers.npz"], ["layers 16-8-2", "16-7-5-8-4-2"]),
-    "negative rate": (["rates=[-1]"], ["rates", "-1"]),
-    "unknown key": (["champoins=3"], ["champoins"]),
-}
-
-
-@pytest.mark.parametrize("mistake", BAD)
-def test_a_mistake_gets_one_message_and_leaves_nothing(mistake, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    np.savez("layers.npz", genome=np.zeros(Network((16, 8, 2)).synapses), layers=[16, 8, 2])
-    words, expected = BAD[mistake]
-    result = call(*words)
-    assert result.exit_code == 2, result.output
-    for text in expected:
-        assert text in result.stderr
-    assert [file.name for file in tmp_path.iterdir()] == ["layers.npz"]
-
-
-def test_a_champion_of_a_version_that_kept_no_checksums_is_named_if_it_cannot_be_read(copy):
+def test_a_champion_without_a_checksum_is_named_if_it_cannot_be_read(copy):
+    """As in a run that was killed when all was written."""
     (copy / "status.json").write_text('{"schema": 1, "state": "finished"}')
     champion = copy / "champions" / "light_seed001.npz"
     cut = champion.read_bytes()[:100]
     champion.write_bytes(cut)
-    result = call("all", *SMALL)
-    assert result.exit_code == 2
-    assert "light_seed001.npz" in result.stderr
+    assert "light_seed001.npz" in refused(*ALL)
     assert champion.read_bytes() == cut
 
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("_no_figures")
-def test_a_champion_and_a_history_that_were_damaged_are_evolved_again(copy):
-    before = contents(copy)
-    champion, history = copy / "champions" / "light_seed001.npz", copy / "history" / "obstacles_seed002.csv"
-    champion.write_bytes(champion.read_bytes()[:100])
+def test_what_is_missing_or_damaged_is_made_again_to_the_same_bytes_and_the_rest_is_kept(copy):
+    before, kept = tables(copy), copy / "champions" / "obstacles_seed001.npz"
+    stamp = kept.stat().st_mtime_ns
+    for lost in ("champions/obstacles_seed002.npz", "lifetimes/light_seed001.csv", "claims.csv"):
+        (copy / lost).unlink()
+    for cut in ("champions/light_seed001.npz", "lifetimes/light_seed002.csv"):
+        (copy / cut).write_bytes((copy / cut).read_bytes()[:-20])
+    history = copy / "history" / "obstacles_seed002.csv"
     history.write_text(history.read_text().replace("0.", "1."))
-    assert call("all", *SMALL).exit_code == 0
-    assert contents(copy) == before
+    done(*ALL, "threads=1")
+    assert tables(copy) == before
+    assert kept.stat().st_mtime_ns == stamp

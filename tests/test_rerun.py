@@ -4,32 +4,30 @@ import contextlib
 import hashlib
 import json
 import shutil
-import subprocess
-import sys
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from cases import call, done
 
-from epuckhebb.app import files
-from epuckhebb.app.cli import app
+from epuckhebb.store import genome
+from epuckhebb.store.run import read
+from epuckhebb.studies import sweep
 
 EVALUATE = ["evaluate", "lifetime.duration_s=3", "lifetime.record_every=0", "repeats=1", "-q"]
 EVOLVE = ["evolve", "ga.population=6", "ga.generations=2", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3", "-q"]
+EVOLVE += ["scenario.paper_duration_s=10"]
 
 
-def call(*words):
-    return CliRunner().invoke(app, list(words))
-
-
-@pytest.fixture(scope="module", params=[EVALUATE, EVOLVE], ids=["evaluate", "evolve"])
+@pytest.fixture(
+    scope="module", params=[EVALUATE, pytest.param(EVOLVE, marks=pytest.mark.thorough)], ids=["evaluate", "evolve"]
+)
 def made(request, tmp_path_factory):
     """A folder with a run of this verb in it, not to be changed."""
     folder = tmp_path_factory.mktemp("made")
     with contextlib.chdir(folder):
-        assert call(*request.param, "hydra.run.dir=run").exit_code == 0
+        done(*request.param, "hydra.run.dir=run")
     return folder
 
 
@@ -53,7 +51,7 @@ def test_a_run_says_where_it_comes_from(run):
     assert told["cores"] >= 1
     assert datetime.fromisoformat(status["started"]) < datetime.fromisoformat(status["finished"])
     if told["verb"] == "evaluate":
-        genes = files.load_genome("reference", "obstacles").genes
+        genes = genome.load_genome("reference", "obstacles").genes
         assert told["genome_sha256"] == hashlib.sha256(genes.tobytes()).hexdigest()
     assert "${" not in (run / ".hydra" / "config.yaml").read_text()
 
@@ -69,8 +67,7 @@ def test_show_tells_all_of_it(run):
 
 
 def test_a_repeated_run_is_the_same_bytes(run):
-    result = call("rerun", str(run))
-    assert result.exit_code == 0, result.output
+    result = done("rerun", str(run))
     assert result.stdout.startswith("same bytes: runs/")
     again = Path(result.stdout.removeprefix("same bytes: ").strip())
     assert json.loads((again / "provenance.json").read_text())["rerun_of"] == "run"
@@ -90,25 +87,24 @@ def test_what_differs_is_named(run):
 
 
 @pytest.mark.thorough
-def test_an_evolution_that_was_resumed_is_repeated_whole(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("here")
+def test_an_evolution_that_was_resumed_is_repeated_whole():
     call(*EVOLVE, "hydra.run.dir=run")
-    assert call("evolve", "resume=run", "ga.generations=4", "-q").exit_code == 0
+    done("evolve", "resume=run", "ga.generations=4", "-q")
     assert "Resumed" in call("show", "run").stdout
-    assert call("rerun", "run", "-q").exit_code == 0
+    done("rerun", "run", "-q")
 
 
-def test_what_cannot_be_repeated(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_what_cannot_be_repeated(here):
     np.save("mine.npy", np.zeros(234))
-    assert call(*EVALUATE, "genome=mine.npy", "hydra.run.dir=mine").exit_code == 0
+    done(*EVALUATE, "genome=mine.npy", "hydra.run.dir=mine")
     for name in ("unfinished", "other", "torn"):
         shutil.copytree("mine", name)
     np.save("mine.npy", np.ones(234))
-    (tmp_path / "unfinished" / "status.json").write_text('{"state": "interrupted"}')
-    told = (tmp_path / "other" / "provenance.json").read_text()
-    (tmp_path / "other" / "provenance.json").write_text(told.replace('"verb": "evaluate"', '"verb": "reproduce"'))
-    (tmp_path / "torn" / ".hydra" / "config.yaml").write_text("seed: [")
+    (here / "unfinished" / "status.json").write_text('{"state": "interrupted"}')
+    told = (here / "other" / "provenance.json").read_text()
+    (here / "other" / "provenance.json").write_text(told.replace('"verb": "evaluate"', '"verb": "reproduce"'))
+    (here / "torn" / ".hydra" / "config.yaml").write_text("seed: [")
     for name, expected in [
         ("mine", "is not the genome of mine"),
         ("unfinished", "interrupted"),
@@ -119,30 +115,35 @@ def test_what_cannot_be_repeated(tmp_path, monkeypatch):
         result = call("rerun", name)
         assert result.exit_code == 2, (name, result.output)
         assert expected in result.stderr, name
-    assert not (tmp_path / "runs").exists()
+    assert not (here / "runs").exists()
 
 
-def evaluations_at_once(count, cwd):
-    assert call(*EVALUATE, f"hydra.run.dir={cwd / 'compiled'}").exit_code == 0  # else each of them compiles
-    words = ["-c", "from epuckhebb.__main__ import main; main()", *EVALUATE, "threads=1"]
-    started = [
-        subprocess.Popen([sys.executable, *words], cwd=cwd, stderr=subprocess.PIPE, text=True) for _ in range(count)
-    ]
-    for process in started:
-        told = process.communicate()[1]
-        assert process.returncode == 0, told
-    runs = list((cwd / "runs" / "evaluate").iterdir())
-    assert len(runs) == count
-    for run in runs:
-        assert json.loads((run / "status.json").read_text())["state"] == "finished"
-    assert len({(run / "metrics.csv").read_bytes() for run in runs}) == 1
+# The folder of the user's own files is part of the command that a run tells
 
 
-@pytest.mark.thorough
-def test_evaluations_started_at_once_do_not_meet(tmp_path):
-    evaluations_at_once(2, tmp_path)
+@pytest.fixture
+def _here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    Path("mine", "scenario").mkdir(parents=True)
+    Path("mine", "scenario", "dusk.yaml").write_text("defaults: [base]\nlight: 0.5\n")
+    Path("mine", "experiment").mkdir()
+    text = "# @package _global_\nhydra: {sweeper: {params: {scenario: 'base,dusk'}}}\n"
+    Path("mine", "experiment", "dusk.yaml").write_text(text)
 
 
-@pytest.mark.slow
-def test_sixty_four_evaluations_started_at_once_do_not_meet(tmp_path):
-    evaluations_at_once(64, tmp_path)
+@pytest.mark.usefixtures("_here")
+def test_a_run_tells_where_its_own_files_were():
+    asked = ["evaluate", "scenario=dusk", "repeats=1", "lifetime.duration_s=0.064", "lifetime.record_every=0"]
+    done(*asked, "-q", "--config-dir", "mine")
+    (run,) = Path("runs/evaluate").iterdir()
+    whole = " ".join(["epuckhebb", *asked, "--config-dir", "mine"])
+    assert whole in " ".join(call("show", "latest").stdout.split())
+    again = " ".join(word for word in whole.split() if "record_every" not in word)
+    assert f"{again} lifetime.record_every=8" in call("replay", str(run)).stderr
+    assert read(run)["overrides"] == asked[1:]
+
+
+@pytest.mark.usefixtures("_here")
+def test_a_sweep_tells_it_too():
+    assert sweep.plan("dusk", [], "mine").arguments == ["dusk", "--config-dir", "mine"]

@@ -2,31 +2,33 @@
 
 import itertools
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from cases import first_of
-from typer.testing import CliRunner
+from cases import done, first_of, refused
 
-from epuckhebb.app import files
-from epuckhebb.app.cli import app
+import epuckhebb
+from epuckhebb.analysis import reversal
 from epuckhebb.evolution.optimizer import initial
-from epuckhebb.sim.block import Individual, live_block
+from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.network import Network
-from epuckhebb.sim.plasticity.modulated import Modulated
-from epuckhebb.sim.plasticity.paper import Paper
 from epuckhebb.sim.plasticity.rule import Reward, modulatory_weights, values_of
+from epuckhebb.sim.plasticity.rules.modulated import Modulated
+from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.plasticity.update import modulation_of
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.session import Individual
 from epuckhebb.sim.task import TRIAL
 from epuckhebb.sim.tasks.reversal import Reversal
-from epuckhebb.study import reversal
+from epuckhebb.store.genome import load_genome
 
 REWARDED = Network((17, 7, 5, 8, 4, 2), rewarded=True)
 MODULATED = Controller(name="modulated", rule=Modulated(N=0.003))
@@ -221,16 +223,6 @@ def test_the_modulatory_neuron_hears_the_reward_or_its_inverse():
 # From `evolve` to `show`
 
 
-def call(*words):
-    return CliRunner().invoke(app, list(words))
-
-
-def done(*words):
-    result = call(*words)
-    assert result.exit_code == 0, result.output
-    return result
-
-
 @pytest.fixture(scope="module")
 def champions(tmp_path_factory):
     """A folder with an evolution of a rule for the task; not to be changed."""
@@ -241,10 +233,10 @@ def champions(tmp_path_factory):
     return folder
 
 
-def test_from_evolve_to_show(champions, monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("here")
+def test_from_evolve_to_show(champions):
     champion, run = str(champions / "modulated"), "run"
-    genome = files.load_genome(champion, "obstacles")
+    genome = load_genome(champion, "obstacles")
     assert (genome.network, genome.task, genome.baseline) == (REWARDED, "reversal", None)
     shown = " ".join(done("show", champion).stdout.split())
     assert "with rule modulated, for task reversal" in shown
@@ -253,14 +245,17 @@ def test_from_evolve_to_show(champions, monkeypatch, tmp_path):
     assert "reached its goal" not in shown
     brief = ["repeats=2", "task.time_out_s=2", "threads=1", "hydra.run.dir=run"]
     told = done("evaluate", f"genome={champion}", "task=reversal", "hebbian=modulated", *brief).stdout
-    assert "optimum" in told
+    assert "(task=reversal, task.time_out_s=2): genome modulated" in told
+    assert re.findall(r"^(chance|optimum) +(\S+)", told, re.MULTILINE) == [("chance", "0.500"), ("optimum", "0.863")]
+    assert not re.search("Success|the goal|lamp", told)
+    assert not Path(f"{run}/table.csv").exists()
     rows, trials = pd.read_csv(f"{run}/metrics.csv"), pd.read_csv(f"{run}/reversal_trials.csv")
     names = ["GA", "modulated", "modulated (reward inverted)"]
     assert list(rows.controller.unique()) == names
     assert len(rows) == 3 * 2 * 2
     assert len(trials) == len(rows) * 10
     assert (rows.groupby("repeat").switch_trial.nunique(dropna=False) == 1).all()  # both sides, all controllers
-    assert rows.changed.unique().tolist() == ["task=reversal, task.time_out_s=2, lamp.intensity=0"]
+    assert rows.changed.unique().tolist() == ["task=reversal, task.time_out_s=2"]
     summary = pd.read_csv(f"{run}/reversal.csv").set_index("controller").rewarded_share
     assert summary.index.tolist() == [*names, "chance", "optimum"]
     assert summary.tolist()[3:] == [0.5, 0.8625]
@@ -270,39 +265,28 @@ def test_from_evolve_to_show(champions, monkeypatch, tmp_path):
             trials[trials.controller == name].rewarded.mean(),
         ]
         assert shares == pytest.approx([summary[name]] * 2)
+    both = done(
+        "evaluate", "-m", f"genome={champion}", "task=reversal", "hebbian=modulated", *brief[:3], "seed=1,2"
+    ).stdout
+    assert "Rewarded share, by the end that is rewarded first (4 lifetimes each)" in both
+    assert "Success" not in both
+    shares = pd.read_csv(next(Path("runs/evaluate").glob("*/summary.csv")))
+    assert len(shares) == 6
+    assert shares.rewarded_share.between(0, 1).all()
+    lived = epuckhebb.evaluate(champion, "task=reversal", "hebbian=modulated", *brief[:3])
+    assert list(repr(lived).split()).count("optimum") == 1
+    assert "Success" not in lived._repr_html_()
     done("replay", run, "--output=page.html")
     done("rerun", run, "-q")
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["evaluate", "task=reversal"], "which has no input for the reward of task=reversal; give task=trial, or"),
-        (
-            ["evaluate", "genome=modulated", "hebbian=modulated"],
-            "which has one for a reward, and none is told in task=",
-        ),
-        (["evolve", "task=reversal", "scenario.lamp.intensity=2"], "scenario.lamp.intensity must be 0 with task="),
-        (["evolve", "task=reversal", "lifetime.duration_s=60"], "lifetime.duration_s must be at least 309.76 s with"),
-        (["evolve", "task=reversal", "training=gain_varied"], "training.gain_rad_s must be null with task=reversal"),
-        (["evolve", "task=reversal", "network.layers=[16,3,2]"], "must begin with 17, the readings of robot epuck and"),
-        (["evolve", "task=reversal", "task.first_switch=1"], "task.first_switch and task.last_switch must be trials"),
-        (["evolve", "task=reversal", "task.trails=3"], "task.trails is not a setting of task reversal; did you mean"),
-        (["evolve", "task.trials=3"], "task.trials does nothing with task=trial, which has no settings"),
-        (["evolve", "task=revrsal"], "reversal"),
-        (["evolve", "hebbian=modulated", "hebbian.reward=inverted"], "hebbian.reward=inverted does nothing with task="),
-        (["evolve", "hebbian=abcd", "hebbian.reward=inverted"], "does nothing with rule abcd, which hears no reward"),
-        (
-            ["evaluate", "genome=modulated", "hebbian=modulated", "task=reversal", "adaptation=late"],
-            "adaptation=late compares a life with those in the training world",
-        ),
-    ],
+    ("words", "named"),
+    [([], "task="), (["task=reversal", "adaptation=late"], "adaptation=late"), (["task=revrsal"], "reversal")],
 )
-def test_what_makes_no_sense_is_refused(words, message, champions, monkeypatch):
+def test_what_makes_no_sense_is_refused(words, named, champions, monkeypatch):
     monkeypatch.chdir(champions)
-    result = call(*words)
-    assert result.exit_code == 2, result.output
-    assert message in " ".join(result.stderr.split())
+    assert named in refused("evaluate", "genome=modulated", "hebbian=modulated", *words)
 
 
 def test_the_figure_and_table_of_no_switch_and_of_ties():

@@ -1,8 +1,10 @@
 """Plasticity rules from outside the program: they live, evolve, are kept on disk, and fail with their names."""
 
+import random
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numba
 import numpy as np
 import pytest
 import reference
@@ -10,18 +12,20 @@ import reference
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers.ga import GA, next_generation
-from epuckhebb.sim.block import Individual, LostRobotError, RuleError, live_block
+from epuckhebb.sim.block import live_block
 from epuckhebb.sim.compiled import kernel
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.sim.plasticity.control import Sign
-from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.plasticity.errors import RuleError
 from epuckhebb.sim.plasticity.rule import Evolved, Rule, asked, coefficients, kept_at_birth
-from epuckhebb.sim.plasticity.update import Now, update_of
+from epuckhebb.sim.plasticity.rules.paper import Paper
+from epuckhebb.sim.plasticity.update import StepContext, update_of
 from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.session import Individual, LostRobotError
 
 SMALL = Network((16, 3, 2))
 
@@ -134,7 +138,7 @@ def test_a_rule_is_compiled_once_and_then_comes_from_disk(monkeypatch, tmp_path)
         made, weights = kernel(one_update, learn=update_of(Simple, network)), genes.copy()
         nothing, ones, numbers = np.empty((0, network.synapses)), np.ones(network.synapses), (1.0, 0.0, 0.2, 2.0)
         room = np.empty((3, network.synapses)), np.empty(weight_change_room(network))
-        kept, now = kept_at_birth(Simple, network), Now(0.5, np.uint64(1), 0)
+        kept, now = kept_at_birth(Simple, network), StepContext(0.5, np.uint64(1), 0)
         made(weights, kept, genes, nothing, np.ones(network.neurons), 0.5, now, np.empty(0), ones, numbers, *room)
         seen.append((weights.tolist(), sum(made.stats.cache_hits.values()), sum(made.stats.cache_misses.values())))
     assert seen[0][0] == seen[1][0] != genes.tolist()
@@ -245,3 +249,32 @@ def test_the_sign_of_a_rule_counts_without_signs_beside_it(genomes):
     assert changes(Sign.anti) == changes(Sign.hebbian, -ones) != changes(Sign.hebbian) == changes(Sign.hebbian, ones)
     with pytest.raises(ValueError, match="sign=shuffled needs the signs"):
         changes(Sign.shuffled)
+
+
+def noise(scale):
+    return scale * np.random.standard_normal()  # noqa: NPY002  # what is refused
+
+
+@pytest.mark.parametrize("draw", [noise, numba.njit(noise), numba.vectorize(noise), np.random.random])
+def test_a_rule_that_draws_random_numbers_of_its_own_is_refused(draw):
+    class Noisy(Rule):
+        @staticmethod
+        def synapse(pre):
+            return pre + draw(0.1)
+
+    with pytest.raises(ValueError, match=r"rule Noisy: synapse draws from np\.random, so no run could be repeated"):
+        asked(Noisy)
+
+
+def test_random_numbers_that_a_rule_draws_at_birth_are_refused_unless_seeded():
+    class Noisy(Rule):
+        synapse = staticmethod(Simple.synapse)
+
+        @classmethod
+        def express(cls, parameters):
+            return {name: values + random.random() for name, values in parameters.items()}
+
+    with pytest.raises(ValueError, match="rule Noisy: express draws from random, "):
+        asked(Noisy)
+    Noisy.express = classmethod(lambda *_: {"a": np.random.default_rng(1).random()})
+    assert asked(Noisy) == ("pre",)

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import reference
-from cases import first_of
-from typer.testing import CliRunner
+from cases import call, done, first_of
 
-from epuckhebb.app import files
-from epuckhebb.app.cli import app
-from epuckhebb.app.config import EvaluateConfig, typed
-from epuckhebb.app.hydra_bridge import composed
-from epuckhebb.app.replay import found_in
+from epuckhebb.analysis.evaluate import evaluate
+from epuckhebb.analysis.replay import page
+from epuckhebb.analysis.self_checks import findings, in_words, self_checks, told
+from epuckhebb.config.compose import composed
+from epuckhebb.config.schema import EvaluateConfig, typed
+from epuckhebb.export.replay import found_in
 from epuckhebb.sim.adaptation.adaptation import Adaptation, Exploration
 from epuckhebb.sim.adaptation.change_signal import no_baseline
 from epuckhebb.sim.adaptation.self_check.check import check, clear, unexplained
@@ -31,15 +31,16 @@ from epuckhebb.sim.adaptation.self_check.corrections import (
 from epuckhebb.sim.adaptation.self_check.dance import STEPS, check_room, danced
 from epuckhebb.sim.adaptation.self_check.memory import can_check_itself, moments, regression, remember_self
 from epuckhebb.sim.adaptation.wall_following import wall_following
-from epuckhebb.sim.block import Individual, live_block
+from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import T_MAZE, Pose
 from epuckhebb.sim.robot import EPUCK, STEP_S
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.study.evaluate import evaluate
-from epuckhebb.study.replay import page
-from epuckhebb.study.self_checks import findings, in_words, self_checks, told
+from epuckhebb.sim.sensors import DistanceSensors, LightSensors
+from epuckhebb.sim.session import Individual
+from epuckhebb.store import disk, genome
+from epuckhebb.store.columns import TABLES
 
 BRIGHT = Scenario(name="highlight", experiment="light", light=1.0)
 KEY = np.uint64(4)
@@ -236,12 +237,12 @@ def test_agrees_with_the_oracle(genomes, memory, at_home, fault, adaptation):
         controller=controller,
         corrections=checked.corrections,
         start=checked.end,
-        baseline=baseline,
+        nominal=baseline,
         record=True,
     )
     [(outcome, samples)] = live_block([who], world, Lifetime(duration_s=10, gain_rad_s=4, record_every=1))
     robot = reference.Robot(
-        genomes[0], world, "right", controller, gain=4, key=KEY, baseline=baseline, home=(memory, at_home)
+        genomes[0], world, "right", controller, gain=4, key=KEY, nominal=baseline, home=(memory, at_home)
     )
     np.testing.assert_allclose(robot.loss, [checked.corrections.left_loss, checked.corrections.right_loss], atol=1e-9)
     assert robot.ratio == pytest.approx(checked.corrections.light_ratio, abs=1e-9)
@@ -258,8 +259,8 @@ def test_a_late_robot_follows_the_nearer_wall_and_others_do_not(genomes, lived):
     follows = by(change_signal="lateness", threshold=1.0, exploration=Exploration.wall_following)
     told = {"seconds": 8, "gain_rad_s": 4, "controller": follows}
     _, alone = lived(genomes[0], seconds=8, gain_rad_s=4, controller=GA_ALONE)
-    assert lived(genomes[0], **told, baseline=never_late)[1].pose.tobytes() == alone.pose.tobytes()
-    _, samples = lived(genomes[0], **told, baseline=late)
+    assert lived(genomes[0], **told, nominal=never_late)[1].pose.tobytes() == alone.pose.tobytes()
+    _, samples = lived(genomes[0], **told, nominal=late)
     parts = np.flatnonzero((samples.pose != alone.pose).any(axis=1))[0]
     assert parts * STEP_S == pytest.approx(0.5, abs=0.1)
     nearest = samples.sensors[parts + 60 :, 8:].max(axis=1)
@@ -276,7 +277,8 @@ def test_walls_are_followed_on_the_side_that_is_nearer():
     assert follow(near, hand) == pytest.approx((5.0, 5 * 0.8))  # a narrow way: to its middle
     near[8] = 0.4
     assert follow(near, hand) == pytest.approx((-5.0, 5.0))  # something ahead: turn on the spot
-    blind = replace(EPUCK, distance_places=EPUCK.distance_places[:2], light_places=EPUCK.light_places[:2])
+    few = EPUCK.distance.places[:2]
+    blind = replace(EPUCK, sensors=(LightSensors(places=few), DistanceSensors(places=few)))
     with pytest.raises(ValueError, match="robot epuck has not all of them"):
         wall_following(blind)
 
@@ -344,6 +346,7 @@ def test_settings_that_do_nothing_are_refused(settings, message):
 def test_findings_are_a_table_and_words(memory):
     world = replace(BRIGHT, left_wheel=0.9, light=0.5, dead_sensors=(6,))
     table = findings(self_checks(memory, world, 1.0, repeats=2, seed=1))
+    assert list(table) == list(TABLES[disk.FINDINGS][1])
     assert table[["side", "repeat", "lamp"]].to_numpy().tolist() == [
         ["left", 0, "off"],
         ["left", 1, "off"],
@@ -358,24 +361,19 @@ def test_findings_are_a_table_and_words(memory):
 
 
 @pytest.mark.thorough
-def test_as_a_user_meets_it(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_as_a_user_meets_it(here):
     brief = ["lifetime.duration_s=3", "lifetime.record_every=0", "repeats=1"]
-    done = CliRunner().invoke(app, ["evaluate", "adaptation=best", "scenario=lowlight", *brief, "hydra.run.dir=run"])
-    assert done.exit_code == 0, done.output
-    assert "has no memory for a self-check: it dances, and lives 10 lifetimes a side in highlight first" in done.stderr
-    assert (tmp_path / "run" / files.FINDINGS).read_text().count(",light\n") == 2
-    shown = CliRunner().invoke(app, ["show", "run"]).stdout
+    lived = done("evaluate", "adaptation=best", "scenario=lowlight", *brief, "hydra.run.dir=run")
+    assert "has no memory for a self-check: it runs 10 lifetimes a side in highlight first" in lived.stderr
+    assert (here / "run" / disk.FINDINGS).read_text().count(",light\n") == 2
+    shown = call("show", "run").stdout
     assert "light 0.1 times home's" in " ".join(shown.split())
-    refused = CliRunner().invoke(app, ["evaluate", "adaptation=self_check", "robot=epuck_lidar", *brief])
-    assert refused.exit_code == 2
-    assert "those of robot epuck_lidar are others" in " ".join(refused.stderr.split())
 
 
 def test_a_champion_remembers_the_dance(memory, tmp_path, genomes):
-    told = files.Genome(genes=genomes[0], name="x", self_memory=memory)
-    (tmp_path / "champion.npz").write_bytes(files.champion_file(told, 0.5, "light", 1, 3))
-    again = files.load_genome(str(tmp_path), "light")
+    told = genome.Genome(genes=genomes[0], name="x", self_memory=memory)
+    (tmp_path / "champion.npz").write_bytes(genome.champion_file(told, 0.5, "light", 1, 3))
+    again = genome.load_genome(str(tmp_path), "light")
     assert again.self_memory_sha256 == told.self_memory_sha256 != ""
     for name, value in vars(memory).items():
         np.testing.assert_array_equal(value, getattr(again.self_memory, name))
@@ -384,7 +382,7 @@ def test_a_champion_remembers_the_dance(memory, tmp_path, genomes):
 def test_the_page_of_a_replay_says_what_was_found(genomes, memory, tmp_path):
     weak = replace(BRIGHT, left_wheel=0.9)
     checks = self_checks(memory, weak, 1.0, repeats=1, seed=1)
-    findings(checks).to_csv(tmp_path / files.FINDINGS, index=False)
+    findings(checks).to_csv(tmp_path / disk.FINDINGS, index=False)
     config = typed(composed("evaluate", ["adaptation=self_check", "scenario=highlight_weak"]), EvaluateConfig)
     found = found_in(tmp_path, config)
     sentence = "Before its life, the robot with “self_check” found: left wheel 10 % slow."

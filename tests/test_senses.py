@@ -1,6 +1,8 @@
 """Light, infra-red, rays and noise, against the figures of the e-puck and of Webots."""
 
 import math
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numba
 import numpy as np
@@ -10,24 +12,29 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from epuckhebb.sim import random
+from epuckhebb.sim.block import live_block
+from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.light import Lamp, irradiance, lights, reading
 from epuckhebb.sim.maze import T_MAZE, boxes
-from epuckhebb.sim.robot import (
-    EPUCK,
+from epuckhebb.sim.network import Network
+from epuckhebb.sim.robot import EPUCK, Robot
+from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.senses import blinding, largest_distance_reading, sense_workspace, senses
+from epuckhebb.sim.sensors import (
     CurvePoint,
+    DistanceSensors,
+    Kernels,
+    LightSensors,
     Place,
-    Robot,
-    blinding,
+    SensorGroup,
     cast,
-    echo_of,
-    largest_distance_reading,
     put_rays,
-    sense_room,
-    senses,
 )
+from epuckhebb.sim.session import Individual
 
 WALLS, START = boxes(T_MAZE, 4), T_MAZE.start
-echo = echo_of(EPUCK)
+echo = EPUCK.distance.echo()
 bits, normal_numbers = numba.njit(random.bits), numba.njit(random.normal_numbers(16))  # whole numbers wrap around
 
 
@@ -37,17 +44,17 @@ def placed(places):
 
 
 def sensors(x, y, heading, robot=EPUCK):
-    rays = np.empty((6, robot.distances))
+    rays = np.empty((6, robot.distance.count))
     with np.errstate(divide="ignore", over="ignore"):
-        put_rays(x, y, math.cos(heading), math.sin(heading), placed(robot.distance_places), rays)
+        put_rays(x, y, math.cos(heading), math.sin(heading), placed(robot.distance.places), rays)
     return rays
 
 
 def felt(x, y, heading, robot=EPUCK, walls=WALLS):
     """The rays of the distance sensors, and how far each runs."""
-    rays, distance = sensors(x, y, heading, robot), np.empty(robot.distances)
+    rays, distance = sensors(x, y, heading, robot), np.empty(robot.distance.count)
     with np.errstate(invalid="ignore", over="ignore"):
-        cast(x, y, rays, robot.distances, walls, robot.radius_m + robot.reach_m, distance)
+        cast(x, y, rays, robot.distance.count, walls, robot.radius_m + robot.distance.reach_m, distance)
     return rays, distance
 
 
@@ -77,10 +84,10 @@ def test_a_sensor_outside_the_beam_does_not_see_the_lamp():
     ("apparent", "value"), [(0.0, 4095), (0.005, 2133.33), (0.0075, 1799.53), (0.03, 234.93), (0.0699999, 67.19)]
 )
 def test_echo_follows_the_table(apparent, value):
-    assert echo(apparent / EPUCK.stretch)[0] == pytest.approx(value, rel=1e-5)
+    assert echo(apparent / EPUCK.distance.stretch)[0] == pytest.approx(value, rel=1e-5)
 
 
-@pytest.mark.parametrize("distance", [EPUCK.reach_m, 0.06, math.inf])
+@pytest.mark.parametrize("distance", [EPUCK.distance.reach_m, 0.06, math.inf])
 def test_nothing_in_reach_gives_the_last_row(distance):
     assert echo(distance) == (67.19, 0.04897)
 
@@ -104,23 +111,25 @@ def space():
 def test_rays_agree_with_pymunk(space, lidar, kind, x, y, heading):
     robot = EPUCK if kind == "epuck" else lidar
     rays, distance = felt(x, y, heading, robot)
-    for i in range(robot.distances):
+    for i in range(robot.distance.count):
         start = rays[:2, i]
         gap = space.point_query_nearest(tuple(start), 1.0, pymunk.ShapeFilter())
         assume(gap is not None and gap.distance > 1e-9)  # pymunk says nothing useful of a ray that starts in a wall
         hit = space.segment_query_first(
-            tuple(start), tuple(start + robot.reach_m * rays[2:4, i]), 0, pymunk.ShapeFilter()
+            tuple(start), tuple(start + robot.distance.reach_m * rays[2:4, i]), 0, pymunk.ShapeFilter()
         )
         if hit is None:
-            assert distance[i] > robot.reach_m - 1e-9
+            assert distance[i] > robot.distance.reach_m - 1e-9
         else:
-            assert distance[i] == pytest.approx(hit.alpha * robot.reach_m, abs=1e-9)
+            assert distance[i] == pytest.approx(hit.alpha * robot.distance.reach_m, abs=1e-9)
 
 
 def sensed(robot, x, y, heading, lit, level=0.0, walls=WALLS):
     readings, noise = np.zeros(robot.inputs), np.ones(random.room_for_noise(robot.inputs))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        senses(robot)(x, y, math.cos(heading), math.sin(heading), walls, lit, noise, level, sense_room(robot), readings)
+        senses(robot)(
+            x, y, math.cos(heading), math.sin(heading), walls, lit, noise, level, sense_workspace(robot), readings
+        )
     return readings
 
 
@@ -131,7 +140,7 @@ def test_both_kinds_of_sensor_are_read_where_they_are(lidar):
     assert ring.shape == (32,)
     np.testing.assert_allclose(own[:8], ring[:8], rtol=0, atol=1e-15)  # its light sensors are the same
     _, distance = felt(*START, lidar)
-    distances, values, _ = zip(*lidar.distance_curve, strict=True)
+    distances, values, _ = zip(*lidar.distance.curve, strict=True)
     expected = np.interp(distance, distances, values)
     np.testing.assert_allclose(ring[8:], expected, rtol=0, atol=1e-12)
     assert largest_distance_reading(lidar)(np.append(ring, 5.0)) == ring[8:].max()
@@ -159,22 +168,85 @@ def test_a_blind_place_feels_the_dark_and_no_wall(lidar):
     assert (np.delete(readings, 28) == 0.5).all()
 
 
+AHEAD = Place(0.0, 0.0, 0.0)
+
+
 @pytest.mark.parametrize(
-    ("values", "message"),
+    ("make", "message"),
     [
-        ({"radius_m": 0.0}, r"robot\.radius_m must be a number above 0, got 0.0"),
-        ({"reach_m": math.inf}, r"robot\.reach_m must"),
-        ({"light_places": ()}, "one sensor or more each"),
-        ({"distance_places": (Place(0.05, 0.0, 0.0),)}, r"robot\.distance_places\[0\] must lie on the robot"),
-        ({"light_places": (Place(0.0, math.nan, 0.0),)}, r"robot\.light_places\[0\] must be three finite numbers"),
-        ({"distance_curve": (CurvePoint(0.0, 1.0, 0.0),)}, r"robot\.distance_curve must be two or more rows"),
-        ({"distance_curve": (CurvePoint(0.1, 1.0, 0.0), CurvePoint(0.2, 0.0, 0.0))}, "the first at 0"),
-        ({"distance_curve": (CurvePoint(0.0, 1.0, 0.0), CurvePoint(0.2, -1.0, 0.0))}, "finite numbers, 0 or more"),
+        (lambda: Robot(radius_m=0.0), r"robot\.radius_m must be a number above 0, got 0.0"),
+        (lambda: DistanceSensors(reach_m=math.inf), r"robot\.reach_m must"),
+        (lambda: LightSensors(places=()), r"robot\.light_places must hold one sensor or more"),
+        (
+            lambda: Robot(sensors=(LightSensors(), DistanceSensors(places=(Place(0.05, 0.0, 0.0),)))),
+            r"robot\.distance_places\[0\] must lie on the robot",
+        ),
+        (
+            lambda: LightSensors(places=(AHEAD, Place(0.0, math.nan, 0.0))),
+            r"robot\.light_places\[1\] must be three finite numbers",
+        ),
+        (lambda: curved((0.0, 1.0, 0.0)), r"robot\.distance_curve must be two or more rows"),
+        (lambda: curved((0.1, 1.0, 0.0), (0.2, 0.0, 0.0)), "the first at 0"),
+        (lambda: curved((0.0, 1.0, 0.0), (0.2, -1.0, 0.0)), "finite numbers, 0 or more"),
+        (lambda: Robot(sensors=(LightSensors(),)), "must be light, distance and perhaps others, each once, got"),
+        (lambda: Robot(sensors=(LightSensors(), DistanceSensors(), LightSensors())), "each once, got"),
     ],
 )
-def test_impossible_robots_are_refused(values, message):
+def test_impossible_robots_are_refused(make, message):
     with pytest.raises(ValueError, match=message):
-        Robot(**values)
+        make()
+
+
+def curved(*points):
+    return DistanceSensors(curve=tuple(CurvePoint(*point) for point in points))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compass(SensorGroup):
+    """How far each sensor looks to the north (Y), 0 to 1; a dead one reads one half."""
+
+    name: ClassVar[str] = "compass"
+    label: ClassVar[str] = "north"
+    short: ClassVar[str] = "c"
+    dead: ClassVar[float] = 0.5
+
+    def kernels(self, first, radius_m):
+        count = self.count
+
+        @compiled
+        def read(around, rays, scratch, readings):  # noqa: ARG001
+            for i in range(count):
+                readings[first + i] = (1.0 + rays[3, i]) / 2.0 + around.noise_level * 0.01 * around.noise[first + i]
+
+        return Kernels(read)
+
+
+WITH_COMPASS = Robot(
+    name="with compass",
+    sensors=(LightSensors(), Compass(places=(AHEAD, Place(0.0, 0.0, 90.0))), DistanceSensors()),
+)
+
+
+def test_another_group_of_sensors_has_its_place_among_the_inputs():
+    assert (WITH_COMPASS.inputs, WITH_COMPASS.sensor_numbers) == (18, 8)
+    lit, (x, y, heading) = lights(0.1, Lamp(), True), START
+    seen, plain = sensed(WITH_COMPASS, x, y, heading, lit), sensed(EPUCK, x, y, heading, lit)
+    np.testing.assert_allclose(seen[8:10], [1.0, 0.5], atol=1e-15)
+    assert (np.delete(seen, [8, 9]) == plain).all()
+    blinding(WITH_COMPASS)(seen, np.array([1]))
+    assert seen[[1, 9, 11]].tolist() == [1.0, 0.5, 0.0]
+    assert largest_distance_reading(WITH_COMPASS)(seen) == seen[10:].max()
+
+
+@pytest.mark.thorough
+def test_a_lifetime_with_another_group_of_sensors():
+    world = Scenario(robot=WITH_COMPASS)
+    network = Network((world.inputs, 5, 2))
+    genes = np.random.default_rng(1).uniform(-1, 1, network.synapses)
+    who = Individual(genes=genes, side="left", key=np.uint64(1), network=network, record=True)
+    ((_, samples),) = live_block([who], world, Lifetime(duration_s=1.0, noise=0.0, record_every=1))
+    north = (1 + np.sin(samples.pose[:, 2])) / 2
+    np.testing.assert_allclose(samples.sensors[:, 8], north, atol=1e-12)
 
 
 def test_noise_is_standard_normal_and_uncorrelated():

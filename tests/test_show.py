@@ -7,14 +7,17 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from cases import call, done
 from rich.console import Console
-from typer.testing import CliRunner
 
-from epuckhebb.app import formats, show
-from epuckhebb.app.cli import app
+from epuckhebb.cli import show_run, show_study
+from epuckhebb.runtime.console import Terminal
+from epuckhebb.sim.maze import SIDES
+from epuckhebb.store import columns
 
 SHORT = ["lifetime.duration_s=0.064", "repeats=1"]
-TINY = ["ga.population=4", "ga.generations=2", "ga.elites=1", "ga.loops=1", "lifetime.duration_s=0.064", "-q"]
+TINY = ["ga.population=4", "ga.generations=2", "ga.elites=1", "ga.loops=1", "lifetime.duration_s=0.064"]
+TINY += ["scenario.paper_duration_s=10", "-q"]
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +32,7 @@ def folder(tmp_path_factory):
             ["evaluate", *SHORT, "-m", "hebbian.N=0.0001,0.002", "lifetime.record_every=0", "-q"],
             ["sweep", "light", *SHORT, "scenario.light=1,0.5", "hydra/launcher=basic", "-q"],
         ):
-            result = call(*words)
-            assert result.exit_code == 0, result.output
+            done(*words)
         yield Path.cwd()
 
 
@@ -40,13 +42,8 @@ def _there(folder, monkeypatch):
     monkeypatch.setenv("COLUMNS", "300")
 
 
-def call(*words):
-    return CliRunner().invoke(app, list(words))
-
-
 def shown(*words):
-    result = call("show", *words)
-    assert result.exit_code == 0, result.output
+    result = done("show", *words)
     return result.stdout
 
 
@@ -60,8 +57,8 @@ def test_without_a_name_it_tells_of_the_latest_runs():
     assert [Path(run).parts[1] for run in known] == ["evolve", *["evaluate"] * 4, "sweep"]
 
 
-def test_without_runs_it_says_how_to_begin(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("here")
+def test_without_runs_it_says_how_to_begin():
     assert "epuckhebb evaluate" in shown()
     assert json.loads(shown("--json")) == {"runs": []}
 
@@ -79,7 +76,7 @@ def test_a_multirun_is_a_line_a_run_and_a_table_over_all():
     assert [run["run"] for run in json.loads(shown(str(multirun), "--json"))["runs"]] == [
         str(multirun / number) for number in "01"
     ]
-    assert re.findall(r"│ ([\d.]+) +│ (GA|Hebbian) ", told) == [
+    assert re.findall(r"^([\d.]+) +(GA|Hebbian) ", told, re.MULTILINE) == [
         ("0", "GA"),
         ("0.0001", "Hebbian"),
         ("0.002", "Hebbian"),
@@ -87,11 +84,22 @@ def test_a_multirun_is_a_line_a_run_and_a_table_over_all():
     assert str(multirun / "figures" / "dose_response.png") in told
 
 
+def test_controllers_that_have_the_same_rate_have_rows_of_their_own(tmp_path, capsys):
+    rows = [
+        ("reference", name, rate, side) for name, rate in (("GA", 0), ("best", 0), ("late", 5e-4)) for side in SIDES
+    ]
+    summary = pd.DataFrame(rows, columns=["genome", "controller", "N", "side"])
+    success = {"n": 3, "success": 1.0, "success_noise_low": 0.4, "success_noise_high": 1.0}
+    summary.assign(**success).to_csv(tmp_path / "summary.csv", index=False)
+    show_study.print_summary(tmp_path, Terminal())
+    assert re.findall("GA|best|late", capsys.readouterr().out) == ["GA", "best", "late"]
+
+
 @pytest.mark.usefixtures("_there")
 def test_a_multirun_leaves_a_summary_with_the_genes_alone_once_and_a_figure():
     (multirun,) = Path("runs/evaluate").glob("*_multirun")
     summary = pd.read_csv(multirun / "summary.csv")
-    assert list(zip(summary.controller, summary["hebbian.N"].fillna(0), summary.side, strict=True)) == [
+    assert list(zip(summary.controller, summary.N, summary.side, strict=True)) == [
         *(("GA", 0, side) for side in ("left", "right")),
         *(("Hebbian", rate, side) for rate in (0.0001, 0.002) for side in ("left", "right")),
     ]
@@ -123,24 +131,14 @@ def test_verbs_take_the_latest_run_that_they_can_use(folder, tmp_path, monkeypat
     result = call("replay", "latest", "--output", str(page))
     assert "recorded nothing" in result.stderr  # the second job of the multirun
     assert "_multirun" in result.stderr
-    result = call("evolve", "resume=latest", "-q")
-    assert result.exit_code == 0, result.output
-
-
-@pytest.mark.parametrize("words", [["replay", "latest"], ["rerun", "latest"], ["evaluate", "genome=latest"]])
-def test_without_runs_there_is_no_latest(words, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    result = call(*words)
-    assert result.exit_code == 2
-    assert "there is no run of `epuckhebb ev" in result.stderr
-    assert list(tmp_path.iterdir()) == []
+    result = done("evolve", "resume=latest", "-q")
 
 
 def test_it_is_told_that_robots_came_to_the_goal_and_drove_on(capsys):
-    metrics = pd.DataFrame(0.0, index=range(3), columns=formats.METRICS).astype({"controller": str})
+    metrics = pd.DataFrame(0.0, index=range(3), columns=columns.METRICS).astype({"controller": str})
     metrics = metrics.assign(
         controller="GA", side=["left", "right", "right"], genome="g", scenario="base", changed=np.nan
     )
     metrics = metrics.assign(success=[0, 0, 1], time_to_goal_s=[12.0, np.nan, 20.0])
-    show._tell_metrics(metrics, Console(width=200))
+    show_run.print_metrics(metrics, Console(width=200))
     assert "1 of 3 lifetimes came to the goal and drove on; success is asked at the end." in capsys.readouterr().out

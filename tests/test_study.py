@@ -4,12 +4,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from epuckhebb.analysis import charts, figures, summary, tables
+from epuckhebb.analysis.evaluate import COLUMNS, evaluate
 from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.lifetime import Lifetime
-from epuckhebb.sim.plasticity.paper import Paper
+from epuckhebb.sim.life import Lifetime
+from epuckhebb.sim.plasticity.rules.paper import Paper
+from epuckhebb.sim.plasticity.weight_change import saturated_fraction
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.study import charts, figures, summary, tables
-from epuckhebb.study.evaluate import COLUMNS, evaluate
 
 BRIEF = Lifetime(duration_s=40, gain_rad_s=4, record_every=10)
 MEASURED = list(COLUMNS[COLUMNS.index("success") : COLUMNS.index("changed")])
@@ -85,6 +86,28 @@ def test_time_to_goal_is_the_mean_of_those_that_arrived(evaluated):
     assert list(text.loc["Time-to-Goal (s)"]) == ["12.50", "–", "–", "–"]
 
 
+def test_saturated_weights_are_counted_and_told():
+    bound = 2.0
+    assert saturated_fraction(np.array([0.0, 1.98, 1.991, -2.0]), bound) == 0.5
+    rows = pd.DataFrame({"controller": ["GA", "Hebbian", "mild"], "saturated_fraction": [0.9, 0.872, 0.5]})
+    assert "87 % (Hebbian)." in tables.saturation(rows)
+    assert tables.saturation(rows[rows.controller != "Hebbian"]) == ""
+
+
+def test_weights_end_at_their_bound_at_a_large_rate(genomes):
+    fast = Controller(name="Hebbian", rule=Paper(N=10.0))
+    rows, _ = evaluate(genomes[0], Scenario(), [fast], Lifetime(duration_s=1.0), repeats=1, seed=1)
+    assert list(rows.saturated_fraction[rows.controller == "GA"]) == [0, 0]
+    assert (rows.saturated_fraction[rows.controller == "Hebbian"] > 0.5).all()
+
+
+def test_a_large_weight_change_has_four_digits():
+    row = {**dict.fromkeys(tables.ROWS.values(), 310.0182), "controller": "Hebbian", "side": "left"}
+    rows = pd.DataFrame([{**row, "saturated_fraction": 0.9}])
+    text = tables.formatted(tables.paper_table(rows))
+    assert list(text.loc["Weight Change Mean"]) == ["310.0"]
+
+
 def test_trajectories_are_a_picture_that_does_not_change(evaluated):
     _, traces = evaluated
     picture = figures.trajectories(traces, Scenario(), "title")
@@ -101,41 +124,23 @@ def lives(controller, rate, n, **settings):
     return pd.DataFrame([{**settings, **same, "N": rate, **one} for one in sides])
 
 
-def test_the_genes_alone_are_summed_up_once():
-    rows = [lives("GA", "0", 1, **{"hebbian.N": rate}) for rate in ("0.1", "0.2")]
-    rows += [lives("Hebbian", rate, 3, **{"hebbian.N": rate}) for rate in ("0.1", "0.2")]
-    told = summary.summary(pd.concat(rows), ["hebbian.N"])
-    assert list(zip(told.controller, told["hebbian.N"], told.n, told.success, strict=True)) == [
-        *[("GA", "", 4, 0.25)] * 2,
-        *[("Hebbian", "0.1", 4, 0.75)] * 2,
-        *[("Hebbian", "0.2", 4, 0.75)] * 2,
-    ]
-
-
-def test_genes_alone_that_lived_other_lives_are_all_summed_up():
-    rows = [lives("GA", "0", n, **{"hebbian.N": "0.1", "lifetime.noise": noise}) for n, noise in ((1, "0"), (2, "1"))]
-    assert list(summary.summary(pd.concat(rows), ["hebbian.N", "lifetime.noise"]).success) == [0.25] * 2 + [0.5] * 2
-
-
 @pytest.mark.parametrize("rates", [["0.1"], ["0", "0.1"]])
 def test_one_rate_has_no_dose_response(rates):
-    rows = pd.concat([lives("Hebbian", rate, 1, **{"hebbian.N": rate}) for rate in rates])
-    assert summary.dose_response(rows, ["hebbian.N"]) is None
+    rows = pd.concat([lives("Hebbian", rate, 1) for rate in rates])
+    assert summary.dose_response(rows, ["N"]) is None
 
 
 def test_the_dose_response_has_each_condition_and_the_genes_alone_beside_it(monkeypatch):
     drawn = []
     monkeypatch.setattr(charts, "rates", lambda doses, told: drawn.append((doses, told)))
     rows = [
-        lives(controller, rate if controller == "Hebbian" else "0", n + (controller == "GA"), **settings)
+        lives(controller, rate, n + (controller == "GA"), **{"lifetime.noise": noise})
         for n, noise in enumerate("01")
-        for rate in ("0.1", "0.2")
-        for settings in [{"hebbian.N": rate, "lifetime.noise": noise}]
-        for controller in ("GA", "Hebbian")
+        for controller, rate in (("GA", "0"), ("Hebbian", "0.1"), ("Hebbian", "0.2"))
     ]
-    summary.dose_response(pd.concat(rows), ["hebbian.N", "lifetime.noise"])
+    summary.dose_response(pd.concat(rows), ["N", "lifetime.noise"])
     ((doses, told),) = drawn
-    assert told.startswith("mean of 4 lifetimes")
+    assert told == "mean of 4 lifetimes of g on each side (95 % intervals: noise only)"
     assert [name for name, _ in doses.groupby("condition", sort=False)] == [
         "base, lifetime.noise=0: Hebbian",
         "base, lifetime.noise=1: Hebbian",
@@ -145,6 +150,23 @@ def test_the_dose_response_has_each_condition_and_the_genes_alone_beside_it(monk
     assert list(left.success) == [0.25, 0, 0, 0.5, 0.25, 0.25]
     assert (left.success_low <= left.success).all()
     assert (left.success <= left.success_high).all()
+
+
+def test_the_dose_response_of_champions_is_one_panel_a_world_over_all_of_them(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(charts, "rates", lambda doses, told: drawn.append((doses, told)))
+    rows = [
+        lives(controller, rate, n).assign(genome=genome, scenario=scenario)
+        for n, genome in enumerate("abc", start=1)
+        for scenario in ("base", "4obstacles")
+        for controller, rate in (("GA", "0"), ("Hebbian", "0.1"), ("Hebbian", "0.2"))
+    ]
+    summary.dose_response(pd.concat(rows), ["genome", "N", "scenario"])
+    ((doses, told),) = drawn
+    assert told == "mean of 3 champions on each side (95 % intervals over champions)"
+    assert list(doses.condition.unique()) == ["base: Hebbian", "4obstacles: Hebbian"]
+    assert set(doses.success) == {0.5}
+    assert set(doses.success_low) == {0.25}  # of the champion that does worst
 
 
 @pytest.mark.parametrize(

@@ -5,14 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from epuckhebb.app.config import EvolveConfig, typed
-from epuckhebb.app.errors import ConfigError
-from epuckhebb.app.hydra_bridge import composed
+from epuckhebb.config.compose import composed
+from epuckhebb.config.schema import EvolveConfig, typed
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizer import Optimizer, Schedule, Search
 from epuckhebb.evolution.training import HOME, Training
-from epuckhebb.sim import scenario
-from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.life import Lifetime
+from epuckhebb.sim.maze import T_MAZE, Niche
 from epuckhebb.sim.scenario import Scenario
 
 FAST = Lifetime(duration_s=60, gain_rad_s=4)
@@ -27,8 +26,15 @@ def varied():
     """The varied worlds of a hundred generations with two loops each, as (generations, loops)."""
     kind = training("varied")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scenario, "check_reachable", lambda *_: None)  # takes long, and is tested with the mazes
+        patch.setattr(Scenario, "check", lambda _: None)  # takes long, and is tested with the mazes
         return [kind.worlds(Scenario(), FAST, 2, 1, generation) for generation in range(100)]
+
+
+def test_a_drawn_layout_that_shuts_the_way_is_refused():
+    across = Niche("y", (-0.045, 0.062), (-0.1, -0.05), (0.03, 0.1), (0.05, 0.06))
+    home = Scenario(maze=replace(T_MAZE, niches=(across,)))
+    with pytest.raises(ValueError, match="cannot be reached"):
+        Training(obstacles_share=1.0).worlds(home, FAST, 2, 1, 0)
 
 
 @dataclass(kw_only=True)
@@ -150,32 +156,6 @@ def test_the_champion_is_who_does_best_in_fresh_lifetimes(genomes):
     assert told.champion_fitness != told.fitness[1]
     assert told.champion_fitness == pytest.approx(told.fitness[1], abs=0.1)
     assert told.robot_steps == 2 * 2 * FAST.steps
-
-
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        (
-            ["training.layouts=[1,59]"],
-            "training.layouts must be two numbers, the lesser first, 10 or more, got [1, 59]",
-        ),
-        (["training.light=[1.2,0.5]"], "training.light must be two numbers"),
-        (["training.wheel=[0.8,1.1]"], "from 0 to 1"),
-        (["training.light_share=2"], "training.light_share must lie in [0, 1], got 2"),
-        (["training.success_bonus=-1"], "training.success_bonus must be 0 or more, got -1"),
-        (["training.gain_rad_s=[1.5,7]"], "training.gain_rad_s must be at most 6.28"),
-        (["training.gain_rad_s=[0,4]"], "training.gain_rad_s must be two numbers"),
-        (["training.gain_rad_s=[1.5,6]", "scenario.changes=[{at_s: 50, light: 1.0}]"], "must come before 40 s"),
-        (["training=varied", "ga.loops=1"], "training.home_loops must be less than the loops of a generation"),
-        (["training=varied", "maze=double_t"], "no niches"),
-        (["training=other"], "gain_varied"),
-        (["training.lihgt=[0,1]"], "training.light"),
-    ],
-)
-def test_training_that_cannot_be_is_refused(overrides, message):
-    with pytest.raises(ConfigError) as told:
-        typed(composed("evolve", overrides), EvolveConfig)
-    assert message in str(told.value)
 
 
 def test_training_whose_values_are_not_its_files_says_so():

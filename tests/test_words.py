@@ -4,55 +4,35 @@ import ast
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from cases import first_of
-from typer.testing import CliRunner
+from cases import call, done, first_of
 
 import epuckhebb
-from epuckhebb.app import hydra_bridge
-from epuckhebb.app.cli import _told, app
-from epuckhebb.app.config import literal
-from epuckhebb.app.data import data_folder
-from epuckhebb.app.errors import USAGE
-from epuckhebb.app.terminal import Terminal, show_what_can_be_shown
-from epuckhebb.study import report
-from epuckhebb.study.figures import plain as in_figures
-from epuckhebb.study.tables import code, markdown_table, plain
+from epuckhebb.analysis import report
+from epuckhebb.analysis.figures import plain as in_figures
+from epuckhebb.analysis.tables import code, markdown_table, plain
+from epuckhebb.cli.output import report_errors
+from epuckhebb.config import overrides
+from epuckhebb.config.overrides import literal
+from epuckhebb.runs import hydra
+from epuckhebb.runtime.console import Terminal, show_what_can_be_shown
+from epuckhebb.runtime.errors import USAGE
+from epuckhebb.runtime.resources import data_folder
 
 PACKAGE = Path(epuckhebb.__file__).parent
 SHORT = ["repeats=1", "lifetime.duration_s=0.064"]
 QUICK = [*SHORT, "lifetime.record_every=0"]
-ODD = [
-    "a b",
-    'a"b',
-    "it's",
-    "${x}",
-    r"\${x}",
-    "a\\",
-    'a\\"',
-    "a\nb",
-    "é漢",
-    "a,b=c",
-    "$",
-    "[b]",
-    "~x",
-    "${oc.env:HOME}",
-]
-
-
-@pytest.fixture
-def run(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return lambda *words: CliRunner().invoke(app, list(words))
+ODD = ["a b", 'a"b', "it's", "${x}", r"\${x}", "a\\", 'a\\"', "a\nb", "é漢", "a,b=c", "$", "~x", "${oc.env:HOME}"]
 
 
 @pytest.mark.parametrize("text", ODD)
 def test_a_quoted_text_means_itself(text):
-    assert hydra_bridge.value_of(f"key={hydra_bridge.quoted(text)}") == text
+    assert overrides.value_of(f"key={overrides.quoted(text)}") == text
 
 
 @pytest.mark.parametrize("text", ODD)
@@ -62,21 +42,22 @@ def test_a_rule_is_found_in_an_odd_folder(tmp_path, monkeypatch, text):
     rule = "import epuckhebb\nclass Own(epuckhebb.Rule):\n    @staticmethod\n    def synapse(): return 0.0\n"
     (folder / "own.py").write_text(rule, encoding="utf-8")
     monkeypatch.chdir(folder)
-    override = hydra_bridge._with_rules_found("hebbian.rule=own.py:Own,paper")
-    assert [hydra_bridge.value_of(one) for one in hydra_bridge.alternatives([override])["hebbian.rule"]] == [
+    override = hydra._with_rules_found("hebbian.rule=own.py:Own,paper")
+    assert [overrides.value_of(one) for one in overrides.alternatives([override])["hebbian.rule"]] == [
         f"{folder}/own.py:Own",
         "paper",
     ]
 
 
 @pytest.mark.thorough
-def test_all_verbs_work_in_an_odd_folder(run, tmp_path, monkeypatch):
+@pytest.mark.usefixtures("here")
+def test_all_verbs_work_in_an_odd_folder(tmp_path, monkeypatch):
     folder = tmp_path / 'it\'s "a" ${x} é\n\\'
     (folder / "conf").mkdir(parents=True)
     monkeypatch.chdir(folder)
     champion = data_folder("runs/reference") / "champion_obstacles.npz"
     (folder / "${seed}.npz").write_bytes(champion.read_bytes())
-    genome = f"genome={hydra_bridge.quoted('${seed}.npz')}"
+    genome = f"genome={overrides.quoted('${seed}.npz')}"
     for words in (
         ["evaluate", *SHORT, "lifetime.record_every=1", genome, "hydra.run.dir=one"],
         ["show", "one"],
@@ -85,20 +66,19 @@ def test_all_verbs_work_in_an_odd_folder(run, tmp_path, monkeypatch):
         ["evaluate", *QUICK, "-m", "seed=1,2", "--config-dir", str(folder / "conf")],
         ["sweep", "obstacles", *QUICK, "scenario=base", "hydra/launcher=basic"],
     ):
-        result = run(*words)
-        assert result.exit_code == 0, f"{words}\n{result.output}"
-    told = json.loads(run("evaluate", *QUICK, "-m", "seed=1,2", "--json").stdout)
+        done(*words)
+    told = json.loads(call("evaluate", *QUICK, "-m", "seed=1,2", "--json").stdout)
     assert len(told["runs"]) == 2
 
 
 @pytest.mark.parametrize("name", first_of(["[/x]", "$\\foo$", "a|b", "<script>alert(1)</script>", "漢"]))
-def test_a_name_is_shown_to_the_letter(run, name):
+@pytest.mark.usefixtures("here")
+def test_a_name_is_shown_to_the_letter(name):
     words = [f"scenario.name='{name}'", "hebbian.name='[/y]'", "lifetime.record_every=1", "hydra.run.dir=one"]
-    result = run("evaluate", *SHORT, *words)
-    assert result.exit_code == 0, result.output
+    result = done("evaluate", *SHORT, *words)
     assert name in " ".join(result.stdout.split())
-    assert run("show", "one").exit_code == 0
-    assert run("replay", "one").exit_code == 0
+    done("show", "one")
+    done("replay", "one")
     assert "<script>alert" not in Path("one/replay.html").read_text(encoding="utf-8")
 
 
@@ -111,7 +91,7 @@ def test_a_report_has_names_to_the_letter_and_a_policy(name):
     assert "<img" not in page
     assert "<a " not in page
     assert "<em>" not in page
-    assert page.count("<th>") == page.count("<td>") == 2
+    assert re.findall("<(t[hd])[ >]", page) == ["th", "th", "td", "td"]
     assert (
         "http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; style-src 'sha256-" in page
     )
@@ -137,22 +117,15 @@ def test_what_an_encoding_does_not_have_is_replaced(monkeypatch):
     assert written.getvalue() == b"0 ? 1\n"
 
 
-def test_a_run_is_told_in_ascii(run):
-    assert run("evaluate", *QUICK, "-q", "hydra.run.dir=one").exit_code == 0
+@pytest.mark.usefixtures("here")
+def test_a_run_is_told_in_ascii():
+    done("evaluate", *QUICK, "-q", "hydra.run.dir=one")
     plain_ascii = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": "ascii"}
     command = [sys.executable, "-X", "warn_default_encoding", "-m", "epuckhebb", "show", "one"]
-    done = subprocess.run(command, env=os.environ | plain_ascii, capture_output=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert b"Weight Change Mean" in done.stdout
-    assert b"epuckhebb/app" not in done.stderr, done.stderr  # a file of ours that opens text without an encoding
-
-
-@pytest.mark.parametrize("words", [["evaluate"], ["evolve"], ["sweep", "light"]])
-def test_what_is_no_text_is_refused(run, tmp_path, words):
-    result = run(*words, "scenario.name='a\udcff'")
-    assert result.exit_code == USAGE
-    assert "no text in the encoding of this system" in result.stderr
-    assert list(tmp_path.iterdir()) == []
+    shown = subprocess.run(command, env=os.environ | plain_ascii, capture_output=True, check=False)
+    assert shown.returncode == 0, shown.stderr
+    assert b"Success" in shown.stdout
+    assert str(PACKAGE).encode() not in shown.stderr, shown.stderr  # a file of ours that opens text without an encoding
 
 
 def test_text_is_read_as_utf_8():
@@ -172,48 +145,37 @@ class Closed(io.StringIO):
 def test_who_stops_reading_does_not_stop_the_work(monkeypatch):
     monkeypatch.setattr(sys, "stdout", Closed())
     Terminal().print("a table")
-    with _told():
+    with report_errors():
         print(json.dumps({}))
 
 
-def test_a_closed_pipe_ends_quietly(run):
-    assert run("evaluate", *QUICK, "-q", "hydra.run.dir=one").exit_code == 0
+@pytest.mark.thorough
+@pytest.mark.usefixtures("here")
+def test_a_closed_pipe_ends_quietly():
+    done("evaluate", *QUICK, "-q", "hydra.run.dir=one")
     reader, writer = os.pipe()
     os.close(reader)
     with os.fdopen(writer, "wb") as closed:
         command = [sys.executable, "-m", "epuckhebb", "show", "one", "--json"]
-        done = subprocess.run(command, stdout=closed, stderr=subprocess.PIPE, check=False)
-    assert (done.returncode, done.stderr) == (0, b"")
+        shown = subprocess.run(command, stdout=closed, stderr=subprocess.PIPE, check=False)
+    assert (shown.returncode, shown.stderr) == (0, b"")
 
 
 @pytest.mark.thorough
-def test_a_job_that_is_refused_among_many_is_told_once(run):
+@pytest.mark.usefixtures("here")
+def test_a_job_that_is_refused_among_many_is_told_once():
     changes = "scenario.changes=[],[{at_s: 0.1, light: 1}]"  # each fits the first duration
-    result = run("evaluate", "-m", *QUICK[:1], changes, "lifetime.duration_s=0.2,0.064", "lifetime.record_every=0")
+    result = call("evaluate", "-m", *QUICK[:1], changes, "lifetime.duration_s=0.2,0.064", "lifetime.record_every=0")
     assert result.exit_code == USAGE
     assert result.stderr.startswith("Error: scenario.changes[0].at_s must be less than lifetime.duration_s")
     assert len(result.stderr.splitlines()) == 1
 
 
-def test_a_folder_with_runs_in_it_where_one_run_is_wanted(run):
-    assert run("evaluate", "-m", *QUICK, "seed=1", "hydra.sweep.dir=many").exit_code == 0
-    result = run("rerun", "many")
+@pytest.mark.usefixtures("here")
+def test_a_folder_with_runs_in_it_where_one_run_is_wanted():
+    done("evaluate", "-m", *QUICK, "seed=1", "hydra.sweep.dir=many")
+    result = call("rerun", "many")
     assert result.exit_code == USAGE
     assert result.stderr == "Error: many is a folder with runs in it; give one of them, for example many/0\n"
     Path("empty").mkdir()
-    assert "Errno" not in run("show", "empty").stderr
-
-
-def test_a_page_needs_what_was_recorded(run, tmp_path):
-    result = run("evaluate", *QUICK, "--open")
-    assert result.exit_code == USAGE
-    assert "--open shows what was recorded" in result.stderr
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("value", ["range(1,3),range(1,4)", "0.1,range(1,3)", "0.1,glob(*)"])
-def test_a_range_in_a_list_is_refused(run, value):
-    for verb in (["sweep", "light"], ["evaluate", "-m"]):
-        result = run(*verb, f"scenario.light={value}")
-        assert result.exit_code == 2
-        assert f"scenario.light={value}: a list of values has no ranges in it" in result.stderr
+    assert "Errno" not in call("show", "empty").stderr

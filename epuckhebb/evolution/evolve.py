@@ -16,16 +16,17 @@ from numpy.typing import NDArray
 from epuckhebb.evolution.optimizer import CANDIDATES, CONFIRM, Optimizer, State
 from epuckhebb.evolution.training import HOME, Training, World
 from epuckhebb.sim import random
-from epuckhebb.sim.block import Individual, Outcome, live_block
+from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import GenomePlan, plan_of
-from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.life import Lifetime, Outcome
 from epuckhebb.sim.maze import SIDES, Pose
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.plasticity.control import signs
 from epuckhebb.sim.plasticity.rule import Births, NoRule, Rule, name_of
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.session import Individual
 
 _START_SPREAD = np.array([0.005, 0.010, 0.1])  # m, m, rad at a start noise of 1
 _COPIES, _LIFE_BYTES = 4.0, 1000.0  # of the genes of an individual; of one who shall live, and how it went

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.evolution.training import Training
 from epuckhebb.sim.genome import GenomePlan
-from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES
 
 _PAPER_LIFETIMES = 50 * 30 * 3 * len(SIDES)  # population, generations, loops and sides of the paper's algorithm

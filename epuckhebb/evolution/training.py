@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuckhebb.sim import random
-from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.scenario import Scenario
 
@@ -168,7 +168,10 @@ class Training:
             changed["dead_sensors"] = (1 + int(drawn[6] * (home.robot.sensor_numbers - 1)),)
         if drawn[7] < self.wheel_share:
             changed["left_wheel" if drawn[8] < 0.5 else "right_wheel"] = _between(self.wheel, drawn[9])
-        return replace(home, **changed)
+        world = replace(home, **changed)
+        if "layout" in changed:
+            world.check()
+        return world
 
 
 def _between(bounds: list[float], drawn: float) -> float:

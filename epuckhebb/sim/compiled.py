@@ -13,28 +13,23 @@ a third of a step with an adaptation.
 
 import hashlib
 import os
-import re
-import sys
 import types
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from enum import Enum
 from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-import numpy as np
 import platformdirs
 from numba.extending import register_jitable
 
+from epuckhebb.sim.digest import UnknownPartError, digest
 from epuckhebb.sim.inlined import InlinedCompiler
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
-_ADDRESS = re.compile(r" at 0x[0-9a-f]+")  # where an object is in memory says nothing of what it is
-_LIBRARIES = {*sys.stdlib_module_names, "numpy", "numba", "scipy"}  # they are told apart by their versions
 _CHECKSUM = hashlib.sha256().digest_size
 _settings: Any = numba.config
 if _settings.DISABLE_JIT:
@@ -70,10 +65,13 @@ def kernel(function: Function, **parts: object) -> Function:
 
     The machine code is kept on disk for the next start, in a folder that is named by the code that the kernel is
     really made of (`digest`): change one equation, of ours or of a user, and it is compiled anew. Where no cache can
-    be written, or what is there is damaged, it is compiled in memory.
+    be written, what is there is damaged, or a digest cannot read all of the code, it is compiled in memory.
     """
-    made = types.FunctionType(function.__code__, {**function.__globals__, **parts}, function.__name__)
-    name = digest(made)
+    made = _with_globals(function, parts)
+    try:
+        name = digest(made)
+    except UnknownPartError:
+        return cast(Function, _njit(**_OPTIONS)(made))
     made.__qualname__ = f"{function.__name__}_{name}"  # symbols of kernels that are loaded together must differ
     made.__module__ = function.__module__
     folder = _cache_folder(name)
@@ -90,6 +88,16 @@ def kernel(function: Function, **parts: object) -> Function:
         return cast(Function, _njit(**_OPTIONS)(made))
     _distrust(dispatcher._cache)
     return cast(Function, dispatcher)
+
+
+def with_parts(function: Function, **parts: object) -> Function:
+    """A building block with these parts in place of its module's global names, as `kernel` makes kernels."""
+    return compiled(cast(Function, _with_globals(function, parts)))
+
+
+def _with_globals(function: Callable[..., Any], parts: dict[str, object]) -> types.FunctionType:
+    code = cast(types.FunctionType, function)
+    return types.FunctionType(code.__code__, {**code.__globals__, **parts}, code.__name__)
 
 
 def _distrust(cache: Any) -> None:
@@ -145,78 +153,6 @@ def in_module(function: Function, name: str) -> Function:
     )
     copy.__module__ = name
     return cast(Function, copy)
-
-
-def digest(function: Callable[..., Any]) -> str:
-    """Sixteen hexadecimal digits that name a function by its code and by all that it calls or reads, recursively.
-
-    What counts is the bytecode and the values that global names and closures have now, not the text of a file.
-    """
-    content = hashlib.sha256(f"numba {numba.__version__} numpy {np.__version__} python {sys.version_info[:2]}".encode())
-    numbered: dict[int, int] = {}
-
-    def take(value: object) -> None:
-        content.update(repr(sorted(getattr(value, "targetoptions", {}).items())).encode())
-        value = getattr(value, "py_func", value)
-        if isinstance(value, types.ModuleType):
-            content.update(value.__name__.encode())
-        elif isinstance(value, types.FunctionType) and _is_of_a_library(value.__module__):
-            content.update(f"{value.__module__}.{value.__qualname__}".encode())
-        elif isinstance(value, types.FunctionType):
-            new = id(value) not in numbered
-            content.update(f"function {numbered.setdefault(id(value), len(numbered))}".encode())
-            if new:
-                take_function(value)
-        elif isinstance(value, np.ndarray):
-            content.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
-        elif isinstance(value, tuple | list):
-            content.update(f"{len(value)}{getattr(value, '_fields', '')}(".encode())
-            for item in value:
-                take(item)
-        elif isinstance(value, type):
-            content.update(f"{value.__module__}.{value.__qualname__}{getattr(value, '_fields', '')}".encode())
-            content.update(repr(list(value) if issubclass(value, Enum) else "").encode())
-        else:
-            content.update(_ADDRESS.sub("", repr(value)).encode())
-
-    def take_function(python: types.FunctionType) -> None:
-        take_code(python.__code__, python.__doc__)
-        take(python.__defaults__ or ())
-        names = _names(python.__code__)
-        for cell in python.__closure__ or ():
-            take_named(cell.cell_contents, names)
-        for name in sorted(names & python.__globals__.keys()):
-            content.update(name.encode())
-            take_named(python.__globals__[name], names)
-
-    def take_named(value: object, names: set[str]) -> None:
-        """Take a value; of a module that is not a known library, what of it may be meant too."""
-        take(value)
-        if isinstance(value, types.ModuleType) and not _is_of_a_library(value.__name__):
-            for name in sorted(names & vars(value).keys()):
-                content.update(name.encode())
-                take_named(vars(value)[name], names - {name})
-
-    def take_code(code: types.CodeType, docstring: str | None = None) -> None:
-        content.update(code.co_code + repr((code.co_names, code.co_varnames, code.co_freevars)).encode())
-        for constant in code.co_consts:
-            if isinstance(constant, types.CodeType):
-                take_code(constant)
-            elif not (isinstance(constant, str) and constant == docstring):  # it says nothing about the result
-                take(constant)
-
-    take(function)
-    return content.hexdigest()[:16]
-
-
-def _is_of_a_library(module: str | None) -> bool:
-    return (module or "").partition(".")[0] in _LIBRARIES
-
-
-def _names(code: types.CodeType) -> set[str]:
-    """The global names and attributes that a code object, and those inside it, mention."""
-    inner = (constant for constant in code.co_consts if isinstance(constant, types.CodeType))
-    return set(code.co_names).union(*map(_names, inner))
 
 
 def _cache_root() -> Path:

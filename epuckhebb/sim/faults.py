@@ -66,11 +66,11 @@ def grip(slip: float, key: np.uint64, step: int, wheel: int) -> float:
 class Hooks(NamedTuple):
     """The functions of faults that a lifetime calls.
 
-    misread(readings, faults): what becomes of what was sensed. turn_wheels(faults, tally, left, right, gain, key,
-    step): the speeds [rad/s] at which the wheels move the robot, for outputs of so much at a step.
+    apply_sensor_faults(readings, faults): changes the sensor readings. turn_wheels(faults, tally, left, right, gain,
+    key, step): the speeds [rad/s] at which the wheels move the robot, for these outputs of the network.
     """
 
-    misread: Callable[..., None]
+    apply_sensor_faults: Callable[..., None]
     turn_wheels: Callable[..., tuple[float, float]]
 
 
@@ -88,18 +88,21 @@ def _as_it_is(readings: NDArray[np.float64], faults: Faults) -> None:
 def _at_once(
     faults: Faults, tally: Any, left: float, right: float, gain: float, key: np.uint64, step: int
 ) -> tuple[float, float]:
-    return gain * faults.left_wheel * left, gain * faults.right_wheel * right
+    tally.left_speed = gain * faults.left_wheel * left  # for a kernel that knows more faults, which may go on with it
+    tally.right_speed = gain * faults.right_wheel * right
+    return tally.left_speed, tally.right_speed
 
 
 def _miscalibrated(robot: Robot) -> Callable[..., None]:
-    first, last = robot.lights, robot.inputs
+    distances = robot.inputs_of(robot.distance)
+    first, last = distances.start, distances.stop
 
     @compiled
-    def misread(readings: NDArray[np.float64], faults: Faults) -> None:
+    def apply_sensor_faults(readings: NDArray[np.float64], faults: Faults) -> None:
         for i in range(first, last):
             readings[i] = min(1.0, max(0.0, readings[i] * faults.distance_gain + faults.distance_offset))
 
-    return misread
+    return apply_sensor_faults
 
 
 @compiled

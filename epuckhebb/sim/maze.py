@@ -1,28 +1,23 @@
 """A maze as data, seen from above: walls, where the robot starts, its goals and the arms that lead there.
 
 X points to the robot's right and Y ahead of it at the start of the paper's maze, in metres. All walls are boxes with
-sides along the axes. The paper's T-maze is here; others are files of `conf/maze/` with the keys that `Maze` has, and
-`maze_from` makes a maze of what such a file holds.
+sides along the axes. The paper's T-maze is here; others are files of `conf/maze/` with the keys that `Maze` has.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim import mapping, random
+from epuckhebb.sim import random
 from epuckhebb.sim.random import Stream
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
 _LARGEST = 10.0  # m: the half side of the largest arena
-GRID = 0.002  # m: of the places that are looked at for a way to the goal
-_BYTES_PER_PLACE = 46.0  # of the grid, at most at one time
-_SPARE = 0.001  # m: the physics lets a robot sink into a wall by about so much
 
 
 class Pose(NamedTuple):
@@ -182,79 +177,6 @@ T_MAZE = Maze(
 )
 
 
-_REQUIRED = ("name", "walls", "start", "goals", "arms")
-_OPTIONAL = ("obstacles", "obstacle_counts", "niches", "goal_radius_m", "arena_m")
-_LAMP = "lamp"  # a maze file may say where its lamp is; the scenario takes it from there
-
-
-def maze_from(told: Mapping[str, Any], where: str = "maze") -> Maze:
-    """A maze from plain mappings, as a file of `conf/maze/` holds it; `where` is its key in messages.
-
-    Keys are those of `Maze`: boxes and goals by name with a key for each number, `start.heading_deg` in degrees,
-    bounds of arms that are left out infinite, niches a list of mappings. A key `lamp` is left to the scenario.
-
-    Raises:
-        ValueError: a key is missing or not known, or a value is not what the maze needs.
-    """
-    found = mapping.keys(where, told, _REQUIRED, _OPTIONAL, ignored=[_LAMP])
-    start = mapping.keys(f"{where}.start", found["start"], ("x", "y", "heading_deg"))
-    x, y, heading_deg = (mapping.number(f"{where}.start.{key}", start[key]) for key in ("x", "y", "heading_deg"))
-    values: dict[str, Any] = {
-        "name": mapping.text(f"{where}.name", found["name"]),
-        "walls": _boxes_from(f"{where}.walls", found["walls"]),
-        "start": Pose(x, y, math.radians(heading_deg)),
-        "goals": {
-            side: Place(**_numbers(f"{where}.goals.{side}", place, Place._fields))
-            for side, place in mapping.keys(f"{where}.goals", found["goals"], SIDES).items()
-        },
-        "arms": {
-            side: _region_from(f"{where}.arms.{side}", region)
-            for side, region in mapping.keys(f"{where}.arms", found["arms"], SIDES).items()
-        },
-    }
-    for key in ("goal_radius_m", "arena_m"):
-        if key in found:
-            values[key] = mapping.number(f"{where}.{key}", found[key])
-    if "obstacles" in found:
-        values["obstacles"] = _boxes_from(f"{where}.obstacles", found["obstacles"])
-    if "obstacle_counts" in found:
-        key = f"{where}.obstacle_counts"
-        counts = mapping.items(key, found["obstacle_counts"])
-        values["obstacle_counts"] = tuple(mapping.whole(f"{key}[{n}]", count) for n, count in enumerate(counts))
-    if "niches" in found:
-        key = f"{where}.niches"
-        niches = mapping.items(key, found["niches"])
-        values["niches"] = tuple(_niche_from(f"{key}[{n}]", niche) for n, niche in enumerate(niches))
-    return Maze(**values)
-
-
-def _numbers(where: str, told: object, names: tuple[str, ...]) -> dict[str, float]:
-    """A finite number for each of the names."""
-    found = mapping.keys(where, told, names)
-    return {name: mapping.number(f"{where}.{name}", found[name]) for name in names}
-
-
-def _boxes_from(where: str, told: object) -> dict[str, Box]:
-    return {
-        name: Box(**_numbers(f"{where}.{name}", box, Box._fields)) for name, box in mapping.mapping(where, told).items()
-    }
-
-
-def _region_from(where: str, told: object) -> Region:
-    found = mapping.keys(where, told, (), Region._fields)
-    return Region(**{name: mapping.bound(f"{where}.{name}", value) for name, value in found.items()})
-
-
-def _niche_from(where: str, told: object) -> Niche:
-    found = mapping.keys(where, told, ("along", "walls", "between", "length", "depth"), ("both",))
-    values: dict[str, Any] = {"along": mapping.text(f"{where}.along", found["along"])}
-    for key in ("walls", "between", "length", "depth"):
-        values[key] = tuple(mapping.row(f"{where}.{key}", found[key], ("from", "to")))
-    if "both" in found:
-        values["both"] = mapping.number(f"{where}.both", found["both"])
-    return Niche(**values)
-
-
 def random_obstacles(maze: Maze, layout: int) -> list[Box]:
     """Obstacles in the niches of a maze, at random, each from a wall; the same for the same number of the layout."""
     rng = random.rng(layout, Stream.layout)
@@ -305,78 +227,3 @@ def added(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np
     known = (after[:, None] == before).all(axis=2).any(axis=1)
     new: NDArray[np.float64] = after[~known]
     return new
-
-
-def gap(x: float, y: float, walls: NDArray[np.float64]) -> float:
-    """Distance [m] from a point to the nearest box of `walls` (boxes, 4); 0 inside one."""
-    return float(_gaps(np.array([x]), np.array([y]), walls)[0, 0])
-
-
-def check_reachable(maze: Maze, goals: Mapping[Side, Place], obstacles: int, layout: int, radius: float) -> None:
-    """Refuse a maze in which a robot of this radius [m] cannot stand at the start or get to a goal.
-
-    Raises:
-        ValueError: the start is in a wall, or no way leads to a goal.
-    """
-    _check_reachable(boxes(maze, obstacles, layout).tobytes(), maze, tuple(goals[side] for side in SIDES), radius)
-
-
-@cache
-def _check_reachable(walls: bytes, maze: Maze, goals: tuple[Place, ...], radius: float) -> None:
-    placed = np.frombuffer(walls).reshape(-1, 4)
-    here = gap(*maze.start[:2], placed)
-    if here < radius - _SPARE:
-        raise ValueError(
-            f"maze.start = {maze.start.x:g}, {maze.start.y:g} of {maze.name} is in a wall or too near one: a robot of "
-            f"radius {radius:g} m has {here:.3f} m to the nearest"
-        )
-    axis, reached = reachable(maze, placed, radius)
-    for side, goal in zip(SIDES, goals, strict=True):
-        near = np.hypot(axis[:, None] - goal.x, axis[None, :] - goal.y) < maze.goal_radius_m
-        if not (reached & near).any():
-            raise ValueError(
-                f"the goal of the {side}, {goal.x:g}, {goal.y:g}, cannot be reached in maze {maze.name}: no way from "
-                f"the start is wide enough for a robot of radius {radius:g} m"
-            )
-
-
-def grid_bytes(arena_m: float) -> float:
-    """How many bytes of memory it takes, about, to look for a way to the goals in an arena of this half side [m]."""
-    return _BYTES_PER_PLACE * (2 * arena_m / GRID + 1) ** 2
-
-
-def reachable(maze: Maze, walls: NDArray[np.float64], radius: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Where the middle of a robot of this radius [m] can get to from the start, among these walls (boxes, 4).
-
-    Returns the places of a grid along X, which are those along Y too [m], and (x, y) whether each can be reached.
-    """
-    axis = np.arange(-maze.arena_m, maze.arena_m + GRID / 2, GRID)
-    free = _gaps(axis, axis, walls) >= radius - _SPARE
-    there = np.zeros_like(free)
-    there[tuple(np.rint((np.array(maze.start[:2]) + maze.arena_m) / GRID).astype(int))] = True
-    return axis, _flooded(free, there)
-
-
-def _gaps(x: NDArray[np.float64], y: NDArray[np.float64], walls: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distances (x, y) from points of a grid to the nearest box."""
-    nearest = np.full((len(x), len(y)), np.inf)
-    for left, right, bottom, top in walls:
-        beside = np.maximum(np.maximum(left - x, x - right), 0.0)
-        before = np.maximum(np.maximum(bottom - y, y - top), 0.0)
-        np.minimum(nearest, beside[:, None] ** 2 + before[None, :] ** 2, out=nearest)
-    distances: NDArray[np.float64] = np.sqrt(nearest)
-    return distances
-
-
-def _flooded(free: NDArray[np.bool_], there: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """All free cells that can be reached from `there`, straight run by straight run."""
-    while True:
-        before = there.sum()
-        for axis in (0, 1):
-            walls_so_far = np.cumsum(~free, axis=axis)  # cells of one free run of a line share this number
-            lines = np.moveaxis(walls_so_far, axis, 1), np.moveaxis(there & free, axis, 1)
-            runs = lines[0] + np.arange(len(free))[:, None] * (free.shape[axis] + 1)
-            reached = np.bincount(runs.ravel(), weights=lines[1].ravel()) > 0
-            there = np.moveaxis(reached[runs], 1, axis) & free
-        if there.sum() == before:
-            return there

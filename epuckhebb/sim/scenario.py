@@ -6,8 +6,10 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from epuckhebb.sim.light import Lamp
-from epuckhebb.sim.maze import SIDES, T_MAZE, Maze, Place, Side, check_reachable
+from epuckhebb.sim.maze import SIDES, T_MAZE, Maze, Place, Side
+from epuckhebb.sim.reachable import check_reachable
 from epuckhebb.sim.robot import EPUCK, STEP_S, Robot
+from epuckhebb.sim.sensors import InputGroup
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
@@ -31,6 +33,8 @@ class Scenario:
     the order of time; each is `at_s` [s] and new values of keys of this class (`CHANGEABLE`).
     maze, robot, task: which. experiment: which of the paper's two this belongs to, `light` or `obstacles`. paper_N,
     paper_duration_s: the base rate and the time [s] of an evaluation that the paper used there.
+
+    A scenario may have goals out of reach; `check` says so.
 
     Raises:
         ValueError: a value is outside the range named in the message.
@@ -60,7 +64,7 @@ class Scenario:
     task: Task = ONE_TRIAL
 
     def __post_init__(self) -> None:
-        """Refuse a world that cannot be."""
+        """Validate the settings."""
         if self.experiment not in EXPERIMENTS:
             raise ValueError(f"scenario.experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
         if not (math.isfinite(self.light) and self.light >= 0):
@@ -78,9 +82,26 @@ class Scenario:
         self._check_faults()
         if self.goals is not None and set(self.goals) != set(SIDES):
             raise ValueError(f"scenario.goals must have {' and '.join(SIDES)}, got {sorted(self.goals)}")
-        check_reachable(self.maze, self.goals_now, self.obstacles, self.layout, self.robot.radius_m)
+        for side, (x, y) in self.goals_now.items():
+            if max(abs(x), abs(y)) > self.maze.arena_m:
+                raise ValueError(
+                    f"scenario.goals.{side} must lie within {self.maze.arena_m:g} m of the middle of maze "
+                    f"{self.maze.name}, got {x:g}, {y:g}; goals are given in metres"
+                )
         self.task.check_lamp(self.lamp.intensity)
         self._check_changes()
+
+    def check(self) -> None:
+        """Check that the robot can get to its goals, before and after each change. Takes some 35 ms for new walls.
+
+        Raises:
+            ValueError: the start is in a wall, or no way leads to a goal.
+        """
+        for number, (_, world) in enumerate(self.phases):
+            try:
+                check_reachable(world.maze, world.goals_now, world.obstacles, world.layout, world.robot.radius_m)
+            except ValueError as error:
+                raise ValueError(f"scenario.changes[{number - 1}]: {error}" if number else str(error)) from error
 
     def _check_faults(self) -> None:
         for wheel in ("left_wheel", "right_wheel"):
@@ -119,7 +140,7 @@ class Scenario:
                     f"got {', '.join(map(str, change)) or 'nothing'}"
                 )
             at_s = change["at_s"]
-            if not (isinstance(at_s, int | float) and math.isfinite(at_s) and at_s > last):
+            if not (_is_number(at_s) and math.isfinite(at_s) and at_s > last):
                 raise ValueError(f"{where}.at_s must be more than {last:g} s, the time before it, got {at_s}")
             last = at_s
             try:
@@ -133,9 +154,14 @@ class Scenario:
         return self.maze.goals if self.goals is None else self.goals
 
     @property
+    def groups(self) -> tuple[InputGroup, ...]:
+        """The inputs of a network for this robot and task, group by group."""
+        return (*self.robot.sensors, *self.task.inputs)
+
+    @property
     def inputs(self) -> int:
         """How many inputs a network for this robot and task has."""
-        return self.robot.inputs + self.task.rewards
+        return sum(group.count for group in self.groups)
 
     @property
     def phases(self) -> "list[tuple[int, Scenario]]":
@@ -167,6 +193,7 @@ class Scenario:
                     f"lamp.{part.name}={_plain(getattr(mine, part.name))}"
                     for part in fields(Lamp)
                     if getattr(mine, part.name) != getattr(its, part.name)
+                    and not (part.name == "intensity" and self.task.has_trials)  # off, as such a task demands
                 ]
             elif field_.name in ("maze", "robot", "task", "name"):
                 continue
@@ -215,27 +242,27 @@ def _check_dead(dead: object, robot: Robot) -> None:
         raise ValueError(f"scenario.dead_sensors must name each sensor once, got {_plain(dead)}")
 
 
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def _check_kind(key: str, value: object) -> None:
     """Refuse a new value that is not of the kind that its key has.
 
     Raises:
         ValueError: It is not.
     """
-
-    def is_number(one: object) -> bool:
-        return isinstance(one, int | float) and not isinstance(one, bool)
-
-    if key in ("light", "wall_friction", *FAULTS) and not is_number(value):
+    if key in ("light", "wall_friction", *FAULTS) and not _is_number(value):
         raise ValueError(f"{key} must be a number, got {value!r}")
     if key in ("obstacles", "layout") and (not isinstance(value, int) or isinstance(value, bool)):
         raise ValueError(f"{key} must be a whole number, got {value!r}")
     if key == "lamp":
         known = [field_.name for field_ in fields(Lamp)]
-        if not (isinstance(value, Mapping) and set(value) <= set(known) and all(map(is_number, value.values()))):
+        if not (isinstance(value, Mapping) and set(value) <= set(known) and all(map(_is_number, value.values()))):
             raise ValueError(f"lamp must have numbers for any of {', '.join(known)}, got {value!r}")
     if key == "goals" and value is not None:
         pairs = value.values() if isinstance(value, Mapping) else [None]
-        good = all(isinstance(pair, list | tuple) and len(pair) == 2 and all(map(is_number, pair)) for pair in pairs)
+        good = all(isinstance(pair, list | tuple) and len(pair) == 2 and all(map(_is_number, pair)) for pair in pairs)
         if not (good and isinstance(value, Mapping) and set(value) <= set(SIDES)):
             raise ValueError(f"goals must be {{left: [x, y], right: [x, y]}}, or one of them, got {value!r}")
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.fitness import distance_to
 from epuckhebb.sim.maze import Place, Pose, Side
+from epuckhebb.sim.sensors import InputGroup, RewardInput
 
 TRIAL = np.dtype(
     [
@@ -37,24 +38,24 @@ def rewarded(trials: NDArray[np.void]) -> NDArray[np.bool_]:
 class Hooks(NamedTuple):
     """The functions of a task that a lifetime calls.
 
-    tell(activation, reward): gives the network the reward, if it has an input for that. to_goal(trial, x, y): how far
-    away the goal is [m]. judge(life, space, trial): what there is to do when a step is over.
+    reward_input(activation, reward): gives the network the reward, if it has an input for that. to_goal(trial, x, y):
+    how far away the goal is [m]. end_step(life, space, trial): what there is to do when a step is over.
     """
 
-    tell: Callable[[NDArray[np.float64], float], None]
+    reward_input: Callable[[NDArray[np.float64], float], None]
     to_goal: Callable[[Any, float, float], float]
-    judge: Callable[[Any, Any, Any], None]
+    end_step: Callable[[Any, Any, Any], None]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
     """A task; subclasses hold its settings.
 
-    tells_reward: whether the network has one more input, last, that tells it a reward. has_trials: whether a life is
-    more than one trial.
+    inputs: those that it gives the network itself, after the robot's. has_trials: whether a lifetime is more than one
+    trial.
     """
 
-    tells_reward: ClassVar[bool] = False
+    inputs: ClassVar[tuple[InputGroup, ...]] = ()
     has_trials: ClassVar[bool] = False
 
     @property
@@ -63,9 +64,14 @@ class Task:
         return type(self).__module__.rpartition(".")[2]
 
     @property
-    def rewards(self) -> int:
-        """How many inputs of the network tell a reward."""
-        return int(self.tells_reward)
+    def input_count(self) -> int:
+        """How many inputs of the network are its own."""
+        return sum(group.count for group in self.inputs)
+
+    @property
+    def tells_reward(self) -> bool:
+        """Whether the last input of the network is a reward."""
+        return RewardInput() in self.inputs
 
     def check_lamp(self, intensity: float) -> None:
         """Refuse a lamp that the task cannot do with.
@@ -81,8 +87,8 @@ class Task:
             ValueError: they are.
         """
 
-    def hooks(self, inputs: int) -> Hooks:  # noqa: ARG002  # others need them
-        """Its functions. inputs: of the network, that of the reward among them."""
+    def hooks(self, first: int) -> Hooks:  # noqa: ARG002  # others need it
+        """Its functions. first: the place of its first input among those of the network."""
         return Hooks(compiled(_untold), compiled(_to_one_goal), compiled(_nothing))
 
     def terms(self, goals: Mapping[Side, Place], start: Pose) -> tuple[Any, ...]:  # noqa: ARG002  # others need them

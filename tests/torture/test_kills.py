@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from epuckhebb.app import runs
+from epuckhebb.store.run import status_of
 
 pytestmark = pytest.mark.torture
 
 ROUNDS = 5  # of each verb, with two kills each
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
 PROGRAM = (
-    "from epuckhebb.app.errors import leave_when_asked; leave_when_asked(); print('ready', flush=True); "
+    "from epuckhebb.runtime.errors import leave_when_asked; leave_when_asked(); print('ready', flush=True); "
     "from epuckhebb.__main__ import main; main()"
 )
 WORDS = {
@@ -123,4 +123,4 @@ def test_killed_twice_it_goes_on_to_the_same_bytes(verb, tmp_path, request):
 
 def is_finished(folder: Path, verb):
     statuses = list(folder.glob("run/status.json" if verb != "reproduce" else "runs/reproduce/*/status.json"))
-    return bool(statuses) and runs.status_of(statuses[0].parent).get("state") == "finished"
+    return bool(statuses) and status_of(statuses[0].parent).get("state") == "finished"

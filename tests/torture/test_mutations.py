@@ -11,7 +11,6 @@ What may come of it, in each call of a verb on a damaged run:
 import copy
 import io
 import json
-import random
 import shutil
 import struct
 import zipfile
@@ -20,38 +19,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from typer.testing import CliRunner
+from cases import call, done
 
-from epuckhebb.app import engine, formats, runs
-from epuckhebb.app.cli import app
-from epuckhebb.app.config import read_config
-from epuckhebb.app.errors import ConfigError, JobFailedError
-from epuckhebb.app.files import load_genome
-from epuckhebb.app.runs import RunFolder
+from epuckhebb.config.stored import read_config
+from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.sim.compiled import kernel
+from epuckhebb.store import disk, records
+from epuckhebb.store import run as runs
+from epuckhebb.store.folder import RunFolder
+from epuckhebb.store.genome import load_genome
+from epuckhebb.studies import identity, jobs
 
 pytestmark = pytest.mark.torture
 
 SHORT = ["lifetime.duration_s=2", "threads=1", "-q"]
 REPOSITORY = Path(__file__).parents[2]
 VALUES = [None, True, 5, -1, 10**30, 1e308, float("inf"), float("nan"), "", "x", "[/x]", "é", [], {}, [[]], {"a": 1}]
-WHOLE = [
-    b"",
-    b"{}",
-    b"[]",
-    b"null",
-    b"5",
-    b'"text"',
-    b"\x00" * 64,
-    b"\xff\xfe\x00",
-    b"[" * 5000,
-    b"a: b: c",
-    b"PK\x05\x06",
-]
-
-
-def call(*words):
-    return CliRunner().invoke(app, list(map(str, words)))
+WHOLE = [b"", b"{}", b"[]", b"null", b"5", b'"text"', b"\0" * 64, b"\xff\xfe", b"[" * 5000, b"a: b: c", b"PK\x05\x06"]
 
 
 @pytest.fixture(scope="module")
@@ -64,9 +48,8 @@ def made(tmp_path_factory):
         ["evolve", *tiny, f"hydra.run.dir={folder}/evolve"],
         ["sweep", "light", "repeats=1", "hydra/launcher=basic", "scenario=base", f"hydra.sweep.dir={folder}/sweep"],
     ):
-        result = call(*words, *SHORT)
-        assert result.exit_code == 0, result.output
-    cfg = read_config(folder / "evaluate" / runs.CONFIG, "evaluate")
+        done(*words, *SHORT)
+    cfg = read_config(folder / "evaluate" / disk.CONFIG, "evaluate")
     with RunFolder.new(folder / "reproduce", "reproduce", cfg, [], {}) as run:
         run.write("claims.csv", (REPOSITORY / "runs" / "reference" / "claims.csv").read_bytes())
     with RunFolder.new(folder / "rescue", "sweep", cfg, [], {}) as run:
@@ -78,12 +61,6 @@ def made(tmp_path_factory):
         status = json.loads((killed / "status.json").read_text())
         (killed / "status.json").write_text(json.dumps({**status, "state": "running", "sha256": {}}))
     return folder
-
-
-@pytest.fixture
-def chance(request):
-    """Random numbers of this test and the seed."""
-    return random.Random(f"{request.config.getoption('--torture-seed')} {request.node.name}")
 
 
 def places(node, path=()):
@@ -121,19 +98,12 @@ def with_an_array_changed(chance, content):
     with np.load(io.BytesIO(content)) as held:
         arrays = dict(held)
     name = chance.choice(sorted(arrays))
-    before = arrays[name]
+    before = arrays.pop(name)
+    others = [np.full(before.shape, np.nan), np.full(before.shape, -1e308), before[..., None], np.zeros((3, 0))]
+    others += [np.array([{"an": "object"}], dtype=object), np.array(chance.choice(["text", "", "[/x]", "{}"]))]
     change = chance.randrange(8)
-    if change == 0:
-        del arrays[name]
-    elif change < 7:
-        arrays[name] = [
-            np.array([{"an": "object"}], dtype=object),
-            np.full(before.shape, np.nan),
-            np.full(before.shape, -1e308),
-            before[..., None],
-            np.array(chance.choice(["text", "", "[/x]", "{}"])),
-            np.zeros((3, 0)),
-        ][change - 1]
+    if change:
+        arrays[name] = [*others, before][change - 1]
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)
     content = bytearray(buffer.getvalue())
@@ -262,10 +232,8 @@ def loaded(folder):
 def job_read(folder):
     """What a job of a sweep reads."""
     try:
-        told = formats.record(runs.content(folder, "sweep.json"), folder / "sweep.json", formats.ListOfJobs)
-        file = folder / "jobs" / f"{min(told['jobs'])}.json"
-        job = formats.record(runs.content(folder, f"jobs/{file.name}"), file, formats.JobAsked)
-        engine.check_unchanged(job["config"], file.stem)
+        told = records.record(runs.content(folder, "sweep.json"), folder / "sweep.json", records.ListOfJobs)
+        job = jobs.job_asked(folder, min(told["jobs"]), identity.Identities().of)
     except (ConfigError, JobFailedError) as error:
         return 2, str(error)
     return 0, (told, job["config"])
@@ -294,11 +262,10 @@ CASES = [  # kind of run, file, how often, what reads it
 
 @pytest.mark.parametrize("ended", ["", "_killed"])
 @pytest.mark.parametrize(("kind", "name", "times", "verbs"), CASES, ids=[f"{case[0]}-{case[1]}" for case in CASES])
-def test_damage_is_noticed_or_does_no_harm(made, chance, kind, name, times, verbs, ended, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_damage_is_noticed_or_does_no_harm(made, chance, kind, name, times, verbs, ended, here):
     run = made / f"{kind}{ended}"
     file = min(run.glob(name))
-    counts = torture(chance, run, file.relative_to(run).as_posix(), times, verbs, tmp_path)
+    counts = torture(chance, run, file.relative_to(run).as_posix(), times, verbs, here)
     print(kind + ended, name, counts)
     assert counts["noticed"] or name == ".hydra/overrides.yaml"
 

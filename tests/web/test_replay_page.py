@@ -1,50 +1,32 @@
 """The page as a reader meets it: in a real browser, from a file, without any network.
 
-Needs Chromium, which Playwright drives but does not bring along. All of the browser runs on one core, so that what is
-said of its speed is said of one.
+See `conftest.py` for the browser, which runs on one core.
 """
 
 import io
 import os
 import re
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import expect, sync_playwright
+from playwright.sync_api import expect
 
+from epuckhebb.analysis import replay
+from epuckhebb.analysis.evaluate import evaluate
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.adaptation.baseline import remember
 from epuckhebb.sim.controller import GA, HEBBIAN, Controller
-from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network
-from epuckhebb.sim.plasticity.paper import Paper
-from epuckhebb.sim.robot import Place, Robot
+from epuckhebb.sim.plasticity.rules.paper import Paper
+from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.study import replay
-from epuckhebb.study.evaluate import evaluate
+from epuckhebb.sim.sensors import DistanceSensors, LightSensors, Place
 
-CHROMIUM = os.environ.get("EPUCKHEBB_CHROMIUM") or next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
-FLAGS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
 SCREENSHOTS = os.environ.get("EPUCKHEBB_SCREENSHOTS")  # a folder to look at them in
-
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="no Chromium: `apt-get install chromium`, or set EPUCKHEBB_CHROMIUM to where it is"
-)
-
 
 ARRIVES = Path(__file__).parents[2] / "runs/reference/champions/obstacles_seed001.npz"  # at both goals, always
 
@@ -100,48 +82,16 @@ def rays(tmp_path_factory):
     """A robot with three light sensors and 24 rays."""
     robot = Robot(
         name="rays",
-        light_places=(Place(0.03, 0.0, 0.0), Place(0.0, 0.03, 90.0), Place(0.0, -0.03, -90.0)),
-        distance_places=tuple(Place(0.0, 0.0, 15.0 * number) for number in range(24)),
+        sensors=(
+            LightSensors(places=(Place(0.03, 0.0, 0.0), Place(0.0, 0.03, 90.0), Place(0.0, -0.03, -90.0))),
+            DistanceSensors(places=tuple(Place(0.0, 0.0, 15.0 * number) for number in range(24))),
+        ),
     )
     network = Network((27, 7, 6, 2))
     genes = np.random.default_rng(1).uniform(-1, 1, network.synapses)
     return replayed(
         tmp_path_factory.mktemp("rays"), Scenario(robot=robot, obstacles=2), genes, seconds=20.0, network=network
     )
-
-
-@pytest.fixture(scope="module")
-def browser():
-    cores = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {max(cores)})
-    with sync_playwright() as playwright:
-        launched = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        os.sched_setaffinity(0, cores)
-        yield launched
-        launched.close()
-
-
-@pytest.fixture
-def visit(browser):
-    """Opens a run's page; afterwards, nothing may have been complained of and nothing asked of anyone."""
-    contexts, complaints, requests = [], [], []
-
-    def opened(run, moment="#t=0", **options):
-        context = browser.new_context(**{"viewport": {"width": 1280, "height": 900}, **options})
-        context.set_offline(True)
-        contexts.append(context)
-        page = context.new_page()
-        page.on("console", lambda message: complaints.append(message.text))
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("request", lambda request: requests.append(request.url))
-        page.goto(f"{(run / 'replay.html').as_uri()}{moment}")
-        return page
-
-    yield opened
-    for context in contexts:
-        context.close()
-    assert complaints == []
-    assert [url for url in requests if not re.fullmatch(r"file://.*/replay\.html.*", url)] == []
 
 
 def state(page):
@@ -401,31 +351,31 @@ def test_any_network_computes_the_recorded_wheels(visit, rays, c):
     expect(page.locator("#through")).to_have_text(", through two layers of neurons")
 
 
+def fits(page, width, name, folder):
+    """The page is no wider than the screen; a picture of all of it is left to be looked at."""
+    height = page.evaluate("document.documentElement.scrollHeight")
+    page.set_viewport_size({"width": width, "height": height})
+    page.wait_for_timeout(300)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    folder = Path(SCREENSHOTS or folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=folder / f"replay_{name}_{width}.png")
+
+
 @pytest.mark.parametrize("width", [390, 1280])
 @pytest.mark.parametrize("which", ["changing", "rays"])
 def test_changes_and_rays_fit_desk_and_phone(visit, changing, rays, tmp_path, which, width):
     folder = {"changing": changing, "rays": rays[0]}[which]
     page = visit(folder, moment="#t=30&side=right", viewport={"width": width, "height": 844})
     page.wait_for_timeout(300)
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-    page.set_viewport_size({"width": width, "height": page.evaluate("document.documentElement.scrollHeight")})
-    page.wait_for_timeout(300)
-    target = Path(SCREENSHOTS) if SCREENSHOTS else tmp_path
-    target.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=target / f"replay_{which}_{width}.png")
+    fits(page, width, which, tmp_path)
 
 
 @pytest.mark.parametrize("width", [390, 1280])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_both_schemes_on_desk_and_phone(visit, run, tmp_path, scheme, width):
     page = visit(run, moment="#t=40&side=right", viewport={"width": width, "height": 844}, color_scheme=scheme)
-    height = page.evaluate("document.documentElement.scrollHeight")
-    page.set_viewport_size({"width": width, "height": height})
-    page.wait_for_timeout(300)
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-    folder = Path(SCREENSHOTS) if SCREENSHOTS else tmp_path
-    folder.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=folder / f"replay_{scheme}_{width}.png")
+    fits(page, width, scheme, tmp_path)
     one, other = (page.locator("#mazes figure").nth(number).bounding_box() for number in (0, 1))
     assert one["y"] == other["y"]  # side by side, on the phone too
     assert page.get_by_text("its speed over the floor, in cm/s").count() == 2

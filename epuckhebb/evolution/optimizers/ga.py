@@ -17,7 +17,7 @@ from epuckhebb.evolution.optimizer import Optimizer, Schedule, Search, State, in
 from epuckhebb.evolution.training import Training
 from epuckhebb.sim import random
 from epuckhebb.sim.genome import GenomePlan
-from epuckhebb.sim.lifetime import Lifetime
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.random import Stream
 
 _MOST_DRAWS = 100_000  # of a tournament; with so many it is always the fittest who wins

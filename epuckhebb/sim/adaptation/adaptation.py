@@ -182,7 +182,7 @@ def adaptation_room(robot: Robot, corrections: Corrections | None = None) -> Ada
         hand=np.zeros(1),
         corrections=no_corrections(robot) if corrections is None else corrections,
         correcting=correction_room(robot),
-        homeostasis=homeostasis_room(robot.lights),
+        homeostasis=homeostasis_room(robot.light.count),
         noise=np.zeros(room_for_noise(16)),
     )
 
@@ -228,7 +228,7 @@ def hooks(
         explore = _following(wall_following(robot), limit)
     return Hooks(
         correct=corrected_readings if self_check else _as_sensed,
-        scale=homeostasis(robot.lights, first_post) if homeostatic else _unscaled,
+        scale=homeostasis(robot.light.count, first_post) if homeostatic else _unscaled,
         open_gate=_gated_by(_signal(change_signal)) if gated else _always_open,
         explore=explore if gated else _as_it_is,
         compensate=corrected_wheel(limit) if self_check else _as_commanded,

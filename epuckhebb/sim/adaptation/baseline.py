@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from epuckhebb.sim import random
 from epuckhebb.sim.adaptation.change_signal import RECENT_S, BaselineOfSide
 from epuckhebb.sim.adaptation.homeostasis import EVERY, lengths_of, remember_patterns
-from epuckhebb.sim.block import Individual, Outcome, live_block
-from epuckhebb.sim.lifetime import Lifetime, Samples, sample_bytes
+from epuckhebb.sim.block import live_block
+from epuckhebb.sim.life import Lifetime, Outcome, Samples, sample_bytes
 from epuckhebb.sim.maze import SIDES, Place, Side
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import EXPERIMENTS, Scenario
+from epuckhebb.sim.session import Individual
 
 REPEATS = 10  # lifetimes a side
 _RECORD_EVERY = EVERY  # steps: eight samples a second
@@ -141,8 +142,8 @@ def baseline_of(sides: list[Lived], scenario: Scenario, gain_rad_s: float) -> Ba
     """What is remembered of these lifetimes, of `live_at_home`."""
     arrivals = np.array([[outcome.time_to_goal for outcome, _ in side] for side in sides])
     readings = [np.concatenate([samples.sensors for _, samples in side]) for side in sides]
-    lights = scenario.robot.lights
-    patterns, novelty = remember_patterns([1.0 - samples.sensors[:, :lights] for side in sides for _, samples in side])
+    lights = scenario.robot.inputs_of(scenario.robot.light)
+    patterns, novelty = remember_patterns([1.0 - samples.sensors[:, lights] for side in sides for _, samples in side])
     return Baseline(
         experiment=scenario.experiment,
         scenario=scenario.name,

@@ -61,13 +61,13 @@ def wall_following(robot: Robot) -> Callable[[NDArray[np.float64], NDArray[np.fl
 def _sensors(robot: Robot) -> list[tuple[int, ...]]:
     """The readings of sensors that look to the front; ahead and to the side on the left; and on the right."""
     found: list[list[int]] = [[], [], [], [], []]
-    for number, place in enumerate(robot.distance_places):
+    for number, place in enumerate(robot.distance.places, robot.inputs_of(robot.distance).start):
         azimuth = (place.azimuth + 180.0) % 360.0 - 180.0
         away, first = abs(azimuth), 1 if azimuth > 0 else 3
         if away <= _FRONT:
-            found[0].append(robot.lights + number)
+            found[0].append(number)
         elif away <= _SIDE:
-            found[first if away <= _AHEAD else first + 1].append(robot.lights + number)
+            found[first if away <= _AHEAD else first + 1].append(number)
     if not all(found):
         raise ValueError(
             f"following walls needs distance sensors that look to the front, ahead and to the side on the left and on "

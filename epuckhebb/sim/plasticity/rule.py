@@ -12,6 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.sim.digest import random_generator
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.control import Sign
@@ -105,7 +106,12 @@ class Rule:
     reward: Reward = Reward.told
 
     def __post_init__(self) -> None:
-        """Refuse what no rule can have."""
+        """Validate the settings."""
+        for name in ("N", "N_gain_rad_s", "floor", "w_max"):
+            value = getattr(self, name)
+            is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+            if not is_number:
+                raise ValueError(f"hebbian.{name} must be a number, an int or a float, got {value!r}")
         for name, value in self.numbers().items():
             if not math.isfinite(value):
                 raise ValueError(f"hebbian.{name} must be a finite number, got {value}")
@@ -172,7 +178,7 @@ def asked(rule: type[Rule]) -> tuple[str, ...]:
     """The names of the arguments of a rule's `synapse`, in its order.
 
     Raises:
-        ValueError: it asks for something that there is not.
+        ValueError: it asks for something that there is not, or the rule draws random numbers that no run can repeat.
     """
     if rule.synapse is Rule.synapse:
         raise ValueError(f"rule {rule.__name__} has no static method `synapse`, which says where a weight goes")
@@ -199,7 +205,20 @@ def asked(rule: type[Rule]) -> tuple[str, ...]:
             raise ValueError(
                 f"rule {rule.__name__}: `{loaded}` has no {then.argval}; it has {', '.join(has[loaded]) or 'nothing'}"
             )
+    for function in functions_of(rule):
+        generator = random_generator(function)
+        if generator is not None:
+            raise ValueError(
+                f"rule {rule.__name__}: {function.__name__} draws from {generator}, so no run could be repeated; "
+                "ask for key, step and number in `synapse` and draw as rule `online` does, with epuckhebb.sim.random"
+            )
     return names
+
+
+def functions_of(rule: type[Rule]) -> tuple[Callable[..., Any], ...]:
+    """The functions that make up a rule: how a weight changes, what is made of what evolved, and its initial values."""
+    makers = (evolved.value for evolved in rule.evolved.values() if evolved.value is not None)
+    return rule.synapse, rule.express.__func__, *makers  # type: ignore[attr-defined]  # of a class method
 
 
 def coefficient_names(rule: type[Rule]) -> tuple[str, ...]:
@@ -337,4 +356,4 @@ def _modulator(rule: type[Rule]) -> str | None:
 def name_of(rule: type[Rule]) -> str:
     """What a rule is called: as its file, if it is one of the program, or else as its class."""
     package, _, module = rule.__module__.rpartition(".")
-    return module if package == __package__ else rule.__name__
+    return module if package == f"{__package__}.rules" else rule.__name__

@@ -133,7 +133,7 @@ def lengths_at_birth(rule: type[Rule], network: Network, genes: NDArray[np.float
     return np.concatenate([inputs, *(np.linalg.norm(layer, axis=0) for layer in by_layer(network, genes))])
 
 
-class Now(NamedTuple):
+class StepContext(NamedTuple):
     """What of a step is the same for all synapses. fitness: live. key: of the lifetime's noise."""
 
     fitness: float
@@ -181,7 +181,7 @@ def _stay(
     coefficients: NDArray[np.float64],
     activation: NDArray[np.float64],
     rate: float,
-    now: Now,
+    now: StepContext,
     lengths: NDArray[np.float64],
     signs: NDArray[np.float64],
     numbers: tuple[float, ...],
@@ -250,7 +250,7 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         coefficients: NDArray[np.float64],
         activation: NDArray[np.float64],
         rate: float,
-        now: Now,
+        now: StepContext,
         lengths: NDArray[np.float64],
         signs: NDArray[np.float64],
         numbers: tuple[float, ...],

@@ -1,4 +1,4 @@
-"""How far plasticity has taken a network from its genes: the paper's weight change, the sum of |W - W_gene|."""
+"""Weight change, the sum of |W - W_gene|, as in the paper; and the share of weights that end at their bound."""
 
 from collections.abc import Callable
 
@@ -8,12 +8,18 @@ from numpy.typing import NDArray
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.network import Network
 
+SATURATED = 0.995  # of w_max: a weight above it has no room left in that direction
 _LANES = 16  # numbers that are added to each other first, so that the processor can do four sums at a time
 
 
 def room(network: Network) -> int:
     """The length of an array for the changes of all weights: whole groups of 16."""
     return -(-network.synapses // _LANES) * _LANES
+
+
+def saturated_fraction(weights: NDArray[np.float64], w_max: float) -> float:
+    """The share of the weights whose absolute value is more than `SATURATED` times their bound."""
+    return np.count_nonzero(np.abs(weights) > SATURATED * w_max) / len(weights)
 
 
 @compiled

@@ -28,6 +28,7 @@ from epuckhebb.sim.maze import Place, Pose, Side
 from epuckhebb.sim.physics import Handles, put_back
 from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.robot import STEP_S
+from epuckhebb.sim.sensors import InputGroup, RewardInput
 from epuckhebb.sim.task import TRIAL, Hooks, Task, rewarded
 
 _ENDS = {"left": -1, "right": 1}
@@ -63,7 +64,7 @@ class Reversal(Task):
         ValueError: a value is outside the range named in the message.
     """
 
-    tells_reward: ClassVar[bool] = True
+    inputs: ClassVar[tuple[InputGroup, ...]] = (RewardInput(),)
     has_trials: ClassVar[bool] = True
 
     trials: int = 10
@@ -118,15 +119,14 @@ class Reversal(Task):
                 f"{self.trials} trials can last, got {duration_s:g}"
             )
 
-    def hooks(self, inputs: int) -> Hooks:
+    def hooks(self, first: int) -> Hooks:
         """See `Task`."""
-        place = inputs - 1
 
         @compiled
-        def tell(activation: NDArray[np.float64], reward: float) -> None:
-            activation[place] = reward
+        def reward_input(activation: NDArray[np.float64], reward: float) -> None:
+            activation[first] = reward
 
-        return Hooks(tell, compiled(_to_nearer_end), compiled(_judge))
+        return Hooks(reward_input, compiled(_to_nearer_end), compiled(_end_step))
 
     def terms(self, goals: Mapping[Side, Place], start: Pose) -> Terms:
         """See `Task`."""
@@ -199,7 +199,7 @@ def _to_nearer_end(trial: Any, x: float, y: float) -> float:
     return min(left, right)
 
 
-def _judge(life: Any, space: Handles, trial: Any) -> None:
+def _end_step(life: Any, space: Handles, trial: Any) -> None:
     """See whether the robot has come to an end, tell it the reward, and begin the next trial when this one is over."""
     tally, terms = life.tally[0], trial.terms
     now = life.trials[tally.trial]

@@ -18,7 +18,7 @@ from epuckhebb.sim.adaptation.self_check.corrections import Corrections, no_corr
 from epuckhebb.sim.adaptation.self_check.dance import danced
 from epuckhebb.sim.adaptation.self_check.findings import MISFIT, Findings, find
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, check_robot, regression
-from epuckhebb.sim.lifetime import Danced
+from epuckhebb.sim.life import CalibrationRecord
 from epuckhebb.sim.maze import Pose, Side
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.robot import Robot
@@ -36,7 +36,7 @@ class Checked:
     of its findings it corrects. corrections: as numbers for its life.
     """
 
-    danced: Danced
+    danced: CalibrationRecord
     found: Findings
     corrected: tuple[str, ...]
     corrections: Corrections
@@ -58,10 +58,10 @@ def check(
         ValueError: the robot has not the sensors, or the memory is of another.
     """
     check_robot(world.robot)
-    if memory.inputs != world.robot.inputs or memory.lights != world.robot.lights:
+    if memory.inputs != world.robot.inputs or memory.lights != world.robot.light.count:
         raise ValueError(
             f"what the self-check remembers is of a robot with {memory.lights} light sensors and {memory.inputs} "
-            f"readings; robot {world.robot.name} has {world.robot.lights} and {world.robot.inputs}"
+            f"readings; robot {world.robot.name} has {world.robot.light.count} and {world.robot.inputs}"
         )
     told = danced(world.phases[0][1], side, random.key(int(key), Stream.dance_noise), noise, start)
     found = find(told.readings, memory)
@@ -99,7 +99,7 @@ def corrections_for(found: Findings, corrected: tuple[str, ...], memory: SelfMem
     by = no_corrections(robot)
     if "dead sensors" in corrected:
         places = np.array(found.dead_sensors)
-        dead = np.concatenate([places, robot.lights + places])
+        dead = np.concatenate([places, robot.inputs_of(robot.distance).start + places])
         others = np.setdiff1d(np.arange(robot.inputs), dead)
         by.seeing[places] = 0.0
         by = by._replace(dead=dead, others=others, regression=regression(memory.moments, memory.inputs, dead, others))

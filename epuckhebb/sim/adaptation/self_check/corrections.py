@@ -49,10 +49,10 @@ class Corrections(NamedTuple):
 
 def no_corrections(robot: Robot) -> Corrections:
     """What a robot corrects that found nothing."""
-    by_heading = np.zeros((robot.lights, HEADINGS + 2 * _COARSE))
+    by_heading = np.zeros((robot.light.count, HEADINGS + 2 * _COARSE))
     return Corrections(
         light_ratio=1.0,
-        seeing=np.ones(robot.lights),
+        seeing=np.ones(robot.light.count),
         sun_now=by_heading,
         sun_home=by_heading,
         dead=np.zeros(0, np.int64),
@@ -77,7 +77,7 @@ def check_corrections(corrections: Corrections, robot: Robot) -> None:
         raise ValueError(
             f"corrections of a robot with {len(corrections.seeing)} light sensors and "
             f"{len(corrections.others) + len(corrections.dead)} readings do not fit robot {robot.name}, which has "
-            f"{robot.lights} and {robot.inputs}"
+            f"{robot.light.count} and {robot.inputs}"
         )
     for name, value in corrections._asdict().items():
         if not np.isfinite(value).all():
@@ -96,7 +96,7 @@ def sunlit(robot: Robot, level: float) -> NDArray[np.float64]:
 
     reading = clip(1 - E, 0, 1), E = 2.7 level height cos(direction - azimuth), nothing from behind
     """
-    azimuth = np.radians([place.azimuth for place in robot.light_places])
+    azimuth = np.radians([place.azimuth for place in robot.light.places])
     towards = np.arange(HEADINGS + 2 * _COARSE) * (2 * math.pi / HEADINGS)
     facing = np.maximum(0.0, np.cos(towards[None, :] - azimuth[:, None]))
     by_heading: NDArray[np.float64] = np.clip(
@@ -117,7 +117,7 @@ class CorrectionRoom(NamedTuple):
 def correction_room(robot: Robot) -> CorrectionRoom:
     """Room for a robot at birth."""
     return CorrectionRoom(
-        smooth=np.full(robot.lights, np.nan),
+        smooth=np.full(robot.light.count, np.nan),
         cost=np.zeros(2 * _COARSE),
         known=np.zeros(robot.inputs + 1),
         weighted=np.zeros(robot.inputs + 1),

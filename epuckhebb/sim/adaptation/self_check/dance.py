@@ -12,16 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim import faults
-from epuckhebb.sim.block import trial_of
 from epuckhebb.sim.compiled import kernel
-from epuckhebb.sim.lifetime import TALLY, Danced, Lifetime, Room, Trial, room_for
+from epuckhebb.sim.life import TALLY, CalibrationRecord, Lifetime, Trial, Workspace, workspace_for
 from epuckhebb.sim.light import Lights, lights
-from epuckhebb.sim.maze import Pose, Side, boxes, gap
+from epuckhebb.sim.maze import Pose, Side, boxes
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
 from epuckhebb.sim.physics import Handles, PymunkSpace, mover, pose
 from epuckhebb.sim.random import normal_numbers
-from epuckhebb.sim.robot import EPUCK, STEP_S, Robot, blinding, senses
+from epuckhebb.sim.reachable import gap
+from epuckhebb.sim.robot import EPUCK, STEP_S, Robot
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.senses import blinding, senses
+from epuckhebb.sim.stage import trial_of
 
 _QUARTER = 10  # steps at full speed in which an e-puck turns by 89 degrees
 _TO_LEFT, _TO_RIGHT = 3, 4  # steps at full speed, 4 mm each, that bring it within 3 mm of the side walls
@@ -41,7 +43,7 @@ STEPS = _steps()  # (124, 2) of the left and the right wheel, in shares of the m
 
 # The parts of a dance, as the paper's robot has them; `_kernel_of` puts those of another in their place.
 sense, blind, draw_noise, move = senses(EPUCK), blinding(EPUCK), normal_numbers(EPUCK.inputs), mover(EPUCK)
-misread, turn_wheels = faults.hooks(EPUCK, more=False)
+apply_sensor_faults, turn_wheels = faults.hooks(EPUCK, more=False)
 
 
 def dance(
@@ -50,9 +52,9 @@ def dance(
     trial: Trial,
     noise_level: float,
     key: np.uint64,
-    room: Room,
+    workspace: Workspace,
     tallies: NDArray[np.void],
-    danced: Danced,
+    danced: CalibrationRecord,
 ) -> None:
     """Let the robot that stands in `space` dance, sensing and moving as it does in its life.
 
@@ -64,10 +66,10 @@ def dance(
         danced.poses[step, 0], danced.poses[step, 1], danced.poses[step, 2] = x, y, heading
         cos, sin = math.cos(heading), math.sin(heading)
         if noise_level > 0.0:
-            draw_noise(key, step, room.noise)
+            draw_noise(key, step, workspace.noise)
         readings = danced.readings[step]
-        sense(x, y, cos, sin, space.walls, lit, room.noise, noise_level, room.senses, readings)
-        misread(readings, trial.faults)
+        sense(x, y, cos, sin, space.walls, lit, workspace.noise, noise_level, workspace.senses, readings)
+        apply_sensor_faults(readings, trial.faults)
         blind(readings, trial.faults.dead_sensors)
         left, right = danced.speeds[step, 0], danced.speeds[step, 1]
         left, right = turn_wheels(trial.faults, tally, left, right, 1.0, key, step)
@@ -79,21 +81,21 @@ def dance(
 
 @cache
 def _kernel_of(robot: Robot, more_faults: bool) -> Any:
-    misread, turn_wheels = faults.hooks(robot, more_faults)
+    apply_sensor_faults, turn_wheels = faults.hooks(robot, more_faults)
     return kernel(
         dance,
         sense=senses(robot),
         blind=blinding(robot),
         draw_noise=normal_numbers(robot.inputs),
         move=mover(robot),
-        misread=misread,
+        apply_sensor_faults=apply_sensor_faults,
         turn_wheels=turn_wheels,
     )
 
 
 def danced(
     world: Scenario, side: Side, key: np.uint64, noise: float = 1.0, start: Pose | None = None, *, walls: bool = True
-) -> Danced:
+) -> CalibrationRecord:
     """What a robot does and feels that dances in a world, as it is at birth.
 
     key: of its sensor noise. noise: 1 for the sensors' own, 0 for none. start: None where the maze has it. walls:
@@ -103,7 +105,7 @@ def danced(
     placed = boxes(world.maze, world.obstacles, world.layout) if walls else np.empty((0, 4))
     space = PymunkSpace(placed, robot, world.wall_friction)
     space.place_robot(world.maze.start if start is None else start)
-    told = Danced(
+    told = CalibrationRecord(
         poses=np.zeros((len(STEPS) + 1, 3)),
         speeds=robot.motor_limit_rad_s * STEPS,
         readings=np.zeros((len(STEPS), robot.inputs)),
@@ -115,7 +117,7 @@ def danced(
         trial,
         float(noise),
         key,
-        room_for(Network((robot.inputs, *HIDDEN, OUTPUTS)), robot),
+        workspace_for(Network((robot.inputs, *HIDDEN, OUTPUTS)), robot),
         np.zeros(1, TALLY),
         told,
     )

@@ -52,7 +52,8 @@ def check_robot(robot: Robot) -> None:
     Raises:
         ValueError: it has not the sensors.
     """
-    if robot.light_places != robot.distance_places or not robot.distance_curve[-1].value > 0:
+    others = len(robot.sensors) > 2
+    if others or robot.light.places != robot.distance.places or not robot.distance.curve[-1].value > 0:
         raise ValueError(
             f"the self-check needs infra-red sensors like the e-puck's; those of robot {robot.name} are others: each "
             "must feel the light too (light_places as distance_places), and read more than 0 where no wall is, unless "
@@ -100,7 +101,7 @@ def remember_self(home: Scenario, readings: Sequence[NDArray[np.float64]]) -> Se
         experiment=home.experiment,
         scenario=home.name,
         light=home.light,
-        lights=home.robot.lights,
+        lights=home.robot.light.count,
         mean=mean,
         spread=unlit.std(axis=0),
         effects=np.array(effects),

@@ -1,0 +1,360 @@
+"""Figures of results: dose-response, learning curves, weight change against what the robot felt, the changed network.
+
+Colours are Okabe and Ito's, apart for the colour-blind; every figure also differs by line style, marker or position.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter, NullLocator, StrMethodFormatter
+from numpy.typing import NDArray
+
+from epuckhebb.analysis import leaderboard, rescue
+from epuckhebb.analysis.figures import SIDE_COLOUR, plain, to_png
+from epuckhebb.sim.controller import CONTROLS, GA
+from epuckhebb.sim.life import Samples
+from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer, weights_at_birth
+from epuckhebb.sim.robot import EPUCK, Robot
+
+_WEIGHT_CHANGE = "weight change\n(mean of sum |W − W_gene|)"
+_AS_NUMBER = StrMethodFormatter("{x:g}")  # 100, not 10 to the 2
+_SCENARIO_STYLE = {
+    "base": ("#0072B2", "o", "-"),
+    "2obstacles": ("#E69F00", "s", "--"),
+    "4obstacles": ("#D55E00", "^", ":"),
+    "highlight": ("#0072B2", "o", "-"),
+    "lowlight": ("#D55E00", "^", "--"),
+}
+
+
+def _tidy(axes: Axes, grid: Literal["x", "y"] | None = None) -> None:
+    """No frame above and at the right; a light grid across an axis, if one is named."""
+    axes.spines[["top", "right"]].set_visible(False)
+    if grid:
+        axes.grid(axis=grid, color="#ddd", linewidth=0.6)
+        axes.set_axisbelow(True)
+
+
+def _name_rates(axes: Axes, places: Iterable[float], rates: Iterable[float]) -> None:
+    axes.set_xticks(list(places), [f"{rate:g}" for rate in rates], fontsize=8)
+
+
+def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, champions: int) -> bytes:
+    """A PNG: success, time to goal, weight change, and rescue and harm with their controls, against N.
+
+    doses, harm: tables of `epuckhebb.analysis.findings`.
+    """
+    figure = Figure(figsize=(11, 7.2), layout="constrained")
+    (top_left, top_right), (low_left, low_right) = figure.subplots(2, 2)
+    own = doses[(doses.experiment == experiment) & doses.controller.isin([GA, "Hebbian"])]
+    rates = sorted(own.N.unique())
+    at = {rate: place for place, rate in enumerate(rates)}  # 0 has no place on a log axis: rates stand side by side
+    present = [name for name in _SCENARIO_STYLE if name in set(own.scenario)]
+    for axes, column, label in (
+        (top_left, "success", "success (mean of lifetimes)"),
+        (top_right, "time_to_goal_s", "time to goal (s), of those that arrive"),
+        (low_left, "weight_change_mean", _WEIGHT_CHANGE),
+    ):
+        for number, scenario in enumerate(present):
+            look = dict(zip(("color", "marker", "linestyle"), _SCENARIO_STYLE[scenario], strict=True))
+            by_rate = own[own.scenario == scenario].sort_values("N")
+            x = np.array([at[rate] for rate in by_rate.N]) + 0.08 * (number - 1)
+            y, low, high = (by_rate[column + end].to_numpy(float) for end in ("", "_low", "_high"))
+            axes.errorbar(x, y, [y - low, high - y], capsize=2, label=scenario, **look)
+        axes.set(ylabel=label, xlabel="base Hebbian rate N (0: GA alone)")
+        _name_rates(axes, at.values(), at)
+        _tidy(axes, "y" if axes is low_left else None)
+    top_left.legend(frameon=False, fontsize=9)
+    top_left.set_ylim(-0.04, 1.04)
+    low_left.set_yscale("symlog", linthresh=0.1)
+    low_left.set_ylim(bottom=-0.02)
+    low_left.yaxis.set_major_formatter(_AS_NUMBER)
+    _rescue_and_harm(low_right, harm[harm.experiment == experiment], at)
+    figure.suptitle(
+        f"{experiment}: what each rate does, mean over {champions} champions with 95 % bootstrap intervals", fontsize=11
+    )
+    return to_png(figure)
+
+
+def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) -> None:
+    styles = {"Hebbian": "o-", "anti-Hebbian": "s--", "shuffled signs": "^:"}
+    totals = harm.groupby(["controller", "N"], sort=False)[["broken", "rescued", "sound", "harmed"]].sum().reset_index()
+    for kind in CONTROLS.values():
+        own = totals[totals.controller == kind].sort_values("N")
+        if len(own):
+            x, style = [at[rate] for rate in own.N], styles[kind]
+            axes.plot(x, own.rescued / own.broken, style, color="#009E73", label=f"rescued, {kind}")
+            axes.plot(x, own.harmed / own.sound, style, color="#CC79A7", label=f"harmed, {kind}")
+    broken, sound = int(totals.broken.max()), int(totals.sound.max())
+    axes.set(ylabel=f"share of trials (broken {broken}, sound {sound})", xlabel="base Hebbian rate N")
+    axes.set_ylim(-0.04, 1.04)
+    _name_rates(axes, at.values(), at)
+    _tidy(axes)
+    axes.legend(frameon=False, fontsize=8)
+
+
+def rates(doses: pd.DataFrame, told: str) -> bytes:
+    """A PNG: success and weight change against the base rate, a row of panels for each condition.
+
+    doses: a row for each condition, controller, N and side, with the means and the ends of their intervals; the genes
+    alone are the rows of `GA`. told: what the means are over.
+    """
+    conditions = list(doses.groupby("condition", sort=False))
+    figure = Figure(figsize=(9, 2.9 * len(conditions) + 0.6), layout="constrained")
+    for (condition, own), panels in zip(
+        conditions, figure.subplots(len(conditions), 2, squeeze=False, sharex=True, sharey="col"), strict=True
+    ):
+        for axes, column, label in zip(
+            panels, ("success", "weight_change_mean"), ("success", _WEIGHT_CHANGE), strict=True
+        ):
+            for side, marker in (("left", "o"), ("right", "^")):
+                of_side = own[own.side == side]
+                alone, plastic = of_side[of_side.controller == GA], of_side[of_side.controller != GA].sort_values("N")
+                y, low, high = (plastic[column + end].to_numpy(float) for end in ("", "_low", "_high"))
+                shift = 1.03 if side == "right" else 1 / 1.03
+                away = np.nan_to_num([y - low, high - y])
+                colour = SIDE_COLOUR[side]
+                axes.errorbar(plastic.N * shift, y, away, color=colour, marker=marker, capsize=2, label=side)
+                for row in alone.itertuples() if column == "success" else ():
+                    dashes = (0 if side == "left" else 4, (4, 4))  # of equal lines both are seen
+                    axes.axhline(row.success, color=colour, linestyle=dashes, linewidth=1.2, label=f"GA, {side}")
+                    axes.axhspan(row.success_low, row.success_high, color=colour, alpha=0.1, linewidth=0)
+            axes.set(xscale="log", xlabel="base rate N", ylabel=label)
+            at = sorted(set(own.N[own.N > 0]))
+            _name_rates(axes, at, at)
+            axes.set_xticks([], minor=True)
+            _tidy(axes, "y")
+        panels[0].set_title(plain(condition), fontsize=10, loc="left")
+        panels[0].set_ylim(-0.04, 1.04)
+        if (own.weight_change_mean > 0).any():  # an adaptation that is never needed changes none
+            panels[1].set_yscale("log")
+            panels[1].yaxis.set(major_locator=LogLocator(subs=(1, 2, 5)), major_formatter=_AS_NUMBER)
+            panels[1].yaxis.set(minor_locator=NullLocator())
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+    figure.suptitle(
+        f"What each rate does: {told}\n"
+        "Dashed, with its interval as a band: GA, without plasticity, where no weight changes",
+        fontsize=10,
+    )
+    return to_png(figure)
+
+
+def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> bytes:
+    """A PNG: best and mean fitness over the generations; of many evolutions of an experiment, median and quartiles."""
+    figure = Figure(figsize=(5 * len(histories), 3.6), layout="constrained")
+    for axes, (experiment, runs) in zip(
+        figure.subplots(1, len(histories), squeeze=False)[0], histories.items(), strict=True
+    ):
+        for column, colour, line in (("best_fitness", "#0072B2", "-"), ("mean_fitness", "#E69F00", "--")):
+            values = np.array([run[column] for run in runs])
+            low, middle, high = np.percentile(values, [25, 50, 75], axis=0)
+            generation = np.arange(1, len(middle) + 1)
+            axes.plot(generation, middle, color=colour, linestyle=line, label=column.replace("_", " "))
+            axes.fill_between(generation, low, high, color=colour, alpha=0.2, linewidth=0)
+        title = f"{experiment}, {len(runs)} evolutions" if len(runs) > 1 else experiment
+        axes.set(title=plain(title), xlabel="generation", ylabel="fitness")
+        least, most = axes.dataLim.intervaly
+        axes.set_ylim(min(0.0, least), max(1.0, 1.02 * most))  # with bonuses fitness may be more than 1
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        _tidy(axes)
+        axes.legend(frameon=False, fontsize=9, loc="lower right")
+    if any(len(runs) > 1 for runs in histories.values()):
+        figure.suptitle("Median over evolutions, with quartiles", fontsize=10)
+    return to_png(figure)
+
+
+def weight_change(
+    conditions: Mapping[str, Mapping[str, Samples]], against: str, title: str, robot: Robot = EPUCK
+) -> bytes:
+    """A PNG, a panel for each condition: change of the weights between samples against what was felt.
+
+    conditions: name -> side -> samples of one lifetime. against: `fitness`, `light` or `proximity` (mean readings).
+    robot: who felt it.
+    """
+    figure = Figure(figsize=(4.4 * len(conditions), 3.8), layout="constrained")
+    panels = figure.subplots(1, len(conditions), squeeze=False, sharey=True)[0]
+    for axes, (name, sides) in zip(panels, conditions.items(), strict=True):
+        for (side, samples), marker in zip(sides.items(), ("o", "^"), strict=True):
+            look = {"color": SIDE_COLOUR[side], "marker": marker, "s": 9, "alpha": 0.35, "linewidths": 0}
+            change = np.abs(np.diff(samples.weights, axis=0)).sum(axis=1)
+            axes.scatter(_felt(samples, against, robot)[1:], change, label=side, **look)
+        axes.set(
+            title=plain(f"{name} (n = {len(samples.time) - 1} samples a side)"), xlabel=_FELT[against], yscale="log"
+        )
+        axes.title.set_fontsize(10)
+        _tidy(axes)
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    panels[0].set_ylabel("weight change between samples, sum |ΔW|")
+    panels[0].legend(frameon=False, fontsize=9, markerscale=2)
+    figure.suptitle(plain(title), fontsize=10)
+    return to_png(figure)
+
+
+_FELT = {
+    "fitness": "live fitness F",
+    "light": "mean light reading (1 = dark)",
+    "proximity": "largest proximity reading (1 = touching)",
+}
+
+
+def _felt(samples: Samples, against: str, robot: Robot) -> NDArray[np.float64]:
+    if against == "fitness":
+        return samples.fitness
+    readings = samples.sensors[:, robot.inputs_of(robot.light if against == "light" else robot.distance)]
+    felt: NDArray[np.float64] = readings.mean(axis=1) if against == "light" else readings.max(axis=1)
+    return felt
+
+
+def network(
+    genes: NDArray[np.float64],
+    samples: Mapping[str, Samples],
+    title: str,
+    network: Network = PAPER_NETWORK,
+    robot: Robot = EPUCK,
+) -> bytes:
+    """A PNG: the network at the end of each lifetime, its connections coloured by how much plasticity changed them.
+
+    genes: the network's weights come first. samples: side -> lifetime. robot: whose sensors name the inputs; they are
+    numbered if it has not as many.
+    """
+    birth = weights_at_birth(genes[: network.synapses])
+    changes = {side: own.weights[-1].astype(float) - birth for side, own in samples.items()}
+    scale = max(float(np.abs(change).max()) for change in changes.values()) or 1.0
+    rows = network.inputs + 1
+    most = max(rows, *network.post)
+    figure = Figure(figsize=(6.2 * len(samples), max(4.8, 0.17 * most + 1)), layout="constrained")
+    ends = _synapse_ends(network)
+    size = min(52.0, 52.0 * (32 / most) ** 2)
+    if network.inputs == robot.inputs:
+        names = [f"{group.short}{i}" for group in robot.sensors for i in range(group.count)] + ["bias"]
+    else:
+        names = [f"input {i}" for i in range(network.inputs)] + ["bias"]
+    for axes, (side, change) in zip(figure.subplots(1, len(samples), squeeze=False)[0], changes.items(), strict=True):
+        order = np.argsort(np.abs(change))  # the strongest on top
+        strength = np.abs(change[order]) / scale
+        colours = np.array([to_rgba("#D55E00"), to_rgba("#0072B2")])[(change[order] <= 0).astype(int)]
+        colours[:, 3] = 0.08 + 0.85 * strength
+        axes.add_collection(LineCollection(list(ends[order]), colors=colours, linewidths=0.4 + 2.6 * strength))
+        for layer, count in enumerate((rows, *network.post)):
+            heights = _heights(count, most)
+            axes.scatter([layer] * count, heights, s=size, color="white", edgecolor="black", zorder=3)
+        hidden = [f"{n} neuron{'s' if n > 1 else ''}" for n in network.post[:-1]]
+        axes.set_xticks(range(len(network.layers)), ["sensors\nand bias", *hidden, "wheels"], fontsize=8)
+        axes.yaxis.set_major_locator(FixedLocator([]))
+        axes.spines[:].set_visible(False)
+        axes.set_title(f"{side}: stronger (orange) or weaker (blue) by up to {scale:.2g}", fontsize=10)
+        for name, height in zip(names, _heights(rows, most), strict=True):
+            axes.annotate(name, (0, height), (-10, 0), textcoords="offset points", ha="right", va="center", fontsize=7)
+    figure.suptitle(plain(title), fontsize=10)
+    return to_png(figure)
+
+
+_RESCUED, _HARMED = "#0072B2", "#D55E00"
+
+
+def rescue_over_all(over_all: pd.DataFrame) -> bytes:
+    """A PNG, a panel for each experiment: the shares rescued and harmed by each plasticity, with their intervals."""
+    groups = list(over_all.groupby("experiment", sort=False))
+    most = max(len(own) for _, own in groups)
+    drawn = Figure(figsize=(5.6 * len(groups) + 1.6, 0.36 * most + 1.5), layout="constrained")
+    panels = drawn.subplots(1, len(groups), squeeze=False)[0]
+    for axes, (experiment, own) in zip(panels, groups, strict=True):
+        places = -np.arange(len(own), dtype=float)
+        for what, of, colour, marker, shift in (
+            ("rescued", "broken", _RESCUED, "o", 0.13),
+            ("harmed", "sound", _HARMED, "s", -0.13),
+        ):
+            share = own[f"{what}_share"].to_numpy()
+            away = np.abs(own[[f"{what}_low", f"{what}_high"]].to_numpy().T - share)
+            look = {"color": colour, "fmt": marker, "markersize": 5, "elinewidth": 1.2}
+            axes.errorbar(share, places + shift, xerr=away, label=f"{what} of {of}", **look)
+        axes.axvline(0.05, color=_HARMED, linewidth=0.8, linestyle=":")
+        axes.annotate("5 %", (0.05, 0.6), (2, -8), textcoords="offset points", fontsize=7, color=_HARMED)
+        names = [plain(rescue.label(row.controller, row.N)) for row in own.itertuples()]
+        axes.set_yticks(places, names, fontsize=8)
+        axes.set(xlim=(-0.02, 1.02), ylim=(0.5 - len(own), 0.6), xlabel="share of trials")
+        axes.set_title(f"{experiment} experiment", fontsize=10)
+        _tidy(axes, "x")
+    handles = panels[-1].get_legend_handles_labels()
+    drawn.legend(*handles, frameon=False, fontsize=8, loc="outside lower center", ncols=2)
+    return to_png(drawn)
+
+
+_KIND_COLOUR = {leaderboard.PLAIN: "#555555", leaderboard.EVOLVED: "#0072B2", leaderboard.LAID_OVER: "#D55E00"}
+
+
+def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, Mapping[str, float]]) -> bytes:
+    """A PNG, a line of two panels for each experiment: success of each method, and the difference to its twin.
+
+    board: of `study.leaderboard.table`. champions: the rows that it was made of. limits: for some experiments lines
+    with their names, what luck gives and what nobody beats.
+    """
+    groups = list(board.groupby("experiment", sort=False))
+    heights = [0.27 * len(own) + 0.9 for _, own in groups]
+    drawn = Figure(figsize=(10.5, sum(heights) + 0.5), layout="constrained")
+    panels = drawn.subplots(len(groups), 2, squeeze=False, height_ratios=heights, width_ratios=(3, 2))
+    for (left, right), (experiment, own) in zip(panels, groups, strict=True):
+        for line, row in enumerate(own.itertuples()):
+            place = -line
+            colour = _KIND_COLOUR[str(row.kind)]
+            single = champions[(champions.experiment == experiment) & (champions.method == row.method)]
+            shares = single.successes / single.trials
+            left.scatter(shares, [place - 0.25] * len(shares), s=10, color=colour, alpha=0.45, linewidths=0)
+            _interval(left, place, colour, row.success, row.success_low, row.success_high)
+            if row.kind != leaderboard.PLAIN:
+                left.scatter([row.success_off], [place], s=26, marker="x", color=colour, linewidths=1.1)
+                left.scatter([row.success_inverted], [place], s=26, marker="v", color=colour, facecolor="none")
+                _interval(right, place, colour, row.difference, row.difference_low, row.difference_high)
+        left.set_yticks(-np.arange(len(own)), [plain(name) for name in own.method], fontsize=8)
+        for name, share in limits.get(str(experiment), {}).items():
+            left.axvline(share, color="black", linewidth=0.8, linestyle="--", zorder=0.5)
+            left.annotate(name, (share, 0.6), (2, -7), textcoords="offset points", fontsize=7)
+        left.set(xlim=(-0.02, 1.02), title=leaderboard.title(str(experiment)))
+        right.set(title="difference to the twin")
+        right.axvline(0, color="black", linewidth=0.8)
+        right.tick_params(labelleft=False)
+        for axes in (left, right):
+            axes.set_ylim(0.6 - len(own), 0.6)
+            axes.title.set_fontsize(10)
+            _tidy(axes, "x")
+        right.set_yticks(left.get_yticks())
+    panels[-1][0].set_xlabel("share of trials that succeed")
+    panels[-1][1].set_xlabel("difference of that share")
+    marks = [
+        Line2D([], [], color=colour, marker="o", linestyle="", markersize=5, label=leaderboard.KINDS[kind])
+        for kind, colour in _KIND_COLOUR.items()
+        if kind in set(board.kind)
+    ]
+    drawn.legend(handles=marks, frameon=False, fontsize=8, loc="outside lower center", ncols=len(marks))
+    return to_png(drawn)
+
+
+def _interval(axes: Axes, place: int, colour: str, value: float, low: float, high: float) -> None:
+    away = None if np.isnan(low) else [[value - low], [high - value]]
+    axes.errorbar([value], [place], xerr=away, fmt="o", color=colour, markersize=5, elinewidth=1.3)
+
+
+def _heights(count: int, most: int) -> NDArray[np.float64]:
+    """Where the neurons of a layer stand: small layers twice as far apart as the largest, of `most` neurons."""
+    heights: NDArray[np.float64] = -(np.arange(count, dtype=np.float64) - (count - 1) / 2)
+    return heights * ((most - 1) / max(count, (most + 1) // 2))
+
+
+def _synapse_ends(network: Network) -> NDArray[np.float64]:
+    """Where each connection begins and ends in the drawing: (synapses, 2 ends, x and y)."""
+    most = max(network.inputs + 1, *network.post)
+    of_layers = []
+    for layer, places in enumerate(by_layer(network, np.zeros(network.synapses))):
+        pre, post = (_heights(count, most) for count in places.shape)
+        ends = np.empty((*places.shape, 2, 2))
+        ends[..., 0, 0], ends[..., 1, 0] = layer, layer + 1
+        ends[..., 0, 1], ends[..., 1, 1] = pre[:, None], post[None, :]
+        of_layers.append(ends.reshape(-1, 2, 2))
+    return np.concatenate(of_layers)

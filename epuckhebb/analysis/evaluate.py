@@ -1,0 +1,211 @@
+"""Evaluate a genome: lifetimes in a scenario with and without plasticity, one row of metrics for each.
+
+Every lifetime with plasticity has a paired control without it (GA) with the same sensor noise, that is with common
+random numbers, so that all comparisons are paired.
+"""
+
+import math
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from epuckhebb.analysis.self_checks import Checks
+from epuckhebb.sim import random
+from epuckhebb.sim.adaptation.baseline import Baseline
+from epuckhebb.sim.block import live_block
+from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.genome import GenomePlan, plan_of
+from epuckhebb.sim.life import Lifetime, Outcome, Samples, sample_bytes
+from epuckhebb.sim.maze import SIDES, Side
+from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.sim.plasticity.control import signs
+from epuckhebb.sim.random import Stream
+from epuckhebb.sim.robot import STEP_S
+from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.session import Individual
+from epuckhebb.sim.task import rewarded
+
+_LIFE_BYTES = 2000.0  # of one who shall live, and of the row that tells how it went
+_COPIES = 2.5  # of what is recorded: as it was lived, stacked, and in the files
+_CONDITION = ("genome", "experiment", "scenario", "light", "obstacles", "controller", "N", "signal")
+_REPEAT = ("side", "repeat", "seed")
+_PATH = ("time_to_goal_s", "path_length_m", "average_speed_m_s", "final_position_error_m")
+MEANS = (*_PATH, "weight_change_mean", "weight_change_final", "fitness", "contact_fraction", "saturated_fraction")
+COLUMNS = (*_CONDITION, *_REPEAT, "success", *MEANS[:-1], "changed", MEANS[-1])
+REWARDED = ("rewarded_share", "switch_trial")  # more columns, where a life is many trials
+_TRIAL_OF = ("genome", "controller", *_REPEAT)
+TRIALS = (*_TRIAL_OF, "trial", "rewarded_side", "reached_side", "rewarded", "time_s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Traces:
+    """Recorded lifetimes, all of equal length; first axis: lifetimes.
+
+    controller, side: which lifetime. samples: as in `epuckhebb.sim.life.Samples`, each with the axis of lifetimes
+    in front. trials: a row for each trial of all lifetimes, recorded or not, with the columns `TRIALS`; none where a
+    life is one trial.
+    """
+
+    controller: list[str]
+    side: list[str]
+    samples: Samples
+    trials: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(TRIALS)))
+
+
+def evaluate(
+    genes: NDArray[np.float64],
+    scenario: Scenario,
+    controllers: Sequence[Controller],
+    lifetime: Lifetime,
+    baseline: Baseline | None = None,
+    *,
+    repeats: int,
+    seed: int,
+    threads: int = 1,
+    name: str = "genome",
+    changed: str = "",
+    network: Network = PAPER_NETWORK,
+    plan: GenomePlan | None = None,
+    checks: Checks | None = None,
+) -> tuple[pd.DataFrame, Traces]:
+    """Live `repeats` lifetimes a side without plasticity, and as many with each of `controllers`.
+
+    genes: (genes,). baseline: what it remembers, for adaptations that compare with it. name, changed: what the columns
+    `genome` and `changed` say. network: what the genes are for. plan: their parts, weights alone unless given; each
+    controller takes those that its rule evolves. checks: the self-checks of `study.self_checks`, for adaptations that
+    begin with one. Returns one row a lifetime, with the columns
+    `COLUMNS` (and `REWARDED` in a life of many trials), and the traces of the first repeat (empty if
+    `lifetime.record_every` is 0).
+
+    Raises:
+        ValueError: an adaptation needs a baseline or a self-check and there is none; two controllers have one name.
+        LostRobotError: a pose or a weight stopped being finite.
+    """
+    everyone = [GA_ALONE, *controllers]
+    told = [f"{controller.name}, N = {controller.rule.N:g}" for controller in everyone]
+    if len(set(told)) < len(told):
+        raise ValueError(f"two controllers have the same name and N, of {'; '.join(told)}")
+    if baseline is None and any(controller.adaptation.needs_baseline for controller in controllers):
+        raise ValueError("an adaptation with a signal of change needs a baseline of the training world")
+    if checks is None and any(controller.adaptation.self_check for controller in controllers):
+        raise ValueError("an adaptation with a self-check needs those of study.self_checks")
+    whole = plan or plan_of(network)
+    taken = [whole.pick(genes, plan_of(network, type(controller.rule))) for controller in everyone]
+    place = zlib.crc32(taken[0].tobytes())
+    of_updates = [
+        signs(controller.rule.sign, network.synapses, random.rng(seed, Stream.shuffled_signs, place))
+        for controller in everyone
+    ]
+    wanted: list[tuple[int, Side, int]] = [
+        (number, side, repeat) for number in range(len(everyone)) for side in SIDES for repeat in range(repeats)
+    ]
+
+    def checked(number: int, side: Side, repeat: int) -> dict[str, Any]:
+        adaptation = everyone[number].adaptation
+        if checks is None or not adaptation.self_check:
+            return {}
+        own = checks[side, repeat]
+        counted = {"calibration": own.danced} if adaptation.dance_counts else {}
+        return {"start": own.end, "corrections": own.corrections, **counted}
+
+    drawn = [int(random.key(seed, Stream.evaluation_task, repeat)) for repeat in range(repeats)]
+    individuals = [
+        Individual(
+            genes=taken[number],
+            network=network,
+            side=side,
+            controller=everyone[number],
+            key=random.key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)),
+            task_key=drawn[repeat],
+            signs=of_updates[number],
+            nominal=None if baseline is None else baseline.of(side),
+            record=repeat == 0,
+            **checked(number, side, repeat),
+        )
+        for number, side, repeat in wanted
+    ]
+    lived = live_block(individuals, scenario, lifetime, threads)
+    rows = [
+        {
+            "genome": name,
+            "experiment": scenario.experiment,
+            "scenario": scenario.name,
+            "light": scenario.light,
+            "obstacles": scenario.obstacles,
+            "controller": everyone[number].name,
+            "N": everyone[number].rule.N,
+            "signal": everyone[number].rule.signal.name if number else "",
+            "side": side,
+            "repeat": repeat,
+            "seed": seed,
+            **_metrics(outcome, lifetime),
+            "changed": changed,
+            "saturated_fraction": outcome.saturated_fraction,
+            **(_of_trials(outcome.trials) if scenario.task.has_trials else {}),
+        }
+        for (number, side, repeat), (outcome, _) in zip(wanted, lived, strict=True)
+    ]
+    recorded = [(w, samples) for w, (_, samples) in zip(wanted, lived, strict=True) if w[2] == 0]
+    traces = Traces(
+        controller=[everyone[number].name for (number, *_), _ in recorded],
+        side=[side for (_, side, _), _ in recorded],
+        samples=Samples(*(np.stack(arrays) for arrays in zip(*(samples for _, samples in recorded), strict=True))),
+        trials=pd.DataFrame(
+            [
+                {**{key: row[key] for key in _TRIAL_OF}, **trial}
+                for row, (outcome, _) in zip(rows, lived, strict=True)
+                for trial in _trials(outcome.trials)
+            ],
+            columns=list(TRIALS),
+        ),
+    )
+    return pd.DataFrame(rows, columns=[*COLUMNS, *(REWARDED if scenario.task.has_trials else ())]), traces
+
+
+def _of_trials(trials: NDArray[np.void]) -> dict[str, Any]:
+    """What metrics tell of the trials of a life."""
+    switches = np.flatnonzero(np.diff(trials["good"]))
+    return {
+        "rewarded_share": float(rewarded(trials).mean()),
+        "switch_trial": int(switches[0]) + 2 if len(switches) else None,  # counted from 1
+    }
+
+
+def _trials(trials: NDArray[np.void]) -> Iterator[dict[str, Any]]:
+    """The trials of a life, a row each."""
+    sides = {-1: "left", 0: "", 1: "right"}
+    for number, (good, reached, steps, _) in enumerate(trials.tolist(), start=1):
+        yield {
+            "trial": number,
+            "rewarded_side": sides[good],
+            "reached_side": sides[reached],
+            "rewarded": int(reached == good),
+            "time_s": steps * STEP_S if steps else math.nan,
+        }
+
+
+def room_to_evaluate(controllers: int, lifetime: Lifetime, repeats: int, network: Network) -> tuple[float, float]:
+    """How many bytes of memory `evaluate` takes, about: for the lifetimes, and for what is recorded of the first."""
+    kinds = len(SIDES) * (1 + controllers)
+    samples = lifetime.steps / lifetime.record_every if lifetime.record_every else 0.0
+    return kinds * repeats * _LIFE_BYTES, _COPIES * kinds * samples * sample_bytes(network)
+
+
+def _metrics(outcome: Outcome, lifetime: Lifetime) -> dict[str, float]:
+    lasted_s = lifetime.duration_s if outcome.steps == lifetime.steps else outcome.steps * STEP_S
+    return {
+        "success": int(outcome.success),
+        "time_to_goal_s": outcome.time_to_goal,
+        "path_length_m": outcome.path_length,
+        "average_speed_m_s": outcome.path_length / lasted_s,
+        "final_position_error_m": outcome.final_distance,
+        "weight_change_mean": outcome.weight_change_mean,
+        "weight_change_final": outcome.weight_change_final,
+        "fitness": outcome.fitness,
+        "contact_fraction": outcome.contact_fraction,
+    }

@@ -1,0 +1,249 @@
+"""Figures of the maze and of what robots did in it."""
+
+import io
+import textwrap
+from collections.abc import Iterable
+from functools import cache
+from typing import TypeVar
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.patches import Circle, Rectangle
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+from PIL import Image
+
+from epuckhebb.analysis.evaluate import Traces
+from epuckhebb.analysis.floor import view
+from epuckhebb.analysis.moments import arrival, begins, told_when, with_gaps
+from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
+from epuckhebb.sim.maze import SIDES, Side, boxes
+from epuckhebb.sim.plasticity.control import Sign
+from epuckhebb.sim.scenario import Scenario
+
+# Blue and orange (the paper: red), apart for the colour-blind too.
+SIDE_COLOUR = {"left": "#0072B2", "right": "#D55E00"}
+_WALL, _OBSTACLE, _LAMP, _CHANGE = "#4d4d4d", "#b07d62", "#E69F00", "#222222"
+_TITLES = {
+    GA: "GA alone",
+    HEBBIAN: "GA with Hebbian plasticity",
+    CONTROLS[Sign.anti]: "GA with anti-Hebbian plasticity",
+    CONTROLS[Sign.shuffled]: "GA with Hebbian plasticity, shuffled signs",
+}
+_GAP = "    "  # between two signs that are explained
+_T = TypeVar("_T")
+_PANEL, _HIGH, _LOW = 4.8, 5.6, 1.6  # inches: width of a panel, greatest and least height of its axes
+_TOP, _BOTTOM, _LINE = 0.6, 0.78, 0.19  # inches: above the axes, below them, and a line of text
+
+
+def trajectories(traces: Traces, scenario: Scenario, title: str) -> bytes:
+    """A PNG with one maze for each controller: both trials' paths, where they began, and how they ended."""
+    controllers = list(dict.fromkeys(traces.controller))
+    axes_height = _axes_height(scenario)
+    wide = max(_PANEL * len(controllers), 6.4 if scenario.changes else _PANEL)
+    lines = [*_lines(scenario, wide), *_filled(_signs_told(scenario), wide)]
+    height, below = axes_height + _TOP + _BOTTOM + _LINE * len(lines), _BOTTOM + _LINE * len(lines)
+    figure = Figure(figsize=(wide, height))
+    figure.subplots_adjust(left=0.65 / wide, right=0.985, bottom=below / height, top=1 - _TOP / height, wspace=0.16)
+    panels = figure.subplots(1, len(controllers), squeeze=False)[0]
+    for axes, controller in zip(panels, controllers, strict=True):
+        draw_maze(axes, scenario)
+        for lifetime, side in enumerate(traces.side):
+            if traces.controller[lifetime] == controller:
+                time, pose = traces.samples.time[lifetime], traces.samples.pose[lifetime]
+                _draw_path(axes, time, pose, scenario, "left" if side == "left" else "right")
+        axes.set_title(plain(controller_title(controller)), fontsize=11)
+    size = 7.5 if any(len(told) > 24 for axes in panels for told in axes.get_legend_handles_labels()[1]) else 9
+    for axes in panels:
+        below_axes = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.44 / axes_height)}
+        axes.legend(ncols=2, fontsize=size, frameon=False, columnspacing=1.5, **below_axes)
+    _write(figure, lines)
+    figure.suptitle(plain(title), fontsize=11 if len(controllers) > 1 else 8)
+    return to_png(figure)
+
+
+def maze(scenario: Scenario) -> bytes:
+    """A PNG of the maze with the robot at its start."""
+    lines = _lines(scenario, 5.4)
+    height = _axes_height(scenario) + 0.8 + _LINE * len(lines)
+    below = _LINE * len(lines) / height
+    figure = Figure(figsize=(5.4, height), layout=ConstrainedLayoutEngine(rect=(0, below, 1, 1 - below)))
+    axes = figure.subplots()
+    draw_maze(axes, scenario)
+    x, y, heading = scenario.maze.start
+    ahead = scenario.robot.radius_m * np.array([np.cos(heading), np.sin(heading)])
+    axes.add_patch(Circle((x, y), scenario.robot.radius_m, facecolor="#009E73", edgecolor="black", zorder=3))
+    axes.plot([x, x + ahead[0]], [y, y + ahead[1]], color="black", zorder=4)
+    for side in SIDES:
+        axes.annotate(f"goal\n({side})", scenario.goals_now[side], ha="center", va="center", fontsize=8)
+    _write(figure, lines)
+    return to_png(figure)
+
+
+def _axes_height(scenario: Scenario) -> float:
+    left, right, bottom, top = view(scenario)
+    return min(_HIGH, max(_LOW, 4.0 * (top - bottom) / (right - left)))
+
+
+def controller_title(controller: str) -> str:
+    """What stands above a controller's panel."""
+    return _TITLES.get(controller, f"GA with “{controller}”")
+
+
+def plain(text: str) -> str:
+    """The text as matplotlib shows it to the letter, not as mathematics; a `?` for each sign that its font lacks."""
+    there = _signs()
+    return "".join(sign if sign == "\n" or ord(sign) in there else "?" for sign in text).replace("$", r"\$")
+
+
+@cache
+def _signs() -> frozenset[int]:
+    """The code points of the font that figures are written in."""
+    return frozenset(get_font(findfont(FontProperties())).get_charmap())
+
+
+def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
+    """Walls, obstacles, lamp and goals, to scale [m]; returns them.
+
+    Obstacles that come or go in mid-life are lighter, with a dashed edge; goals and lamps that come have the number
+    of the change.
+    """
+    worlds = [world for _, world in scenario.phases]
+    drawn: list[Artist] = [_box(axes, box, _WALL, 1.5) for box in boxes(scenario.maze).tolist()]
+    for obstacle, always in _obstacles(worlds).items():
+        drawn.append(_box(axes, obstacle, _OBSTACLE, 1.0))
+        if not always:
+            lighter = to_rgba(_OBSTACLE, 0.35)
+            drawn[-1].set(facecolor=lighter, linewidth=1.0, linestyle=(0, (3, 2)), edgecolor=_OBSTACLE, zorder=0.9)
+    for side in SIDES:
+        places = _numbered(world.goals_now[side] for world in worlds)
+        for number, place in places:
+            line = ":" if len(places) == 1 else "--"
+            radius = scenario.maze.goal_radius_m
+            drawn.append(axes.add_patch(Circle(place, radius, fill=False, linestyle=line, edgecolor=SIDE_COLOUR[side])))
+            if number:
+                drawn.append(_label(axes, f"◆{number}", place, (0, -3), SIDE_COLOUR[side], "center"))
+    edges = view(scenario)
+    lamps = _numbered((world.lamp.x_m, world.lamp.y_m, world.lamp.towards_x, world.lamp.towards_y) for world in worlds)
+    for number, (x, y, towards_x, towards_y) in () if scenario.task.has_trials else lamps:  # there it says nothing
+        drawn += axes.plot(x, y, marker="*", markersize=11, color=_LAMP, markeredgewidth=0)
+        shines = np.array([towards_x, towards_y]) / np.hypot(towards_x, towards_y)
+        from_it, to = (np.array([x, y]) + share * (edges[1] - edges[0]) * shines for share in (0.018, 0.04))
+        drawn += axes.plot([from_it[0], to[0]], [from_it[1], to[1]], color=_LAMP, linewidth=1.6)
+        on_the_right = shines[0] < 0.1 and x < edges[0] + 0.7 * (edges[1] - edges[0])  # where there is more room
+        name = f"◆{number} lamp" if number else "lamp (on: go right)"
+        drawn.append(
+            _label(axes, name, (x, y), (9 if on_the_right else -9, -3), "black", "left" if on_the_right else "right")
+        )
+    axes.set(xlim=edges[:2], ylim=edges[2:], aspect="equal", xlabel="X (m)", ylabel="Y (m)")
+    axes.spines[["top", "right"]].set_visible(False)
+    return drawn
+
+
+def _obstacles(worlds: list[Scenario]) -> dict[tuple[float, ...], bool]:
+    """The edges of all obstacles that ever are in these worlds, and whether they are in all of them."""
+    there = []
+    for world in worlds:
+        walls = len(world.maze.walls)
+        there.append([tuple(edges) for edges in boxes(world.maze, world.obstacles, world.layout)[walls:].tolist()])
+    return {edges: all(edges in other for other in there) for obstacles in there for edges in obstacles}
+
+
+def _numbered(values: Iterable[_T]) -> list[tuple[int, _T]]:
+    """Each value that differs from those before it, with the number of the change that brought it; 0 for the first."""
+    first: dict[_T, int] = {}
+    for number, value in enumerate(values):
+        first.setdefault(value, number)
+    return [(number, value) for value, number in first.items()]
+
+
+def _box(axes: Axes, edges: Iterable[float], colour: str, zorder: float) -> Artist:
+    left, right, bottom, top = edges
+    box = Rectangle((left, bottom), right - left, top - bottom, facecolor=colour, linewidth=0, zorder=zorder)
+    return axes.add_patch(box)
+
+
+def _label(
+    axes: Axes, text: str, place: tuple[float, float], offset: tuple[float, float], colour: str, ha: str
+) -> Artist:
+    return axes.annotate(text, place, offset, textcoords="offset points", fontsize=8, color=colour, ha=ha)
+
+
+def _draw_path(
+    axes: Axes, time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario, side: Side
+) -> None:
+    told = "is rewarded first" if scenario.task.has_trials else arrival(time, pose, scenario, side).told
+    radius, start = scenario.robot.radius_m, scenario.maze.start
+    _, path = with_gaps(time, pose, scenario)
+    axes.plot(path[:, 0], path[:, 1], color=SIDE_COLOUR[side], linewidth=1.4, label=f"{side}: {told}")
+    axes.add_patch(Circle((pose[-1, 0], pose[-1, 1]), radius, fill=False, edgecolor=SIDE_COLOUR[side], linewidth=1.2))
+    axes.plot(start.x, start.y, marker="o", markersize=4, color="black")
+    near: list[tuple[float, float, list[str]]] = []  # changes that found the robot at about the same place
+    for number, (since, _) in enumerate(begins(scenario, time, pose)):
+        if number and since is not None:
+            x, y = (float(np.interp(since, time, pose[:, axis])) for axis in (0, 1))
+            axes.plot(x, y, marker="D", markersize=5.5, color=SIDE_COLOUR[side], markeredgecolor="white", zorder=3)
+            same = [numbers for x0, y0, numbers in near if np.hypot(x - x0, y - y0) < radius]
+            if same:
+                same[0].append(str(number))
+            else:
+                near.append((x, y, [str(number)]))
+    for x, y, numbers in near:
+        offset, ha = ((6, 5), "left") if side == "right" else ((-6, 5), "right")
+        mark = _label(axes, ", ".join(numbers), (x, y), offset, _CHANGE, ha)
+        mark.set(zorder=4, path_effects=[withStroke(linewidth=2, foreground="white")])
+
+
+def _lines(scenario: Scenario, inches: float) -> list[str]:
+    """What changes in mid-life, in lines that fit so many inches."""
+    return _filled((f"◆{number} {told_when(change)}" for number, change in enumerate(scenario.changes, 1)), inches)
+
+
+def _filled(parts: Iterable[str], inches: float) -> list[str]:
+    """The parts one after the other, in lines that fit so many inches."""
+    lines: list[str] = []
+    for told in parts:
+        if lines and len(lines[-1]) + len(told) < 13 * inches:
+            lines[-1] += f"{_GAP}{told}"
+        else:
+            lines += textwrap.wrap(told, round(13 * inches))
+    return lines
+
+
+def _signs_told(scenario: Scenario) -> list[str]:
+    """What the signs and the colours of a figure of paths mean, those that are in it."""
+    signs = ["● start", "○ the robot at the end", "◌ goal"]
+    if not scenario.task.has_trials:  # there the lamp says nothing, and is not drawn
+        signs.append("★ lamp")
+    obstacles = _obstacles([world for _, world in scenario.phases])
+    signs.append("grey: walls")
+    if any(obstacles.values()):
+        signs.append("brown: obstacles")
+    if not all(obstacles.values()):
+        signs.append("dashed brown: obstacles for a part of the life")
+    return signs
+
+
+def _write(figure: Figure, lines: list[str]) -> None:
+    """Lines of text at the bottom of a figure."""
+    if lines:
+        figure.text(0.5, 0.07 / figure.get_figheight(), plain("\n".join(lines)), ha="center", va="bottom", fontsize=8.5)
+
+
+def to_png(figure: Figure) -> bytes:
+    """The figure as PNG, without the program's name, so that the same figure gives the same bytes."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=120, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def small(png: bytes) -> bytes:
+    """The same picture in 256 colours, a third of the size: for a report that holds many."""
+    buffer = io.BytesIO()
+    Image.open(io.BytesIO(png)).convert("RGB").quantize(256).save(buffer, format="png", optimize=True)
+    return buffer.getvalue()

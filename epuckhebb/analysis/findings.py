@@ -1,0 +1,358 @@
+"""What many champions tell: success, rescue and harm, dose-response, and the paper's claims with a verdict.
+
+`metrics` is the table of all lifetimes (columns of `epuckhebb.analysis.evaluate`, `genome` being the champion).
+Everything here is computed from it and returned as tables whose rows can be traced back to it. Intervals and p values
+take champions for the independent unit, as `epuckhebb.analysis.statistics` says.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from epuckhebb.analysis.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson, wilson_by_champion
+from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
+from epuckhebb.sim.scenario import TRAINED
+
+CHANGED = {"light": ("lowlight",), "obstacles": ("2obstacles", "4obstacles")}
+PAPER_N = {"light": 0.002, "obstacles": 0.000015}
+TRIAL = ["genome", "side"]
+_CELL = ["experiment", "scenario", "controller", "N"]
+
+
+def trials(metrics: pd.DataFrame) -> pd.DataFrame:
+    """One row a trial (champion, side) and condition: `succeeds` if most of its repeats do; means of the rest."""
+    grouped = metrics.groupby([*_CELL, *TRIAL], sort=False)
+    means = grouped[
+        ["success", "time_to_goal_s", "path_length_m", "final_position_error_m", "weight_change_mean"]
+    ].mean()
+    means["succeeds"] = means.success > 0.5
+    return means.reset_index()
+
+
+def success(each: pd.DataFrame) -> pd.DataFrame:
+    """Success of every condition over the champions, left, right and on both sides.
+
+    Each champion counts once in a row, so the intervals are Wilson's, with champions for cases. `gained` counts the
+    champions that succeed here and fail there without plasticity.
+    """
+    both = each.groupby([*_CELL, "genome"], sort=False, as_index=False).succeeds.all().assign(side="both")
+    outcomes = pd.concat([each, both], ignore_index=True)
+    trial = ["experiment", "scenario", *TRIAL]
+    alone = outcomes[outcomes.controller == GA].set_index(trial).succeeds
+    outcomes["gained"] = outcomes.succeeds & ~alone.loc[pd.MultiIndex.from_frame(outcomes[trial])].to_numpy()
+    rows = []
+    for cell, group in outcomes.groupby([*_CELL, "side"], sort=False):
+        k, n = int(group.succeeds.sum()), len(group)
+        low, high = wilson(k, n)
+        row = dict(zip([*_CELL, "side"], cell, strict=True)) | {"successes": k, "n": n, "share": k / n}
+        rows.append(row | {"low": low, "high": high, "gained": int(group.gained.sum())})
+    return pd.DataFrame(rows)
+
+
+def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
+    """For each kind and rate of plasticity: what becomes of the trials that the GA masters in its training world.
+
+    broken: fail in the changed world without plasticity. rescued: of these, succeed with it. harmed: of the others,
+    fail with it. In the training world nothing is broken, and harm is all there is. The intervals of the shares
+    rescued and harmed are from `wilson_by_champion`. `difference` is the success with plasticity minus the success
+    without, over all trials of the scenario, mastered or not, with a bootstrap interval over champions; `sign_flip_p`
+    is the exact p value of it, also by champion.
+    """
+    rows: list[dict[str, Any]] = []
+    for experiment, kind, rate in _plasticities(each):
+        for scenario in (TRAINED[experiment], *changed(each, experiment)):
+            fates = _fates(each, experiment, scenario, kind, rate)
+            counts = _counts(fates, wilson_by_champion)
+            where = {"experiment": experiment, "scenario": scenario, "controller": kind, "N": rate}
+            row = where | {"mastered": counts["broken"] + counts["sound"]} | counts
+            without, plastic = (_outcomes(each, experiment, scenario, *how) for how in ((GA, 0.0), (kind, rate)))
+            difference = (plastic.astype(float) - without.astype(float)).groupby("genome", sort=False)
+            by_champion = difference.mean().to_numpy()
+            low, high = bootstrap_mean(by_champion, seed=0, bounds=(-1, 1))
+            row |= {"difference": float(by_champion.mean()), "difference_low": low, "difference_high": high}
+            rows.append(row | {"sign_flip_p": sign_flip(difference.sum().to_numpy().astype(np.int64))})
+    return pd.DataFrame(rows)
+
+
+def _fates(each: pd.DataFrame, experiment: str, scenario: str, kind: str, rate: float) -> pd.DataFrame:
+    """For each trial of a scenario whether it is broken, rescued, sound and harmed: a column each, indexed by trial.
+
+    A trial that the GA does not master in its training world is none of these.
+    """
+    without = _outcomes(each, experiment, scenario, GA, 0.0)
+    plastic = _outcomes(each, experiment, scenario, kind, rate)
+    mastered = without.index.isin(_succeeding(each, experiment, TRAINED[experiment]))
+    broken, sound = mastered & ~without, mastered & without
+    return pd.DataFrame({"broken": broken, "rescued": broken & plastic, "sound": sound, "harmed": sound & ~plastic})
+
+
+def _counts(fates: pd.DataFrame, interval: Callable[..., tuple[float, float]]) -> dict[str, Any]:
+    """How many trials have each fate, and the shares rescued and harmed with intervals over champions."""
+    by_champion = fates.groupby("genome", sort=False).sum()
+    row: dict[str, Any] = by_champion.sum().to_dict()
+    for part, whole in (("rescued", "broken"), ("harmed", "sound")):
+        low, high = interval(by_champion[part].to_numpy(np.int64), by_champion[whole].to_numpy(np.int64))
+        row |= {f"{part}_share": _ratio(row[part], row[whole]), f"{part}_low": low, f"{part}_high": high}
+    return row
+
+
+def changed(each: pd.DataFrame, experiment: str) -> list[str]:
+    """The scenarios of an experiment other than the one in which its champions were evolved, as they come."""
+    there = each[each.experiment == experiment].scenario.unique()
+    return [scenario for scenario in there if scenario != TRAINED[experiment]]
+
+
+def rescue_over_all(each: pd.DataFrame) -> pd.DataFrame:
+    """Rescue and harm over all changed scenarios of an experiment, and harm in its training world.
+
+    A champion that a change breaks on a side may be broken there by others too, so its trials are no independent
+    evidence: intervals are from a bootstrap over champions. Columns as in `rescue_and_harm`, with `_low` and `_high`.
+    """
+    rows = []
+    for experiment, kind, rate in _plasticities(each):
+        fates = pd.concat(_fates(each, experiment, scenario, kind, rate) for scenario in changed(each, experiment))
+        counts = _counts(fates[fates.broken | fates.sound], partial(bootstrap_ratio, seed=0))
+        home = _fates(each, experiment, TRAINED[experiment], kind, rate).sum()
+        row = {"experiment": experiment, "controller": kind, "N": rate, **counts}
+        rows.append(row | {"home_harmed": int(home.harmed), "home_mastered": int(home.sound)})
+    return pd.DataFrame(rows)
+
+
+def retention(each: pd.DataFrame) -> pd.DataFrame:
+    """How much of what is mastered at home succeeds in the changed worlds, for the GA and for each plasticity.
+
+    What is mastered at home is what the GA masters in its training world without plasticity; a trial here is a
+    champion, a side and a changed world. A champion that always turns left masters one side at home and keeps it in
+    nearly every world, though it has learnt nothing that a change could break. So there are two rows for each
+    plasticity: `masters` is "any" for all trials mastered at home, and "both" for those of champions that master both
+    sides there. The intervals are from a bootstrap over champions.
+
+    Columns: experiment, controller, N, masters, champions (how many have such trials), trials, retained, share, low,
+    high.
+    """
+    rows = []
+    conditions = each[["experiment", "controller", "N"]].drop_duplicates().itertuples(index=False, name=None)
+    for experiment, kind, rate in conditions:
+        mastered = _succeeding(each, experiment, TRAINED[experiment])
+        sides = mastered.to_frame(index=False).groupby("genome", sort=False).side.nunique()
+        away = [_outcomes(each, experiment, scenario, kind, rate) for scenario in changed(each, experiment)]
+        trial = pd.concat(away) if away else pd.Series(dtype=bool, index=mastered[:0])
+        trial = trial[trial.index.isin(mastered)]
+        for masters, least in (("any", 1), ("both", 2)):
+            among = trial[trial.index.get_level_values("genome").isin(sides[sides >= least].index)]
+            retained, whole = _by_champion(among, among | ~among)
+            low, high = bootstrap_ratio(retained, whole, seed=0)
+            rows.append(
+                {"experiment": experiment, "controller": kind, "N": rate, "masters": masters}
+                | {"champions": len(whole), "trials": int(whole.sum()), "retained": int(retained.sum())}
+                | {"share": _ratio(int(retained.sum()), int(whole.sum())), "low": low, "high": high}
+            )
+    return pd.DataFrame(rows)
+
+
+def dose_response(each: pd.DataFrame) -> pd.DataFrame:
+    """Success, time to goal and weight change against N: means over champions, bootstrap intervals; N = 0: the GA.
+
+    A mean of one champion has no interval, but for success, which has bounds.
+    """
+    rows = []
+    shown = each[each.controller.isin([GA, *CONTROLS.values()])]
+    for cell, group in shown.groupby(_CELL, sort=False):
+        row = dict(zip(_CELL, cell, strict=True))
+        for column in ("success", "time_to_goal_s", "weight_change_mean"):
+            values = group.groupby("genome", sort=False)[column].mean().to_numpy(float)
+            low, high = bootstrap_mean(values, seed=0, bounds=(0, 1) if column == "success" else None)
+            mean = float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
+            row |= {column: mean, f"{column}_low": low, f"{column}_high": high}
+        rows.append(row)
+    return pd.DataFrame(rows).sort_values([*_CELL[:3], "N"], kind="stable", ignore_index=True)
+
+
+RULE = (
+    "It *holds* where the interval of the share of trials in which it is true lies above one half, and *does not hold* "
+    "where the interval lies below. It is *mixed* where the interval contains one half and lies between one quarter "
+    "and three quarters, and *inconclusive* otherwise. A *check* has no interval: it passes or fails."
+)
+_MIXED = (0.25, 0.75)  # an interval that reaches farther says too little
+
+
+@dataclass(frozen=True, eq=False)
+class Claim:
+    """A claim of the paper as a question to every trial: in how many that could show it does it come true?
+
+    part, whole: for each champion, in how many trials it comes true, of how many that could show it, (champions,).
+    """
+
+    experiment: str
+    text: str
+    counted: str
+    part: NDArray[np.int64]
+    whole: NDArray[np.int64]
+
+    def row(self) -> dict[str, str | int | float]:
+        """The claim with its figures, interval and verdict: a row of `claims`."""
+        true, n = int(self.part.sum()), int(self.whole.sum())
+        low, high = wilson_by_champion(self.part, self.whole)
+        return (
+            {"experiment": self.experiment, "claim": self.text, "counted": self.counted}
+            | {"true": true, "n": n, "champions": int((self.whole > 0).sum()), "share": _ratio(true, n)}
+            | {"low": low, "high": high, "verdict": verdict(low, high, n)}
+        )
+
+
+def verdict(low: float, high: float, n: int) -> str:
+    """What `RULE` says of a claim whose share, among n trials, has this interval; (nan, nan): there are no trials.
+
+    The interval alone decides: 3 of 3 is not enough for any claim.
+    """
+    if np.isnan(low) or np.isnan(high):
+        return "no trial to judge by"
+    if low > 0.5:
+        return "holds"
+    if high < 0.5:
+        return "does not hold"
+    return "mixed" if _MIXED[0] <= low and high <= _MIXED[1] else f"inconclusive (n = {n})"
+
+
+def claims(each: pd.DataFrame, genomes_unchanged: dict[str, int]) -> pd.DataFrame:
+    """The paper's claims, one row each, with the figures they are judged by.
+
+    genomes_unchanged: for each experiment, how many champions had a genome of the same bytes after all lifetimes.
+    The column `champions` has how many had a trial that could show the claim.
+    """
+    present = set(each.experiment)
+    return pd.DataFrame(
+        row
+        for experiment, ask in (("light", _light_claims), ("obstacles", _obstacle_claims))
+        if experiment in present
+        for row in (*(claim.row() for claim in ask(each)), _forgetting(each, experiment, genomes_unchanged[experiment]))
+    )
+
+
+def _light_claims(each: pd.DataFrame) -> Iterator[Claim]:
+    bright, dim = (_outcomes(each, "light", scenario, GA, 0.0) for scenario in ("highlight", "lowlight"))
+    rate = PAPER_N["light"]
+    bright_plastic, dim_plastic = (
+        _outcomes(each, "light", scenario, HEBBIAN, rate) for scenario in ("highlight", "lowlight")
+    )
+    broken = bright & ~dim
+    yield _count("light", "The GA fails in low light", "trials mastered in high light: fail in low light", ~dim, bright)
+    yield _count("light", f"N = {rate:g} rescues it", "trials broken by low light: succeed", dim_plastic, broken)
+    yield _count(
+        "light", "The same N harms in high light", "trials mastered in high light: fail", ~bright_plastic, bright
+    )
+    small = _outcomes(each, "light", "lowlight", HEBBIAN, PAPER_N["obstacles"])
+    yield _either("light", "A large change needs a large rate", broken, dim_plastic, small)
+
+
+def _obstacle_claims(each: pd.DataFrame) -> Iterator[Claim]:
+    rate = PAPER_N["obstacles"]
+    base = _outcomes(each, "obstacles", "base", GA, 0.0)
+    any_broken, any_small, any_large = [], [], []
+    for scenario, count in (("2obstacles", 2), ("4obstacles", 4)):
+        alone = _outcomes(each, "obstacles", scenario, GA, 0.0)
+        plastic = _outcomes(each, "obstacles", scenario, HEBBIAN, rate)
+        broken = base & ~alone
+        yield _count("obstacles", f"{count} obstacles defeat the GA", "trials mastered in base: fail", ~alone, base)
+        yield _count(
+            "obstacles", f"N = {rate:g} rescues it at {count}", "trials broken by them: succeed", plastic, broken
+        )
+        any_broken.append(broken)
+        any_small.append(plastic)
+        any_large.append(_outcomes(each, "obstacles", scenario, HEBBIAN, PAPER_N["light"]))
+    yield _either("obstacles", "A small change needs a small rate", *map(pd.concat, (any_broken, any_small, any_large)))
+    change = {
+        scenario: _values(each, "obstacles", scenario, HEBBIAN, rate, "weight_change_mean")
+        for scenario in ("base", "2obstacles", "4obstacles")
+    }
+    grows = (change["base"] < change["2obstacles"]) & (change["2obstacles"] < change["4obstacles"])
+    yield _count("obstacles", "Weight change grows with obstacles", "all trials: base < 2 < 4", grows, grows | ~grows)
+    time = [_values(each, "obstacles", "base", *how, "time_to_goal_s") for how in ((GA, 0.0), (HEBBIAN, rate))]
+    both = time[0].notna() & time[1].notna()
+    yield _count(
+        "obstacles",
+        "Plasticity reaches the goal sooner",
+        "trials of base in which both arrive",
+        time[1] < time[0],
+        both,
+    )
+
+
+def _forgetting(each: pd.DataFrame, experiment: str, unchanged: int) -> dict[str, str | int | float]:
+    """The row of a check: the program itself decides it, not a sample of champions, so it has no interval."""
+    n = each[each.experiment == experiment].genome.nunique()
+    return (
+        {"experiment": experiment, "claim": "The genome is unchanged after a lifetime"}
+        | {"counted": "champions: same bytes after all lifetimes", "true": unchanged, "n": n, "champions": n}
+        | {"share": _ratio(unchanged, n), "low": np.nan, "high": np.nan}
+        | {"verdict": "check passed" if unchanged == n else "check failed"}
+    )
+
+
+def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tuple[str, int, int]:
+    """The champion whose pattern of successes is most like the paper's, and in how many cells of how many.
+
+    Only champions that succeed on both sides in their training world without plasticity are considered (all, if none
+    does); of equals the first is taken. Chosen *for* its likeness, it says that the pattern exists, not how often.
+    """
+    ours = each[(each.experiment == experiment) & each.N.isin([0.0, PAPER_N[experiment]])]
+    ours = ours[ours.controller.isin([GA, HEBBIAN])]
+    paper = published[published.experiment == experiment].set_index(["scenario", "controller", "side"]).success
+    mastered = _succeeding(each, experiment, TRAINED[experiment])
+    names = list(dict.fromkeys(ours.genome))
+    masters = [name for name in names if all((name, side) in mastered for side in ("left", "right"))]
+    agreement = {}
+    for name in masters or names:
+        own = ours[ours.genome == name].set_index(["scenario", "controller", "side"]).succeeds
+        shared = [cell for cell in paper.index if cell in own.index and not np.isnan(paper[cell])]
+        agreement[name] = sum(bool(own[cell]) == bool(paper[cell]) for cell in shared)
+    best = max(agreement, key=lambda name: agreement[name])
+    return best, agreement[best], int(paper.notna().sum())
+
+
+def _plasticities(each: pd.DataFrame) -> Iterator[tuple[str, str, float]]:
+    plastic = each[each.controller != GA]
+    for key, _ in plastic.groupby(["experiment", "controller", "N"], sort=False):
+        yield key
+
+
+def _values(each: pd.DataFrame, experiment: str, scenario: str, controller: str, rate: float, column: str) -> pd.Series:
+    """A column of one condition, indexed by trial."""
+    here = (each.experiment == experiment) & (each.scenario == scenario)
+    return each[here & (each.controller == controller) & (rate == each.N)].set_index(TRIAL)[column]
+
+
+def _outcomes(each: pd.DataFrame, experiment: str, scenario: str, controller: str, rate: float) -> pd.Series:
+    return _values(each, experiment, scenario, controller, rate, "succeeds")
+
+
+def _succeeding(each: pd.DataFrame, experiment: str, scenario: str) -> pd.Index:
+    alone = _outcomes(each, experiment, scenario, GA, 0.0)
+    return alone[alone].index
+
+
+def _count(experiment: str, text: str, counted: str, true: pd.Series, among: pd.Series) -> Claim:
+    return Claim(experiment, text, counted, *_by_champion(true, among))
+
+
+def _either(experiment: str, text: str, broken: pd.Series, own: pd.Series, other: pd.Series) -> Claim:
+    """Whether the experiment's own rate rescues rather than the other's, where just one of the two does."""
+    if not len(other):
+        return Claim(experiment, text, "not run", np.zeros(0, np.int64), np.zeros(0, np.int64))
+    counted = "broken trials that one of N = 0.000015 and 0.002 rescues and the other does not"
+    return _count(experiment, text, counted, own & ~other, broken & (own ^ other))
+
+
+def _by_champion(true: pd.Series, among: pd.Series) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """For each champion: how many of the trials `among` come true, and how many there are; both (champions,)."""
+    counts = pd.DataFrame({"part": true & among, "whole": among}).groupby("genome", sort=False).sum()
+    return counts.part.to_numpy(np.int64), counts.whole.to_numpy(np.int64)
+
+
+def _ratio(k: int, n: int) -> float:
+    return k / n if n else float("nan")

@@ -1,0 +1,85 @@
+"""What of a maze a picture has to show: the floor that a robot can stand on, and the walls around it."""
+
+import math
+from functools import cache
+from itertools import groupby, pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.maze import Maze, boxes
+from epuckhebb.sim.reachable import GRID, reachable
+from epuckhebb.sim.scenario import Scenario
+
+_ROUND = 0.02  # m: edges of a picture are multiples of this
+_THICK = 0.06  # m of a wall are shown, or, if that is more,
+_THICK_PART = 0.08  # this share of the floor's size
+
+
+def floor(scenario: Scenario) -> NDArray[np.float64]:
+    """The floor of a maze without obstacles, that is all that a robot's body can cover, as boxes.
+
+    Returns (boxes, 4): left, right, bottom and top edge [m]. They meet without gaps, and reach up to 1 mm into walls.
+    """
+    return _floor(scenario.maze, scenario.robot.radius_m)
+
+
+@cache
+def _floor(maze: Maze, radius: float) -> NDArray[np.float64]:
+    walls = boxes(maze)
+    axis, middles = reachable(maze, walls, radius)
+    wide = math.ceil(radius / GRID)
+    covered = _widened(_widened(middles, wide).T, wide).T
+    for left, right, bottom, top in walls:
+        covered[np.ix_((left < axis) & (axis < right), (bottom < axis) & (axis < top))] = False
+    return np.array(
+        [
+            (axis[first] - GRID / 2, axis[last] + GRID / 2, axis[low] - GRID / 2, axis[high - 1] + GRID / 2)
+            for first, last, runs in _columns(covered)
+            for low, high in runs
+        ]
+    )
+
+
+def _widened(marks: NDArray[np.bool_], by: int) -> NDArray[np.bool_]:
+    """Marks and all that are no farther than so many places from one, along the first axis."""
+    counted = np.pad(np.cumsum(marks, axis=0), ((by + 1, by), (0, 0)), mode="edge")
+    counted[: by + 1] = 0
+    widened: NDArray[np.bool_] = counted[2 * by + 1 :] > counted[: -2 * by - 1]
+    return widened
+
+
+def _columns(covered: NDArray[np.bool_]) -> list[tuple[int, int, tuple[tuple[int, int], ...]]]:
+    """Neighbouring columns that are covered alike: the first, the last, and where runs along Y begin and end."""
+    ends = np.diff(np.pad(covered, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    runs = [tuple(pairwise(np.flatnonzero(column).tolist()))[::2] for column in ends]
+    alike = [[place for place, _ in group] for _, group in groupby(enumerate(runs), key=lambda column: column[1])]
+    return [(group[0], group[-1], runs[group[0]]) for group in alike if runs[group[0]]]
+
+
+def view(scenario: Scenario) -> tuple[float, float, float, float]:
+    """Left, right, bottom and top edge [m] of a picture of a maze: its floor, the walls around it, and its lamps."""
+    ground = floor(scenario)
+    walls = boxes(scenario.maze)
+    edges = []
+    for side, sign in ((0, -1), (1, 1), (2, -1), (3, 1)):
+        across = [2, 3] if side < 2 else [0, 1]  # edges along this side
+        edge = (sign * ground[:, side]).max()
+        outermost = ground[sign * ground[:, side] > edge - GRID]
+        thickest = max(_THICK, _THICK_PART * float(np.ptp(ground)))
+        for wall in walls:
+            along = np.minimum(wall[across[1]], outermost[:, across[1]]) - np.maximum(
+                wall[across[0]], outermost[:, across[0]]
+            )
+            near, far = sorted(sign * wall[[side // 2 * 2, side // 2 * 2 + 1]])
+            if (along > GRID).any() and near <= edge + GRID < far:
+                edge = max(edge, min(far, near + thickest))
+        edges.append(sign * edge)
+    left, right, bottom, top = edges
+    for _, world in scenario.phases:
+        x, y = world.lamp.x_m, world.lamp.y_m
+        if max(abs(x), abs(y)) <= scenario.maze.arena_m:
+            left, right, bottom, top = min(left, x), max(right, x), min(bottom, y), max(top, y)
+    outwards = ((math.floor, left), (math.ceil, right), (math.floor, bottom), (math.ceil, top))
+    left, right, bottom, top = (round(whole(edge / _ROUND) * _ROUND, 6) for whole, edge in outwards)
+    return left, right, bottom, top

@@ -1,0 +1,285 @@
+"""The leaderboard: how well controllers of many methods cope with worlds that none of them was trained in.
+
+A *trial* is one champion, one side and one test world; it succeeds if more than half of its noise repeats do. Champions
+are the independent unit: those of a method and of its plain twin were evolved from the same seeds, and are compared
+seed by seed. In reversal learning, the positive control, there are no test worlds: a trial is one of the many of a new
+life, and succeeds if it is rewarded. Everything is computed from the lifetimes, first a row for each champion, then a
+row for each method from these.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from epuckhebb.analysis import findings, rescue
+from epuckhebb.analysis.limits import limits
+from epuckhebb.analysis.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson
+from epuckhebb.analysis.tables import code, markdown_table
+from epuckhebb.evolution.training import Training
+from epuckhebb.sim.controller import GA
+from epuckhebb.sim.scenario import TRAINED, Scenario
+from epuckhebb.sim.tasks.reversal import Reversal
+
+FIGURE = "leaderboard.png"
+REVERSAL = "reversal"  # the experiment that is not one of the paper's
+PLAIN, EVOLVED, LAID_OVER = "plain", "evolved", "laid over"  # the kinds of methods
+KINDS = {
+    PLAIN: "no plasticity",
+    EVOLVED: "plasticity that acts, or is evolved, during evolution",
+    LAID_OVER: "laid over champions of another method",
+}
+_NOT_LIVED = ("name", "experiment", "paper_N", "paper_duration_s")  # of a scenario: what no robot can tell
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A method in an experiment."""
+
+    experiment: str
+    method: str
+    kind: str  # one of `KINDS`
+    twin: str  # the method that it is compared with; empty for plain ones
+    numbers: int  # how many numbers are evolved
+
+
+def can_be(home: Scenario, training: Training, world: Scenario) -> bool:
+    """Whether a world of training can be just this world, and not only one that is like it.
+
+    Numbers that are drawn from a range never are those of a test; what is drawn from a few values can be.
+    """
+    drawn: dict[str, Any] = {}
+    if training.light_share > 0 and training.light[0] == training.light[1]:
+        drawn["light"] = training.light[:1]
+    if training.obstacles_share > 0:
+        layouts = range(training.layouts[0], training.layouts[1] + 1)
+        drawn |= {"layout": layouts, "obstacles": home.maze.obstacle_counts if world.layout in layouts else ()}
+    if training.dead_sensor_share > 0:
+        drawn["dead_sensors"] = [(number,) for number in range(1, home.robot.sensor_numbers)]
+    if training.wheel_share > 0 and training.wheel[0] == training.wheel[1]:
+        drawn |= dict.fromkeys(("left_wheel", "right_wheel"), training.wheel[:1])
+    ours, theirs = (replace(one, dead_sensors=tuple(one.dead_sensors)) for one in (home, world))
+    names = [field.name for field in fields(Scenario) if field.name not in _NOT_LIVED]
+    differing = [name for name in names if getattr(ours, name) != getattr(theirs, name)]
+    return all(getattr(theirs, name) in drawn.get(name, ()) for name in differing)
+
+
+def of_champion(metrics: pd.DataFrame, home: str) -> tuple[dict[str, int | None], pd.DataFrame]:
+    """How a champion fared: a row for it, and one for each test world.
+
+    metrics: its lifetimes, without plasticity and, if it has any, with it. home: its training world.
+    """
+    each = findings.trials(metrics)
+    plastic = [name for name in each.controller.unique() if name != GA]
+    alone = each[each.controller == GA]
+    own = each[each.controller == plastic[0]] if plastic else alone
+    at_home, away, off = own[own.scenario == home], own[own.scenario != home], alone[alone.scenario != home]
+    count: dict[str, int | None] = {
+        "masters": int(at_home.succeeds.all()),
+        "trials": len(away),
+        "successes": int(away.succeeds.sum()),
+        "successes_off": int(off.succeeds.sum()) if plastic else None,
+        "successes_inverted": None,
+    }
+    worlds = away.groupby("scenario", sort=False).succeeds.agg(trials="size", successes="sum").reset_index()
+    return count, worlds
+
+
+def of_learner(metrics: pd.DataFrame, task: Reversal) -> tuple[dict[str, int | None], pd.DataFrame]:
+    """How a champion fared in reversal learning: a row for it, and one for its world.
+
+    It masters the task if its share of rewarded trials lies nearer to the optimum than to chance. metrics: its lives,
+    without plasticity and, if it has any, with it and with the reward inverted.
+    """
+    each = metrics.groupby("controller", sort=False).rewarded_share.agg(["sum", "size"])
+    rewarded = [int(total) for total in (each["sum"] * task.trials).round()]
+    trials = int(each["size"].iloc[0]) * task.trials
+    alone, own, *inverted = rewarded if len(rewarded) > 1 else rewarded * 2
+    count: dict[str, int | None] = {
+        "masters": int(own / trials > sum(limits(task).values()) / 2),
+        "trials": trials,
+        "successes": own,
+        "successes_off": alone if len(rewarded) > 1 else None,
+        "successes_inverted": inverted[0] if inverted else None,
+    }
+    world = {"scenario": metrics.scenario.iloc[0], "trials": trials, "successes": own}
+    return count, pd.DataFrame([world])
+
+
+def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
+    """The leaderboard: a row for each method and experiment, the one with most success first.
+
+    champions: a row for each, with the columns of `of_champion` or `of_learner`, and whose it is.
+    """
+    found = []
+    for row in rows:
+        own = _of(champions, row.experiment, row.method)
+        masters = own[own.masters == 1]
+        mastered_low, mastered_high = wilson(len(masters), len(own))
+        trials, successes = own.trials.to_numpy(np.int64), own.successes.to_numpy(np.int64)
+        found.append(
+            {
+                **{name: getattr(row, name) for name in ("experiment", "method", "kind", "twin")},
+                "champions": len(own),
+                "mastered": len(masters),
+                "mastered_low": mastered_low,
+                "mastered_high": mastered_high,
+                "trials": int(trials.sum()),
+                "successes": int(successes.sum()),
+                **_success_of(own, "success"),
+                "best": (successes / trials).max(),
+                **_success_of(masters, "retention"),
+                **_against_twin(own, _of(champions, row.experiment, row.twin)),
+                "success_off": _share(own.successes_off, own.trials),
+                "success_inverted": _share(own.successes_inverted, own.trials),
+                "numbers": row.numbers,
+                "robot_steps": int(own.robot_steps.mean()),
+            }
+        )
+    order = ["experiment", "success"]
+    return pd.DataFrame(found).sort_values(order, ascending=[True, False], kind="stable", ignore_index=True)
+
+
+def _success_of(champions: pd.DataFrame, name: str) -> dict[str, float]:
+    """The success of champions with its interval; nan without any."""
+    trials, successes = champions.trials.to_numpy(np.int64), champions.successes.to_numpy(np.int64)
+    low, high = bootstrap_ratio(successes, trials, seed=0)
+    share = successes.sum() / trials.sum() if len(trials) else np.nan
+    return {name: share, f"{name}_low": low, f"{name}_high": high}
+
+
+def _share(successes: "pd.Series[Any]", trials: "pd.Series[Any]") -> float:
+    """Successes of all trials; nan where there is no such control."""
+    return np.nan if successes.isna().any() else successes.sum() / trials.sum()
+
+
+def _of(champions: pd.DataFrame, experiment: str, method: str) -> pd.DataFrame:
+    return champions[(champions.experiment == experiment) & (champions.method == method)]
+
+
+def _against_twin(own: pd.DataFrame, twin: pd.DataFrame) -> dict[str, float]:
+    """The difference in success to the twin, champion by champion of the same seed."""
+    if twin.empty:
+        return dict.fromkeys(("difference", "difference_low", "difference_high", "sign_flip_p"), np.nan)
+    both = own.merge(twin, on="seed", suffixes=("", "_twin"), validate="one_to_one")
+    more = (both.successes - both.successes_twin).to_numpy(np.int64)
+    shares = more / both.trials.to_numpy(np.int64)
+    low, high = bootstrap_mean(shares, seed=0, bounds=(-1, 1))
+    return {
+        "difference": float(shares.mean()),
+        "difference_low": low,
+        "difference_high": high,
+        "sign_flip_p": sign_flip(more),
+    }
+
+
+def cells(row: Any) -> list[str]:
+    """The cells of a row of the table, as the pages show them; `row` is one of `table`."""
+    twin = f"{rescue.difference(row)}, p = {row.sign_flip_p:.2g}, to {code(row.twin)}" if row.twin else "–"
+    return [
+        code(row.method),
+        row.kind,
+        f"{row.mastered} of {row.champions}",
+        f"**{rescue.share(row.success, row.success_low, row.success_high)}**",
+        rescue.share(row.retention, row.retention_low, row.retention_high),
+        f"{row.best:.2f}",
+        twin,
+        _or_dash(row.success_off),
+        *([_or_dash(row.success_inverted)] if row.experiment == REVERSAL else []),
+        f"{row.numbers}",
+        f"{row.robot_steps / 1e6:.1f}",
+    ]
+
+
+def _or_dash(share: float) -> str:
+    return "–" if np.isnan(share) else f"{share:.2f}"
+
+
+def head(experiment: str) -> list[str]:
+    """What stands above the cells of the rows of an experiment."""
+    if experiment == REVERSAL:
+        success, controls = ["learn", "rewarded share", "of those that learn"], ["rule off", "reward inverted"]
+    else:
+        success, controls = ["both sides at home", "success over the test worlds", "retention"], ["rule off"]
+    return [
+        *("method", "kind", *success, "best champion", "difference to the twin", *controls),
+        *("numbers evolved", "M robot-steps"),
+    ]
+
+
+def markdown_of(own: pd.DataFrame, costs: pd.DataFrame | None = None) -> str:
+    """The rows of an experiment in Markdown; with CPU seconds, if these are given (of `costs`)."""
+    headings, rows = head(str(own.experiment.iloc[0])), [cells(row) for row in own.itertuples()]
+    if costs is not None:
+        headings += ["CPU s to evolve", "CPU s to test"]
+        for row, shown in zip(own.itertuples(), rows, strict=True):
+            cost = _of(costs, str(row.experiment), str(row.method)).iloc[0]
+            shown += [f"{cost.evolve_cpu_s:.0f}", f"{cost.test_cpu_s:.1f}"]
+    return markdown_table(headings, rows)
+
+
+def markdown(
+    board: pd.DataFrame,
+    costs: pd.DataFrame,
+    told: Mapping[str, str],
+    tests: Mapping[str, Sequence[str]],
+    provenance: str,
+) -> str:
+    """The page.
+
+    costs: CPU seconds, a row for each method and experiment. told: what each method is. tests: the test worlds of each
+    experiment. provenance: lines on who made this and how.
+    """
+    parts = ["# Leaderboard\n", f"{provenance}\n", f"{_HOW}\n"]
+    for experiment, own in board.groupby("experiment", sort=False):
+        worlds = tests[str(experiment)]
+        where = (
+            f"Home: {code(TRAINED[str(experiment)])}. {len(worlds)} test worlds: {', '.join(map(code, worlds))}.\n"
+            if worlds
+            else f"{_HOW_REVERSAL}\n"
+        )
+        parts += [f"## {title(str(experiment))}\n", where, markdown_of(own, costs)]
+    parts += [
+        "## The figure\n",
+        f"![{CAPTION}](figures/{FIGURE})\n\n*{CAPTION}*\n",
+        "## The methods\n",
+        markdown_table(["method", "what it is"], [[code(name), what] for name, what in told.items()]),
+    ]
+    return "\n".join(parts)
+
+
+def title(experiment: str) -> str:
+    """What an experiment is called above its table."""
+    return "Reversal learning" if experiment == REVERSAL else f"The {experiment} experiment"
+
+
+_HOW_REVERSAL = (
+    "The positive control: a task that cannot be done without plasticity. A *trial* is one of the many of a new life, "
+    "and succeeds if the robot comes to the rewarded end; the other end becomes the rewarded one at a trial that is "
+    "drawn, or never. All methods are evolved by the GA with `ga=reversal` in the one world that there is, so that "
+    "only their rules are compared; what differs in training, optimizer or adaptation alone has no row. *Learn*: "
+    "champions whose share of rewarded trials lies nearer to the optimum than to chance. *Reward inverted*: the same "
+    "champions on the same noise, the modulatory neuron hearing the reward with the other sign; a robot that learns "
+    "from it now comes to the wrong end."
+)
+_HOW = (
+    "A *trial* is one champion, one side and one test world; it succeeds if more than half of its noise repeats do. "
+    "*Both sides at home*: champions that succeed on the left and on the right in the world that they were evolved in. "
+    "*Retention*: success over the test worlds of these champions alone; one that always turns to one side masters "
+    "half of everything for nothing. *Best champion*: the success of the one that does best in these trials; chosen "
+    "by what it is told for, so it flatters a little. *Twin*: the same without plasticity, that is the same optimizer, "
+    "training worlds, fitness and robot-steps, or the champions that something is laid over; the difference is paired "
+    "by the seed of the champions, and p is from an exact sign-flip test of it. *Rule off*: the same champions on the "
+    "same noise without plasticity. *Numbers evolved* and *robot-steps* are of one champion; what is laid over costs "
+    "none of its own. Intervals are 95 %, by champion; with fewer than eight champions a difference between methods "
+    "means nothing. CPU seconds, of one champion too, depend on the machine, on what else runs there, and on whether "
+    "anything had to be compiled: they are in `cost.csv` and on this page, and in no other table, because all others "
+    "come out the same to the byte when they are made again."
+)
+CAPTION = (
+    "Left: success over the test worlds, or share of rewarded trials, of each method, with its 95 % interval; small "
+    "dots are single champions, the cross is the same with the rule off, the triangle with the reward inverted. Right: "
+    "the difference to its twin without plasticity, paired by champion."
+)

@@ -1,0 +1,149 @@
+"""Recorded lifetimes as a GIF or an MP4 for slides: all trials at once, eight times as fast as they were."""
+
+import importlib.util
+import io
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
+from PIL import Image
+
+from epuckhebb.analysis.evaluate import Traces
+from epuckhebb.analysis.figures import SIDE_COLOUR, controller_title, draw_maze, plain
+from epuckhebb.analysis.floor import view
+from epuckhebb.analysis.moments import told_when, with_gaps
+from epuckhebb.sim.maze import Side
+from epuckhebb.sim.robot import STEP_S
+from epuckhebb.sim.scenario import Scenario
+
+_SPEED = 8  # s of a lifetime in a second of film
+_REST_S = 10.0  # s of lifetime shown after the last change and the last robot came to rest
+_HEIGHT, _PANEL_WIDTH, _LEAST_WIDTH, _DPI = 448, 480, 640, 100  # pixels; multiples of 16, as video codecs want
+
+Track = Callable[[Sequence[float]], Iterable[float]]
+
+
+def gif(traces: Traces, scenario: Scenario, title: str, track: Track = iter) -> bytes:
+    """An animated GIF that repeats. track: wraps the moments to be drawn, to show progress."""
+    frames_per_second = 12.5  # GIF counts in hundredths of a second
+    frames = (Image.fromarray(frame) for frame in _frames(traces, scenario, title, track, frames_per_second))
+    ends = [step * STEP_S for step, _ in scenario.phases[1:]] + [np.inf]
+
+    def last_of_each_world(moments: Sequence[float]) -> list[float]:
+        return sorted({moments[max(0, int(np.searchsorted(moments, end)) - 1)] for end in ends})
+
+    palette = _palette(np.concatenate(list(_frames(traces, scenario, title, last_of_each_world, 1.0))))
+    first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
+    buffer = io.BytesIO()
+    duration = round(1000 / frames_per_second)
+    first.save(buffer, "GIF", save_all=True, append_images=rest, duration=duration, loop=0, optimize=False)
+    return buffer.getvalue()
+
+
+def _palette(frame: NDArray[np.uint8]) -> Image.Image:
+    """One palette for all frames: the commonest colours of the last ones of each world, which have them all.
+
+    They keep a distance of 8 levels, because Pillow looks colours up no finer than that; so white stays white.
+    """
+    colours, counts = np.unique(frame.reshape(-1, 3).astype(int), axis=0, return_counts=True)
+    kept = np.empty((0, 3), int)
+    for colour in colours[np.argsort(-counts)]:
+        if len(kept) < 256 and (np.abs(kept - colour).max(axis=1) >= 8).all():
+            kept = np.vstack([kept, colour])
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(kept.ravel().tolist())
+    return palette
+
+
+def can_make_mp4() -> bool:
+    """Whether imageio-ffmpeg is installed."""
+    return importlib.util.find_spec("imageio_ffmpeg") is not None
+
+
+def mp4(traces: Traces, scenario: Scenario, title: str, track: Track = iter) -> bytes:
+    """An MP4 film, where imageio-ffmpeg is installed. track: wraps the moments to be drawn, to show progress."""
+    import imageio_ffmpeg
+
+    frames_per_second = 25
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "film.mp4"
+        size = (_width(traces), _HEIGHT)
+        writer = imageio_ffmpeg.write_frames(str(path), size, fps=frames_per_second, ffmpeg_log_level="error")
+        writer.send(None)
+        for frame in _frames(traces, scenario, title, track, frames_per_second):
+            writer.send(frame.tobytes())
+        writer.close()
+        return path.read_bytes()
+
+
+def _frames(
+    traces: Traces, scenario: Scenario, title: str, track: Track, frames_per_second: float
+) -> Iterator[NDArray[np.uint8]]:
+    """The pictures, (height, width, 3), one after the other."""
+    controllers = list(dict.fromkeys(traces.controller))
+    figure = Figure(figsize=(_width(traces) / _DPI, _HEIGHT / _DPI), dpi=_DPI, layout="constrained")
+    canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
+    panels = dict(zip(controllers, figure.subplots(1, len(controllers), squeeze=False)[0], strict=True))
+    for controller, axes in panels.items():
+        axes.set_title(plain(controller_title(controller)), fontsize=11)
+    heading = figure.suptitle("", fontsize=9)
+    robot = scenario.robot
+    moving: list[tuple[Any, Any, Any]] = []
+    for controller, name in zip(traces.controller, traces.side, strict=True):
+        side: Side = "left" if name == "left" else "right"
+        axes = panels[controller]
+        (trail,) = axes.plot([], [], color=SIDE_COLOUR[side], linewidth=1.4, animated=True)
+        (nose,) = axes.plot([], [], color="white", linewidth=2.5, animated=True)
+        body = axes.add_patch(Circle((0, 0), robot.radius_m, color=SIDE_COLOUR[side], alpha=0.85, animated=True))
+        moving.append((trail, body, nose))
+    heading.set_animated(True)
+    left, right, bottom, top = view(scenario)
+    time, pose = traces.samples.time[0], traces.samples.pose
+    paths = [with_gaps(time, path, scenario) for path in pose]
+    phases = [(step * STEP_S, world) for step, world in scenario.phases]
+    still: Any = None
+    shown, drawn = -1, list[Artist]()
+    end = _end(time, pose, phases[-1][0])
+    for now in track(np.arange(0.0, end, _SPEED / frames_per_second).tolist()):
+        phase = sum(since <= now for since, _ in phases) - 1
+        if phase != shown:  # what does not move is drawn once for each world
+            for artist in drawn:
+                artist.remove()
+            drawn = [artist for axes in panels.values() for artist in draw_maze(axes, phases[phase][1])]
+            for axes in panels.values():
+                axes.set(xlim=(left, right), ylim=(bottom, top))
+            changed = f"   ◆{phase} {told_when(scenario.changes[phase - 1])}" if phase else ""
+            heading.set_text(plain(f"{title}\n0 s"))
+            canvas.draw()
+            still, shown = canvas.copy_from_bbox(figure.bbox), phase
+        canvas.restore_region(still)
+        heading.set_text(plain(f"{title}\n{now:.0f} s{changed}"))
+        heading.draw(canvas.get_renderer())
+        for (trail, body, nose), (times, path) in zip(moving, paths, strict=True):
+            x, y, heading_now = (np.interp(now, times, column) for column in path.T)
+            past = path[: np.searchsorted(times, now)]
+            trail.set_data([*past[:, 0], x], [*past[:, 1], y])
+            body.center = (x, y)
+            ahead = np.array([0.2, 0.9]) * robot.radius_m
+            nose.set_data(x + ahead * np.cos(heading_now), y + ahead * np.sin(heading_now))
+            for artist in (trail, body, nose):
+                artist.axes.draw_artist(artist)
+        yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
+
+
+def _width(traces: Traces) -> int:
+    return max(_LEAST_WIDTH, _PANEL_WIDTH * len(set(traces.controller)))
+
+
+def _end(time: NDArray[np.float64], pose: NDArray[np.float64], last_change: float) -> float:
+    """A while after the last change and after the last robot came to rest, that is within 2 cm of where it ends [s]."""
+    away = np.hypot(*np.moveaxis(pose[:, :, :2] - pose[:, -1:, :2], -1, 0)).max(axis=0) > 0.02
+    rest = time[np.flatnonzero(away)[-1]] if away.any() else time[0]
+    return float(min(time[-1], max(rest, last_change) + _REST_S)) + 1e-9

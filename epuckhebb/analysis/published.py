@@ -1,0 +1,96 @@
+"""Ours beside theirs: the paper's Tables 1 to 3, cell by cell."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from epuckhebb.analysis.findings import PAPER_N
+from epuckhebb.analysis.tables import ROWS, markdown_table
+from epuckhebb.sim.controller import GA
+from epuckhebb.sim.maze import SIDES
+
+NEW_LINE = "<br>"  # in a cell of a table in Markdown
+CELL = ["scenario", "controller", "side"]
+_DECIMALS = {"success": 0, "time_to_goal_s": 2}
+_DURATION_S = {"light": 200.0, "obstacles": 250.0}
+
+
+def published_values(tables: Mapping[str, Any]) -> pd.DataFrame:
+    """The contents of `conf/paper/tables.yaml`, a row a number, its cell in the columns before it."""
+    return pd.DataFrame(
+        {"table": name, "experiment": table["experiment"], "scenario": cell["scenario"]}
+        | {"controller": cell["controller"], "side": side, "metric": metric}
+        | {"published": float(cell[side].get(metric, np.nan))}
+        for name, table in tables.items()
+        if name != "success_elsewhere"
+        for cell in table["cells"]
+        for side in SIDES
+        for metric in ROWS.values()
+    )
+
+
+def published_success(tables: Mapping[str, Any]) -> pd.DataFrame:
+    """What the paper says of success in every cell: experiment, scenario, controller, side, success (0, 1 or nan)."""
+    values = published_values(tables)
+    values = values[values.metric == "success"].rename(columns={"published": "success"})
+    elsewhere = {
+        (cell["scenario"], cell["controller"], side): cell[side]
+        for cell in tables["success_elsewhere"]
+        for side in SIDES
+    }
+    known = [elsewhere.get(tuple(row[name] for name in CELL), row["success"]) for _, row in values.iterrows()]
+    return values.assign(success=np.array(known, float))[["experiment", *CELL, "success"]]
+
+
+def compare(published: pd.DataFrame, each: pd.DataFrame, showcase: Mapping[str, str]) -> pd.DataFrame:
+    """For every number of the paper: the showcase's, its relative deviation, and median and quartiles of all champions.
+
+    each: `epuckhebb.analysis.findings.trials`. showcase: the champion to put beside the paper, for each experiment.
+    """
+    rows = []
+    for _, cell in published[published.experiment.isin(list(showcase))].iterrows():
+        rate = 0.0 if cell.controller == GA else PAPER_N[cell.experiment]
+        here = each[(each.experiment == cell.experiment) & (each.scenario == cell.scenario) & (each.side == cell.side)]
+        here = here[(here.controller == cell.controller) & (rate == here.N)].set_index("genome")
+        values = here[cell.metric] if cell.metric in here else here.path_length_m / _DURATION_S[cell.experiment]
+        ours = float(values.get(showcase[cell.experiment], np.nan))
+        if cell.metric == "weight_change_mean" and cell.controller == GA:
+            continue
+        quartiles = values.quantile([0.25, 0.5, 0.75]).to_numpy(float)
+        rows.append(
+            {**cell, "ours": ours, "relative_deviation": ours / cell.published - 1 if cell.published else np.nan}
+            | {"median": quartiles[1], "q25": quartiles[0], "q75": quartiles[2], "n": int(values.notna().sum())}
+        )
+    return pd.DataFrame(rows)
+
+
+def to_markdown(comparison: pd.DataFrame, *, of_all: bool) -> str:
+    """A table in the paper's layout; each cell `ours (paper)`, or for all champions `median [quartiles] (paper)`."""
+    columns = comparison[CELL].drop_duplicates()
+    head = ["", *(f"{c.scenario}{NEW_LINE}{c.controller} {c.side}" for c in columns.itertuples())]
+    lines = []
+    for row, metric in ROWS.items():
+        of_metric = comparison[comparison.metric == metric].set_index(CELL)
+        if not len(of_metric):
+            continue
+        cells = []
+        for column in columns.itertuples(index=False):
+            value = of_metric.loc[tuple(column)] if tuple(column) in of_metric.index else None
+            cells.append("–" if value is None else _cell(value, metric, of_all=of_all))
+        lines.append([f"**{row}**", *cells])
+    return markdown_table(head, lines, numbers=True)
+
+
+def _cell(value: "pd.Series[Any]", metric: str, *, of_all: bool) -> str:
+    decimals = _DECIMALS.get(metric, 4 if abs(value.ours) < 10 or np.isnan(value.ours) else 2)
+
+    def text(number: float, places: int) -> str:
+        return "–" if np.isnan(number) else f"{number:.{places}f}"
+
+    paper = f" ({text(value.published, decimals)})" if not np.isnan(value.published) else ""
+    places = 1 if metric == "success" and (of_all or value.ours % 1) else decimals
+    if not of_all:
+        return f"{text(value.ours, places)}{paper}"
+    return f"{text(value['median'], places)} [{text(value.q25, places)}, {text(value.q75, places)}]{paper}"

@@ -1,0 +1,129 @@
+"""The paper's experiment over many champions: the tables and the figures of the report."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+from numpy.typing import NDArray
+
+from epuckhebb.analysis import charts, figures, findings, published, report
+from epuckhebb.analysis.evaluate import evaluate
+from epuckhebb.sim.controller import CONTROLS, HEBBIAN, Controller
+from epuckhebb.sim.fitness import Signal
+from epuckhebb.sim.life import Lifetime, Samples
+from epuckhebb.sim.plasticity.control import Sign
+from epuckhebb.sim.plasticity.rules.paper import Paper
+from epuckhebb.sim.scenario import TRAINED, Scenario
+
+_TABLES = ("claims", "success", "rescue_and_harm", "retention", "dose_response")
+
+
+def worlds(experiment: str) -> tuple[str, ...]:
+    """The scenarios of an experiment: the training world, and the changed ones."""
+    return (TRAINED[experiment], *findings.CHANGED[experiment])
+
+
+def controllers(experiment: str, rates: Sequence[float], signal: Signal) -> list[Controller]:
+    """What the champions live with: for each rate and the paper's, the rule and its controls."""
+    every = sorted({*rates, findings.PAPER_N[experiment]})
+    return [hebbian(rate, signal, sign) for sign in Sign for rate in every]
+
+
+def hebbian(rate: float, signal: Signal, sign: Sign = Sign.hebbian) -> Controller:
+    """The paper's rule at a rate, or a control of it."""
+    return Controller(name=CONTROLS[sign], rule=Paper(N=rate, sign=sign, signal=signal))
+
+
+def findings_of(
+    metrics: pd.DataFrame,
+    paper: Mapping[str, Any],
+    unchanged: Mapping[str, int],
+    *,
+    champions: int,
+    given: bool,
+    repeats: int,
+    provenance: str,
+) -> tuple[report.Findings, dict[str, pd.DataFrame]]:
+    """What the lifetimes show: for the report, and every table by its name.
+
+    metrics: the lifetimes of all champions. paper: the published tables. unchanged: for each experiment, how many
+    champions had the same genome after their lifetimes. The rest is as in `report.Findings`.
+    """
+    each, success = findings.trials(metrics), published.published_success(paper)
+    showcase = {one: findings.showcase(each, success, one) for one in unchanged}
+    shown = {one: name for one, (name, *_) in showcase.items()}
+    comparison = published.compare(published.published_values(paper), each, shown)
+    comparison["title"] = [paper[table]["title"] for table in comparison.table]
+    found = report.Findings(
+        claims=findings.claims(each, dict(unchanged)),
+        success=findings.success(each),
+        rescue_and_harm=findings.rescue_and_harm(each),
+        retention=findings.retention(each),
+        dose_response=findings.dose_response(each),
+        comparison=comparison,
+        showcase=showcase,
+        champions=champions,
+        given=given,
+        repeats=repeats,
+        provenance=provenance,
+    )
+    tables = {name: getattr(found, name) for name in _TABLES}
+    return found, {"metrics": metrics, "trials": each, **tables, "comparison": comparison.drop(columns="title")}
+
+
+def figures_of(
+    found: report.Findings,
+    genomes: Mapping[str, NDArray[Any]],
+    signals: Mapping[str, Signal],
+    world: Callable[[str], tuple[Scenario, Lifetime]],
+    histories: Mapping[str, list[pd.DataFrame]],
+    seed: int,
+) -> dict[str, tuple[str, bytes]]:
+    """The figures by the names of their files, each a caption and a PNG, in the order of the report.
+
+    genomes, signals: for each experiment the genes (234,) of the champion that is shown, and the live fitness. world:
+    gives the scenario of a name and its lifetime. histories: for each experiment how its champions were evolved; empty
+    for a given genome. seed: of the noise.
+    """
+    maze = figures.maze(world("4obstacles")[0])
+    made = {
+        "maze.png": ("The maze: robot at the start, lamp, goals with their 5 cm circles, four obstacles (brown).", maze)
+    }
+    for one, genes in genomes.items():
+        name, rate = found.showcase[one][0], findings.PAPER_N[one]
+        plastic = hebbian(rate, signals[one])
+        lived: dict[tuple[str, str], dict[str, Samples]] = {}
+        for place in worlds(one):
+            scenario, lifetime = world(place)
+            _, traces = evaluate(genes, scenario, [plastic], lifetime, repeats=1, seed=seed, name=name)
+            title = f"{place}, {name}, N = {rate:g}, one lifetime a side"
+            made[f"trajectories_{place}.png"] = (
+                f"{place}: trajectories of `{name}` alone and with plasticity at N = {rate:g}; one lifetime a side.",
+                figures.trajectories(traces, scenario, title),
+            )
+            for k, (controller, side) in enumerate(zip(traces.controller, traces.side, strict=True)):
+                lived.setdefault((place, controller), {})[side] = Samples(*(array[k] for array in traces.samples))
+        changed = {place: lived[place, HEBBIAN] for place in findings.CHANGED[one]}
+        for against in ("fitness", "light" if one == "light" else "proximity"):
+            made[f"weight_change_{one}_{against}.png"] = (
+                f"{one}: change of the weights between samples against {against}, `{name}`, N = {rate:g}; left blue, "
+                "right orange.",
+                charts.weight_change(changed, against, f"{name}, N = {rate:g}"),
+            )
+        last = findings.CHANGED[one][-1]
+        made[f"network_{one}.png"] = (
+            f"{last}: how plasticity at N = {rate:g} has changed the network of `{name}` by the end of a lifetime.",
+            charts.network(genes, lived[last, HEBBIAN], f"{name} in {last}, N = {rate:g}"),
+        )
+        if histories:
+            made[f"dose_response_{one}.png"] = (
+                f"{one}: success, time to goal, weight change, and rescue and harm with their controls, against N; "
+                f"{found.champions} champions.",
+                charts.dose_response(found.dose_response, found.rescue_and_harm, one, found.champions),
+            )
+    if histories:
+        made["learning_curves.png"] = (
+            f"Learning curves: best and mean fitness, median and quartiles of {found.champions} evolutions.",
+            charts.learning_curves(dict(histories)),
+        )
+    return made

@@ -1,0 +1,84 @@
+"""What robots found that checked themselves before their lives: a row of `findings.csv` each, and in words."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+
+import pandas as pd
+
+from epuckhebb.sim import random
+from epuckhebb.sim.adaptation.self_check.check import Checked, check, unexplained
+from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
+from epuckhebb.sim.maze import SIDES, Side
+from epuckhebb.sim.random import Stream
+from epuckhebb.sim.scenario import Scenario
+
+_LISTED = "; "  # between the items of a cell
+
+Checks = Mapping[tuple[Side, int], Checked]
+
+
+def self_checks(memory: SelfMemory, scenario: Scenario, noise: float, *, repeats: int, seed: int) -> Checks:
+    """The self-checks of all lifetimes of an evaluation, by side and repeat; all controllers that check share them.
+
+    noise: of the sensors, 1 for their own.
+
+    Raises:
+        ValueError: the robot cannot check itself, or the memory is of another one.
+    """
+    return {
+        (side, repeat): check(
+            memory, scenario, side, random.key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)), noise
+        )
+        for side in SIDES
+        for repeat in range(repeats)
+    }
+
+
+def findings(checks: Checks) -> pd.DataFrame:
+    """A row for each self-check."""
+    return pd.DataFrame({"side": side, "repeat": repeat, **_row(checked)} for (side, repeat), checked in checks.items())
+
+
+def _row(checked: Checked) -> dict[str, object]:
+    found = checked.found
+    return {
+        "lamp": "on" if found.lamp else "off",
+        "dead_sensors": _LISTED.join(map(str, found.dead_sensors)),
+        "left_wheel_loss": found.wheel_loss[0],
+        "left_wheel_loss_error": found.wheel_loss_error[0],
+        "right_wheel_loss": found.wheel_loss[1],
+        "right_wheel_loss_error": found.wheel_loss_error[1],
+        "light_ratio": found.light_ratio,
+        "light_ratio_error": found.light_ratio_error,
+        "distance_misfit": found.distance_misfit,
+        "light_misfit": found.light_misfit,
+        "unexplained": _LISTED.join(unexplained(found)),
+        "corrected": _LISTED.join(checked.corrected),
+    }
+
+
+def told(row: Mapping[str, object]) -> str:
+    """What a row of findings says, in words: what is corrected, and what is unexplained."""
+    corrected = str(row["corrected"]).split(_LISTED) if row["corrected"] else []
+    parts = []
+    for wheel in ("left", "right"):
+        if f"{wheel} wheel" in corrected:
+            loss = float(str(row[f"{wheel}_wheel_loss"]))
+            parts.append(f"{wheel} wheel {100 * abs(loss):.0f} % {'slow' if loss > 0 else 'fast'}")
+    if "light" in corrected:
+        parts.append(f"light {float(str(row['light_ratio'])):.2g} times home's")
+    dead = str(row["dead_sensors"]).split(_LISTED) if row["dead_sensors"] != "" else []
+    if dead:
+        parts.append(f"sensor{'s' if len(dead) > 1 else ''} {' and '.join(dead)} dead")
+    strange = str(row["unexplained"]).split(_LISTED) if row["unexplained"] else []
+    if strange:
+        parts.append(f"{' and '.join(strange)} readings that nothing known explains")
+    return ", ".join(parts) if parts else "nothing that has changed"
+
+
+def in_words(rows: Iterable[Mapping[str, object]]) -> dict[str, Sequence[tuple[str, int]]]:
+    """What was found on each side, and how often, the most frequent first."""
+    words: dict[str, Counter[str]] = {}
+    for row in rows:
+        words.setdefault(str(row["side"]), Counter())[told(row)] += 1
+    return {side: said.most_common() for side, said in words.items()}

@@ -1,0 +1,182 @@
+"""Over many evaluations: a summary of each condition, what each rate did, and what plasticity rescued and harmed.
+
+All take the rows of `epuckhebb.analysis.lifetimes.gather`, in which each lifetime comes once. `settings` are the
+columns that tell conditions apart.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pandas as pd
+
+from epuckhebb.analysis import findings, rescue
+from epuckhebb.analysis.evaluate import COLUMNS, MEANS
+from epuckhebb.analysis.lifetimes import is_of_plasticity
+from epuckhebb.analysis.statistics import bootstrap_mean, wilson
+from epuckhebb.analysis.tables import code
+from epuckhebb.sim.controller import GA
+from epuckhebb.sim.scenario import TRAINED
+
+_TRIAL = ["experiment", "scenario", "controller", "N", "genome", "side", "seed", "repeat"]  # of rescue and harm
+_RATE = "N"
+_SUCCESS = ("n", "success", "success_noise_low", "success_noise_high")
+_REWARDED = "rewarded_share"  # the mean of it comes last, where a life is many trials
+_BOUNDS = {"success": (0.0, 1.0), "weight_change_mean": None, _REWARDED: (0.0, 1.0)}  # of means over champions
+
+
+def summary(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
+    """One row for each condition, champion, controller and side: n, share of successes with its interval, means.
+
+    `time_to_goal_s` is the mean over the `n_reached` lifetimes that reached the goal. A condition is repeated with
+    seeds and noise repeats, so the interval (Wilson, 95 %) is about the noise alone, for this one champion.
+    """
+    by = list(dict.fromkeys([*settings, "genome", "scenario", "controller", "N", "side"]))
+    means = [*MEANS, *_rewarded(rows)]
+    rows = rows.assign(**{name: pd.to_numeric(rows[name]) for name in ("success", *means)})
+    found: list[dict[str, Any]] = []
+    for condition, lifetimes in rows.groupby(by, sort=False):
+        successes, n = int(lifetimes.success.sum()), len(lifetimes)
+        row = dict(zip([*by, *_SUCCESS], (*condition, n, successes / n, *wilson(successes, n)), strict=True))
+        row["n_reached"] = int(lifetimes.time_to_goal_s.notna().sum())
+        found.append(row | lifetimes[means].mean().to_dict())
+    return pd.DataFrame(found) if found else pd.DataFrame(columns=[*by, *_SUCCESS])
+
+
+def has_champions(rows: pd.DataFrame) -> bool:
+    """Whether an experiment has several champions, so that intervals can be over champions."""
+    return bool((rows.groupby("experiment").genome.nunique() > 1).any())
+
+
+def over_champions(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
+    """One row for each condition, controller and side: means over champions, with 95 % bootstrap intervals."""
+    by = list(dict.fromkeys([*(key for key in settings if key != "genome"), "scenario", "controller", "N", "side"]))
+    return pd.DataFrame(
+        dict(zip(by, condition, strict=True)) | _means(own) for condition, own in _numeric(rows).groupby(by, sort=False)
+    )
+
+
+def _numeric(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with numbers in `N` and in the columns that have means over champions."""
+    return rows.assign(**{name: pd.to_numeric(rows[name]) for name in ("N", *_BOUNDS) if name in rows})
+
+
+def _rewarded(rows: pd.DataFrame) -> list[str]:
+    """The column of rewarded shares, where a lifetime is many trials."""
+    return [_REWARDED] if _REWARDED in rows and rows[_REWARDED].notna().any() else []
+
+
+def _means(lifetimes: pd.DataFrame) -> dict[str, float]:
+    """Means over champions and their intervals."""
+    told: dict[str, float] = {"champions": lifetimes.genome.nunique(), "lifetimes": len(lifetimes)}
+    for column, bounds in _BOUNDS.items():
+        if column == _REWARDED and not _rewarded(lifetimes):
+            continue
+        values = lifetimes.groupby("genome", sort=False)[column].mean()
+        low, high = bootstrap_mean(values.to_numpy(float), seed=0, bounds=bounds)
+        told |= {column: values.mean(), f"{column}_low": low, f"{column}_high": high}
+    return told
+
+
+def _means_of_one(lifetimes: pd.DataFrame) -> dict[str, float]:
+    """Means over the lifetimes of one champion; their intervals are about the noise."""
+    success, change = lifetimes.success, lifetimes.weight_change_mean.to_numpy(float)
+    found: dict[str, float] = {"lifetimes": len(lifetimes)}
+    for column, mean, (low, high) in (
+        ("success", success.mean(), wilson(int(success.sum()), len(success))),
+        ("weight_change_mean", change.mean(), bootstrap_mean(change, seed=0)),
+    ):
+        found |= {column: mean, f"{column}_low": low, f"{column}_high": high}
+    return found
+
+
+def dose_response(rows: pd.DataFrame, settings: list[str]) -> bytes | None:
+    """A figure of success and weight change against the base rate; None unless several rates were set."""
+    rows = _numeric(rows)
+    plastic = rows[(rows.controller != GA) & (rows.N > 0)]
+    swept = plastic.groupby("controller").N.nunique()
+    plastic = plastic[plastic.controller.isin(swept[swept > 1].index)]
+    if _RATE not in settings or not len(plastic) or _rewarded(rows):  # success at one goal means nothing there
+        return None
+    several = has_champions(rows)
+    means = _means if several else _means_of_one
+    differ = [key for key in settings if key not in (_RATE, "genome") and plastic[key].nunique() > 1]
+    world = list(dict.fromkeys(["scenario", "changed", *(key for key in differ if not is_of_plasticity(key))]))
+    by = list(dict.fromkeys([*world, *differ, "controller"]))
+    found = []
+    for condition, own in plastic.groupby(by, sort=False):
+        place = dict(zip(by, condition, strict=True))
+        alone = rows[(rows.controller == GA) & (rows[world] == [place[key] for key in world]).all(axis=1)]
+        title = f"{', '.join(_told(place, differ))}: {place['controller']}"
+        for (controller, rate, side), lives in pd.concat([alone, own]).groupby(["controller", "N", "side"], sort=False):
+            row = {"condition": title, "controller": controller, "N": rate, "side": side}
+            found.append({**row, **means(lives)})
+    doses = pd.DataFrame(found)
+    each = f"{doses.lifetimes.max()} lifetimes of {rows.genome.iloc[0]} on each side (95 % intervals: noise only)"
+    if several:
+        counts = dict.fromkeys(str(number) for number in sorted(doses.champions.unique()))
+        each = f"{' or '.join(counts)} champions on each side (95 % intervals over champions)"
+    from epuckhebb.analysis import charts  # matplotlib takes a while to load
+
+    return charts.rates(doses, f"mean of {each}")
+
+
+def _told(place: dict[str, Any], differ: list[str]) -> Iterator[str]:
+    """What tells a condition from the others: its world, what is changed there, and what else was set."""
+    yield place["scenario"]
+    changed = list(filter(None, place["changed"].split(", ")))
+    yield from changed
+    for key in differ:
+        if key not in ("scenario", "light", "obstacles") and f"{key}={place[key]}" not in changed:
+            yield f"{key}={place[key]}"
+
+
+def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str, bytes] | None:
+    """What plasticity rescued and harmed: tables by their names, a page in Markdown, and a figure.
+
+    None unless several champions each lived once in their training world and in changed ones; `no_rescue` says why.
+    """
+    if not _can_rescue(rows) or no_rescue(rows, []):
+        return None
+    lifetimes = rows[list(COLUMNS)].apply(_numbers)
+    each = findings.trials(lifetimes)
+    over_all, by_scenario = findings.rescue_over_all(each), findings.rescue_and_harm(each)
+    retention = findings.retention(each)
+    champions = int(each.groupby("experiment").genome.nunique().max())
+    seeds = f"{code(each.genome.iloc[0])} to {code(each.genome.iloc[-1])}"
+    page = rescue.markdown(over_all, by_scenario, retention, champions, lifetimes.repeat.nunique(), seeds)
+    found = {"rescue_over_all": over_all, "rescue_and_harm": by_scenario, "retention": retention}
+    from epuckhebb.analysis import charts
+
+    return found, page, charts.rescue_over_all(over_all)
+
+
+def _can_rescue(rows: pd.DataFrame) -> bool:
+    """Whether there are several champions with plasticity, and a success at a goal that it could rescue."""
+    return has_champions(rows) and bool((rows.controller != GA).any()) and not _rewarded(rows)
+
+
+def no_rescue(rows: pd.DataFrame, settings: list[str]) -> str:
+    """Why rescue and harm of several champions are not counted, and what to set for that; nothing if they can be."""
+    if not _can_rescue(rows):
+        return ""
+    worlds = list(dict.fromkeys(rows.scenario))
+    homes = [TRAINED[experiment] for experiment in dict.fromkeys(rows.experiment)]
+    if missing := [home for home in homes if home not in worlds]:
+        asked = ",".join([*missing, *worlds])
+        return f"To count what plasticity rescues and harms, add the training world: scenario={asked}"
+    lived = rows.groupby(["experiment", "genome"]).scenario.agg(set)
+    if not all(TRAINED[experiment] in own and len(own) > 1 for (experiment, _), own in lived.items()):
+        return f"To count what plasticity rescues and harms, add changed worlds: scenario={','.join(worlds)},..."
+    if rows.duplicated(_TRIAL).any():
+        known = ("genome", "scenario", "N")
+        differ = ", ".join(key for key in settings if key not in known and rows[key].nunique() > 1) or "another setting"
+        return f"Rescue and harm are not counted, because {differ} differs too; give it one value."
+    return ""
+
+
+def _numbers(column: pd.Series) -> pd.Series:
+    """The column as numbers, if that is what it holds."""
+    try:
+        return pd.to_numeric(column)
+    except ValueError:
+        return column

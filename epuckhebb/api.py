@@ -1,0 +1,277 @@
+"""Evaluates, evolves and sweeps from Python, with the keys of the command line. It writes no run folders."""
+
+import html
+import itertools
+import webbrowser
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from epuckhebb.analysis import figures, replay, reversal, self_checks, tables
+from epuckhebb.analysis.evaluate import Traces
+from epuckhebb.analysis.lifetimes import Evaluated, gather
+from epuckhebb.analysis.self_checks import Checks
+from epuckhebb.config.build import controller_of, network_for, with_controls
+from epuckhebb.config.compose import composed
+from epuckhebb.config.keywords import MASKED, check_keywords, overrides_of
+from epuckhebb.config.overrides import check_config_dir, quoted
+from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, say_unusual, typed
+from epuckhebb.evolution.evolve import history_row
+from epuckhebb.runs.evaluate import caption, check_genome, check_memory, lifetime_ids, run_lifetimes, with_robot
+from epuckhebb.runs.evolve import EvolutionProgress, generations_of
+from epuckhebb.runs.evolve import check_memory as check_evolution_memory
+from epuckhebb.runs.nominal import baseline_for, self_checks_for
+from epuckhebb.runs.notes import notes_of
+from epuckhebb.runtime import progress
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.progress import TaskProgress
+from epuckhebb.runtime.resources import LATEST, thread_count
+from epuckhebb.sim.adaptation.adaptation import Adaptation
+from epuckhebb.sim.genome import plan_of
+from epuckhebb.sim.plasticity.rule import NoRule, Rule
+from epuckhebb.sim.tasks.reversal import Reversal
+from epuckhebb.store import disk, run, traces
+from epuckhebb.store.genome import Genome, checked_genes, load_genome
+
+_FRAME = '<iframe srcdoc="{}" width="100%" height="760" style="border:0" sandbox="allow-scripts"></iframe>'
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A PNG that a notebook shows. png: its bytes."""
+
+    png: bytes = field(repr=False)
+
+    def _repr_png_(self) -> bytes:
+        return self.png
+
+    def save(self, path: str | Path) -> Path:
+        """Write it to a file; returns its path."""
+        disk.write_atomic(Path(path), self.png)
+        return Path(path)
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page of HTML that a notebook shows inside itself. text: the page."""
+
+    text: str = field(repr=False)
+
+    def _repr_html_(self) -> str:
+        return _FRAME.format(html.escape(self.text))
+
+    def save(self, path: str | Path) -> Path:
+        """Write it to a file; returns its path."""
+        disk.write_atomic(Path(path), self.text.encode())
+        return Path(path)
+
+    def open(self, path: str | Path = "replay.html") -> Path:
+        """Write it to a file and show that in a browser; returns its path."""
+        webbrowser.open(self.save(path).resolve().as_uri())
+        return Path(path)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Evaluation:
+    """What the lifetimes of an evaluation came to; a notebook shows the paper's table.
+
+    Attributes:
+        metrics: A row a lifetime, with the columns of `metrics.csv`.
+        config: The settings.
+        genome: Who lived.
+    """
+
+    metrics: pd.DataFrame
+    config: EvaluateConfig
+    genome: Genome
+    recorded: Traces
+    checks: Checks | None
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """The paper's table: a row for each metric, a column for each controller and side; means over the repeats."""
+        return tables.paper_table(self.metrics)
+
+    @cached_property
+    def traces(self) -> dict[str, NDArray[Any]]:
+        """What was recorded of the first repeat: the arrays of `traces.npz`; ValueError if nothing was recorded."""
+        self._require_traces()
+        return traces.traces_arrays(self.recorded, self.genome.weights, self.genome.network)
+
+    @property
+    def trials(self) -> pd.DataFrame:
+        """A row for each trial of each lifetime, as in `reversal_trials.csv`; none where a life is one trial."""
+        return self.recorded.trials
+
+    @cached_property
+    def findings(self) -> pd.DataFrame | None:
+        """What robots found in their self-checks, with the columns of `findings.csv`; None if there were none."""
+        return None if self.checks is None else self_checks.findings(self.checks)
+
+    def plot(self) -> Picture:
+        """The paths of the first repeat, for each controller; ValueError if nothing was recorded."""
+        self._require_traces()
+        return Picture(figures.trajectories(self.recorded, self.config.world, caption(self.config, self.genome.name)))
+
+    def replay(self) -> Page:
+        """The page to watch the first repeat, step by step; ValueError if nothing was recorded."""
+        self._require_traces()
+        title, notes = caption(self.config, self.genome.name), notes_of(self.genome, self.config)
+        gain, network = self.config.lifetime.gain_rad_s, self.genome.network
+        weights, world = self.genome.weights, self.config.world
+        return Page(replay.page(self.recorded, weights, world, title, gain_rad_s=gain, network=network, notes=notes))
+
+    def __repr__(self) -> str:
+        """The paper's table, or that of reversal learning, and what a reader must know beside it."""
+        return "\n".join([str(self._shown()), *notes_of(self.genome, self.config)])
+
+    def _repr_html_(self) -> str:
+        notes = (f"<p>{html.escape(note)}</p>" for note in notes_of(self.genome, self.config))
+        return "".join([self._shown().to_html(), *notes])
+
+    def _shown(self) -> pd.DataFrame:
+        task = self.config.world.task
+        if isinstance(task, Reversal):
+            return reversal.table(self.metrics, self.trials, task, self.config.seed).set_index("controller")
+        return tables.formatted(self.table)
+
+    def _require_traces(self) -> None:
+        if not self.config.lifetime.record_every:
+            raise ConfigError("nothing was recorded with lifetime.record_every=0; give lifetime={'record_every': 8}")
+
+
+class Evolution(NamedTuple):
+    """What an evolution came to. champion: its genes. history: a row a generation, as in `history.csv`."""
+
+    champion: NDArray[np.float64]
+    history: pd.DataFrame
+
+
+def evaluate(
+    genome: Any, overrides: Sequence[Any], config_dir: str | Path | None, show: bool, keys: Mapping[str, Any]
+) -> Evaluation:
+    """See `epuckhebb.evaluate`."""
+    progress.be_quiet(not show)
+    keys = dict(keys)
+    rule = keys.pop("hebbian") if isinstance(keys.get("hebbian"), Rule) else None
+    folder, words = _folder(config_dir), overrides_of(overrides, keys)
+    if isinstance(genome, str | Path):
+        if "=" in str(genome) and not Path(genome).exists():
+            raise ConfigError(f"{genome} is no genome; give that first: evaluate('reference', {str(genome)!r})")
+        path = run.found(genome, "evolve") if str(genome) == LATEST else genome
+        words = with_robot([*words, f"genome={quoted(str(path))}"], folder)
+    config = typed(composed("evaluate", words, folder), EvaluateConfig)
+    if rule is not None:
+        if rule.N == 0 and not isinstance(rule, NoRule):
+            raise ConfigError(
+                f"hebbian={type(rule).__name__}(...) has N = 0 and would change nothing; give it a rate, for example "
+                f"N={config.scenario.paper_N:g}, the paper's in this experiment, or hebbian='none'"
+            )
+        own = with_controls(controller_of(rule, config.adaptation), config.world.task)
+        config.controllers = [*own, *(other for other in config.controllers if other.name in config.compare)]
+    lived = (
+        load_genome(config.genome, config.world.experiment, config.layers)
+        if isinstance(genome, str | Path)
+        else _genome_of(genome, config)
+    )
+    check_genome(lived, config)
+    say_unusual(config)
+    check_memory(config, lived)
+    threads = thread_count(config.threads)
+    checks = self_checks_for(lived, config, threads, progress.say)
+    baseline = baseline_for(lived, config, threads, progress.say)
+    metrics, recorded = run_lifetimes(config, lived, baseline, checks, threads)
+    return Evaluation(metrics=metrics, config=config, genome=lived, recorded=recorded, checks=checks)
+
+
+def evolve(overrides: Sequence[Any], config_dir: str | Path | None, show: bool, keys: Mapping[str, Any]) -> Evolution:
+    """See `epuckhebb.evolve`."""
+    progress.be_quiet(not show)
+    config = typed(composed("evolve", overrides_of(overrides, keys), _folder(config_dir)), EvolveConfig)
+    say_unusual(config)
+    check_evolution_memory(config)
+    lived = []
+    with EvolutionProgress(config.schedule.generations, quiet=not show, each=False) as bar:
+        for generation in generations_of(config, thread_count(config.threads)):
+            lived.append(generation)
+            bar.show(generation)
+    return Evolution(lived[-1].champion, pd.DataFrame(map(history_row, lived)))
+
+
+def sweep(
+    genome: Any,
+    overrides: Sequence[Any],
+    over: Mapping[str, Sequence[Any]] | None,
+    config_dir: str | Path | None,
+    show: bool,
+    keys: Mapping[str, Any],
+) -> pd.DataFrame:
+    """See `epuckhebb.sweep`."""
+    check_keywords(keys)
+    if not isinstance(over, Mapping) or not over:
+        raise ConfigError(f"over must be keys with their values, as {{'hebbian.N': [0.0002, 0.002]}}, got {over!r}")
+    for key, values in over.items():
+        if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray) or not len(values):
+            raise ConfigError(f"over: {key} must have a list of values, got {values!r}")
+        if key in keys:
+            raise ConfigError(f"{key} is given twice, in `over` and by itself")
+    progress.be_quiet(not show)
+    jobs = [dict(zip(over, values, strict=True)) for values in itertools.product(*over.values())]
+    found = []
+    with TaskProgress([1.0] * len(jobs), each=False) as bar:
+        for number, job in enumerate(jobs):
+            settings = {key: _label(key, value) for key, value in job.items()}
+            bar.show(number, ", ".join(f"{key}={value}" for key, value in settings.items()))
+            quick = {"lifetime.record_every": 0, **keys, **job}
+            who = quick.pop("genome", genome)
+            result = evaluate(who, overrides, config_dir, False, quick)
+            where = str(who) if isinstance(who, str | Path) else ""
+            sha256, ids = result.genome.sha256, lifetime_ids(result.config, result.genome)
+            found.append(Evaluated(settings=settings, where=where, sha256=sha256, ids=ids, rows=result.metrics))
+    gathered = gather(found)
+    progress.be_quiet(not show)
+    if gathered.repeated:
+        progress.say(gathered.repeated)
+    return gathered.rows
+
+
+def _label(key: str, value: Any) -> Any:
+    """A value of a sweep in a table."""
+    if isinstance(value, Rule):
+        given = {one.name: getattr(value, one.name) for one in fields(value) if getattr(value, one.name) != one.default}
+        facts = (f"{name} = {own:g}" if isinstance(own, float) else f"{name} = {own}" for name, own in given.items())
+        return ", ".join([controller_of(value, Adaptation()).name, *facts])
+    if key == "genome" and not isinstance(value, str | Path):
+        return "array"
+    return value if isinstance(value, str | int | float) else str(value)
+
+
+def _folder(config_dir: str | Path | None) -> str | None:
+    folder = None if config_dir is None else str(config_dir)
+    check_config_dir(folder)
+    return folder
+
+
+def _genome_of(given: Any, config: EvaluateConfig) -> Genome:
+    """The genome that an array or an evolution is."""
+    genes = given.champion if isinstance(given, Evolution) else given
+    if not isinstance(genes, np.ndarray | list | tuple):
+        raise ConfigError(
+            "genome must be genes (an array), `reference`, `reference_7`, or where a champion is, got "
+            f"{type(given).__name__}"
+        )
+    if isinstance(genes, np.ma.MaskedArray):
+        raise ConfigError(MASKED.format("genome"))
+    network = network_for(config.world, config.layers)
+    plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
+    array = np.asarray(genes)
+    plan = next((plan for plan in plans if array.shape == (plan.genes,)), plans[0])
+    robot = config.world.robot
+    checked = checked_genes(array, "the given array", plan)
+    return Genome(genes=checked, name="genome", network=network, robot=robot.name, lights=robot.light.count, plan=plan)

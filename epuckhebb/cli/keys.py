@@ -1,0 +1,47 @@
+"""`epuckhebb keys`: every group of settings, its choices and its keys.
+
+What they mean stands beside them, in the comments of the files of `conf/`; of what kind they are, the schema says.
+There is no other list of keys: `docs/keys.md` is made of this one.
+"""
+
+from collections.abc import Iterator, Sequence
+
+from rich.console import Console
+from rich.text import Text
+
+from epuckhebb.config.keys import Group, Key
+from epuckhebb.runtime.console import print_table
+
+_FEW = 40  # choices of a group
+
+
+def tell(wanted: Sequence[Group], console: Console) -> None:
+    """Print groups: their choices, then their keys; keys first where they would be lost below all choices."""
+    for group in wanted:
+        console.print(Text(title(group), style="bold"))
+        few = len(group.choices) <= _FEW
+        if few:
+            _tell_choices(group, console)
+        for told, keys in sections(group):
+            rows = ((key.name, key.default, key.told) for key in keys)
+            print_table(console, told, ("key", "default", "what it is"), rows, text=3)
+        if not few:
+            _tell_choices(group, console)
+
+
+def _tell_choices(group: Group, console: Console) -> None:
+    if group.choices:
+        print_table(console, "", ("choice", "what it is"), group.choices.items(), text=2)
+
+
+def title(group: Group) -> str:
+    """The heading of a group."""
+    return f"Group {group.name}" if group.choices else f"Keys of epuckhebb {group.name}"
+
+
+def sections(group: Group) -> Iterator[tuple[str, list[Key]]]:
+    """The keys of a group with what is to be said before: those of its usual choice, and those of others only."""
+    if group.keys:
+        yield f"Defaults are those of {group.name}={group.of}." if group.choices else "", group.keys
+    for choice, keys in group.more.items():
+        yield f"Only with {group.name}={choice}:", keys

@@ -1,0 +1,142 @@
+"""Declares the arguments and options that commands share, and the help of commands that take `key=value`."""
+
+import re
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from epuckhebb.cli import completion
+from epuckhebb.config import conf
+from epuckhebb.runtime.resources import LATEST
+from epuckhebb.store.disk import REFERENCE
+
+_FROM_TO = re.compile(rf"{REFERENCE}_(\d+),\.\.\.,{REFERENCE}_(\d+)")
+
+
+class ConfiguredCommand(TyperCommand):
+    """A verb that takes `key=value`; its help lists the configuration groups."""
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write examples, then the groups and their choices, below the options."""
+        verb = str(ctx.info_name)
+        with formatter.section("Examples"):
+            for example in _EXAMPLES[verb]:
+                formatter.write_text(f"epuckhebb {verb} {example}")
+        with formatter.section("Configuration groups (GROUP=CHOICE; any key: GROUP.KEY=VALUE, see epuckhebb keys)"):
+            formatter.write_dl([(name, _in_short(name, choices)) for name, choices in conf.groups(verb).items()])
+
+
+def _in_short(group: str, choices: list[str]) -> str:
+    """The choices of a group; of many only those whose names begin no longer ones, and where the others are."""
+    if len(choices) <= _MANY:
+        return ", ".join(choices)
+    roots = [name for name in choices if not any(name.startswith(f"{other}_") for other in choices)]
+    return f"{', '.join(roots)}, and {len(choices) - len(roots)} more: epuckhebb keys {group}"
+
+
+_MANY = 40  # choices of a group
+_EXAMPLES = {
+    "reproduce": ["--quick", "obstacles champions=40", "all genome=Best.npy signal=as_coded"],
+    "leaderboard": [
+        "--quick",
+        "obstacles methods=modulated,abcd_shared champions=4",
+        "all hydra/launcher=slurm",
+        "light methods=my_rules.py:Mine",
+    ],
+    "evaluate": [
+        "scenario=4obstacles",
+        "scenario=lowlight hebbian.N=0.002 repeats=50",
+        "genome=runs/evolve/RUN scenario=2obstacles",
+        '"compare=[late,none]" scenario=lowlight',
+        "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles hydra/launcher=joblib",
+    ],
+    "sweep": ["light", 'n_sweep "seed=range(1,6)" genome=runs/evolve/RUN --dry-run', "obstacles hydra/launcher=slurm"],
+    "evolve": [
+        "seed=7",
+        "resume=runs/evolve/RUN ga.generations=60",
+        "scenario=highlight ga=as_coded",
+        "optimizer=sep_cma_es training=varied",
+        '-m "seed=range(1,21)" hydra/launcher=joblib',
+    ],
+}
+
+
+def _complete_override(ctx: typer.Context, incomplete: str) -> list[str]:
+    return completion.complete_override(str(ctx.info_name), incomplete)
+
+
+Overrides = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[KEY=VALUE]...", help="Settings to change.", autocompletion=_complete_override),
+]
+Run = Annotated[
+    Path, typer.Argument(help="A run folder, or latest.", metavar="RUN", autocompletion=completion.complete_run)
+]
+Multirun = Annotated[bool, typer.Option("--multirun", "-m", help="Run every combination of comma-separated values.")]
+
+
+class Shown(StrEnum):
+    """The part of a configuration that `--cfg` shows."""
+
+    job = "job"
+    hydra = "hydra"
+    all = "all"
+
+
+Cfg = Annotated[
+    Shown | None, typer.Option("--cfg", "-c", metavar="job|hydra|all", help="Show the configuration, run nothing.")
+]
+ConfigDir = Annotated[
+    str | None,
+    typer.Option("--config-dir", help="A folder with YAML of your own: FOLDER/scenario/mine.yaml for scenario=mine."),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output, all else on standard error.")
+]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="List the jobs, run nothing.")]
+Open = Annotated[bool, typer.Option("--open", help="Write the page that replays the run, and open it in a browser.")]
+
+
+def experiment_argument(*others: str) -> Any:
+    """The argument of a study: an experiment, the paper's, others or all of them, and settings."""
+    return typer.Argument(
+        metavar=f"[{'|'.join(('light', 'obstacles', *others, 'all'))}] [KEY=VALUE]...",
+        help=f"The experiment{', or several with commas between,' if others else ''} and settings to change.",
+        autocompletion=_complete_override,
+    )
+
+
+def with_experiment(words: list[str] | None, usual: str) -> tuple[str, list[str]]:
+    """The experiment that stands before the overrides, or the usual one; and the overrides, champions named."""
+    overrides = with_genomes_named(words)
+    if overrides and "=" not in overrides[0]:
+        return overrides[0], overrides[1:]
+    return usual, overrides
+
+
+def with_genomes_named(overrides: list[str] | None) -> list[str]:
+    """Overrides in which the folder of the latest evolution stands in place of `genome=latest` and `resume=latest`.
+
+    So what is written down of a call stays true when there are later ones. `genome=reference_1,...,reference_20` gets
+    the names between.
+    """
+    return list(map(_with_genome_named, overrides or []))
+
+
+def _with_genome_named(override: str) -> str:
+    from epuckhebb.config.overrides import quoted
+    from epuckhebb.store import run
+
+    key, _, value = override.partition("=")
+    if key == "genome" and (ends := _FROM_TO.search(value)):
+        names = (f"{REFERENCE}_{seed}" for seed in range(int(ends[1]), int(ends[2]) + 1))
+        return f"genome={value[: ends.start()]}{','.join(names)}{value[ends.end() :]}"
+    if key not in ("genome", "resume") or LATEST not in value.split(","):
+        return override
+    folder = str(run.found(LATEST, "evolve"))
+    named = folder if key == "resume" else quoted(folder)
+    return f"{key}={','.join(named if word == LATEST else word for word in value.split(','))}"

@@ -1,0 +1,212 @@
+"""Prints what a run or a folder of runs holds, in the terminal or as JSON."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from epuckhebb.cli import show_run, show_study
+from epuckhebb.cli.show_genome import genome_as_json, genomes_named, print_champion
+from epuckhebb.config.conf import flat
+from epuckhebb.config.stored import settings
+from epuckhebb.runtime.console import print_line
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.store import disk
+from epuckhebb.store import run as runs
+from epuckhebb.store.columns import HISTORY, LEADERBOARD, METRICS
+from epuckhebb.store.genome import load_genome
+
+_LATEST = 10  # runs that are listed when none is named
+_CHANGED = {"light": "lowlight", "obstacles": "4obstacles"}  # a changed world of each experiment
+_MANY = 6  # files of a folder that are counted and not named
+
+
+KINDS = {  # file of results -> what prints all of them, and what says them in short
+    "claims.csv": (show_study.print_reproduction, show_study.reproduction_in_short),
+    "leaderboard.csv": (show_study.print_leaderboard, show_study.leaderboard_in_short),
+    disk.SUMMARY: (show_study.print_sweep, show_study.sweep_in_short),
+    disk.REVERSAL: (show_run.print_reversal, show_run.reversal_in_short),  # it has metrics.csv, too
+    "metrics.csv": (show_run.print_evaluation, show_run.evaluation_in_short),
+    "history.csv": (show_run.print_evolution, show_run.evolution_in_short),
+}
+
+
+def print_results(path: Path, console: Console) -> None:
+    """Print the results of a run; nothing of a study that has not written its tables yet."""
+    kind = next((file for file in KINDS if runs.has(path, file)), None)
+    if kind:
+        KINDS[kind][0](path, console)
+
+
+def print_finished(finished: list[Path], console: Console) -> None:
+    """Print the results of the runs of one call: all of one run, a table over many."""
+    if len(finished) == 1:
+        print_results(finished[0], console)
+        print_line(console, f"Run folder: {finished[0]}")
+        if runs.has(finished[0], disk.CHAMPION):
+            _print_next_steps(finished[0], console)
+    elif finished:
+        _print_multirun(finished, console, each=not runs.has(finished[0].parent, disk.SUMMARY))
+
+
+def _print_next_steps(run: Path, console: Console) -> None:
+    """Print what to type to see the champion of a new evolution, and to let it live."""
+    champion = load_genome(str(run), "")
+    if champion.task:
+        settings = f"task={champion.task} hebbian={champion.rule or 'none'} repeats=100"
+        print_line(console, f"To let it live new lives: epuckhebb evaluate genome=latest {settings}")
+    else:
+        changed = _CHANGED[champion.baseline.experiment if champion.baseline else "obstacles"]
+        print_line(console, "What it remembers of its training world: epuckhebb show latest")
+        print_line(console, f"To let it live in a changed one: epuckhebb evaluate genome=latest scenario={changed}")
+
+
+def _print_multirun(finished: list[Path], console: Console, *, each: bool) -> None:
+    """Print each run of a multirun if so wished, then the tables over all runs, and where they are."""
+    for path in finished if each else ():
+        run = runs.read(path)
+        _print_in_short(console, f"{path.name}  {' '.join(run['overrides'])}", _in_short(path, run["status"]))
+    folder = finished[0].parent
+    if runs.has(folder, disk.SUMMARY):
+        show_study.print_summary(folder, console)
+    if runs.has(folder, disk.RESCUE_OVER_ALL):
+        show_study.print_rescue(folder, console)
+    print_line(console, f"Run folders: {folder}/{finished[0].name} to {folder}/{finished[-1].name}")
+
+
+def show(what: str | None, console: Console) -> None:
+    """Print all of a run, a multirun or a champion; the latest runs if nothing is named."""
+    if what is None:
+        _print_latest(console)
+        return
+    genomes = genomes_named(what)
+    for genome, experiment in genomes:
+        console.print(Text(f"{genome.name}, of the {experiment} experiment", style="bold"))
+        print_line(console, f"SHA-256 of its genes: {genome.sha256}")
+        print_champion(genome, console)
+    if not genomes:
+        path = runs.found(what)
+        many = runs.of_multirun(path)
+        if many:
+            _print_multirun(many, console, each=True)
+        else:
+            _print_run(path, console)
+
+
+def shown_as_json(what: str | None) -> dict[str, Any]:
+    """What `show` prints, as JSON values."""
+    if what is None:
+        return {"runs": [str(path) for path in runs.below_runs()]}
+    genomes = genomes_named(what)
+    if genomes:
+        return {"genomes": [genome_as_json(genome, experiment) for genome, experiment in genomes]}
+    path = runs.found(what)
+    many = runs.of_multirun(path)
+    return {"run": str(path), "runs": list(map(as_json, many))} if many else as_json(path)
+
+
+def as_json(path: Path) -> dict[str, Any]:
+    """Provenance, status and results of a run, as JSON values."""
+    values = {"run": str(path), **runs.read(path)}
+    for name, columns in (("metrics", METRICS), ("history", HISTORY), ("leaderboard", LEADERBOARD)):
+        if runs.has(path, f"{name}.csv"):
+            frame = runs.table(path, f"{name}.csv", columns)
+            values[name] = frame.astype(object).where(frame.notna(), None).to_dict("records")
+    return values
+
+
+def _print_latest(console: Console) -> None:
+    """Print the results of the latest runs in short, the last one last."""
+    known = runs.below_runs()
+    if not known:
+        print_line(console, f"There are no runs in {Path('runs').absolute()} yet; begin with: epuckhebb evaluate")
+    elif len(known) > _LATEST:
+        print_line(console, f"The latest of {len(known)} runs:")
+    for path in known[-_LATEST:]:
+        try:
+            result = _in_short(path, runs.read(path)["status"])
+        except ConfigError as error:
+            result = str(error)
+        _print_in_short(console, str(path), result)
+
+
+def _print_in_short(console: Console, run: str, result: str) -> None:
+    """Print a run in a line of its own, which can be copied whole, and its result below it."""
+    console.print(Text(run, style="bold"), soft_wrap=True)
+    for line in result.splitlines():
+        print_line(console, f"  {line}")
+
+
+def _in_short(path: Path, status: dict[str, Any]) -> str:
+    if status["state"] != "finished":
+        return ": ".join(filter(None, (status["state"], status.get("error", ""))))
+    return next(in_short for file, (_, in_short) in KINDS.items() if runs.has(path, file))(path)
+
+
+def _print_run(path: Path, console: Console) -> None:
+    """Print all of a run: its command, settings, program and state, then its results."""
+    run = runs.read(path)
+    status, code = run["status"], run["code"]
+    commit = f", commit {code['commit'][:10]}{' with changes' if code['dirty'] else ''}" if code["commit"] else ""
+    science = f", science {code['science']}" if "science" in code else ""
+    resumed = [
+        again["started"] + (f" after {again['generations']}" if "generations" in again else "")
+        for again in run.get("resumed", [])
+    ]
+    own_code = [pair for own in run.get("own_code", {}).values() for pair in own["sha256"].items()]
+    facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    facts.add_column(style="bold")
+    facts.add_column(overflow="fold")
+    for name, value in {
+        "Command": " ".join(run["command"]),
+        "Overrides": " ".join(run["overrides"]),
+        "State": status["state"] + (f": {status['error']}" if status.get("error") else ""),
+        "Time": f"{status['started']} – {status.get('finished', '')}" if "started" in status else "",
+        "Resumed": ", ".join(resumed),
+        "Settings": " ".join(_settings(path)),
+        "Program": f"epuckhebb {code['version']}{commit}{science}, Python {run['python']}",
+        "Packages": ", ".join(f"{name} {number}" for name, number in run["packages"].items() if name != "epuckhebb"),
+        "Machine": f"{run['platform']}, {run['cores']} cores",
+        "Own code": ", ".join(f"{file} (SHA-256 {sha256})" for file, sha256 in own_code),
+        "Genome": f"{run['genome']} (SHA-256 {run['genome_sha256']})" if "genome" in run else "",
+        "Files": ", ".join(_files(path)),
+    }.items():
+        if value:
+            facts.add_row(name, Text(value))
+    console.print(facts)
+    if runs.has(path, disk.CHAMPION):
+        print_champion(load_genome(str(path), ""), console)
+    print_results(path, console)
+
+
+def _settings(path: Path) -> Iterator[str]:
+    """The resolved configuration of a run, as it could be typed; of the maze and the robot, only their names."""
+    if not runs.has(path, disk.CONFIG):
+        return
+    runs.content(path, disk.CONFIG)  # it is as it was written
+    config = settings(path / disk.CONFIG)
+    for key in ("maze", "robot"):
+        if isinstance(config.get(key), dict):
+            config[key] = config[key].get("name")
+    for key, value in flat(config):
+        yield f"{key}={value}"
+
+
+def _files(path: Path) -> Iterator[str]:
+    """The files of a folder; of the runs and the many files that are parts of a study only how many there are."""
+    inside = 0
+    for entry in sorted(path.iterdir()):
+        names = sorted(str(file.relative_to(path)) for file in entry.rglob("*") if file.is_file())
+        if entry.is_file():
+            yield entry.name
+        elif (entry / "status.json").is_file():
+            inside += 1
+        elif len(names) < _MANY:
+            yield from names
+        else:
+            yield f"{entry.name}/ ({len(names)} files)"
+    if inside:
+        yield f"{inside} runs"

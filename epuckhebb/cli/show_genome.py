@@ -1,0 +1,85 @@
+"""Prints what a genome is made of and what it remembers of its training world."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+
+from epuckhebb.runtime.console import print_line, print_table
+from epuckhebb.sim.adaptation.baseline import Baseline
+from epuckhebb.sim.adaptation.self_check.findings import find
+from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
+from epuckhebb.sim.scenario import EXPERIMENTS
+from epuckhebb.store.genome import Genome, is_bundled, load_genome
+
+
+def genomes_named(what: str) -> list[tuple[Genome, str]]:
+    """The genomes of a champion's file, or of a bundled champion in either experiment; none if it is something else."""
+    if is_bundled(what):
+        return [(load_genome(what, experiment), experiment) for experiment in EXPERIMENTS]
+    path = Path(what)
+    if path.suffix not in (".npz", ".npy") or path.is_dir():
+        return []
+    genome = load_genome(what, "")
+    return [(genome, genome.experiment or "unknown")]
+
+
+def genome_as_json(genome: Genome, experiment: str) -> dict[str, Any]:
+    """A genome as JSON values."""
+    parts = {part.name: part.size for part in genome.plan.parts}
+    known = {"layers": list(genome.network.layers), "parts": parts, "robot": genome.robot}
+    evolved = {"optimizer": genome.optimizer, "training": genome.training}
+    return {"genome": genome.name, "sha256": genome.sha256, "experiment": experiment, **known, **evolved}
+
+
+def print_champion(genome: Genome, console: Console) -> None:
+    """What a champion is made of, what it remembers of its training world, and how well it can check itself."""
+    print_line(console, f"Genome: {genome.plan.told()}; network {genome.network}; robot {genome.robot}")
+    if genome.optimizer:
+        rule = f", with rule {genome.rule}" if genome.rule else ""
+        task = f", for task {genome.task}" if genome.task else ""
+        print_line(console, f"Evolved by {genome.optimizer}, in training worlds {genome.training}{rule}{task}")
+    if genome.baseline is not None:
+        _print_baseline(genome.baseline, genome, console)
+    if genome.self_memory is not None:
+        _print_self_memory(genome.self_memory, console)
+
+
+def _print_self_memory(memory: SelfMemory, console: Console) -> None:
+    """How well a robot that remembers this can check itself."""
+    expected = find(memory.mean[0], memory)
+    rows = [
+        (f"{wheel} wheel", f"± {100 * error:.1f} % of its speed")
+        for wheel, error in zip(("Left", "Right"), expected.wheel_loss_error, strict=True)
+    ]
+    rows.append(("Light", f"± {100 * expected.light_ratio_error:.1f} % of {memory.scenario}'s"))
+    title = f"Self-check: a dance of {len(memory.spread)} steps, remembered of {memory.scenario}; standard errors"
+    print_table(console, title, ("", "is told to"), rows)
+
+
+def _print_baseline(baseline: Baseline, genome: Genome, console: Console) -> None:
+    """What a champion remembers of its training world."""
+    rows: list[tuple[str, ...]] = []
+    for name, numbers in {
+        "At the goal in the end": baseline.success,
+        "Slowest arrival (s)": baseline.time_to_goal_s,
+        "Longest away afterwards (s)": baseline.away_s,
+    }.items():
+        rows.append((name, *("never" if np.isnan(number) else f"{number:g}" for number in numbers.round(2))))
+    rows.append((f"Least live fitness, over {baseline.fitness.shape[1]} s", *map(_course, baseline.fitness)))
+    inputs = genome.network.inputs
+    for kind, first, count in (("Light", 0, genome.lights), ("Distance", genome.lights, inputs - genome.lights)):
+        for place in range(count):
+            means, spreads = baseline.reading_mean[:, first + place], baseline.reading_spread[:, first + place]
+            told = (f"{mean:.2f} ± {spread:.2f}" for mean, spread in zip(means, spreads, strict=True))
+            rows.append((f"{kind} reading {place}", *told))
+    title = f"Baseline: {baseline.scenario} at {baseline.gain_rad_s:g} rad/s"
+    print_table(console, title, ("", "left (lamp off)", "right (lamp on)"), rows)
+
+
+def _course(fitness: NDArray[np.float64]) -> str:
+    """The course of fitness as twelve bars from 0 to 1, and the means of its first and last twelfth."""
+    parts = [part.mean() for part in np.array_split(fitness, min(12, len(fitness)))]
+    return "".join("▁▂▃▄▅▆▇█"[min(7, int(8 * max(0.0, part)))] for part in parts) + f" {parts[0]:.2f} → {parts[-1]:.2f}"

@@ -1,0 +1,331 @@
+"""Declares the commands of `epuckhebb`. Each imports what is heavy when it is called, so help comes at once."""
+
+import atexit
+import gc
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from epuckhebb import __version__
+from epuckhebb.cli import completion
+from epuckhebb.cli.call import print_jobs, print_runs, print_study, run_command
+from epuckhebb.cli.options import (
+    Cfg,
+    ConfigDir,
+    ConfiguredCommand,
+    DryRun,
+    Json,
+    Multirun,
+    Open,
+    Overrides,
+    Quiet,
+    Run,
+    experiment_argument,
+    with_experiment,
+    with_genomes_named,
+)
+from epuckhebb.cli.output import begin, open_in_browser, print_error, print_result, report_errors, unwritable
+from epuckhebb.runtime.console import Terminal, is_of_output, print_line, show_what_can_be_shown
+from epuckhebb.runtime.errors import JOB_FAILED, ConfigError, JobFailedError
+
+app = typer.Typer(
+    name="epuckhebb",
+    help="Evolve e-puck controllers in a T-maze, and see what Hebbian plasticity does for them when the world changes.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+@app.command(cls=ConfiguredCommand)
+@report_errors()
+def evolve(
+    overrides: Overrides = None,
+    multirun: Multirun = False,
+    cfg: Cfg = None,
+    config_dir: ConfigDir = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Evolve a controller."""
+    from epuckhebb.runs.evolve import evolve_job, prepare, resume
+
+    words = with_genomes_named(overrides)
+    if any(word.startswith("resume=") for word in words):
+        if multirun or cfg or config_dir:
+            raise ConfigError("resume=RUN goes on with the settings of RUN: no -m, --cfg or --config-dir with it")
+        begin(quiet)
+        print_runs("evolve", [resume(words)], as_json, quiet)
+        return
+    run_command("evolve", evolve_job, prepare, words, multirun, cfg, config_dir, quiet, as_json)
+
+
+@app.command(cls=ConfiguredCommand)
+@report_errors()
+def evaluate(
+    overrides: Overrides = None,
+    multirun: Multirun = False,
+    cfg: Cfg = None,
+    config_dir: ConfigDir = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+    open_page: Open = False,
+) -> None:
+    """Let a genome live in a scenario, with and without plasticity."""
+    from epuckhebb.runs.evaluate import evaluate_job, prepare, recorded_job, with_robot
+
+    if open_page and (multirun or cfg):
+        raise ConfigError(
+            "--open shows the page of one run, so it does not go with --multirun or --cfg; "
+            "run `epuckhebb replay RUN --open` for one of the runs of a multirun"
+        )
+    job = recorded_job if open_page else evaluate_job
+    words = with_robot(with_genomes_named(overrides), config_dir)
+    runs = run_command("evaluate", job, prepare, words, multirun, cfg, config_dir, quiet, as_json)
+    if open_page:
+        from epuckhebb.export.replay import recording, write_page
+
+        page = runs[0] / "replay.html"
+        write_page(recording(runs[0]), page)
+        open_in_browser(page)
+
+
+@app.command()
+@report_errors()
+def replay(
+    run: Run,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Where to write the page.  [RUN/replay.html]")
+    ] = None,
+    gif: Annotated[Path | None, typer.Option("--gif", metavar="FILE", help="Write a GIF, for slides.")] = None,
+    mp4: Annotated[
+        Path | None, typer.Option("--mp4", metavar="FILE", help='Write a film; needs "epuckhebb[video]".')
+    ] = None,
+    open_page: Open = False,
+) -> None:
+    """A page, or a film, to watch an evaluation's lifetimes."""
+    from epuckhebb.analysis import movie
+    from epuckhebb.export.replay import recording, require_video, write_movie, write_page
+    from epuckhebb.store import run as run_folders
+
+    if mp4:
+        require_video()
+    run = run_folders.found(run, "evaluate")
+    recorded = recording(run)
+    written = []
+    if output or open_page or not (gif or mp4):
+        page = output or run / "replay.html"
+        write_page(recorded, page)
+        written.append(page)
+    for target, make in ((gif, movie.gif), (mp4, movie.mp4)):
+        if target:
+            write_movie(recorded, target, make)
+            written.append(target)
+    for path in written:
+        typer.echo(path)
+    if open_page:
+        open_in_browser(page)
+
+
+@app.command(cls=ConfiguredCommand)
+@report_errors()
+def reproduce(
+    words: Annotated[list[str] | None, experiment_argument()] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="3 champions, 3 repeats, 2 rates: a look in two minutes.")
+    ] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """The paper's tables and figures, and whether its claims hold."""
+    from epuckhebb.studies.reproduce import reproduce as run
+
+    begin(quiet)
+    experiment, overrides = with_experiment(words, "all")
+    print_study(run(experiment, overrides, quick=quick), as_json, quiet)
+
+
+@app.command(cls=ConfiguredCommand)
+@report_errors()
+def leaderboard(
+    words: Annotated[list[str] | None, experiment_argument("reversal")] = None,
+    quick: Annotated[
+        bool,
+        typer.Option("--quick", help="3 methods, 2 champions, 8 test worlds, obstacles: a look in three minutes."),
+    ] = False,
+    dry_run: DryRun = False,
+    config_dir: ConfigDir = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Which plasticity copes with worlds it was not evolved in."""
+    from epuckhebb.studies.leaderboard import leaderboard as run
+    from epuckhebb.studies.leaderboard_plan import plan
+
+    begin(quiet)
+    experiment, overrides = with_experiment(words, "obstacles" if quick else "all")
+    planned = plan(experiment, overrides, quick=quick, config_dir=config_dir)
+    if dry_run:
+        print_jobs("leaderboard", planned.folder, planned.jobs, as_json, quiet, planned.told)
+        return
+    run(planned)
+    print_study(planned.folder, as_json, quiet)
+
+
+@app.command(cls=ConfiguredCommand)
+@report_errors()
+def sweep(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME", help="A file of conf/experiment/, see below.", autocompletion=completion.complete_sweep
+        ),
+    ],
+    overrides: Overrides = None,
+    dry_run: DryRun = False,
+    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Start no job after one has failed.")] = False,
+    config_dir: ConfigDir = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """A named sweep on all cores; again, it does what is not done."""
+    from epuckhebb.cli import show_study
+    from epuckhebb.config.overrides import check_config_dir
+    from epuckhebb.runs.evaluate import with_robot
+    from epuckhebb.runtime import progress
+    from epuckhebb.studies import jobs
+    from epuckhebb.studies.sweep import plan, told
+    from epuckhebb.studies.sweep import sweep as run
+
+    begin(quiet)
+    check_config_dir(config_dir)
+    planned = plan(name, with_robot(with_genomes_named(overrides), config_dir), config_dir)
+    if dry_run:
+        print_jobs("sweep", planned.folder, planned.jobs, as_json, quiet)
+        return
+    todo = len(jobs.todo(planned.folder, planned.jobs))
+    progress.say(
+        f"{len(planned.jobs)} jobs in {planned.folder}/: {len(planned.jobs) - todo} done before, {todo} to do."
+    )
+    outcome = run(planned, fail_fast=fail_fast)
+    found = {"verb": "sweep", "folder": str(planned.folder), **outcome.as_json()}
+    print_result(as_json, quiet, lambda: found, lambda console: show_study.print_sweep(planned.folder, console))
+    if outcome.failures:
+        raise JobFailedError(told(planned, outcome))
+
+
+@app.command()
+@report_errors()
+def show(
+    what: Annotated[
+        str | None,
+        typer.Argument(
+            help="A run, sweep, multirun or reproduction, latest, a champion's file, or reference_7.  [latest runs]",
+            metavar="WHAT",
+            autocompletion=completion.complete_shown,
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Tell what a run or a champion holds, or list the latest runs."""
+    from epuckhebb.cli import show as shown
+
+    print_result(as_json, False, lambda: shown.shown_as_json(what), lambda console: shown.show(what, console))
+
+
+@app.command()
+@report_errors()
+def keys(
+    group: Annotated[
+        str | None,
+        typer.Argument(metavar="GROUP", help="One group, or a verb.  [all]", autocompletion=completion.complete_group),
+    ] = None,
+) -> None:
+    """Every key, its default, what it is, and choices of groups."""
+    from epuckhebb.cli.keys import tell
+    from epuckhebb.config import keys as known
+
+    tell([known.group_named(group)] if group else known.all_groups(), Terminal())
+
+
+@app.command()
+@report_errors()
+def export(
+    what: Annotated[
+        str,
+        typer.Argument(
+            help="A run of `epuckhebb evaluate`, or a champion: a run of `epuckhebb evolve`, a file, reference_7.",
+            metavar="RUN",
+            autocompletion=completion.complete_shown,
+        ),
+    ],
+    webots: Annotated[bool, typer.Option("--webots", help="As a controller for the e-puck of Webots.")] = False,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to write it; the controller's name.")
+    ] = Path("epuckhebb_champion"),
+) -> None:
+    """Take a champion, and its plasticity, to another simulator."""
+    from epuckhebb.export import webots as exported
+
+    if not webots:
+        raise ConfigError(
+            f"export writes controllers for Webots: type `epuckhebb export {what} --webots`. {what} is a run of "
+            "`epuckhebb evaluate`, or a champion: a run of `epuckhebb evolve`, latest, a file, or reference_7"
+        )
+    written = exported.webots(what, output)
+    for file in written:
+        typer.echo(file)
+    typer.echo(exported.next_step(written[0]))
+
+
+@app.command()
+@report_errors()
+def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
+    """Repeat a run, and say whether its CSV files are the same bytes."""
+    from epuckhebb.runs.rerun import rerun as repeat
+    from epuckhebb.store import run as run_folders
+
+    begin(quiet)
+    run = run_folders.found(run, "evaluate", "evolve")
+    new, difference = repeat(run)
+    found = {"verb": "rerun", "run": str(run), "new": str(new), "difference": difference}
+    hidden = quiet or bool(difference)
+    print_result(as_json, hidden, lambda: found, lambda console: print_line(console, f"same bytes: {new}"))
+    if difference:
+        print_error(f"{new}: {difference}")
+        raise typer.Exit(JOB_FAILED)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Options of the program itself."""
+
+
+def main() -> None:
+    """The entry point of `epuckhebb`.
+
+    What the program loads at its start never becomes garbage, so it is not searched for any: not while it loads (see
+    `begin`), and not at the end. That is half a second of the three that an evaluation would take.
+    """
+    show_what_can_be_shown()
+    gc.disable()
+    atexit.register(gc.freeze)
+    try:
+        app()
+    except OSError as error:  # of --help and --version
+        if not is_of_output(error):
+            raise
+        sys.exit(unwritable(error))

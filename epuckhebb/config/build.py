@@ -1,0 +1,264 @@
+"""Makes the parts of the science from a checked configuration: controllers, tasks, worlds, networks, optimizers."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any
+
+from epuckhebb.config.parts import (
+    GENETIC,
+    NONE,
+    PAPER,
+    optimizer_class,
+    part_settings,
+    rule_class,
+    rule_names,
+    task_class,
+)
+from epuckhebb.config.parts_from_yaml import maze_from, robot_from
+from epuckhebb.evolution.optimizer import Optimizer
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.adaptation.adaptation import Adaptation
+from epuckhebb.sim.adaptation.self_check.dance import check_time
+from epuckhebb.sim.adaptation.self_check.memory import check_robot
+from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
+from epuckhebb.sim.fitness import Signal
+from epuckhebb.sim.kernels import check_inputs
+from epuckhebb.sim.life import Lifetime
+from epuckhebb.sim.maze import SIDES, Maze, Place, Side
+from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
+from epuckhebb.sim.plasticity.control import Sign
+from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Reward, Rule, hears_reward
+from epuckhebb.sim.plasticity.rules.paper import Paper
+from epuckhebb.sim.robot import Robot
+from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.task import Task
+from epuckhebb.sim.tasks.trial import ONE_TRIAL
+
+_LEAST = {"seed": 0, "first_seed": 0, "threads": 0, "repeats": 1, "reversal_repeats": 1, "champions": 1}
+_MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
+
+
+def check_counts(**counts: int) -> None:
+    """Refuse numbers of these keys that cannot be."""
+    for key, count in counts.items():
+        if count < _LEAST[key]:
+            raise ValueError(f"{key} must be {_LEAST[key]} or more, got {count}")
+    threads = counts.get("threads", 0)
+    if threads > _MOST_THREADS:
+        raise ValueError(f"threads must lie between 0 (one for each core) and {_MOST_THREADS}, got {threads}")
+
+
+def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
+    """The rule that a part of the configuration describes.
+
+    Args:
+        settings: `rule`, the name of one or `FILE.py:NAME`, and the rule's own settings.
+        key: Where in the configuration they stand, for messages.
+    """
+    given = {name: value for name, value in settings.items() if name not in ("rule", "name")}
+    where = settings.get("rule")
+    if where == NONE:
+        if given:
+            raise ConfigError(
+                f"{key}.{next(iter(given))} does nothing with {key}=none, which is no plasticity; choose a rule: "
+                f"{key}={', '.join(rule_names())}"
+            )
+        return NO_RULE
+    kind = rule_class(str(where), key)
+    try:
+        return kind(**part_settings(kind, given, key, f"rule {where}"))
+    except ConfigError:
+        raise
+    except ValueError as error:
+        raise ConfigError(str(error).replace("hebbian.", f"{key}.", 1)) from error
+
+
+def optimizer_from(settings: Mapping[str, Any], ga: Optimizer | None) -> Optimizer:
+    """The optimizer that a part of the configuration describes.
+
+    Args:
+        settings: `algorithm`, the name of one, and its own settings, but for those of the genetic algorithm.
+        ga: The settings of the genetic algorithm, None for another optimizer.
+    """
+    given = {name: value for name, value in settings.items() if name != "algorithm"}
+    algorithm = settings.get("algorithm")
+    if algorithm == GENETIC:
+        if given:
+            raise ConfigError(
+                f"optimizer.{next(iter(given))} does nothing with optimizer=ga, whose settings are ga.population, "
+                "ga.generations, ...; give one of these, or another optimizer"
+            )
+        if ga is None:
+            raise ConfigError("optimizer=ga needs settings: give ga=textbook or ga=as_coded")
+        return ga
+    kind = optimizer_class(algorithm)
+    if ga is not None:
+        raise not_its_settings(str(algorithm))
+    return kind(**part_settings(kind, given, "optimizer", f"optimizer {algorithm}"))
+
+
+def not_its_settings(optimizer: str) -> ConfigError:
+    """The error of who gives settings of the genetic algorithm to another optimizer."""
+    return ConfigError(
+        f"ga and its keys are settings of optimizer=ga; those of optimizer={optimizer} are optimizer.population and so "
+        "on. Leave out ga, or give optimizer=ga"
+    )
+
+
+def controller_from(hebbian: Mapping[str, Any], adaptation: Adaptation, key: str = "hebbian") -> Controller:
+    """The controller of a run: its rule and what is laid over it, by the paper's name if it is the paper's rule."""
+    return controller_of(rule_from(hebbian, key), adaptation, hebbian.get("name") or "")
+
+
+def controller_of(rule: Rule, adaptation: Adaptation, called: str = "") -> Controller:
+    """The controller of a rule and what is laid over it. called: the name of the rule; its class unless given."""
+    control = "" if rule.sign is Sign.hebbian else f" ({rule.sign.name})"
+    if adaptation.acts:
+        name = f"{adaptation.name}{control}"
+    elif isinstance(rule, NoRule):
+        name = GA
+    elif called in (PAPER, "") and isinstance(rule, Paper):
+        name = CONTROLS[rule.sign]
+    else:
+        name = f"{called or type(rule).__name__.lower()}{control}"
+    return Controller(name=name, rule=rule, adaptation=adaptation)
+
+
+def compared(name: str, settings: Any, paper_rate: float) -> Controller:
+    """The controller that stands below `compare`: settings are what differs from the paper's rule.
+
+    They may have `adaptation`, a mapping with the keys of the group (its name has been looked up before).
+    """
+    key = f"compare.{name}"
+    if name in (GA, HEBBIAN, NONE, PAPER) and not (name == HEBBIAN and settings == {}):
+        raise ConfigError(f"{key}: the name is taken ({GA} is the control that always runs); give another")
+    if not isinstance(settings, Mapping):
+        raise ConfigError(f"{key} must be settings of a rule, for example {{N: 0.002, sign: shuffled}}, got {settings}")
+    own = dict(settings)
+    over = own.pop("adaptation", None) or {}
+    if not isinstance(over, Mapping):
+        raise ConfigError(f"{key}.adaptation must be the name of an adaptation, or its settings, got {over}")
+    over = part_settings(Adaptation, over, f"{key}.adaptation", "an adaptation")
+    rule_settings = {"rule": PAPER, **own}
+    if rule_settings["rule"] != NONE:
+        rule_settings.setdefault("N", paper_rate)
+    try:
+        return Controller(
+            name=name,
+            rule=rule_from(rule_settings, key),
+            adaptation=Adaptation(**{**over, "name": name}) if over else Adaptation(),
+        )
+    except (ValueError, TypeError) as error:
+        raise error if isinstance(error, ConfigError) else ConfigError(f"{key}: {error}") from error
+
+
+def with_controls(controller: Controller, task: Task) -> list[Controller]:
+    """A controller, unless it does nothing, and the control that it has in a task that tells a reward.
+
+    The control is the same controller, whose rule hears the reward inverted; a rule that hears none has no control.
+    """
+    if controller.is_ga_alone:
+        return []
+    if not (task.tells_reward and hears_reward(type(controller.rule)) and controller.rule.reward is Reward.told):
+        return [controller]
+    rule = replace(controller.rule, reward=Reward.inverted)
+    return [controller, replace(controller, name=f"{controller.name} (reward inverted)", rule=rule)]
+
+
+def task_from(settings: Mapping[str, Any]) -> Task:
+    """The task that a part of the configuration describes: `kind`, the name of one, and its own settings."""
+    given = {name: value for name, value in settings.items() if name != "kind"}
+    where = settings.get("kind")
+    kind = task_class(where)
+    if given and not fields(kind):
+        raise ConfigError(f"task.{next(iter(given))} does nothing with task={where}, which has no settings")
+    return kind(**part_settings(kind, given, "task", f"task {where}"))
+
+
+def scenario_from(
+    scenario: Any, maze: Mapping[str, Any], robot: Mapping[str, Any], task: Mapping[str, Any] | None = None
+) -> Scenario:
+    """The world of a configuration. task: None for the paper's."""
+    values = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
+    in_maze, of_kind = maze_from(maze), robot_from(robot)
+    for number, change in enumerate(values["changes"]):
+        if not isinstance(change, Mapping):
+            raise ConfigError(f"scenario.changes[{number}] must be as {{at_s: 60, light: 1.0}}, got {change}")
+    values["changes"] = tuple(map(dict, values["changes"]))
+    if isinstance(values["dead_sensors"], list):
+        values["dead_sensors"] = tuple(values["dead_sensors"])
+    if values["goals"] is not None:
+        goals = _goals(values["goals"], in_maze)
+        values["goals"] = None if goals == in_maze.goals else goals
+    return Scenario(**values, maze=in_maze, robot=of_kind, task=ONE_TRIAL if task is None else task_from(task))
+
+
+def _goals(given: Any, maze: Maze) -> dict[Side, Place]:
+    """Goals of both sides; a side that is left out keeps the maze's."""
+    if not isinstance(given, Mapping) or not set(given) <= set(SIDES):
+        raise ConfigError(f"scenario.goals must be {{left: [x, y], right: [x, y]}} in m, got {given}")
+    goals = dict(maze.goals)
+    for side in SIDES:
+        place = given.get(side)
+        if place is None:
+            continue
+        numbers = list(place) if isinstance(place, list | tuple) else []
+        if len(numbers) != 2 or not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
+            raise ConfigError(f"scenario.goals.{side} must be two numbers, x and y in m, got {place}")
+        goals[side] = Place(*map(float, numbers))
+    return goals
+
+
+def network_for(world: Scenario, layers: tuple[int, ...] | None) -> Network:
+    """The network of these layers; without them, the paper's hidden layers between the inputs and the wheels."""
+    network = Network((world.inputs, *HIDDEN, OUTPUTS) if layers is None else layers, world.task.tells_reward)
+    check_inputs(network, world.robot, world.task)
+    return network
+
+
+def check_pace(lifetime: Lifetime, world: Scenario) -> None:
+    """Refuse a gain that the robot's motors do not reach, too little time, and changes after the end of life."""
+    robot = world.robot
+    world.task.check_time(lifetime.duration_s)
+    if lifetime.gain_rad_s > robot.motor_limit_rad_s:
+        raise ValueError(
+            f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of robot "
+            f"{robot.name}, got {lifetime.gain_rad_s}"
+        )
+    for number, change in enumerate(world.changes):
+        if change["at_s"] >= lifetime.duration_s:
+            raise ValueError(
+                f"scenario.changes[{number}].at_s must be less than lifetime.duration_s, {lifetime.duration_s:g} s, "
+                f"got {change['at_s']}"
+            )
+
+
+def check_signal(controller: Controller, robot: Robot) -> None:
+    """Refuse the live fitness of the paper's light program for a robot that has not the e-puck's readings."""
+    if controller.rule.signal is Signal.light_code and (robot.light.count, robot.distance.count) != (8, 8):
+        raise ValueError(
+            f"hebbian.signal=light_code reads eight light and eight distance sensors; robot {robot.name} has "
+            f"{robot.light.count} and {robot.distance.count}"
+        )
+
+
+def check_task(controller: Controller, task: Task) -> None:
+    """Refuse what a task leaves no sense: an adaptation where there is no one goal, a reward that nobody tells."""
+    if task.has_trials and controller.adaptation.acts:
+        raise ValueError(
+            f"adaptation={controller.adaptation.name} compares a life with those in the training world, where there is "
+            f"one goal for all of it, and task={task.name} has none; give adaptation=none"
+        )
+    if controller.rule.reward is not Reward.told and not task.tells_reward:
+        raise ValueError(
+            f"hebbian.reward={controller.rule.reward.name} does nothing with task={task.name}, which tells no reward"
+        )
+
+
+def check_self_check(adaptation: Adaptation, world: Scenario, lifetime: Lifetime) -> None:
+    """Refuse a self-check for a robot that has not the sensors, and a dance that counts and has no time."""
+    if adaptation.self_check:
+        check_robot(world.robot)
+    if adaptation.dance_counts:
+        check_time(lifetime, world)

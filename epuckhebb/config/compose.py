@@ -1,0 +1,182 @@
+"""Composes a configuration with Hydra from the files of `conf/` and overrides, once or for many combinations."""
+
+import copy
+import functools
+import itertools
+import os
+import re
+from collections.abc import Callable, Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from hydra import compose, initialize_config_dir
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf, flag_override
+from omegaconf.errors import OmegaConfBaseException
+
+from epuckhebb.config.conf import groups
+from epuckhebb.config.explain import explain
+from epuckhebb.config.hydra_cache import parse_once, refuse_repeated_keys, users_first
+from epuckhebb.config.names import completed, world_name
+from epuckhebb.config.overrides import with_names_compared
+from epuckhebb.config.stored import as_config
+from epuckhebb.config.words import check_words
+from epuckhebb.config.yaml_file import NO_ENVIRONMENT
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.resources import data_folder
+
+IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
+STAMP = "EPUCKHEBB_STAMP"  # environment variable that conf/ names run folders with
+_VALUE_KEY = re.compile(r"[\w.]+")  # of a plain override: nothing added, deleted, or put into another package
+_ALONE = ("genome", "seed", "repeats", "threads")  # keys on which nothing else in a configuration depends, unless:
+_REFERENCE = re.compile(rf"\$\{{[^}}]*\b({'|'.join(_ALONE)})\b")
+_KEPT = 64  # compositions that are kept for the next combination
+VERSION_BASE: dict[str, Any] = {} if IS_HYDRA_1_4 else {"version_base": "1.3"}  # from 1.4 on it is warned about
+parse_once()
+refuse_repeated_keys()
+
+
+Plain = dict[str, Any]  # a configuration of plain values
+
+
+def composed(verb: str, overrides: list[str], config_dir: str | None = None, *, with_hydra: bool = False) -> DictConfig:
+    """The configuration that a verb would run with these overrides.
+
+    Args:
+        verb: The verb.
+        overrides: As on the command line.
+        config_dir: A folder with more configuration files.
+        with_hydra: Whether to include what Hydra keeps for itself.
+
+    Raises:
+        ConfigError: They do not make one.
+    """
+    return _with_names(*_composed(verb, overrides, config_dir), with_hydra=with_hydra)
+
+
+def _composed(verb: str, overrides: list[str], config_dir: str | None) -> tuple[DictConfig, DictConfig, list[Path]]:
+    """A configuration as Hydra composes it, what Hydra keeps for itself, and where it looked for files."""
+    check_words(verb, overrides, config_dir)
+    overrides = list(map(with_names_compared, overrides))
+    GlobalHydra.instance().clear()
+    try:
+        with users_first(config_dir), initialize_config_dir(str(data_folder("conf")), **VERSION_BASE):
+            cfg = compose(verb, overrides, return_hydra_config=True)
+    except (HydraException, OmegaConfBaseException) as error:
+        raise ConfigError(explain(error)) from error
+    with flag_override(cfg, ["struct", "readonly"], [False, False]):
+        hydras = cfg.pop("hydra")
+    return cfg, hydras, folders_of(hydras.runtime)
+
+
+def _with_names(cfg: DictConfig, hydras: DictConfig, folders: list[Path], *, with_hydra: bool = False) -> DictConfig:
+    completed(cfg, hydras.runtime.choices, folders)
+    if with_hydra:
+        with flag_override(cfg, ["struct", "readonly"], [False, False]):
+            cfg.hydra = hydras
+    return cfg
+
+
+def folders_of(runtime: Any) -> list[Path]:
+    """Where Hydra looks for files."""
+    sources = unresolved(runtime.config_sources)
+    return [Path(source["path"]) for source in sources if source["schema"] == "file"]
+
+
+def unresolved(node: Any) -> Any:
+    """What Hydra notes, to the letter: a `${...}` in a folder's name refers to nothing."""
+    return OmegaConf.to_container(node, resolve=False)
+
+
+def _world(*, _root_: DictConfig) -> str:
+    """The world of a run, for the name of its folder."""
+    runtime = _root_.hydra.runtime
+    own = OmegaConf.create({key: _root_._get_node(key) for key in _root_ if key != "hydra"})
+    return world_name(own, runtime.choices, folders_of(runtime))
+
+
+def _environment(*_: Any, _node_: Any) -> None:
+    raise ConfigError(f"{_node_._get_full_key(None)}: {NO_ENVIRONMENT}")
+
+
+_register: Any = OmegaConf.register_resolver if IS_HYDRA_1_4 else OmegaConf.register_new_resolver  # its name changed
+_register("epuckhebb.world", _world, replace=True)
+_register("epuckhebb.stamp", lambda: os.environ[STAMP], replace=True)
+_register("oc.env", _environment, replace=True)  # what is written down of a run would tell what its environment holds
+
+
+def plain(cfg: DictConfig) -> Plain:
+    """A composed configuration as plain values, every reference resolved."""
+    values = OmegaConf.to_container(cfg, resolve=True, enum_to_str=True)
+    assert isinstance(values, dict)
+    return {str(key): value for key, value in values.items()}
+
+
+def combinations(
+    verb: str,
+    fixed: list[str],
+    choices: dict[str, list[str]],
+    config_dir: str | None,
+    meet: Callable[[Plain, DictConfig], object] = lambda _config, _cfg: None,
+) -> Iterator[tuple[list[str], Plain]]:
+    """Every combination of the choices (as from `alternatives`), as overrides and as a configuration of plain values.
+
+    Hydra takes a tenth of a second for a composition, so it composes each choice of groups once. Values are put into
+    copies of that; a genome, a seed and the like are then put into the plain values.
+
+    Args:
+        verb: The verb.
+        fixed: Overrides that all have.
+        choices: For each key the overrides that it has in turn.
+        config_dir: A folder with more configuration files.
+        meet: Is given each configuration that others share but for a genome, a seed and the like, also as Hydra has it.
+    """
+    values = {key for key in choices if _VALUE_KEY.fullmatch(key) and key not in groups(verb)}
+
+    @functools.lru_cache(maxsize=_KEPT)
+    def of_groups(overrides: tuple[str, ...]) -> tuple[DictConfig, DictConfig, list[Path]]:
+        return _composed(verb, [*fixed, *overrides], config_dir)
+
+    @functools.cache
+    def parsed(override: str) -> tuple[str, Any]:
+        one = OverridesParser.create().parse_override(override)
+        return one.key_or_group, one.value()
+
+    @functools.cache
+    def shared(asked: tuple[tuple[str, str], ...]) -> tuple[Plain, bool]:
+        """A configuration, and whether something in it refers to a genome, a seed or the like."""
+        raw, hydras, folders = of_groups(tuple(override for key, override in asked if key not in values))
+        cfg = copy.deepcopy(raw)
+        try:
+            for key, override in asked:
+                if key in values:
+                    OmegaConf.update(cfg, *parsed(override))
+        except OmegaConfBaseException:  # Hydra can put it in, or says why not
+            cfg = _composed(verb, [*fixed, *(override for _, override in asked)], config_dir)[0]
+        _with_names(cfg, hydras, folders)
+        config = plain(cfg)
+        meet(config, cfg)
+        return config, bool(_REFERENCE.search(str(unresolved(cfg))))
+
+    @functools.cache
+    def of_type(override: str) -> Plain:
+        """A key and its value, of the type that the schema declares."""
+        key, value = parsed(override)
+        try:
+            return {key: as_config({key: value}, verb)[key]}
+        except OmegaConfBaseException as error:
+            raise ConfigError(explain(error)) from error
+
+    for overrides in itertools.product(*choices.values()):
+        asked = tuple(zip(choices, overrides, strict=True))
+        alone = [override for key, override in asked if key in _ALONE and "${" not in override]
+        config, refers = shared(tuple(pair for pair in asked if pair[1] not in alone))
+        if refers:
+            config = shared(asked)[0]
+        else:
+            for override in alone:
+                config = {**config, **of_type(override)}
+        yield list(overrides), config

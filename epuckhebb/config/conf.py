@@ -1,0 +1,58 @@
+"""Lists the groups of `conf/` and their choices. Completion and help need it, so it imports nothing heavy."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from epuckhebb.runtime.resources import data_folder
+
+_PACKAGE_OF = "# @package"  # the first line of a file that also changes other groups
+
+
+def groups(verb: str) -> dict[str, list[str]]:
+    """The configuration groups of a verb and their choices, as the names of the files say."""
+    defaults = command_file(verb).read_text(encoding="utf-8")
+    return {
+        folder.name: sorted(file.stem for file in folder.glob("*.yaml"))
+        for folder in sorted(path for path in data_folder("conf").iterdir() if path.is_dir())
+        if f"- {folder.name}:" in defaults
+    }
+
+
+def first_comment(file: Path) -> str:
+    """What the comment at the top of a file of `conf/` says, up to its first line that is none."""
+    lines = []
+    for line in file.read_text(encoding="utf-8").splitlines():
+        if not line.startswith("# "):
+            break
+        if not line.startswith(_PACKAGE_OF):
+            lines.append(line.removeprefix("# ").strip())
+    return " ".join(lines)
+
+
+def command_file(verb: str) -> Path:
+    """The configuration file of a verb; a sweep is of evaluations."""
+    return data_folder("conf") / f"{'evaluate' if verb == 'sweep' else verb}.yaml"
+
+
+def keys_with_defaults(verb: str) -> Iterator[tuple[str, Any]]:
+    """The keys that are values, and their defaults."""
+    import yaml
+
+    primary = yaml.safe_load(command_file(verb).read_text(encoding="utf-8"))
+    chosen = {group: name for entry in primary["defaults"] if isinstance(entry, dict) for group, name in entry.items()}
+    yield from flat({key: value for key, value in primary.items() if key != "hydra"})
+    for group in groups(verb):
+        file = data_folder("conf") / group / f"{chosen.get(group)}.yaml"
+        if group != "experiment" and file.is_file():
+            values = yaml.safe_load(file.read_text(encoding="utf-8"))
+            yield from flat(values.get(group, values), f"{group}.")  # a file may bring other groups, beside its own
+
+
+def flat(node: dict[Any, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """The values of settings below their dotted keys, as overrides have them; not the list of defaults."""
+    for key, value in node.items():
+        if isinstance(value, dict):
+            yield from flat(value, f"{prefix}{key}.")
+        elif key != "defaults":
+            yield f"{prefix}{key}", "null" if value is None else value

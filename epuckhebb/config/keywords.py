@@ -1,0 +1,87 @@
+"""Writes the keywords and objects of the Python interface as overrides."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from epuckhebb.config.conf import groups
+from epuckhebb.config.overrides import quoted
+from epuckhebb.runtime.errors import ConfigError, did_you_mean
+from epuckhebb.sim.adaptation.adaptation import NONE, Adaptation
+from epuckhebb.sim.plasticity.rule import Rule
+
+_PARAMETERS = ("config_dir", "over", "progress")  # keywords of these functions that are no keys of the configuration
+MASKED = "{} must have a value everywhere, got a masked array; give one without a mask, for example array.filled(0)"
+
+
+def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]:
+    """Overrides as on the command line, of texts and of keywords."""
+    for override in overrides:
+        if not isinstance(override, str) or "=" not in override:
+            raise ConfigError(
+                f"overrides are texts such as 'scenario=4obstacles', or keywords such as scenario='4obstacles'; got "
+                f"{override!r}"
+            )
+    check_keywords(keys)
+    for key, value in keys.items():
+        if key in groups("evaluate") and isinstance(value, list | tuple | np.ndarray):
+            raise ConfigError(f"{key} must be one, got {value!r}; for several in turn: sweep(over={{{key!r}: [...]}})")
+    words = [word for key, value in keys.items() for word in keyword_overrides(key, value)]
+    return [*words, *overrides]
+
+
+def check_keywords(keys: Mapping[str, Any]) -> None:
+    """Refuse a parameter of these functions that is misspelt, and would be taken for a key of the configuration."""
+    for key in keys:
+        asked = did_you_mean(key, _PARAMETERS)
+        if asked:
+            raise ConfigError(f"there is no keyword {key}; {asked}".rstrip())
+
+
+def keyword_overrides(key: str, value: Any) -> Iterator[str]:
+    """The overrides that a keyword stands for: one, or those of the keys below it."""
+    if isinstance(value, type):
+        raise ConfigError(f"{key} must be an object or a name, got a class; give an object of it, with its settings")
+    if isinstance(value, Rule):
+        raise ConfigError(
+            f"{key} of this call cannot be an object; give {key}='FILE.py:{type(value).__name__}' by its file"
+        )
+    if isinstance(value, Adaptation) and value.acts and value.name == NONE:
+        raise ConfigError(f"{key} needs a name for tables and figures; give Adaptation(name='mine', ...)")
+    if is_dataclass(value):
+        value = {field.name: getattr(value, field.name) for field in fields(value)}
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield f"{key}.{name}={value_text(inner, f'{key}.{name}')}"
+    else:
+        yield f"{key}={value_text(value, key)}"
+
+
+def value_text(value: Any, key: str) -> str:
+    """A value as an override has it."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise ConfigError(MASKED.format(key))
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if value is None:
+        return "null"
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, Real):  # a Fraction
+        return repr(float(value))
+    if isinstance(value, str | Path):
+        return quoted(str(value))
+    if isinstance(value, Mapping):
+        return "{" + ",".join(f"{name}: {value_text(inner, f'{key}.{name}')}" for name, inner in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(value_text(inner, key) for inner in value) + "]"
+    raise ConfigError(f"{key} must be text, a number, a list or settings, got {type(value).__name__}")

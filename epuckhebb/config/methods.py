@@ -1,0 +1,163 @@
+"""The methods of the leaderboard: a file of `conf/method/` each, or a plasticity rule of the user's own."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from epuckhebb.config.conf import first_comment
+from epuckhebb.config.keywords import value_text
+from epuckhebb.config.parts import rule_class
+from epuckhebb.runtime.errors import ConfigError, did_you_mean
+from epuckhebb.runtime.resources import path_of
+from epuckhebb.sim.plasticity.rule import Births
+
+ALL = "all"
+_OWN_PLAIN, _OWN_OVER = "sep_cma_es_varied", "ga"  # what a rule of the user's own is compared with, and laid over
+RULE_GROUPS, TRAINING_GROUPS = ("hebbian",), ("optimizer", "ga", "training")  # groups of settings
+REVERSAL_TASK = {"task": "reversal"}  # settings of any life in reversal learning
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """A row of the leaderboard: how controllers come about, and what is done to them in their lives.
+
+    Attributes:
+        name: What the table calls it.
+        over: The method whose champions it takes; empty if it evolves its own.
+        evolve: Settings of `epuckhebb evolve` by key: of its champions, or of the rule alone that they then get; empty
+            if nothing is evolved.
+        evaluate: Settings of `epuckhebb evaluate` by key: what is laid over the champions of `over`.
+        twin: The method that is the same but has no plasticity; a method that takes another's champions has that for
+            its twin.
+        told: What it is.
+    """
+
+    name: str
+    over: str = ""
+    evolve: Mapping[str, Any] = field(default_factory=dict)
+    evaluate: Mapping[str, Any] = field(default_factory=dict)
+    twin: str = ""
+    told: str = ""
+
+    @property
+    def compared_with(self) -> str:
+        """The method that it is compared with; empty if there is none."""
+        return self.over or self.twin
+
+    def overrides(self, verb: str) -> list[str]:
+        """Its settings of `evolve` or `evaluate`, as they would be typed."""
+        return typed_as(self.evolve if verb == "evolve" else self.evaluate)
+
+    @property
+    def rule(self) -> dict[str, Any]:
+        """Those of its settings that choose a plasticity rule."""
+        return {key: value for key, value in {**self.evolve, **self.evaluate}.items() if is_in_groups(key, RULE_GROUPS)}
+
+
+_KEYS = {key.name: key.type for key in fields(Method) if key.name not in ("name", "told")}
+
+
+def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]:
+    """The methods of these names, each after those that it needs: the one that it is compared with.
+
+    Args:
+        names: Names of files of `method/`, `FILE.py:NAME` for a rule, or `all`.
+        folders: Where to look for `method/`, first found first taken.
+    """
+    files = {file.stem: file for folder in reversed(folders) for file in (folder / "method").glob("*.yaml")}
+    found: dict[str, Method] = {}
+
+    def read(name: str, why: str, waiting: tuple[str, ...]) -> None:
+        method = _own(name, files) if ".py:" in name else _read(name, why, files)
+        if name in waiting:
+            raise ConfigError(f"{files[name]}: {' is compared with '.join((*waiting, name))}; that leads nowhere")
+        if method.name not in found:
+            if method.compared_with:
+                key = "over" if method.over else "twin"
+                read(method.compared_with, f"{files.get(name, name)}: {key}", (*waiting, name))
+            found[method.name] = method
+        elif found[method.name] != method:
+            raise ConfigError(f"{why}={name}: another rule has the name {method.name}, too; give one of them another")
+
+    for name in _wanted(names, files):
+        read(name, "methods", ())
+    return list(found.values())
+
+
+def is_in_groups(key: str, groups: Sequence[str]) -> bool:
+    """Whether a key belongs to one of these groups."""
+    return key.partition(".")[0] in groups
+
+
+def _wanted(names: Sequence[str], files: Mapping[str, Path]) -> Iterator[str]:
+    if not names:
+        raise ConfigError(f"methods must name one method or more: {', '.join([ALL, *sorted(files)])}, or FILE.py:NAME")
+    for name in names:
+        yield from sorted(files) if name == ALL else [str(name)]
+
+
+def _read(name: str, why: str, files: Mapping[str, Path]) -> Method:
+    """The method of a file."""
+    if name not in files:
+        raise ConfigError(
+            f"{why}={name}: {did_you_mean(name, files)}a method is one of {', '.join(sorted(files))}, or FILE.py:NAME, "
+            "a rule of your own"
+        )
+    file = files[name]
+    try:
+        held = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except (OSError, yaml.YAMLError) as error:
+        raise ConfigError(f"{file} cannot be read: {error}") from error
+    if not isinstance(held, dict):
+        raise ConfigError(f"{file} must hold keys of a method: {', '.join(_KEYS)}")
+    for key, value in held.items():
+        if key not in _KEYS:
+            asked = did_you_mean(str(key), _KEYS)
+            raise ConfigError(f"{file}: {key} is not a key of a method; {asked}it has {', '.join(_KEYS)}")
+        if not isinstance(value, str if _KEYS[key] is str else dict):
+            wanted = "the name of a method" if _KEYS[key] is str else "settings, as {hebbian: abcd, training: varied}"
+            raise ConfigError(f"{file}: {key} must be {wanted}, got {value!r}")
+    method = Method(name=name, told=first_comment(file), **held)
+    _check(method, file)
+    return method
+
+
+def _check(method: Method, file: Path) -> None:
+    """Refuse keys that do not go together."""
+    if not method.over and not method.evolve:
+        raise ConfigError(f"{file}: give evolve, how its champions are evolved, or over, the method whose they are")
+    if method.over and method.twin:
+        raise ConfigError(f"{file}: over={method.over} is its twin, too; leave out twin")
+    if method.evaluate and (method.evolve or not method.over):
+        raise ConfigError(
+            f"{file}: evaluate is for what is laid over champions of another method, and needs over; what is evolved "
+            "lives as it was evolved"
+        )
+    if method.over and not (method.evolve or method.evaluate):
+        raise ConfigError(f"{file}: give evaluate, what is laid over champions of {method.over}, or evolve")
+    taken = {"seed", "genome", "threads"} & {*method.evolve, *method.evaluate}
+    if taken:
+        raise ConfigError(f"{file}: {taken.pop()} is filled in by the program; leave it out")
+
+
+def _own(where: str, files: Mapping[str, Path]) -> Method:
+    """A rule of the user's own: evolved with the weights if it has something to evolve, laid over champions if not."""
+    file, _, name = where.rpartition(":")
+    path = path_of(file, "methods").absolute()
+    kind = rule_class(f"{path}:{name}", "hebbian")
+    if name in files:
+        raise ConfigError(f"methods={where}: the name {name} is taken by {files[name]}; give your rule another one")
+    rule = {"hebbian.rule": f"{path}:{name}"}
+    births = kind.__dataclass_fields__["births"].default
+    if kind.evolved or births is Births.random:
+        evolve = {**rule, "optimizer": "sep_cma_es", "training": "varied"}
+        return Method(name=name, evolve=evolve, twin=_OWN_PLAIN, told=f"a rule of {path.name}, evolved")
+    return Method(name=name, evaluate=rule, over=_OWN_OVER, told=f"a rule of {path.name}, laid over")
+
+
+def typed_as(settings: Mapping[str, Any]) -> list[str]:
+    """Settings as they would be typed."""
+    return [f"{key}={value_text(value, key)}" for key, value in settings.items()]

@@ -1,0 +1,286 @@
+"""The typed configuration: what keys there are, of which type, and what they may be. Values stand in `conf/`.
+
+Parts that are dataclasses of the science (`GA`, `Lifetime`, `Lamp`, `Adaptation`) are the schema themselves; those
+that a user can bring (a rule, a maze, a robot) are open here, and checked when they are made
+(`epuckhebb.config.build`).
+"""
+
+import math
+import re
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any, TypeVar
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from epuckhebb.config.build import (
+    check_counts,
+    check_pace,
+    check_self_check,
+    check_signal,
+    check_task,
+    compared,
+    controller_from,
+    network_for,
+    optimizer_from,
+    scenario_from,
+    with_controls,
+)
+from epuckhebb.evolution.evolve import evolved_plan
+from epuckhebb.evolution.optimizers.ga import GA
+from epuckhebb.evolution.training import Training
+from epuckhebb.runtime import resources
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.progress import say_once
+from epuckhebb.sim.adaptation.adaptation import Adaptation
+from epuckhebb.sim.controller import GA_ALONE
+from epuckhebb.sim.fitness import Signal
+from epuckhebb.sim.life import Lifetime
+from epuckhebb.sim.light import Lamp
+from epuckhebb.sim.reachable import grid_bytes
+from epuckhebb.sim.tasks.trial import ONE_TRIAL
+
+_BRIGHTEST, _FASTEST = 2.0, 0.1  # more light, or a higher base rate, is unusual
+_OF_A_RESOLVER = re.compile("^ConfigError raised while resolving interpolation: ")  # before a message of our own
+
+
+@dataclass(kw_only=True)
+class ScenarioConfig:
+    """The keys of a scenario; see `epuckhebb.sim.scenario.Scenario`, which comes of it, the maze and the robot."""
+
+    name: str = ""
+    experiment: str = "obstacles"
+    light: float = 0.1
+    obstacles: int = 0
+    layout: int = 0
+    goals: Any = None
+    dead_sensors: Any = field(default_factory=list)
+    distance_gain: float = 1.0
+    distance_offset: float = 0.0
+    left_wheel: float = 1.0
+    right_wheel: float = 1.0
+    left_slip: float = 0.0
+    right_slip: float = 0.0
+    mass_ratio: float = 1.0
+    wall_friction: float = 0.0
+    lamp: Lamp = field(default_factory=Lamp)
+    changes: list[Any] = field(default_factory=list)
+    paper_N: float = 0.000015
+    paper_duration_s: float = 250.0
+
+
+@dataclass(kw_only=True)
+class NetworkConfig:
+    """The keys of a network. layers: None where they follow from the genome, or from the robot."""
+
+    layers: list[int] | None = None
+
+
+@dataclass(kw_only=True)
+class WorldConfig:
+    """The keys that `evaluate` and `evolve` have in common, and the world that comes of them.
+
+    world: the scenario, with its maze and robot. layers: of the network; None if they were left open.
+    """
+
+    seed: int = 1
+    threads: int = 0
+    scenario: ScenarioConfig = field(default_factory=ScenarioConfig)
+    maze: dict[str, Any] = field(default_factory=dict)
+    robot: dict[str, Any] = field(default_factory=dict)
+    network: NetworkConfig = field(default_factory=NetworkConfig)
+    hebbian: dict[str, Any] = field(default_factory=dict)
+    lifetime: Lifetime = field(default_factory=Lifetime)
+    task: dict[str, Any] = field(default_factory=lambda: {"kind": ONE_TRIAL.name})
+    changed: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be run."""
+        check_counts(seed=self.seed, threads=self.threads)
+        self.world = scenario_from(self.scenario, self.maze, self.robot, self.task)
+        memory = grid_bytes(self.world.maze.arena_m)
+        resources.require([resources.Need(memory, "a way to the goals of so large a maze", "lower maze.arena_m")])
+        self.world.check()
+        self.layers = None if self.network.layers is None else tuple(self.network.layers)
+        if self.layers is not None:
+            network_for(self.world, self.layers)
+        check_pace(self.lifetime, self.world)
+
+
+@dataclass(kw_only=True)
+class EvaluateConfig(WorldConfig):
+    """All keys of `epuckhebb evaluate`.
+
+    controllers: what comes of them, `hebbian` with `adaptation` (unless both are none), the same with its reward
+    inverted if it hears one, and those of `compare`.
+    """
+
+    genome: str = "reference"
+    repeats: int = 10
+    adaptation: Adaptation = field(default_factory=Adaptation)
+    compare: dict[str, Any] = field(default_factory=dict)  # name -> what differs from the paper's rule
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be run."""
+        super().__post_init__()
+        check_counts(repeats=self.repeats)
+        main = controller_from(self.hebbian, self.adaptation)
+        given = with_controls(main, self.world.task)
+        others = [compared(name, settings, self.scenario.paper_N) for name, settings in self.compare.items()]
+        self.controllers = [*given, *(other for other in others if other != main)]
+        names = [GA_ALONE.name, *(controller.name for controller in self.controllers)]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice:
+            raise ValueError(
+                f"the name {twice} is taken by another controller of this run; they are told apart by their names: "
+                f"{', '.join(names)}. Give hebbian.name, adaptation.name or the name below compare another one"
+            )
+        for controller in self.controllers:
+            check_signal(controller, self.world.robot)
+            check_task(controller, self.world.task)
+            check_self_check(controller.adaptation, self.world, self.lifetime)
+
+
+@dataclass(kw_only=True)
+class EvolveConfig(WorldConfig):
+    """All keys of `epuckhebb evolve`.
+
+    genome: whose weights all individuals are given, so that only the rule is evolved; None for weights that evolve.
+    controller: what drives the robots besides their genes. algorithm: the optimizer, of `optimizer` and `ga`. schedule:
+    how long it goes on. plan: what is evolved.
+    """
+
+    genome: str | None = None
+    ga: GA | None = field(default_factory=GA)  # None if the optimizer is another
+    optimizer: dict[str, Any] = field(default_factory=lambda: {"algorithm": GA.key})
+    training: Training = field(default_factory=Training)
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be run."""
+        super().__post_init__()
+        self.controller = controller_from(self.hebbian, Adaptation())
+        check_signal(self.controller, self.world.robot)
+        check_task(self.controller, self.world.task)
+        self.algorithm = optimizer_from(self.optimizer, self.ga)
+        self.schedule = self.algorithm.schedule(self.training, self.lifetime)
+        self.training.check(self.world, self.lifetime, self.schedule.loops)
+        network = network_for(self.world, self.layers)
+        self.plan = evolved_plan(network, self.controller.rule, given=self.genome is not None)
+        self.algorithm.check(self.plan)
+
+
+def say_unusual(config: EvaluateConfig | EvolveConfig) -> None:
+    """Name values that are allowed and hardly meant, a line each."""
+    brightest = max(world.light for _, world in config.world.phases)
+    if brightest > _BRIGHTEST:
+        say_once(f"scenario.light={brightest:g} is unusual: 1 is bright, 0.1 is dim.")
+    for controller in config.controllers if isinstance(config, EvaluateConfig) else [config.controller]:
+        rate = controller.rule.N
+        if rate > max(_FASTEST, type(controller.rule).N):
+            times = rate / config.scenario.paper_N
+            say_once(
+                f"N={rate:g} of {controller.name} is unusual: {times:,.0f} times the paper's rate. Weights can reach "
+                "their bounds within a second."
+            )
+
+
+class LiveFitness(Enum):
+    """Which live fitness a reproduction uses: as the paper says, or as each of its two programs does."""
+
+    paper = "paper"
+    as_coded = "as_coded"
+
+    def of(self, experiment: str) -> Signal:
+        """The signal of an experiment."""
+        if self is LiveFitness.paper:
+            return Signal.behaviour
+        return Signal.light_code if experiment == "light" else Signal.lifetime_mean
+
+
+@dataclass(kw_only=True)
+class ReproduceConfig:
+    """All keys of `epuckhebb reproduce`."""
+
+    champions: int = 20
+    first_seed: int = 1
+    seed: int = 1
+    repeats: int = 10
+    rates: list[float] = field(default_factory=list)
+    signal: LiveFitness = LiveFitness.paper
+    genome: str | None = None
+    threads: int = 0
+    ga: GA = field(default_factory=GA)
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be run."""
+        counted = ("seed", "threads", "repeats", "champions", "first_seed")
+        check_counts(**{key: getattr(self, key) for key in counted})
+        for rate in self.rates:
+            if not (math.isfinite(rate) and rate > 0):
+                raise ValueError(f"rates must be numbers above 0 (0 is always run, as the GA alone), got {rate}")
+
+
+@dataclass(kw_only=True)
+class LeaderboardConfig:
+    """All keys of `epuckhebb leaderboard`."""
+
+    methods: list[str] = field(default_factory=list)
+    tests: list[str] = field(default_factory=list)
+    champions: int = 12
+    first_seed: int = 201
+    seed: int = 1
+    repeats: int = 3
+    reversal_repeats: int = 100
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be run."""
+        counted = ("seed", "repeats", "champions", "first_seed", "reversal_repeats")
+        check_counts(**{key: getattr(self, key) for key in counted})
+        if not self.tests:
+            raise ValueError(
+                "tests must name one sweep of conf/experiment/ or more, in whose worlds champions are tested"
+            )
+
+
+SCHEMAS = {
+    "evaluate": EvaluateConfig,
+    "evolve": EvolveConfig,
+    "reproduce": ReproduceConfig,
+    "leaderboard": LeaderboardConfig,
+}
+# Below these, the schema does not know the keys.
+OPEN = ("hebbian", "compare", "maze", "robot", "optimizer", "task", "scenario.goals")
+for _verb, _schema in SCHEMAS.items():
+    _node = OmegaConf.structured(_schema)
+    for _key in ("hebbian", "compare", "optimizer", "task"):
+        if _key in _node:
+            OmegaConf.set_struct(_node[_key], False)  # Hydra takes any key below them, without a +
+    if _schema is EvolveConfig:
+        _node.ga = None  # until group ga is chosen, which other optimizers than the GA undo
+    ConfigStore.instance().store(name=f"schema_{_verb}", node=_node, provider="epuckhebb")
+
+Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig)
+
+
+def typed(cfg: DictConfig, schema: type[Config]) -> Config:
+    """The composed configuration as plain dataclasses, checked.
+
+    Raises:
+        ConfigError: A value is outside its range; the message names the key.
+    """
+    try:
+        config: Any = OmegaConf.to_object(cfg)
+    except ConfigError:
+        raise
+    except (ValueError, OmegaConfBaseException) as error:
+        raise ConfigError(said(error)) from error
+    if not isinstance(config, schema):
+        raise ConfigError("the configuration is not one of this verb")
+    return config
+
+
+def said(error: BaseException) -> str:
+    """The line of an error that says what is wrong: OmegaConf adds where, and for what it was asked."""
+    return _OF_A_RESOLVER.sub("", str(error).splitlines()[0])

@@ -1,0 +1,76 @@
+"""Reads a configuration that a run folder keeps."""
+
+import copy
+import functools
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf, flag_override
+
+from epuckhebb.config import yaml_file
+from epuckhebb.config.overrides import literal
+from epuckhebb.config.plugins import references
+from epuckhebb.config.schema import SCHEMAS
+from epuckhebb.runtime.errors import ConfigError
+
+_STAND_IN = "oja"  # has no settings of its own, and cannot be taken for the paper's
+
+
+def read_config(file: Path, verb: str) -> DictConfig:
+    """A configuration that was written down whole, all names and values in it.
+
+    Raises:
+        ConfigError: It cannot be read, or holds what this program does not know.
+    """
+    held = settings(file)
+    try:
+        return as_config(held, verb)
+    except Exception as error:  # what damaged settings may raise has no end
+        raise ConfigError(f"{file} cannot be used: {error}") from error
+
+
+def as_config(held: Mapping[Any, Any], verb: str) -> DictConfig:
+    """The configuration of a verb that these plain values are, all names among them; no text refers to another."""
+    cfg = OmegaConf.merge(_keys_of(verb), _literally(dict(held)))
+    assert isinstance(cfg, DictConfig)
+    return cfg
+
+
+@functools.cache
+def _keys_of(verb: str) -> DictConfig:
+    """The keys of a verb with their types, made once: every job of a sweep has them."""
+    schema = OmegaConf.structured(SCHEMAS[verb])
+    assert isinstance(schema, DictConfig)
+    return schema
+
+
+def _literally(told: Any) -> Any:
+    """What was written down with all values in it: no text in it refers to another."""
+    if isinstance(told, dict):
+        return {str(key): _literally(value) for key, value in told.items()}
+    if isinstance(told, list):
+        return [_literally(value) for value in told]
+    return literal(told) if isinstance(told, str) else told
+
+
+def settings(file: Path) -> dict[str, Any]:
+    """The settings in such a file as they stand there, whatever they are."""
+    held = yaml_file.load(file)
+    if not held:
+        raise ConfigError(f"{file} cannot be used: it holds no settings")
+    return held
+
+
+def without_own_code(cfg: DictConfig) -> DictConfig:
+    """A configuration with a rule of the program in place of each of the user's own; nothing of theirs is loaded.
+
+    It is for reading what a run recorded. Names, rates, signs and adaptations stay.
+    """
+    cfg = copy.deepcopy(cfg)
+    with flag_override(cfg, ["struct", "readonly"], [False, False]):
+        for settings, *_ in list(references(cfg)):
+            for key in [key for key in settings if key not in ("N", "sign", "name", "adaptation")]:
+                del settings[key]
+            settings.rule = _STAND_IN
+    return cfg

@@ -1,0 +1,140 @@
+"""The words of a call, KEY=VALUE, before Hydra composes anything of them: what is no key, and what is like it."""
+
+import functools
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import ChoiceSweep, Glob, Override, Sweep
+from hydra.errors import HydraException
+from omegaconf import OmegaConf
+
+from epuckhebb.config.build import not_its_settings
+from epuckhebb.config.conf import groups, keys_with_defaults
+from epuckhebb.config.parts import GENETIC
+from epuckhebb.config.schema import OPEN, SCHEMAS
+from epuckhebb.runtime.errors import ConfigError, near
+from epuckhebb.runtime.resources import data_folder
+
+_BOTH = ("evaluate", "evolve")  # who misspells a key of one may have the other in mind
+_MANY, _SOME = 30, 4  # choices that are no longer listed in a message, and how many of them are
+_OF_ANY_KEYS = [group for group in OPEN if "." not in group]
+_FEW = 3  # names in a question
+
+
+def check_words(verb: str, words: list[str], config_dir: str | None = None) -> None:
+    """Refuse what is no text, what is no key, `changed`, and what Hydra ends with a traceback.
+
+    That is a group that is given something else than a name, and settings of the GA for another optimizer.
+    """
+    for word in words:
+        if any("\ud800" <= sign <= "\udfff" for sign in word):
+            raise ConfigError(
+                f"{word!r} has signs that are no text in the encoding of this system, {sys.getfilesystemencoding()}; "
+                "set PYTHONUTF8=1 if it is UTF-8"
+            )
+    try:
+        overrides = OverridesParser.create().parse_overrides([word for word in words if not word.startswith("-")])
+    except HydraException:
+        return  # Hydra will say what is wrong with it
+    choices = groups(verb)
+    optimizer = next((one.value() for one in reversed(overrides) if one.key_or_group == "optimizer"), GENETIC)
+    for override in overrides:
+        key = override.key_or_group
+        if key.partition(".")[0] == GENETIC and isinstance(optimizer, str) and optimizer != GENETIC:
+            raise not_its_settings(optimizer)
+        if key == "changed":
+            raise ConfigError("changed is filled in by the program, with what differs from the named scenario")
+        value: Any = override.value()
+        if isinstance(value, ChoiceSweep) and any(isinstance(one, Sweep | Glob) for one in value.list):
+            raise ConfigError(f"{override.input_line}: a list of values has no ranges in it; give one range, or values")
+        if key in choices or "/" in key:
+            _check_choice(override, choices)
+        elif _is_key(verb, key):
+            continue
+        elif _is_folder(key, config_dir):
+            _check_choice(override, choices)
+        else:
+            raise ConfigError(no_key(verb, key, value))
+
+
+def _check_choice(override: Override, choices: Mapping[str, Sequence[str]]) -> None:
+    """Refuse what is no name of a file of a group; nothing but a name can be deleted, either."""
+    key, value = override.key_or_group, override.value()
+    whole = override.is_delete() and value is None
+    if whole or override.is_sweep_override() or isinstance(value, str if override.is_delete() else str | list):
+        return
+    raise ConfigError(f"{override.input_line}: {choices_of(key, choices.get(key, []))}")
+
+
+def choices_of(group: str, known: Sequence[str]) -> str:
+    """What to say of the choices that a group has."""
+    if len(known) > _MANY:
+        some = ", ".join(known[:_SOME])
+        return (
+            f"{group} must be one of its {len(known)} choices, for example {some}; `epuckhebb keys {group}` lists all"
+        )
+    return f"{group} must be one of {', '.join(known)}" if known else f"{group} must be the name of a file"
+
+
+def _is_folder(key: str, config_dir: str | None) -> bool:
+    """Whether a key is a group that no verb has of itself: of a file's, or of the user's."""
+    if any(key in known_keys(verb) for verb in SCHEMAS):
+        return False
+    return any((Path(folder) / key).is_dir() for folder in (data_folder("conf"), config_dir) if folder)
+
+
+def _is_key(verb: str, key: str) -> bool:
+    """Whether the schema has a key, or does not know what is below it."""
+    known = known_keys(verb)
+    below = tuple(f"{open_}." for open_ in (*OPEN, "hydra"))
+    return key in known or key == "hydra" or key.startswith(below)
+
+
+def no_key(verb: str, key: str, value: Any = None) -> str:
+    """What to say of a key that is not there: whose key it is, or which are like it."""
+    owners = [other for other in SCHEMAS if key in known_keys(other)]
+    if owners and verb not in owners:
+        example = f": epuckhebb evaluate genome=latest {key}=..." if owners == ["evaluate"] else ""
+        return (
+            f"there is no key {key} of `epuckhebb {verb}`\n"
+            f"{key} is a key of `epuckhebb {'` and `epuckhebb '.join(owners)}`; give it there{example}"
+        )
+    of_value = [f"{group}={value}" for group, choices in groups(verb).items() if value in choices]
+    if value not in (None, "none") and len(of_value) == 1:
+        return f"there is no key {key}\nDid you mean: {of_value[0]}?"
+    return f"there is no key {key}{asked(near_keys(verb, key))}"
+
+
+def asked(names: list[str]) -> str:
+    """A line that asks whether these names were meant; nothing if there are none."""
+    return f"\nDid you mean: {', '.join(names)}?" if names else ""
+
+
+def near_keys(verb: str, key: str) -> list[str]:
+    """The keys that are like one that is not there: those whose last part is most like its, of a group like its."""
+    group, _, last = key.rpartition(".")
+    verbs = _BOTH if verb in _BOTH else (verb,)
+    known = sorted({name for one in verbs for name in (*known_keys(one), *dict(keys_with_defaults(one)))})
+    of_last = near(last, [name.rpartition(".")[2] for name in known], 1)
+    names = [name for name in known if name.rpartition(".")[2] in of_last]
+    open_ = [f"{one}.{last}" for one in near(group, _OF_ANY_KEYS, 1)]  # the schema does not know what is below these
+    return near(key, [*open_, *names], 1) if group else names[:_FEW]
+
+
+@functools.cache
+def known_keys(verb: str) -> frozenset[str]:
+    """All keys and groups of a verb that the schema knows, as they are written in an override."""
+    schema = OmegaConf.to_container(OmegaConf.structured(SCHEMAS[verb]))
+    assert isinstance(schema, dict)
+    return frozenset([*keys_below(schema), *groups(verb)])
+
+
+def keys_below(node: Mapping[Any, Any], prefix: str = "") -> Iterator[str]:
+    """All keys of plain settings, dotted; of a list, only its own."""
+    for key, value in node.items():
+        yield f"{prefix}{key}"
+        if isinstance(value, dict):
+            yield from keys_below(value, f"{prefix}{key}.")

@@ -1,0 +1,101 @@
+"""`epuckhebb replay RUN`: from a run folder to something to watch, a page, a GIF or a film."""
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.progress import track
+
+from epuckhebb.analysis import movie, replay
+from epuckhebb.analysis.evaluate import Traces
+from epuckhebb.analysis.self_checks import told
+from epuckhebb.config.schema import EvaluateConfig, typed
+from epuckhebb.config.stored import without_own_code
+from epuckhebb.runs.evaluate import caption
+from epuckhebb.runs.hydra import stored
+from epuckhebb.runtime.console import Terminal
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.maze import SIDES
+from epuckhebb.sim.network import Network
+from epuckhebb.store import columns, disk
+from epuckhebb.store.run import read, table
+from epuckhebb.store.traces import read_findings, read_traces
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a run recorded: its lifetimes, their first weights, the network, a title, what robots found, and notes."""
+
+    traces: Traces
+    weights: NDArray[np.float64]
+    network: Network
+    config: EvaluateConfig
+    title: str
+    found: dict[str, str]
+    notes: list[str]
+
+
+def recording(run: Path) -> Recording:
+    """The recorded lifetimes of a run folder."""
+    facts = read(run)
+    if facts["verb"] == "evolve":
+        raise ConfigError(
+            f"{run} is a run of `epuckhebb evolve`, which records no lifetimes; let its champion live first: "
+            f"epuckhebb evaluate genome={run}"
+        )
+    if facts["verb"] != "evaluate":
+        raise ConfigError(f"{run} is of `epuckhebb {facts['verb']}`; give a run folder of `epuckhebb evaluate`")
+    config = typed(without_own_code(stored(run, "evaluate")), EvaluateConfig)
+    if config.lifetime.record_every == 0:
+        alone = facts["command"][1:2] == ["evaluate"]  # else a study's, of which it is one job
+        asked = facts["command"] if alone else ["epuckhebb", "evaluate", *facts["overrides"]]
+        kept = [word for word in asked if not word.startswith("lifetime.record_every=")]
+        raise ConfigError(
+            f"{run} recorded nothing to replay, because it ran with lifetime.record_every=0; run it again with "
+            f"recording on: {' '.join([*kept, 'lifetime.record_every=8'])}"
+        )
+    metrics = table(run, "metrics.csv", columns.METRICS)
+    lifetimes = len(SIDES) * metrics.controller.nunique()
+    samples = -(-config.lifetime.steps // config.lifetime.record_every)
+    traces, weights, network = read_traces(run, facts["status"]["state"], lifetimes, samples)
+    title = caption(config, facts.get("genome", "genome"), list(zip(metrics.controller, metrics.N, strict=True)))
+    return Recording(traces, weights, network, config, title, found_in(run, config), facts.get("notes", []))
+
+
+def found_in(run: Path, config: EvaluateConfig) -> dict[str, str]:
+    """A sentence for each side on what the robots of the recorded lifetimes found in their self-check."""
+    shown = [row for row in read_findings(run) if row["repeat"] == 0]
+    who = " and ".join(f"“{one.name}”" for one in config.controllers if one.adaptation.self_check)
+    return {str(row["side"]): f"Before its life, the robot with {who} found: {told(row)}." for row in shown}
+
+
+def write_page(recorded: Recording, target: Path) -> None:
+    """Write the page of a recording."""
+    title, world, gain = recorded.title, recorded.config.world, recorded.config.lifetime.gain_rad_s
+    weights, network, found, notes = recorded.weights, recorded.network, recorded.found, recorded.notes
+    page = replay.page(
+        recorded.traces, weights, world, title, gain_rad_s=gain, network=network, found=found, notes=notes
+    )
+    _write(target, page.encode())
+
+
+def write_movie(recorded: Recording, target: Path, make: Callable[..., bytes]) -> None:
+    """Write a recording as `make` does it, `movie.gif` or `movie.mp4`; the progress is shown on standard error."""
+    show = functools.partial(track, description=target.name, console=Terminal(stderr=True))
+    _write(target, make(recorded.traces, recorded.config.world, recorded.title, show))
+
+
+def require_video() -> None:
+    """Check that imageio-ffmpeg is installed, which makes films."""
+    if not movie.can_make_mp4():
+        raise ConfigError('--mp4 needs imageio-ffmpeg, which is not installed: pip install "epuckhebb[video]"')
+
+
+def _write(target: Path, content: bytes) -> None:
+    try:
+        disk.write_atomic(target, content)
+    except OSError as error:
+        raise ConfigError(f"cannot write {target}: {error.strerror}") from error

@@ -1,0 +1,123 @@
+"""`epuckhebb export RUN --webots`: a champion as a controller for Webots' e-puck."""
+
+import io
+import json
+import math
+from dataclasses import asdict
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from epuckhebb.config.compose import composed
+from epuckhebb.config.schema import EvaluateConfig, typed
+from epuckhebb.config.stored import without_own_code
+from epuckhebb.runs.hydra import stored
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.controller import Controller
+from epuckhebb.sim.fitness import HISTORY_MEAN, HISTORY_STEPS
+from epuckhebb.sim.plasticity.control import Sign
+from epuckhebb.sim.plasticity.rule import Births
+from epuckhebb.sim.plasticity.rules.paper import Paper
+from epuckhebb.sim.robot import EPUCK
+from epuckhebb.store import disk, run
+from epuckhebb.store.genome import Genome, load_genome
+
+_LIGHT_FULL_SCALE = 4095.0  # of Webots' e-puck in the dark, where our readings are 1
+_GPS_AXES = [[0, 1.0], [2, -1.0]]  # X and Y of a maze among the axes of a Webots world whose y points up
+_CHAMPION = "champion.json"  # what the controller has to know
+_CONTROLLER = Path(__file__).with_name("webots_controller.py")
+
+
+def webots(what: str, folder: Path) -> list[Path]:
+    """Write a controller that plays what a user names: a run of `evaluate`, with its plasticity, or a champion without.
+
+    Args:
+        what: A run folder of `evaluate` or `evolve`, `latest`, the file of a champion, `reference` or `reference_7`.
+        folder: The folder of the controller; the controller is called as it is.
+
+    Returns:
+        The files that were written, the controller first.
+    """
+    genome, config = _genome_and_config(what)
+    if (genome.robot, genome.network.inputs) != (EPUCK.name, EPUCK.inputs):
+        raise ConfigError(f"{what} is for robot {genome.robot}; only {EPUCK.name} can be taken to Webots")
+    if folder.exists() and any(folder.iterdir()):
+        raise ConfigError(f"{folder} holds files already; give another folder with --output")
+    genes = io.BytesIO()
+    np.save(genes, genome.weights.astype("<f8"))
+    written = {
+        folder / f"{folder.resolve().name}.py": _CONTROLLER.read_bytes(),  # Webots wants it to be called as its folder
+        folder / _CHAMPION: (json.dumps(_content(genome, config), indent=1, allow_nan=False) + "\n").encode(),
+        folder / "genes.npy": genes.getvalue(),
+    }
+    try:
+        for file, content in written.items():
+            disk.write_atomic(file, content)
+    except OSError as error:
+        raise ConfigError(f"cannot write {folder}: {error.strerror}") from error
+    return list(written)
+
+
+def next_step(controller: Path) -> str:
+    """What to do with a controller that has been written, and which others of its run were left out."""
+    left_out = json.loads((controller.parent / _CHAMPION).read_text(encoding="utf-8"))["left_out"]
+    told = f"Left out, as one controller is taken of a run: {', '.join(left_out)}.\n" if left_out else ""
+    return (
+        f"{told}Next: put this folder below controllers/ of a Webots project, and choose {controller.stem} in the "
+        "field `controller` of its e-puck. With a GPS in a world whose z axis points up, set gps_axes in champion.json "
+        "to [[0, 1.0], [1, 1.0]]; docs/webots.md tells more."
+    )
+
+
+def _genome_and_config(what: str) -> tuple[Genome, EvaluateConfig]:
+    """The genome and the settings of a run; of a champion those of its experiment, without plasticity."""
+    path = run.found(what)
+    if path.is_dir() and run.read(path)["verb"] == "evaluate":
+        config = typed(without_own_code(stored(path, "evaluate")), EvaluateConfig)
+        genome = load_genome(config.genome, config.world.experiment, config.layers)
+        if genome.sha256 != run.read(path)["genome_sha256"]:
+            raise ConfigError(f"genome={config.genome} is not the genome of {path}; its SHA-256 differs")
+        return genome, config
+    genome = load_genome(str(path), "obstacles")
+    home = "highlight" if genome.experiment == "light" else "base"
+    return genome, typed(composed("evaluate", [f"scenario={home}", "hebbian=none"]), EvaluateConfig)
+
+
+def _content(genome: Genome, config: EvaluateConfig) -> dict[str, Any]:
+    """All that the controller has to know, as JSON values."""
+    world = config.world
+    arms = {
+        side: {name: bound if math.isfinite(bound) else None for name, bound in arm._asdict().items()}
+        for side, arm in world.maze.arms.items()
+    }
+    return {
+        "genome": genome.name,
+        "sha256": genome.sha256,
+        "layers": list(genome.network.layers),
+        "lights": EPUCK.light.count,
+        "weights": genome.weights.tolist(),
+        "gain_rad_s": config.lifetime.gain_rad_s,
+        "light_full_scale": _LIGHT_FULL_SCALE,
+        "distance_full_scale": EPUCK.distance.full_scale,
+        "gps_axes": _GPS_AXES,
+        "arms": arms,
+        "goals": {side: list(goal) for side, goal in world.goals_now.items()},
+        "rule": _rule(config.controllers[0]) if config.controllers else None,
+        "left_out": [controller.name for controller in config.controllers[1:]],
+    }
+
+
+def _rule(controller: Controller) -> dict[str, Any]:
+    """The settings of the rule, which must be the paper's without an adaptation."""
+    rule = controller.rule
+    as_in_paper = rule.sign is Sign.hebbian and rule.births is Births.evolved and not rule.N_gain_rad_s
+    if not isinstance(rule, Paper) or not as_in_paper or controller.adaptation.acts:
+        raise ConfigError(
+            f"controller {controller.name} cannot be taken to Webots: only the paper's rule can, without an "
+            "adaptation, with its own signs, evolved weights at birth, and an N that holds at any gain; or none "
+            "(hebbian=none)"
+        )
+    settings = {key: value.name if isinstance(value, Enum) else value for key, value in asdict(rule).items()}
+    return {**settings, "history_steps": HISTORY_STEPS, "history_mean": HISTORY_MEAN}

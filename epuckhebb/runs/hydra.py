@@ -1,0 +1,258 @@
+"""Runs a job, or many, on configurations that Hydra composes. It gives a job its folder, overrides and threads."""
+
+import functools
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, redirect_stderr, suppress
+from datetime import datetime
+from pathlib import Path
+from secrets import token_hex
+from typing import Any, TextIO, cast
+
+import hydra
+from hydra._internal.hydra import Hydra
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from hydra.plugins.sweeper import Sweeper
+from hydra.types import RunMode
+from omegaconf import DictConfig
+from omegaconf.errors import OmegaConfBaseException
+
+from epuckhebb.config.compose import IS_HYDRA_1_4, STAMP, VERSION_BASE, composed, folders_of, unresolved
+from epuckhebb.config.explain import explain
+from epuckhebb.config.hydra_cache import USERS, users_first
+from epuckhebb.config.names import completed
+from epuckhebb.config.overrides import SWEEP_DIR, alternatives, check_folders, quoted, value_of, with_names_compared
+from epuckhebb.config.stored import read_config
+from epuckhebb.runtime.errors import ConfigError, JobFailedError, end_with
+from epuckhebb.runtime.resources import data_folder, path_of, thread_count
+from epuckhebb.store import disk
+from epuckhebb.store.folder import check_folder_of_multirun
+from epuckhebb.store.run import content, of_multirun
+
+_CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
+_HYDRAS_WORDS = "Error executing job with overrides"  # before what a job raised
+
+
+def stored(run: Path, verb: str) -> DictConfig:
+    """The configuration that a run of this verb wrote down."""
+    content(run, disk.CONFIG)  # it is as it was written
+    return read_config(run / disk.CONFIG, verb)
+
+
+def named(cfg: DictConfig) -> DictConfig:
+    """The configuration of the job that Hydra runs, with all names in it; see `epuckhebb.config.names`."""
+    runtime = HydraConfig.get().runtime
+    return completed(cfg, runtime.choices, folders_of(runtime))
+
+
+def output_folder() -> Path:
+    """The folder that Hydra has made for the job at work."""
+    return Path(unresolved(HydraConfig.get().runtime)["output_dir"])
+
+
+def check(
+    verb: str, overrides: list[str], config_dir: str | None, asked: Callable[[DictConfig], Any], *, multirun: bool
+) -> None:
+    """Refuse, before anything runs, a named sweep as one job, and a multirun of which a job would be refused.
+
+    Every value of every swept key is tried once, with the first values of the others: a sum, not a product.
+
+    asked: a function that raises `ConfigError` if a composed configuration cannot be used.
+    """
+    if not multirun:
+        named = [override for override in overrides if override.lstrip("+").startswith("experiment=")]
+        if named and composed(verb, overrides, config_dir, with_hydra=True).hydra.sweeper.params:
+            name = named[-1].partition("=")[2]
+            raise ConfigError(
+                f"experiment={name} is a sweep of many jobs: run `epuckhebb sweep {name}`, or add --multirun"
+            )
+        return
+    choices = list(alternatives(overrides).values())
+    first = [values[0] for values in choices]
+    asked(composed(verb, first, config_dir))
+    for place, values in enumerate(choices):
+        for value in values[1:] if len(values) <= _CHECKED_IN_FULL else values[-1:]:
+            asked(composed(verb, [*first[:place], value, *first[place + 1 :]], config_dir))
+
+
+def run(
+    verb: str, job: Callable[[DictConfig], None], arguments: list[str], config_dir: str | None = None
+) -> list[Path]:
+    """Run a job, or with `--multirun` many, on the configuration that overrides and Hydra's own options describe.
+
+    Returns the folders of the runs, in the order of the jobs. config_dir: a folder with more configuration files.
+    """
+    check_folders(arguments)
+    arguments = [with_names_compared(_with_rules_found(argument)) for argument in arguments]
+    stamp = new_stamp()
+    folders: list[Path] = []
+
+    @functools.wraps(job)
+    def noted(cfg: DictConfig) -> None:
+        job(cfg)
+        folders.append(output_folder())
+
+    if "--multirun" not in arguments:
+        call(verb, noted, arguments, stamp, config_dir)
+        return folders
+    given = [value_of(argument) for argument in arguments if argument.startswith(SWEEP_DIR)]
+    folder = Path(given[-1]) if given else Path("runs") / verb / f"{stamp}_multirun"
+    check_folder_of_multirun(folder)
+    if not given:  # in words, not as an environment variable: workers kept from an earlier call have the old one
+        arguments = [f"{SWEEP_DIR}{folder}", *arguments]
+    call(verb, job, arguments, stamp, config_dir)
+    return of_multirun(folder)
+
+
+def _with_rules_found(argument: str) -> str:
+    """An override whose rules of the user's own are found from every folder, where a worker may have been started."""
+    if not argument.startswith("hebbian.rule=") or ":" not in argument:
+        return argument
+    (rules,) = alternatives([argument]).values()
+    named = [value_of(rule).rpartition(":") for rule in rules]
+    found = [f"{path_of(file, 'hebbian.rule').absolute()}:{name}" if file else name for file, _, name in named]
+    return f"hebbian.rule={','.join(map(quoted, found))}"
+
+
+def call(
+    verb: str, job: Callable[[DictConfig], None], arguments: list[str], stamp: str, config_dir: str | None = None
+) -> None:
+    """Call Hydra as its own command line would; see `run`. The folders of the runs bear the stamp."""
+    options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)} if IS_HYDRA_1_4 else VERSION_BASE
+    entry = hydra.main(config_path=str(data_folder("conf")), config_name=verb, **options)(job)
+    words = cast(TextIO, _WithoutHydrasWords(sys.stderr))
+    workers = _workers_that_end_with_us() if "--multirun" in arguments else nullcontext()
+    # Hydra composes all of a configuration to see whether hydra.mode is in it, and then once more.
+    known = nullcontext() if any("hydra.mode" in argument for argument in arguments) else _without(Hydra, "get_mode")
+    with users_first(config_dir), _as_command_line(verb, arguments, stamp), redirect_stderr(words), workers, known:
+        GlobalHydra.instance().clear()
+        try:
+            entry()
+        except (HydraException, OmegaConfBaseException) as error:
+            raise ConfigError(explain(error)) from error
+        except (ConfigError, JobFailedError):
+            raise
+        except Exception as error:
+            if "--multirun" in arguments:  # jobs wrap what goes wrong in them, so this is the launcher's
+                raise JobFailedError(f"the launcher stopped: {type(error).__name__}: {error}") from error
+            raise
+
+
+def call_many(verb: str, job: Callable[[DictConfig], None], arguments: list[str], stamp: str) -> None:
+    """Call Hydra for jobs that all have a configuration: it need not compose each of them before the first begins."""
+    with _without(Sweeper, "validate_batch_is_legal"):
+        call(verb, job, arguments, stamp)
+
+
+@contextmanager
+def _without(owner: type, method: str) -> Iterator[None]:
+    """Time in which a method of one of Hydra's classes does nothing, and returns None."""
+    before = getattr(owner, method)
+    setattr(owner, method, lambda *_, **__: None)
+    try:
+        yield
+    finally:
+        setattr(owner, method, before)
+
+
+def new_stamp() -> str:
+    """When, and a random part that keeps apart what begins in the same second."""
+    return f"{datetime.now():%Y%m%d-%H%M%S}-{token_hex(4)}"
+
+
+@contextmanager
+def job_folder() -> Iterator[Path]:
+    """The folder that Hydra has made for this job; if the job is refused, what is empty of it goes again."""
+    path = output_folder()
+    try:
+        yield path
+    except ConfigError:
+        with suppress(OSError):  # something is in it
+            for folder in (path, *path.parents):
+                if Path.cwd() not in folder.parents:
+                    break
+                folder.rmdir()
+        raise
+
+
+def job_overrides() -> list[str]:
+    """The overrides of this job, as they would be typed."""
+    return list(unresolved(HydraConfig.get().overrides.task))
+
+
+def job_command(verb: str) -> list[str]:
+    """What could be typed to have this job alone done again in this folder."""
+    sources = unresolved(HydraConfig.get().runtime)["config_sources"]
+    found = next((Path(source["path"]) for source in sources if source["provider"] == USERS), None)
+    words = ["epuckhebb", verb, *job_overrides()]
+    if found is None:
+        return words
+    folder = found.relative_to(Path.cwd()) if found.is_relative_to(Path.cwd()) else found
+    return [*words, "--config-dir", str(folder)]
+
+
+def in_multirun() -> bool:
+    """Whether this job is one of many."""
+    return bool(HydraConfig.get().mode == RunMode.MULTIRUN)
+
+
+def threads_of_job(asked: int) -> int:
+    """Threads of this job; jobs of a parallel launcher get one each unless told otherwise, and never more than fit."""
+    launcher = HydraConfig.get().launcher
+    if not in_multirun() or launcher._target_.endswith("BasicLauncher"):
+        return thread_count(asked)
+    if launcher._target_.endswith("JoblibLauncher"):
+        cores = thread_count(0)
+        width = launcher.n_jobs if launcher.n_jobs > 0 else max(1, cores + 1 + launcher.n_jobs)
+        return int(max(1, min(asked, cores // width)))
+    return max(1, asked)
+
+
+class _WithoutHydrasWords:
+    """Standard error without what Hydra says before it raises what a job raised, which is told once, by us."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        return len(text) if text.startswith(_HYDRAS_WORDS) else self._stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextmanager
+def _as_command_line(verb: str, arguments: list[str], stamp: str) -> Iterator[None]:
+    """What Hydra reads: the argument list, and a wish to have errors raised instead of printed."""
+    told = {STAMP: stamp, "HYDRA_FULL_ERROR": "1"}
+    argv, environment = sys.argv, {name: os.environ.get(name) for name in told}
+    sys.argv = [f"epuckhebb {verb}", *arguments]
+    os.environ.update(told)
+    try:
+        yield
+    finally:
+        sys.argv = argv
+        for name, value in environment.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def _workers_that_end_with_us() -> Iterator[None]:
+    """Have each worker of joblib's watch, before its first job, whether this process is there: launchers cannot.
+
+    A worker that waits for a job would wait for five minutes more, and hold the terminal's pipe.
+    """
+    from joblib.parallel import BACKENDS, register_parallel_backend
+
+    loky = BACKENDS["loky"]
+    register_parallel_backend("loky", functools.partial(loky, initializer=end_with, initargs=(os.getpid(),)))
+    try:
+        yield
+    finally:
+        register_parallel_backend("loky", loky)

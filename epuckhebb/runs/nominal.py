@@ -1,0 +1,133 @@
+"""Makes what a champion remembers of its training world: nominal statistics, and a memory for self-checks."""
+
+from collections.abc import Callable
+from typing import TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.analysis.self_checks import Checks, self_checks
+from epuckhebb.config.names import maze_asked, scenario_of
+from epuckhebb.config.schema import EvaluateConfig
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.resources import data_folder
+from epuckhebb.sim.adaptation.baseline import REPEATS, Baseline, Lived, baseline_of, live_at_home, remember
+from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, can_check_itself, remember_self
+from epuckhebb.sim.network import Network
+from epuckhebb.sim.scenario import TRAINED, Scenario
+from epuckhebb.sim.session import LostRobotError
+from epuckhebb.store.genome import Genome
+
+_Memory = TypeVar("_Memory", Baseline, SelfMemory)
+_made: dict[tuple[object, ...], Baseline | SelfMemory] = {}
+_MOST_MADE = 256  # a self-check's memory takes 0.2 MB
+
+
+def baseline_for(
+    genome: Genome, config: EvaluateConfig, threads: int, report: Callable[[str], None] = lambda _: None
+) -> Baseline | None:
+    """The nominal statistics of a genome at the wheel gain of an evaluation; None if no adaptation needs them.
+
+    They are in the champion's file, or are measured in the training world again; then `report` is given a sentence.
+    """
+    if not any(controller.adaptation.needs_baseline for controller in config.controllers):
+        return None
+    gain = config.lifetime.gain_rad_s
+    baseline = _remembered(
+        genome,
+        config,
+        genome.baseline,
+        missing_baseline(config, genome.baseline),
+        lambda home: remember(genome.weights, home, gain, threads, genome.network),
+        report,
+    )
+    was_known = genome.baseline is not None and genome.baseline.gain_rad_s == gain
+    signals = {controller.adaptation.change_signal for controller in config.controllers}
+    if "lateness" in signals and not was_known and np.isnan(baseline.time_to_goal_s).all():
+        raise ConfigError(
+            f"adaptation.change_signal=lateness needs a time to the goal to remember, and genome={genome.name} "
+            f"reached neither goal in {baseline.scenario}; give a champion that does, or change_signal=novelty or "
+            "shortfall"
+        )
+    return baseline
+
+
+def missing_baseline(config: EvaluateConfig, baseline: Baseline | None) -> str:
+    """Why nominal statistics must be measured again before adaptations can use them; nothing if they need not be."""
+    adaptations = [controller.adaptation for controller in config.controllers]
+    gain = config.lifetime.gain_rad_s
+    at_another = baseline is not None and baseline.gain_rad_s != gain and any(one.is_gated for one in adaptations)
+    if any(one.needs_baseline for one in adaptations) and (baseline is None or at_another):
+        return f"has no baseline at {gain:g} rad/s"
+    return ""
+
+
+def self_checks_for(
+    genome: Genome, config: EvaluateConfig, threads: int, report: Callable[[str], None] = lambda _: None
+) -> Checks | None:
+    """The self-checks of the lifetimes of an evaluation, like `baseline_for`; None if no adaptation needs them."""
+    if not any(controller.adaptation.self_check for controller in config.controllers):
+        return None
+    try:
+        memory = _remembered(
+            genome,
+            config,
+            genome.self_memory,
+            "has no memory for a self-check" if genome.self_memory is None else "",
+            lambda home: _self_memory(live_at_home(genome.weights, home, 1.0, threads, genome.network), home),
+            report,
+        )
+        return self_checks(memory, config.world, config.lifetime.noise, repeats=config.repeats, seed=config.seed)
+    except (ValueError, LostRobotError) as error:
+        raise error if isinstance(error, ConfigError) else ConfigError(str(error)) from error
+
+
+def _remembered(
+    genome: Genome,
+    config: EvaluateConfig,
+    known: _Memory | None,
+    missing: str,
+    make: Callable[[Scenario], _Memory],
+    report: Callable[[str], None],
+) -> _Memory:
+    """What a champion's file remembers, or if something is missing, what is made in its training world.
+
+    It is made once a process: the jobs of a sweep ask for the same again and again.
+    """
+    experiment = config.world.experiment
+    if known is not None and known.experiment != experiment:
+        raise ConfigError(
+            f"genome={genome.name} remembers {known.scenario}, a world of the {known.experiment} experiment; it "
+            f"cannot tell what is new in a scenario of the {experiment} experiment. Give a champion of that "
+            "experiment, or adaptation=none"
+        )
+    if known is not None and not missing:
+        return known
+    report(f"genome={genome.name} {missing}: it runs {REPEATS} lifetimes a side in {TRAINED[experiment]} first.")
+    home = training_world(config)
+    key = (missing, genome.sha256, genome.network, repr(home))
+    if key not in _made:
+        if len(_made) >= _MOST_MADE:
+            _made.clear()
+        _made[key] = make(home)
+    return cast(_Memory, _made[key])
+
+
+def training_world(config: EvaluateConfig) -> Scenario:
+    """The world in which controllers of this experiment are evolved, in the maze of the evaluation, for its robot."""
+    maze = maze_asked(config.scenario.name, config.maze)
+    world = scenario_of(TRAINED[config.world.experiment], [data_folder("conf")], maze, config.robot)
+    assert world is not None  # the program has these files
+    return world
+
+
+def remember_training_world(
+    weights: NDArray[np.float64], world: Scenario, threads: int, network: Network
+) -> tuple[Baseline, SelfMemory | None]:
+    """What a champion remembers of its training world; nothing for a self-check that its robot cannot do there."""
+    sides = live_at_home(weights, world, threads=threads, network=network)
+    return baseline_of(sides, world, 1.0), _self_memory(sides, world) if can_check_itself(world) else None
+
+
+def _self_memory(sides: list[Lived], world: Scenario) -> SelfMemory:
+    return remember_self(world, [samples.sensors for side in sides for _, samples in side])

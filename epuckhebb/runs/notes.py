@@ -1,0 +1,74 @@
+"""What a reader of an evaluation's table must know so as not to misread it: a line for each thing."""
+
+import functools
+from dataclasses import asdict
+
+import pandas as pd
+
+from epuckhebb.config.names import scenario_of
+from epuckhebb.config.schema import EvaluateConfig
+from epuckhebb.runtime.resources import data_folder
+from epuckhebb.sim.controller import HEBBIAN
+from epuckhebb.sim.scenario import EXPERIMENTS, TRAINED, Scenario
+from epuckhebb.store.disk import REFERENCE
+from epuckhebb.store.genome import Genome, load_genome
+
+
+def notes_of(genome: Genome, config: EvaluateConfig) -> list[str]:
+    """The notes on an evaluation of this genome; `provenance.json`, tables and the replay page have them."""
+    here, named = config.scenario.name, config.changed
+    rates = [float(one.rule.N) for one in config.controllers if one.name == HEBBIAN]
+    told = [showcase(genome, "" if named else here, rates[0] if rates else 0.0), _other_experiment(genome, config)]
+    return [note for note in told if note]
+
+
+def showcase(genome: Genome, scenario: str = "", rate: float = 0.0) -> str:
+    """That a genome is a bundled showcase, and how many champions show the pattern that it shows; nothing of others.
+
+    The pattern: a champion fails without plasticity on one side at least, and succeeds with it on both. Genes are
+    compared, so a copy of the bundled champion under any name is one, too.
+
+    scenario, rate: where, and with which N of the paper's rule, the pattern is counted in the reference results.
+    """
+    experiment = _showcases().get(genome.sha256)
+    if experiment is None:
+        return ""
+    known = pd.read_csv(data_folder("runs/reference") / "success.csv")
+    known = known[(known.experiment == experiment) & (known.side == "both")]
+    n = known.n.max()
+    here = known.set_index(["scenario", "controller", "N"]).gained
+    cell = (scenario, HEBBIAN, rate)
+    pattern = "chosen because it shows the paper's pattern"
+    if cell in here.index:
+        pattern = f"{here[cell]} of {n} champions fail in {scenario} without plasticity and succeed with N = {rate:g}"
+    return f"A showcase: {pattern}. All of them: -m genome={REFERENCE}_1,...,{REFERENCE}_{n}"
+
+
+@functools.cache
+def _showcases() -> dict[str, str]:
+    """The experiment of each bundled showcase, by the SHA-256 of its genes."""
+    return {load_genome(REFERENCE, experiment).sha256: experiment for experiment in EXPERIMENTS}
+
+
+def _other_experiment(genome: Genome, config: EvaluateConfig) -> str:
+    """What differs between the world of a champion's training and one of the other experiment."""
+    world = config.world
+    if not genome.experiment or genome.experiment == world.experiment:
+        return ""
+    trained = scenario_of(TRAINED[genome.experiment], [data_folder("conf")], config.maze, config.robot)
+    assert trained is not None  # the program has these files
+    before, now = _facts(trained), _facts(world)
+    differ = [f"{name} {value} -> {now[name]}" for name, value in before.items() if now[name] != value]
+    same = "" if "light" in " ".join(differ) else f"; the light, {now['light']}, is the same"
+    return (
+        f"This champion was evolved in {trained.name}, of the {trained.experiment} experiment; {config.scenario.name} "
+        f"is of the {world.experiment} experiment. They differ in {', '.join(differ)}{same}."
+    )
+
+
+def _facts(world: Scenario) -> dict[str, str]:
+    """What the experiments differ in, as text by its name."""
+    lamp = asdict(world.lamp)
+    facts = {"light": world.light, "N": world.paper_N, "duration_s": world.paper_duration_s}
+    facts |= {f"lamp.{name}": lamp[name] for name in lamp}
+    return {name: f"{value:g}" for name, value in facts.items()}

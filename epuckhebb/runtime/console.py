@@ -1,0 +1,91 @@
+"""Where the program speaks: standard output and standard error, whatever they can show and whether or not one reads."""
+
+import os
+import sys
+import textwrap
+import traceback
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from io import TextIOWrapper
+from typing import IO
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+_GAP = 2  # characters between the columns of a table
+_LEAST = 10  # characters that a column of text needs
+_HEADING = 8  # characters of a heading's line above narrower figures
+
+
+class Terminal(Console):
+    """Standard output, or standard error, for a reader; who stops reading does not stop the work."""
+
+    def __init__(self, *, stderr: bool = False) -> None:
+        """Write names as they are: nothing in them is an emoji. A notebook gets the lines that a file would get."""
+        super().__init__(stderr=stderr, highlight=not stderr, emoji=False, force_jupyter=False)
+
+    @property
+    def is_watched(self) -> bool:
+        """Whether it is a terminal, where a bar can move; `FORCE_COLOR`, as in a notebook, makes a log none."""
+        return self.file.isatty()
+
+    def on_broken_pipe(self) -> None:
+        """Say nothing more."""
+        fall_silent(self.file)
+
+
+def fall_silent(stream: IO[str]) -> None:
+    """Let nothing come of what else is written to a stream that nobody reads, at the end of the program too."""
+    with suppress(OSError, ValueError):  # a stream of a test has no number
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def is_of_output(error: BaseException) -> bool:
+    """Whether an error arose where something was printed: the device that takes it is full."""
+    module = ""
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        module = str(frame.f_globals.get("__name__"))
+    return module.partition(".")[0] in ("click", "rich", "typer")
+
+
+def show_what_can_be_shown() -> None:
+    """Let standard output have a `?` for each sign that its encoding does not have, as standard error has a code."""
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
+
+
+def print_line(console: Console, text: str) -> None:
+    """Print a line as it is, however long, so that it can be copied."""
+    console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def print_table(
+    console: Console, title: str, headings: Sequence[str], rows: Iterable[Iterable[object]], *, text: int = 1
+) -> None:
+    """Print a table no wider than the terminal; nothing in it is cut.
+
+    Args:
+        console: Where to print it.
+        title: A line above it; none if empty.
+        headings: A heading for each column.
+        rows: The cells of each row.
+        text: The number of leading columns with text, which may break into lines. The others hold figures: they end at
+            the right, and stay whole where the text has room beside them.
+    """
+    cells = [[Text(str(cell)) for cell in row] for row in rows]
+    widths = [max([_HEADING, *(row[k].cell_len for row in cells)]) for k in range(len(headings))]
+    whole = console.width - sum(width + _GAP for width in widths[text:]) >= text * _LEAST
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
+    for number, heading in enumerate(headings):
+        if number < text:
+            table.add_column(Text(heading), overflow="fold")
+        else:
+            lines = textwrap.wrap(heading, widths[number], break_long_words=False)
+            table.add_column(Text("\n".join(lines)), justify="right", no_wrap=whole, overflow="fold")
+    for row in cells:
+        table.add_row(*row)
+    if title:
+        console.print(Text(title, style="bold"))
+    console.print(table)

@@ -1,0 +1,125 @@
+"""Defines errors, exit codes and signals: how a call ends before its time."""
+
+import difflib
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+JOB_FAILED, USAGE, INTERRUPTED = 1, 2, 130  # exit codes
+_PATIENCE_S = 1.5
+_LOOK_S = 0.5  # between two looks at whether the parent is there
+
+at_work: list[Callable[[], str]] = []  # for each folder at work: closes it, and returns what an interruption leaves
+_asked = threading.Event()  # a signal has asked this program to end
+
+
+class ConfigError(ValueError):
+    """A value, a file or a folder cannot be used; the message names it, what was given and what is allowed."""
+
+
+class JobFailedError(RuntimeError):
+    """A run began and could not be finished; the message says which and why."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A question to put into a message before what is allowed; nothing if no name is near."""
+    return "".join(f"did you mean {one}? " for one in near(name, known, 1))
+
+
+def near(name: str, known: Iterable[str], most: int = 3) -> list[str]:
+    """The names that are like one that is not known, the likest first, whether they have capitals or not."""
+    as_written = {one.lower(): one for one in known}
+    return [as_written[one] for one in difflib.get_close_matches(name.lower(), as_written, n=most)]
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Make Ctrl-C, and a wish that the program end, end it within two seconds, whatever its threads are busy with.
+
+    Where tidying up takes long (a block of long lifetimes, a compiler), the process ends without it. That is as safe
+    as being killed, which is safe at any moment: every file of a run is whole or not there. A signal that is ignored,
+    as `nohup` has it, stays so; so does one that comes while the program is ending. What a library makes of an
+    interruption in its middle, an error of its own, is an interruption.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    timer = threading.Timer(_PATIENCE_S, _leave)
+    timer.daemon = True
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        if not _asked.is_set():
+            _asked.set()
+            timer.start()
+            signal.default_int_handler(number, frame)
+
+    before = {number: signal.signal(number, stop) for number in _asking()}
+    try:
+        yield
+    except Exception as error:
+        if not _asked.is_set():
+            raise
+        raise KeyboardInterrupt from error
+    finally:
+        timer.cancel()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        _asked.clear()  # only now: a signal on the way out must not start the timer again
+
+
+def is_interruption(error: BaseException) -> bool:
+    """Whether an error comes of a signal that asked this program to end."""
+    return isinstance(error, KeyboardInterrupt) or (_asked.is_set() and isinstance(error, Exception))
+
+
+def leave_when_asked() -> None:
+    """End the program at once when a signal asks for it, as long as nothing has begun and after all has ended."""
+
+    def leave(*_: object) -> None:
+        sys.stderr.write(f"\nError: {interrupted('')}\n")
+        sys.stderr.flush()
+        os._exit(INTERRUPTED)
+
+    for number in _asking():
+        signal.signal(number, leave)
+
+
+def _asking() -> list[int]:
+    """The signals that ask this program to end: not those that it was told to ignore, as `nohup` does."""
+    known = (getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP"))  # Windows has no SIGHUP
+    return [number for number in known if number is not None and signal.getsignal(number) is not signal.SIG_IGN]
+
+
+def end_with(parent: int) -> None:
+    """Let this process end when its parent does, however that ends: a worker must not outlive who started it.
+
+    parent: the process that started this one; where the system has given this one another parent, it has ended.
+    """
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_LOOK_S)
+        os._exit(INTERRUPTED)
+
+    if "watch" not in (thread.name for thread in threading.enumerate()):
+        threading.Thread(target=watch, name="watch", daemon=True).start()
+
+
+def interrupted(told: str) -> str:
+    """The message of an interruption."""
+    return f"interrupted: {told}" if told else "interrupted"
+
+
+def _leave() -> None:
+    try:
+        told = [close() for close in list(at_work)]
+        show_cursor = "\x1b[?25h" if sys.stderr.isatty() else ""  # a live progress bar hides it
+        sys.stderr.write(f"{show_cursor}\nError: {interrupted(next(filter(None, told), ''))}\n")
+        sys.stderr.flush()
+    finally:
+        os._exit(INTERRUPTED)

@@ -1,0 +1,253 @@
+"""What the code of a function depends on: a digest of all of it, and whether it draws random numbers of its own.
+
+Code of Python, NumPy and numba is known by its version; all other code is read, whatever its module is called.
+"""
+
+import dis
+import functools
+import hashlib
+import random
+import re
+import sys
+import sysconfig
+import types
+from collections.abc import Callable, Iterable, Iterator
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+
+_PLAIN = (type(None), bool, int, float, complex, str, bytes, range, slice, type(...), np.generic, np.dtype)
+_LIBRARIES = [
+    Path(folder).resolve()
+    for folder in (sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib"), *np.__path__, *numba.__path__)
+]
+_OURS = Path(__file__).resolve().parents[1]
+_INSTALLED = ("site-packages", "dist-packages")  # folders that may lie below that of the standard library
+_NOTHING = object()
+
+
+class UnknownPartError(ValueError):
+    """A function uses an object that a digest cannot tell from another one."""
+
+
+def digest(function: Callable[..., Any]) -> str:
+    """Sixteen hexadecimal digits that name a function by its code and by all that it calls or reads, recursively.
+
+    What counts is the bytecode and the values that global names and closures have now, not the text of a file.
+
+    Raises:
+        UnknownPartError: it uses an object whose content cannot be read.
+    """
+    content = hashlib.sha256(f"numba {numba.__version__} numpy {np.__version__} python {sys.version_info[:2]}".encode())
+    numbered: dict[int, int] = {}
+
+    def add(text: object) -> None:
+        content.update(str(text).encode())
+
+    def take(value: object) -> None:
+        python = python_of(value)
+        if python is not None and python is not value:
+            add(f"{type(value).__name__} {_options(value)}")
+            take(python)
+        elif isinstance(value, types.ModuleType):
+            if not _is_known_module(value):
+                raise UnknownPartError(f"what is used of module {value.__name__} cannot be read")
+            add(value.__name__)
+        elif isinstance(value, types.FunctionType) and _is_known(value.__code__.co_filename):
+            add(f"{value.__module__}.{value.__qualname__}")
+        elif isinstance(value, types.FunctionType):
+            new = id(value) not in numbered
+            add(f"function {numbered.setdefault(id(value), len(numbered))}")
+            if new:
+                take_function(value)
+        elif isinstance(value, np.ndarray) and not value.dtype.hasobject:
+            add(f"{value.dtype}{value.shape}")
+            content.update(value.tobytes())
+        elif isinstance(value, tuple | list | dict):
+            items = list(value.items() if isinstance(value, dict) else value)
+            add(f"{len(items)}{getattr(value, '_fields', '')}(")
+            for item in items:
+                take(item)
+        elif isinstance(value, set | frozenset):
+            add(sorted(map(repr, value)))
+        elif isinstance(value, type):
+            take_class(value)
+        elif isinstance(value, (*_PLAIN, Enum, numba.types.Type)):
+            add(f"{type(value).__name__} {value!r}")
+        elif _is_of_a_library(value):
+            add(f"{value.__module__}.{value.__qualname__}")  # type: ignore[attr-defined]
+        else:
+            raise UnknownPartError(f"{value!r} cannot be told from another {type(value).__name__}")
+
+    def take_class(kind: type) -> None:
+        if _is_known_module(kind.__module__):
+            add(f"{kind.__module__}.{kind.__qualname__}")
+        elif issubclass(kind, tuple | Enum | BaseException):
+            add(f"{kind.__qualname__}{getattr(kind, '_fields', '')}{list(kind) if issubclass(kind, Enum) else ''}")
+        else:
+            raise UnknownPartError(f"what methods class {kind.__qualname__} has cannot be read")
+
+    def take_function(python: types.FunctionType) -> None:
+        take_code(python.__code__, python.__doc__)
+        take([python.__defaults__ or (), python.__kwdefaults__ or {}])
+        for value in _used(python):
+            take(value)
+
+    def take_code(code: types.CodeType, docstring: str | None = None) -> None:
+        content.update(code.co_code + repr((code.co_names, code.co_varnames, code.co_freevars)).encode())
+        for constant in code.co_consts:
+            if isinstance(constant, types.CodeType):
+                take_code(constant)
+            elif not (isinstance(constant, str) and constant == docstring):  # it says nothing about the result
+                take(constant)
+
+    take(function)
+    return content.hexdigest()[:16]
+
+
+def python_of(value: Any) -> types.FunctionType | None:
+    """The Python function that an object is, or that numba compiles for it; None if there is none.
+
+    numba's objects are those of `@njit`, `@vectorize`, `@guvectorize`, `@cfunc` and `@intrinsic`.
+    """
+    if not isinstance(value, types.FunctionType) and _is_known_module(type(value).__module__):
+        value = getattr(value, "__wrapped__", None)
+    return value if isinstance(value, types.FunctionType) else None
+
+
+def _options(value: Any) -> str:
+    """How numba is to compile an object: its options, and the types that it is restricted to.
+
+    Raises:
+        UnknownPartError: an option is an object whose content cannot be read.
+    """
+    inner = getattr(value, "_dispatcher", value)  # of @vectorize and @guvectorize
+    compiler = getattr(inner, "_compiler", None)
+    found = [
+        sorted(getattr(compiler, "targetoptions", {}).items()),
+        getattr(compiler, "locals", None),
+        [getattr(value, name, None) for name in ("_sig", "signature", "identity", "_ctor_kwargs")],
+        [] if getattr(inner, "_can_compile", True) else inner.signatures,
+        value.types if getattr(value, "_frozen", False) else [],
+    ]
+    if " at 0x" in repr(found):
+        raise UnknownPartError(f"the options of {value!r} cannot be read")
+    return repr(found)
+
+
+def random_generator(function: Callable[..., Any]) -> str | None:
+    """The generator of random numbers that a function, or one that it calls, draws from, such as `np.random`.
+
+    Its state is not a lifetime's, so no run could be repeated. None if there is no such generator.
+    """
+    seen: set[types.FunctionType] = set()
+    waiting = [python_of(function)]
+    while waiting:
+        python = waiting.pop()
+        if (
+            python is None
+            or python in seen
+            or _is_known(python.__code__.co_filename)
+            or Path(python.__code__.co_filename).resolve().is_relative_to(_OURS)
+        ):
+            continue
+        seen.add(python)
+        for value in _loaded(python.__code__, python):
+            drawn = getattr(value, "__self__", value)
+            if drawn is random or isinstance(drawn, random.Random):
+                return "random"
+            if drawn is np.random or isinstance(drawn, np.random.RandomState):
+                return "np.random"
+            waiting.append(python_of(value))
+    return None
+
+
+def _loaded(code: types.CodeType, python: types.FunctionType) -> Iterator[Any]:
+    """The values that code of a function loads by global names and from its closure, and what it takes of modules.
+
+    For what is no global, as the functions that Python has, that is its name.
+    """
+    cells = dict(zip(python.__code__.co_freevars, python.__closure__ or (), strict=True))
+    value: Any = _NOTHING
+    for step in dis.get_instructions(code):
+        if step.opname in ("EXTENDED_ARG", "PUSH_NULL"):
+            continue
+        if isinstance(value, types.ModuleType) and step.opname in ("LOAD_ATTR", "LOAD_METHOD"):
+            value = getattr(value, step.argval, step.argval)
+            continue
+        if value is not _NOTHING:
+            yield value
+        value = _NOTHING
+        if step.opname == "LOAD_GLOBAL":
+            value = python.__globals__.get(step.argval, step.argval)
+        elif step.opname == "LOAD_DEREF" and step.argval in cells:
+            value = cells[step.argval].cell_contents
+    for constant in code.co_consts:
+        if isinstance(constant, types.CodeType):
+            yield from _loaded(constant, python)
+
+
+def _used(python: types.FunctionType) -> Iterable[Any]:
+    """The values that a function uses, or might use; to read all steps of its code takes long, and is seldom needed."""
+    names = _names(python.__code__) & python.__globals__.keys()
+    used = {name: python.__globals__[name] for name in sorted(names)}
+    used |= {f"closure {place}": cell.cell_contents for place, cell in enumerate(python.__closure__ or ())}
+    simple = (types.FunctionType, np.ndarray, *_PLAIN)
+    if all(isinstance(one, simple) or _is_known_module(one) for one in used.values()):
+        return used.items()
+    return _loaded(python.__code__, python)
+
+
+def _names(code: types.CodeType) -> set[str]:
+    """The global names and attributes that a code object, and those inside it, mention."""
+    inner = (constant for constant in code.co_consts if isinstance(constant, types.CodeType))
+    return set(code.co_names).union(*map(_names, inner))
+
+
+def _is_of_a_library(value: Any) -> bool:
+    """Whether an object is a function of Python or NumPy that is written in C."""
+    if isinstance(value, np.ufunc):  # numba can make one of a user's function
+        return getattr(np, value.__name__, None) is value
+    callable_of_a_module = isinstance(getattr(value, "__qualname__", None), str) and callable(value)
+    bound = getattr(value, "__self__", None)
+    return (
+        callable_of_a_module
+        and (bound is None or isinstance(bound, types.ModuleType))
+        and _is_known_module(type(value).__module__)
+        and _is_known_module(getattr(value, "__module__", None))
+    )
+
+
+def _is_known_module(module: Any) -> bool:
+    """Whether this is a module, or the name of one, of a library that is known by its version."""
+    if isinstance(module, str):
+        module = sys.modules.get(module)
+    if not isinstance(module, types.ModuleType):
+        return False
+    file = getattr(module, "__file__", None)
+    return module.__name__ in sys.builtin_module_names if file is None else _is_known(file)
+
+
+def is_installed(file: Path) -> bool:
+    """Whether a file or folder is of this program, of Python or of an installed package.
+
+    Packages may be installed into any folder; there a record tells of them.
+    """
+    place = file.resolve()
+    if _is_known(str(place)) or place.is_relative_to(_OURS) or set(_INSTALLED) & set(place.parts):
+        return True
+    records = (record.read_text(encoding="utf-8") for record in place.parent.glob("*.dist-info/RECORD"))
+    return any(re.search(rf"^{re.escape(place.name)}[/,]", text, re.MULTILINE) for text in records)
+
+
+@functools.cache
+def _is_known(file: str) -> bool:
+    """Whether a file is of a library that is known by its version."""
+    if file.startswith("<frozen "):
+        return True
+    place = Path(file).resolve()
+    below = [place.relative_to(folder).parts for folder in _LIBRARIES if place.is_relative_to(folder)]
+    return any(not set(_INSTALLED) & set(parts) for parts in below)

@@ -1,0 +1,94 @@
+"""The compiled lifetime: `lifetime.live` with the parts of a robot, a network, a rule, an adaptation and a task."""
+
+from typing import Any
+
+from epuckhebb.sim import faults
+from epuckhebb.sim.adaptation import adaptation
+from epuckhebb.sim.compiled import kernel, with_parts
+from epuckhebb.sim.lifetime import decide, live
+from epuckhebb.sim.network import Network, forward_pass
+from epuckhebb.sim.physics import mover
+from epuckhebb.sim.plasticity.rule import NoRule, Rule
+from epuckhebb.sim.plasticity.update import modulation_of, update_of
+from epuckhebb.sim.random import normal_numbers
+from epuckhebb.sim.robot import Robot
+from epuckhebb.sim.senses import blinding, largest_distance_reading, senses
+from epuckhebb.sim.task import Task
+from epuckhebb.sim.tasks.trial import ONE_TRIAL
+
+_kernels: dict[tuple[object, ...], Any] = {}  # those that this process has used
+
+
+def kernel_of(
+    rule: type[Rule],
+    change_signal: str,
+    network: Network,
+    robot: Robot,
+    *,
+    follows_walls: bool = False,
+    self_check: bool = False,
+    homeostatic: bool = False,
+    more_faults: bool = False,
+    task: Task = ONE_TRIAL,
+) -> Any:
+    """`live` with these parts, compiled or from the cache.
+
+    more_faults: whether it knows more faults than dead sensors and weak wheels. task: only its kind matters.
+
+    Raises:
+        ValueError: the rule asks for something unknown, the network does not fit the robot and the task, or
+            the robot cannot do what the adaptation asks of it.
+    """
+    hooks = adaptation.hooks(
+        change_signal,
+        robot,
+        network.post[0],
+        follows_walls=follows_walls,
+        self_check=self_check,
+        homeostatic=homeostatic,
+    )
+    place = (rule, hooks, network, robot, more_faults, type(task))
+    if place not in _kernels:
+        _kernels[place] = _made(rule, hooks, network, robot, more_faults, task)
+    return _kernels[place]
+
+
+def _made(
+    rule: type[Rule], hooks: adaptation.Hooks, network: Network, robot: Robot, more_faults: bool, task: Task
+) -> Any:
+    check_inputs(network, robot, task)
+    parts = {
+        "WHEELS": network.wheels,
+        "HAS_RULE": rule is not NoRule,
+        "HAS_TRIALS": task.has_trials,
+        "sense": senses(robot),
+        "blind": blinding(robot),
+        "nearest": largest_distance_reading(robot),
+        "draw_noise": normal_numbers(robot.inputs),
+        "forward": forward_pass(network),
+        "learn": update_of(rule, network),
+        "modulate": modulation_of(rule, network),
+        **hooks._asdict(),
+        **faults.hooks(robot, more_faults)._asdict(),
+        **task.hooks(robot.inputs)._asdict(),
+        "move": mover(robot),
+    }
+    return kernel(live, decide=with_parts(decide, **parts), **parts)
+
+
+def check_inputs(network: Network, robot: Robot, task: Task) -> None:
+    """Check that a network fits the readings of a robot and the reward of its task.
+
+    Raises:
+        ValueError: it does not fit.
+    """
+    wanted = robot.inputs + task.input_count
+    reward = f" and the reward of task={task.name}" if task.tells_reward else ""
+    if network.inputs != wanted:
+        raise ValueError(
+            f"network.layers must begin with {wanted}, the readings of robot {robot.name}{reward}, got "
+            f"{list(network.layers)}"
+        )
+    if network.rewarded != task.tells_reward:
+        other = "tells" if network.rewarded else "does not tell"
+        raise ValueError(f"the last input of the network {other} a reward, and task={task.name} has it otherwise")

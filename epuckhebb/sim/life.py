@@ -1,0 +1,373 @@
+"""The records of a lifetime: its settings, what it begins with, what it carries, what is recorded, and its outcome.
+
+`epuckhebb.sim.lifetime` has the equations, which read and write these records.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.adaptation.adaptation import AdaptationRoom, Gate, adaptation_room
+from epuckhebb.sim.adaptation.change_signal import BaselineOfSide
+from epuckhebb.sim.faults import Faults
+from epuckhebb.sim.light import Lights
+from epuckhebb.sim.maze import Region
+from epuckhebb.sim.network import OUTPUTS, Network
+from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
+from epuckhebb.sim.random import room_for_noise
+from epuckhebb.sim.robot import STEP_S, Robot
+from epuckhebb.sim.senses import SenseWorkspace, sense_workspace
+from epuckhebb.sim.task import NO_TRIALS
+
+_LONGEST_S = 1e9  # 31 years: more is surely a slip
+
+TALLY = np.dtype(
+    [
+        ("step", np.int64),  # done so far
+        ("contacts", np.int64),  # steps with a distance reading above 0.8
+        ("arrived", np.bool_),  # whether the robot ever was at its goal
+        ("lost", np.bool_),  # whether its pose stopped making sense
+        ("junction", np.float64),  # 1 once it has been in the correct arm
+        ("undirected_sum", np.float64),  # of combined fitness without the junction term
+        ("behaviour_sum", np.float64),  # of combined fitness
+        ("weight_change", np.float64),  # sum of |W - W_gene|
+        ("weight_change_sum", np.float64),
+        ("scale", np.float64),  # of the weights from the light sensors, by homeostasis
+        ("scaling", np.float64),  # sum of |W - W_gene| that it amounts to
+        ("path_length", np.float64),  # m
+        ("goal_distance", np.float64),  # m
+        ("time_to_goal", np.float64),  # s, nan until it arrives
+        ("need", np.float64),  # g of the last step
+        ("change_signal", np.float64),  # nan without a signal
+        ("away_s", np.float64),  # since the start, or since it was at the goal
+        ("late_s", np.float64),  # for how long the signal of change has been above its threshold
+        ("noise_left", np.float64),  # on the wheels' outputs, of exploration
+        ("noise_right", np.float64),
+        ("left_speed", np.float64),  # rad/s at which the wheels move the robot
+        ("right_speed", np.float64),
+        ("trial", np.int64),  # its number, from 0, where a lifetime is many trials
+        ("began", np.int64),  # the step with which it began
+        ("time_outs", np.int64),  # trials that were over without an arrival
+        ("reward", np.float64),  # as the network receives it
+        ("over", np.bool_),  # whether all trials are over
+    ],
+    align=True,
+)
+_INITIAL_TALLY = np.zeros(1, TALLY)
+_INITIAL_TALLY["time_to_goal"], _INITIAL_TALLY["change_signal"] = math.nan, math.nan
+_INITIAL_TALLY["need"], _INITIAL_TALLY["scale"] = 1.0, 1.0
+
+
+@dataclass(kw_only=True)
+class Lifetime:
+    """How a lifetime is run.
+
+    duration_s: its length [s]. gain_rad_s: wheel speed [rad/s] of a network output of 1. noise: 1 for the sensors' own
+    noise, 0 for none, other values scale it. record_every: steps between two recorded samples, 0 to record nothing.
+
+    Raises:
+        ValueError: a value is outside the range named in the message.
+    """
+
+    duration_s: float = 250.0
+    gain_rad_s: float = 1.0
+    noise: float = 1.0
+    record_every: int = 0
+
+    def __post_init__(self) -> None:
+        """Validate the settings."""
+        if not STEP_S <= self.duration_s <= _LONGEST_S:
+            raise ValueError(
+                f"lifetime.duration_s must be at least one step, {STEP_S} s, and at most {_LONGEST_S:g} s, "
+                f"got {self.duration_s}"
+            )
+        if not (math.isfinite(self.gain_rad_s) and self.gain_rad_s > 0):
+            raise ValueError(f"lifetime.gain_rad_s must be more than 0, got {self.gain_rad_s}")
+        if not (math.isfinite(self.noise) and self.noise >= 0):
+            raise ValueError(f"lifetime.noise must be 0 or more, got {self.noise}")
+        if not 0 <= self.record_every <= _LONGEST_S / STEP_S:
+            raise ValueError(
+                f"lifetime.record_every must be 0 or more, and at most the steps of {_LONGEST_S:g} s, "
+                f"got {self.record_every}"
+            )
+
+    @property
+    def steps(self) -> int:
+        """Whole control steps of 32 ms in the lifetime."""
+        return math.floor(self.duration_s / STEP_S + 1e-9)
+
+
+class Workspace(NamedTuple):
+    """Arrays that a step fills and nobody reads afterwards; lifetimes that run one after the other may share them."""
+
+    senses: SenseWorkspace
+    noise: NDArray[np.float64]
+    drive: NDArray[np.float64]
+    synapses: NDArray[np.float64]
+    change: NDArray[np.float64]
+
+
+def workspace_for(network: Network, robot: Robot) -> Workspace:
+    """Workspace for this network and robot."""
+    return Workspace(
+        senses=sense_workspace(robot),
+        noise=np.zeros(room_for_noise(robot.inputs)),
+        drive=np.empty(max(network.post)),
+        synapses=np.empty((3, network.synapses)),
+        change=np.empty(weight_change_room(network)),
+    )
+
+
+class Genotype(NamedTuple):
+    """What a lifetime begins with and never changes.
+
+    weights: (synapses,), the genes. synapse_state: (synapses,) records, the initial state of each synapse.
+    coefficients: (names, synapses) evolved parameters of the rule. modulatory: weights of its modulatory neuron, none
+    if it has none. lengths: (neurons,) of each neuron's incoming weights, none if the rule does not keep them. signs:
+    (synapses,) of the updates.
+    """
+
+    weights: NDArray[np.float64]
+    synapse_state: NDArray[np.void]
+    coefficients: NDArray[np.float64]
+    modulatory: NDArray[np.float64]
+    lengths: NDArray[np.float64]
+    signs: NDArray[np.float64]
+
+
+class Life(NamedTuple):
+    """All that a lifetime carries from step to step, but for the pymunk space in which the robot stands.
+
+    tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records. activation: (neurons,).
+    adaptation: what it carries. trials: records of `epuckhebb.sim.task.TRIAL`, none where a lifetime is one trial.
+    """
+
+    tally: NDArray[np.void]
+    weights: NDArray[np.float64]
+    synapse_state: NDArray[np.void]
+    activation: NDArray[np.float64]
+    adaptation: AdaptationRoom
+    trials: NDArray[np.void]
+    workspace: Workspace
+
+
+def initial_life(
+    genotype: Genotype,
+    network: Network,
+    robot: Robot,
+    workspace: Workspace | None = None,
+    adaptation: AdaptationRoom | None = None,
+    trials: NDArray[np.void] = NO_TRIALS,
+) -> Life:
+    """A lifetime before its first step.
+
+    workspace, adaptation: arrays to use; None for new ones, without corrections. trials: those of its task.
+
+    Raises:
+        ValueError: the genes are not as many as the network has weights.
+    """
+    if genotype.weights.shape != (network.synapses,) or genotype.signs.shape != (network.synapses,):
+        raise ValueError(
+            f"a network of layers {network} has {network.synapses} weights, got {genotype.weights.shape[0]} genes and "
+            f"{genotype.signs.shape[0]} signs"
+        )
+    activation = np.zeros(network.neurons)
+    activation[network.bias] = 1.0
+    return Life(
+        tally=_INITIAL_TALLY.copy(),
+        weights=genotype.weights.copy(),
+        synapse_state=genotype.synapse_state.copy(),
+        activation=activation,
+        adaptation=adaptation_room(robot) if adaptation is None else adaptation,
+        trials=trials,
+        workspace=workspace_for(network, robot) if workspace is None else workspace,
+    )
+
+
+class Trial(NamedTuple):
+    """What the robot is to do, and what is wrong with it.
+
+    goal_x, goal_y, goal_radius: m. arm: the region in which it has turned the right way. arena: m, half side.
+    faults: what is wrong. terms: the numbers of its task, a tuple of a type of their own.
+    """
+
+    goal_x: float
+    goal_y: float
+    goal_radius: float
+    arm: Region
+    arena: float
+    faults: Faults
+    terms: tuple[Any, ...] = ()
+
+
+class Plasticity(NamedTuple):
+    """The settings of a rule and of an adaptation, as numbers.
+
+    rate: N at the wheel gain of this lifetime. floor, signal: of the live fitness. numbers: all settings of the rule.
+    gate: of the adaptation.
+    """
+
+    rate: float
+    floor: float
+    signal: int
+    numbers: tuple[float, ...]
+    gate: Gate
+
+
+class Samples(NamedTuple):
+    """What is recorded of a lifetime, every so many steps; first axis: samples.
+
+    time [s]; pose: x, y [m], heading [rad]; sensors: the network's inputs; motors: the 2 network outputs; fitness:
+    live F; change_signal: nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|, that of homeostasis
+    included; weights: (samples, synapses), after the step's update, without the scale of homeostasis.
+    """
+
+    time: NDArray[np.float64]
+    pose: NDArray[np.float64]
+    sensors: NDArray[np.float64]
+    motors: NDArray[np.float64]
+    fitness: NDArray[np.float64]
+    change_signal: NDArray[np.float64]
+    rate: NDArray[np.float64]
+    weight_change: NDArray[np.float64]
+    weights: NDArray[np.float32]
+
+
+def empty_samples(count: int, network: Network) -> Samples:
+    """Arrays for so many samples."""
+
+    def numbers(*shape: int) -> NDArray[np.float64]:
+        return np.zeros((count, *shape))
+
+    return Samples(
+        time=numbers(),
+        pose=numbers(3),
+        sensors=numbers(network.inputs),
+        motors=numbers(OUTPUTS),
+        fitness=numbers(),
+        change_signal=np.full(count, np.nan),
+        rate=numbers(),
+        weight_change=numbers(),
+        weights=np.zeros((count, network.synapses), np.float32),
+    )
+
+
+def sample_bytes(network: Network) -> int:
+    """How many bytes of memory a sample takes."""
+    return sum(array.nbytes for array in empty_samples(1, network))
+
+
+def pad_samples(samples: Samples, life: Life, robot: Robot, record_every: int, pose: NDArray[np.float64]) -> None:
+    """Fill the samples after the end of a lifetime that was over early: the robot stands still where it was.
+
+    record_every: as in `live`. pose: x, y [m], heading [rad] at the end.
+    """
+    tally = life.tally[0]
+    after = slice(-(-int(tally["step"]) // record_every), None)
+    samples.time[after] = np.arange(len(samples.time))[after] * record_every * STEP_S
+    samples.pose[after], samples.weights[after] = pose[:3], life.weights
+    samples.sensors[after, : robot.inputs] = life.activation[: robot.inputs]  # and no reward
+    samples.weight_change[after] = tally["weight_change"] + tally["scaling"]
+
+
+class Setup(NamedTuple):
+    """What stays the same while a lifetime runs in one world.
+
+    nominal: what an adaptation compares with. lit: the lights. gain: wheel speed [rad/s] of a network output of 1.
+    noise_level: 1 for the sensors' own noise. key: of that noise. record_every: steps between two samples, 0 for none.
+    """
+
+    genotype: Genotype
+    plasticity: Plasticity
+    nominal: BaselineOfSide
+    lit: Lights
+    trial: Trial
+    gain: float
+    noise_level: float
+    key: np.uint64
+    record_every: int
+    samples: Samples
+
+
+class CalibrationRecord(NamedTuple):
+    """What a robot did and sensed in the calibration manoeuvre before its lifetime.
+
+    poses: (steps + 1, 3) x, y [m], heading [rad]. speeds: (steps, 2) commanded wheel speeds [rad/s]. readings: (steps,
+    inputs) as sensed.
+    """
+
+    poses: NDArray[np.float64]
+    speeds: NDArray[np.float64]
+    readings: NDArray[np.float64]
+
+
+def count_calibration(
+    life: Life, calibration: CalibrationRecord, gain: float, record_every: int, samples: Samples
+) -> None:
+    """Make a calibration manoeuvre the first steps of a lifetime: its time, its way and its samples count.
+
+    It is not scored: its live fitness is 0. gain, record_every, samples: as in `live`.
+    """
+    steps, inputs = calibration.readings.shape
+    tally = life.tally
+    tally["step"], tally["away_s"] = steps, steps * STEP_S
+    tally["path_length"] = np.hypot(*np.diff(calibration.poses[:, :2], axis=0).T).sum()
+    life.adaptation.recent[:inputs] = calibration.readings[-1]
+    if record_every:
+        recorded = np.arange(0, steps, record_every)
+        places = slice(0, len(recorded))
+        samples.time[places], samples.pose[places] = recorded * STEP_S, calibration.poses[recorded]
+        samples.sensors[places] = calibration.readings[recorded]
+        samples.motors[places] = calibration.speeds[recorded] / gain
+        samples.weights[places] = life.weights
+
+
+class Outcome(NamedTuple):
+    """The metrics of a lifetime.
+
+    time_to_goal: s, first time within 5 cm of the goal, nan if never. path_length: m. final_distance: m from the goal.
+    behaviour: mean combined fitness over the steps. reward: goal reward at the end. weight_change_mean,
+    weight_change_final: sum over weights of |W - W_gene|. contact_fraction: share of steps with a distance reading
+    above 0.8. success: whether the robot was within 5 cm of its goal at the last step. fitness: how well it did its
+    task; the paper's final fitness unless that is another. steps: done. saturated_fraction: share of the final weights
+    at their bound.
+    """
+
+    time_to_goal: float
+    path_length: float
+    final_distance: float
+    behaviour: float
+    reward: float
+    weight_change_mean: float
+    weight_change_final: float
+    contact_fraction: float
+    success: bool
+    fitness: float
+    steps: int
+    saturated_fraction: float
+
+    @property
+    def trials(self) -> NDArray[np.void]:
+        """The trials of the lifetime, records of `epuckhebb.sim.task.TRIAL`; none where it is one."""
+        return NO_TRIALS
+
+
+class OutcomeOfTrials(Outcome):
+    """The metrics of a lifetime of many trials."""
+
+    _trials: NDArray[np.void]
+
+    @property
+    def trials(self) -> NDArray[np.void]:
+        """See `Outcome`."""
+        return self._trials
+
+    @classmethod
+    def of(cls, outcome: Outcome, trials: NDArray[np.void]) -> "OutcomeOfTrials":
+        """The metrics of the whole lifetime, with its trials."""
+        made = cls(*outcome)
+        made._trials = trials
+        return made

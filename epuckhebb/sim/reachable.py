@@ -1,0 +1,88 @@
+"""Where in a maze a robot can get to, and how far it is from the walls."""
+
+from collections.abc import Mapping
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.maze import SIDES, Maze, Place, Side, boxes
+
+GRID = 0.002  # m: of the places that are looked at for a way to the goal
+_BYTES_PER_PLACE = 46.0  # of the grid, at most at one time
+_SPARE = 0.001  # m: the physics lets a robot sink into a wall by about so much
+
+
+def gap(x: float, y: float, walls: NDArray[np.float64]) -> float:
+    """Distance [m] from a point to the nearest box of `walls` (boxes, 4); 0 inside one."""
+    return float(_gaps(np.array([x]), np.array([y]), walls)[0, 0])
+
+
+def check_reachable(maze: Maze, goals: Mapping[Side, Place], obstacles: int, layout: int, radius: float) -> None:
+    """Check that a robot of this radius [m] can stand at the start of a maze and get to its goals.
+
+    Raises:
+        ValueError: the start is in a wall, or no way leads to a goal.
+    """
+    _check_reachable(boxes(maze, obstacles, layout).tobytes(), maze, tuple(goals[side] for side in SIDES), radius)
+
+
+@cache
+def _check_reachable(walls: bytes, maze: Maze, goals: tuple[Place, ...], radius: float) -> None:
+    placed = np.frombuffer(walls).reshape(-1, 4)
+    here = gap(*maze.start[:2], placed)
+    if here < radius - _SPARE:
+        raise ValueError(
+            f"maze.start = {maze.start.x:g}, {maze.start.y:g} of {maze.name} is in a wall or too near one: a robot of "
+            f"radius {radius:g} m has {here:.3f} m to the nearest"
+        )
+    axis, reached = reachable(maze, placed, radius)
+    for side, goal in zip(SIDES, goals, strict=True):
+        near = np.hypot(axis[:, None] - goal.x, axis[None, :] - goal.y) < maze.goal_radius_m
+        if not (reached & near).any():
+            raise ValueError(
+                f"the goal of the {side}, {goal.x:g}, {goal.y:g}, cannot be reached in maze {maze.name}: no way from "
+                f"the start is wide enough for a robot of radius {radius:g} m"
+            )
+
+
+def grid_bytes(arena_m: float) -> float:
+    """How many bytes of memory it takes, about, to look for a way to the goals in an arena of this half side [m]."""
+    return _BYTES_PER_PLACE * (2 * arena_m / GRID + 1) ** 2
+
+
+def reachable(maze: Maze, walls: NDArray[np.float64], radius: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Where the middle of a robot of this radius [m] can get to from the start, among these walls (boxes, 4).
+
+    Returns the places of a grid along X, which are those along Y too [m], and (x, y) whether each can be reached.
+    """
+    axis = np.arange(-maze.arena_m, maze.arena_m + GRID / 2, GRID)
+    free = _gaps(axis, axis, walls) >= radius - _SPARE
+    there = np.zeros_like(free)
+    there[tuple(np.rint((np.array(maze.start[:2]) + maze.arena_m) / GRID).astype(int))] = True
+    return axis, _flooded(free, there)
+
+
+def _gaps(x: NDArray[np.float64], y: NDArray[np.float64], walls: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distances (x, y) from points of a grid to the nearest box."""
+    nearest = np.full((len(x), len(y)), np.inf)
+    for left, right, bottom, top in walls:
+        beside = np.maximum(np.maximum(left - x, x - right), 0.0)
+        before = np.maximum(np.maximum(bottom - y, y - top), 0.0)
+        np.minimum(nearest, beside[:, None] ** 2 + before[None, :] ** 2, out=nearest)
+    distances: NDArray[np.float64] = np.sqrt(nearest)
+    return distances
+
+
+def _flooded(free: NDArray[np.bool_], there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """All free cells that can be reached from `there`, straight run by straight run."""
+    while True:
+        before = there.sum()
+        for axis in (0, 1):
+            walls_so_far = np.cumsum(~free, axis=axis)  # cells of one free run of a line share this number
+            lines = np.moveaxis(walls_so_far, axis, 1), np.moveaxis(there & free, axis, 1)
+            runs = lines[0] + np.arange(len(free))[:, None] * (free.shape[axis] + 1)
+            reached = np.bincount(runs.ravel(), weights=lines[1].ravel()) > 0
+            there = np.moveaxis(reached[runs], 1, axis) & free
+        if there.sum() == before:
+            return there

@@ -1,0 +1,283 @@
+"""A lifetime in progress: an individual in a world, run as many steps at a time as asked for.
+
+A lifetime that is run in pieces is bit-identical to the same lifetime run at once. `epuckhebb.sim.block` runs whole
+lifetimes; who wants to look at a robot, or to change its world, between two steps uses `Session`.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim import fitness
+from epuckhebb.sim.adaptation.adaptation import adaptation_room
+from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, check_baseline
+from epuckhebb.sim.adaptation.homeostasis import check_patterns
+from epuckhebb.sim.adaptation.self_check.corrections import Corrections, check_corrections
+from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.genome import WEIGHTS
+from epuckhebb.sim.life import (
+    CalibrationRecord,
+    Genotype,
+    Lifetime,
+    Outcome,
+    OutcomeOfTrials,
+    Setup,
+    count_calibration,
+    empty_samples,
+    initial_life,
+    pad_samples,
+)
+from epuckhebb.sim.light import lights
+from epuckhebb.sim.maze import Pose, Side
+from epuckhebb.sim.network import PAPER_NETWORK, Network, weights_at_birth
+from epuckhebb.sim.plasticity.errors import explained
+from epuckhebb.sim.plasticity.rule import (
+    BIRTH_RANGE,
+    Births,
+    coefficients,
+    modulatory_weights,
+    values_of,
+)
+from epuckhebb.sim.plasticity.update import lengths_at_birth
+from epuckhebb.sim.plasticity.weight_change import saturated_fraction
+from epuckhebb.sim.random import Stream, rng
+from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.stage import Kind, Phase, Stage, have_more_faults, trial_of
+
+_SUMS = ("behaviour_sum", "weight_change_sum", "path_length", "goal_distance")  # of a tally, from which outcomes come
+
+
+@dataclass(frozen=True, kw_only=True)
+class Individual:
+    """Who runs: genes, the network that they are for, a side, a controller, a noise key, a start.
+
+    task_key: of what its task draws; individuals that are compared have the same, and so have both sides.
+    genes: of all parts of the genome (`epuckhebb.sim.genome`), 234 in the paper. start: None where the maze has it.
+    signs: of the plastic updates, (synapses,), None for what the rule's sign says; shuffled ones must be given.
+    nominal: what an adaptation compares with. corrections: what a self-check found to correct, None for nothing.
+    calibration: the manoeuvre before its lifetime, if it is part of the lifetime. record: whether samples are kept.
+    """
+
+    genes: NDArray[np.float64]
+    side: Side
+    key: np.uint64
+    controller: Controller = GA_ALONE
+    network: Network = PAPER_NETWORK
+    start: Pose | None = None
+    task_key: int = 0
+    signs: NDArray[np.float64] | None = None
+    nominal: BaselineOfSide | None = None
+    corrections: Corrections | None = None
+    calibration: CalibrationRecord | None = None
+    record: bool = False
+
+
+class LostRobotError(ArithmeticError):
+    """A robot's pose or weights stopped being finite, or it left the arena, so nothing that it did means anything."""
+
+
+class Session:
+    """A lifetime in progress, run with `step`, in a world that `change` may replace at any time.
+
+    individual, lifetime: as given. world: the scenario as it is now. life, genotype: what the individual carries, and
+    what it began with. samples: what is recorded, of length 0 where nothing is.
+
+    stage: only for lifetimes that run one after the other and share one; without it, any number of sessions may be in
+    progress at once.
+
+    Raises:
+        ValueError: genes, network, robot and rule do not fit each other.
+    """
+
+    def __init__(
+        self, individual: Individual, world: Scenario, lifetime: Lifetime | None = None, *, stage: Stage | None = None
+    ) -> None:
+        self.individual, self.lifetime = individual, Lifetime() if lifetime is None else lifetime
+        self._stage = stage = Stage(world, self.lifetime) if stage is None else stage
+        self._phases = list(stage.phases)
+        self._kind = kind = stage.kind_of(individual.controller, individual.network, stage.more_faults)
+        self._first = first = self._phases[0].scenario
+        self.genotype = _genotype_of(individual, kind, first)
+        self._record_every = self.lifetime.record_every if individual.record else 0
+        adaptation = kind.unused
+        if adaptation is None or individual.corrections is not None:
+            adaptation = adaptation_room(first.robot, individual.corrections)
+        trials = first.task.trials_at_birth(individual.side, individual.task_key)
+        self.life = initial_life(self.genotype, individual.network, first.robot, kind.workspace, adaptation, trials)
+        self._tally = self.life.tally[0]  # a view of the record
+        self.samples = kind.no_samples
+        if self._record_every:
+            self.samples = empty_samples(-(-self.lifetime.steps // self._record_every), individual.network)
+        if individual.calibration is not None:
+            count_calibration(
+                self.life, individual.calibration, self.lifetime.gain_rad_s, self._record_every, self.samples
+            )
+        self._start = first.maze.start if individual.start is None else individual.start
+        self._space = self._phases[0].space
+        self._space.place_robot(self._start)
+        self._enter(self._phases.pop(0))
+
+    @property
+    def steps(self) -> int:
+        """How many steps have been run."""
+        return int(self._tally["step"])
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the lifetime has ended: its time is over, or all trials of its task are."""
+        return self.steps >= self.lifetime.steps or self._has_ended()
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot is."""
+        return Pose(*self._space.handles.state[:3].tolist())
+
+    def step(self, count: int = 1) -> int:
+        """Run so many steps, fewer if the lifetime ends before.
+
+        Returns:
+            How many were run.
+
+        Raises:
+            RuleError: the rule does not compile.
+            LostRobotError: a pose or a weight stopped being finite; the message says whose and when.
+        """
+        first = self.steps
+        last = min(first + count, self.lifetime.steps)
+        while (now := self.steps) < last and not self._has_ended():
+            while self._phases and self._phases[0].step <= now:
+                self._enter(self._phases.pop(0))
+            self._run(min(last, self._phases[0].step) if self._phases else last)
+        return now - first
+
+    def change(self, world: Scenario) -> None:
+        """Let the robot be in this world from the next step on.
+
+        The world's own `changes` count from the start of the lifetime: those of the past hold already, those ahead come
+        in their time. A wall that would appear where the robot stands waits until it has left.
+
+        Raises:
+            ValueError: the world has another robot or task.
+        """
+        for kind, new, old in (("robot", world.robot, self.world.robot), ("task", world.task, self.world.task)):
+            if new != old:
+                raise ValueError(f"a world may change in mid-life, its {kind} may not: got {new.name} for {old.name}")
+        self._phases = self._stage.phases_of(world, self.steps, self._phase)
+        who, more_faults = self.individual, have_more_faults(self._phases)
+        live = self._stage.kind_of(who.controller, who.network, more_faults).live
+        self._kind = self._kind._replace(live=live)
+        self._enter(self._phases.pop(0))
+
+    def outcome(self) -> Outcome:
+        """The metrics of the lifetime so far, of one step or more."""
+        tally, world = self._tally, self.world
+        goal_distance, steps = float(tally["goal_distance"]), int(tally["step"])
+        behaviour, reward = float(tally["behaviour_sum"]) / steps, fitness.reward(goal_distance)
+        nearest = min(math.dist(self._start[:2], goal) for goal in self._first.goals_now.values())
+        outcome = Outcome(
+            float(tally["time_to_goal"]),
+            float(tally["path_length"]),
+            goal_distance,
+            behaviour,
+            reward,
+            float(tally["weight_change_sum"]) / steps,
+            float(tally["weight_change"] + tally["scaling"]),
+            int(tally["contacts"]) / steps,
+            goal_distance < world.maze.goal_radius_m,
+            world.task.fitness(behaviour, reward, self.life.trials, nearest),
+            steps,
+            saturated_fraction(self.life.weights, self.individual.controller.rule.w_max),
+        )
+        return OutcomeOfTrials.of(outcome, self.life.trials) if len(self.life.trials) else outcome
+
+    def _has_ended(self) -> bool:
+        return len(self.life.trials) > 0 and bool(self._tally["over"])
+
+    def _enter(self, phase: Phase) -> None:
+        """Begin a phase; its walls come as soon as the robot is not in their way."""
+        individual, lifetime, kind = self.individual, self.lifetime, self._kind
+        self._phase, self.world = phase, phase.scenario
+        self._setup = Setup(
+            self.genotype,
+            kind.plasticity,
+            kind.nominal if individual.nominal is None else individual.nominal,
+            lights(self.world.light, self.world.lamp, lamp_on=individual.side == "right"),
+            trial_of(self.world, individual.side, self._start),
+            float(lifetime.gain_rad_s),
+            float(lifetime.noise),
+            individual.key,
+            self._record_every,
+            self.samples,
+        )
+
+    def _run(self, until: int) -> None:
+        """Run the steps of one phase."""
+        phase = self._phase
+        while self._space is not phase.space and self.steps < until and not self._has_ended():
+            if phase.is_blocked(self._space):
+                self._live(self.steps + 1)  # new walls appear where the robot is not
+            else:
+                phase.space.take_over(self._space)
+                self._space = phase.space
+        if not self._has_ended():
+            self._live(until)
+        if self._has_ended() and self._record_every:
+            pad_samples(self.samples, self.life, self.world.robot, self._record_every, self._space.handles.state)
+
+    def _live(self, until: int) -> None:
+        try:
+            self._kind.live(self.life, self._setup, self._space.handles, until)
+        except Exception as error:  # machine code raises nothing, so it comes from compiling
+            raise explained(type(self.individual.controller.rule), error) from error
+        self._check()
+
+    def _check(self) -> None:
+        """Refuse to go on with a lifetime that makes no sense any more."""
+        life, who, tally = self.life, self.individual, self._tally
+        lost = bool(tally["lost"])
+        sums = {name: float(tally[name]) for name in _SUMS}
+        finite = bool(np.isfinite(life.weights).all() and np.isfinite(life.synapse_state.view(np.float64)).all())
+        finite = finite and math.isfinite(sums["weight_change_sum"])
+        if finite and not lost and all(map(math.isfinite, sums.values())):
+            return
+        where = f"on a {who.side} trial of scenario {self.world.name}, controller {who.controller.name},"
+        when = f"at step {self.steps - lost} of {self.lifetime.steps}"
+        if not finite:
+            raise LostRobotError(
+                f"{where} the rule {type(who.controller.rule).__name__} made weights, their change, or what synapses "
+                f"keep, infinite or nan; noticed {when}"
+            )
+        raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")
+
+
+def _genotype_of(individual: Individual, kind: Kind, world: Scenario) -> Genotype:
+    """What an individual begins with.
+
+    Raises:
+        ValueError: something that it is given does not fit it, its robot or its rule.
+    """
+    if individual.nominal is not None:
+        check_baseline(individual.nominal, world.robot.inputs)
+    if individual.controller.adaptation.homeostasis:
+        check_patterns(kind.nominal if individual.nominal is None else individual.nominal, world.robot.light.count)
+    if individual.corrections is not None:
+        check_corrections(individual.corrections, world.robot)
+    of_updates = kind.signs if individual.signs is None else individual.signs
+    if of_updates is None:
+        raise ValueError("a rule with sign=shuffled needs the signs of its updates, Individual.signs")
+    rule, network = individual.controller.rule, individual.network
+    parts = values_of(type(rule), network, kind.plan.split(individual.genes))
+    inherited = parts[WEIGHTS]
+    if rule.births is Births.random:
+        inherited = rng(int(individual.key), Stream.births).uniform(-BIRTH_RANGE, BIRTH_RANGE, network.synapses)
+    weights = weights_at_birth(inherited)
+    return Genotype(
+        weights,
+        kind.synapse_state,
+        coefficients(type(rule), network, parts),
+        modulatory_weights(type(rule), parts, rule.reward),
+        lengths_at_birth(type(rule), network, weights),
+        of_updates,
+    )

@@ -1,0 +1,179 @@
+"""What lifetimes share that run one after the other: the world's phases, their pymunk spaces, kernels, workspaces."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.adaptation.adaptation import AdaptationRoom, adaptation_room, gate_numbers
+from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, no_baseline
+from epuckhebb.sim.controller import Controller
+from epuckhebb.sim.faults import Faults, lag_of
+from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
+from epuckhebb.sim.genome import GenomePlan, plan_of
+from epuckhebb.sim.kernels import kernel_of
+from epuckhebb.sim.life import Lifetime, Plasticity, Samples, Trial, Workspace, empty_samples, workspace_for
+from epuckhebb.sim.maze import Pose, Region, Side, added, boxes
+from epuckhebb.sim.network import Network
+from epuckhebb.sim.physics import PymunkSpace
+from epuckhebb.sim.plasticity.control import Sign, signs
+from epuckhebb.sim.plasticity.rule import Rule, kept_at_birth
+from epuckhebb.sim.plasticity.rules.paper import Paper
+from epuckhebb.sim.reachable import gap
+from epuckhebb.sim.scenario import Scenario
+
+_NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task in which neither way is the right one
+
+
+class Phase(NamedTuple):
+    """The world from a step on: its scenario and the space with its walls."""
+
+    step: int
+    scenario: Scenario
+    space: PymunkSpace
+    walls: NDArray[np.float64]
+
+    def is_blocked(self, space: PymunkSpace) -> bool:
+        """Whether the robot of another space stands where this phase has walls that the other space has not."""
+        x, y = space.handles.state[:2].tolist()
+        return gap(x, y, added(space.handles.walls, self.walls)) < self.scenario.robot.radius_m
+
+
+class Kind(NamedTuple):
+    """What individuals with the same controller and network share.
+
+    unused: the arrays of an adaptation, for individuals without one, which never write there; None with an adaptation.
+    """
+
+    live: Callable[..., None]
+    plasticity: Plasticity
+    plan: GenomePlan
+    synapse_state: NDArray[np.void]
+    signs: NDArray[np.float64] | None
+    nominal: BaselineOfSide
+    workspace: Workspace
+    unused: AdaptationRoom | None
+    no_samples: Samples
+
+
+class Stage:
+    """What lifetimes that run one after the other share: the world's spaces, kernels and workspaces.
+
+    fallback_rule: individuals without a rule share its kernel, with N = 0: bit-identical, as fast, and one less to
+    compile.
+
+    Raises:
+        ValueError: the robot's motors do not reach the wheel gain.
+    """
+
+    def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: type[Rule] = Paper) -> None:
+        robot = world.robot
+        if lifetime.gain_rad_s > robot.motor_limit_rad_s:
+            raise ValueError(
+                f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of "
+                f"robot {robot.name}, got {lifetime.gain_rad_s}"
+            )
+        self.world, self.lifetime, self._fallback_rule = world, lifetime, fallback_rule
+        self.phases = self.phases_of(world)
+        self.more_faults = have_more_faults(self.phases)
+        self._kinds: dict[tuple[int, int, bool], Kind] = {}
+
+    def phases_of(self, world: Scenario, since: int = 0, before: Phase | None = None) -> list[Phase]:
+        """The phases of a world, the first of them that which holds at step `since`. before: the phase until then."""
+        begins = world.phases
+        steps = [step for step, _ in begins]
+        first = max(number for number, step in enumerate(steps) if step <= since)
+        phases: list[Phase] = []
+        for step, now in begins[first:]:
+            if phases and step >= self.lifetime.steps:
+                break  # it changes after the end
+            walls = boxes(now.maze, now.obstacles, now.layout)
+            last = phases[-1] if phases else before
+            same = last and np.array_equal(last.walls, walls) and last.scenario.wall_friction == now.wall_friction
+            space = last.space if last and same else PymunkSpace(walls, now.robot, now.wall_friction)
+            phases.append(Phase(step, now, space, walls))
+        return phases
+
+    def kind_of(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
+        """What individuals with this controller and network share. more_faults: whether their kernel knows these."""
+        place = (id(controller), id(network), more_faults)
+        if place not in self._kinds:
+            self._kinds[place] = self._kind(controller, network, more_faults)
+        return self._kinds[place]
+
+    def _kind(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
+        rule, adaptation, robot = controller.rule, controller.adaptation, self.world.robot
+        if rule.signal is Signal.light_code and (robot.light.count, robot.distance.count) != LIGHT_CODE_SENSORS:
+            raise ValueError(
+                f"hebbian.signal=light_code is of the published program, whose robot has 8 light and 8 distance "
+                f"sensors; robot {robot.name} has {robot.light.count} and {robot.distance.count}"
+            )
+        compiled_for = self._fallback_rule if controller.is_ga_alone else type(rule)
+        own = compiled_for is type(rule)
+        numbers = rule.numbers() if own else dict.fromkeys(compiled_for.settings(), 0.0)
+        return Kind(
+            live=kernel_of(
+                compiled_for,
+                adaptation.change_signal,
+                network,
+                robot,
+                follows_walls=adaptation.follows_walls,
+                self_check=adaptation.self_check,
+                homeostatic=adaptation.homeostasis,
+                more_faults=more_faults,
+                task=self.world.task,
+            ),
+            plasticity=Plasticity(
+                float(rule.N) * rule.pace(self.lifetime.gain_rad_s) if own else 0.0,
+                float(rule.floor),
+                int(rule.signal),
+                tuple(numbers.values()),
+                gate_numbers(adaptation),
+            ),
+            plan=plan_of(network, type(rule)),
+            synapse_state=kept_at_birth(compiled_for, network),
+            signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
+            nominal=no_baseline(robot.inputs),
+            workspace=workspace_for(network, robot),
+            unused=None if adaptation.acts else adaptation_room(robot),
+            no_samples=empty_samples(0, network),
+        )
+
+
+def have_more_faults(phases: list[Phase]) -> bool:
+    """Whether anything but dead sensors and weak wheels is wrong in one of these phases."""
+    return any(faults_of(phase.scenario).more for phase in phases)
+
+
+def trial_of(scenario: Scenario, side: Side, start: Pose | None = None) -> Trial:
+    """What a robot on this side is to do in a world, and what is wrong with it there.
+
+    start: of each trial, if there are many; None where the maze has it.
+    """
+    goals, maze, task = scenario.goals_now, scenario.maze, scenario.task
+    goal = goals[side]
+    return Trial(
+        float(goal.x),
+        float(goal.y),
+        float(maze.goal_radius_m),
+        _NOWHERE if task.has_trials else Region(*map(float, maze.arms[side])),
+        float(maze.arena_m),
+        faults_of(scenario),
+        task.terms(goals, maze.start if start is None else start),
+    )
+
+
+def faults_of(scenario: Scenario) -> Faults:
+    """What is wrong with the robot in a world."""
+    return Faults(
+        np.array(scenario.dead_sensors, np.int64),
+        float(scenario.distance_gain),
+        float(scenario.distance_offset),
+        float(scenario.left_wheel),
+        float(scenario.right_wheel),
+        float(scenario.left_slip),
+        float(scenario.right_slip),
+        lag_of(scenario.mass_ratio),
+    )

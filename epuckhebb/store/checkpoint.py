@@ -1,0 +1,93 @@
+"""Writes and reads `checkpoint.npz`, from which an evolution is resumed."""
+
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from epuckhebb.evolution.evolve import Generation, history_row
+from epuckhebb.evolution.optimizer import State
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.store import columns, records
+from epuckhebb.store.disk import CHECKPOINT
+from epuckhebb.store.npz import Arrays, one_error
+from epuckhebb.store.run import content
+
+_OF_A_GENERATION = ("generation", "fitness", "success", "champion", "champion_fitness", "history", "settings")
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """The state of an evolution between two generations, from which all other files of the run can be written.
+
+    It holds the last whole generation, and `history.csv` up to it as text, so that its bytes stay the same.
+    """
+
+    generation: Generation
+    history: str
+
+    @classmethod
+    def following(cls, before: "Checkpoint | None", generation: Generation) -> "Checkpoint":
+        """The checkpoint after one more generation."""
+        row = pd.DataFrame([history_row(generation)])
+        written = before.history if before else ""
+        return cls(generation, written + row.to_csv(index=False, header=not written))
+
+    def as_bytes(self, settings: str) -> bytes:
+        """The content of `checkpoint.npz`; `settings` is a digest of those that make it this evolution."""
+        last = self.generation
+        arrays: dict[str, Any] = last.state | {
+            "settings": np.str_(settings),
+            "generation": np.int64(last.number),
+            "fitness": last.fitness,
+            "success": last.success,
+            "champion": last.champion,
+            "champion_fitness": np.float64(last.champion_fitness),
+            "history": np.str_(self.history),
+        }
+        buffer = io.BytesIO()
+        np.savez(buffer, **arrays)
+        return buffer.getvalue()
+
+    @classmethod
+    def read(cls, run: Path, genes: int, go_on: Callable[[State], object], settings: str) -> "Checkpoint | None":
+        """Read the checkpoint in a run folder; None if its first generation never ended.
+
+        Args:
+            run: The folder.
+            genes: The number of genes that each individual must have.
+            go_on: A function that resumes a search from its state; a ValueError or KeyError says what is wrong with it.
+            settings: The digest that the checkpoint must have.
+        """
+        path = run / CHECKPOINT
+        if not path.exists():
+            return None
+        with one_error(f"{path} cannot be read as a checkpoint of this run's configuration"):
+            held = Arrays(content(run, CHECKPOINT))
+            known, history, fitness = held.text("settings"), held.text("history"), held.take("fitness", "f", (None,))
+            generation = Generation(
+                number=int(held.take("generation", "iu", ())),
+                fitness=fitness,
+                success=held.take("success", "f", fitness.shape),
+                champion=held.take("champion", "f", (genes,)),
+                champion_fitness=float(held.take("champion_fitness", "f", ())),
+                state={name: held.take(name, "fiuU") for name in held.names if name not in _OF_A_GENERATION},
+                robot_steps=0,
+                seconds=0.0,
+            )
+            for name in ("fitness", "success", "champion", "champion_fitness"):
+                if not np.isfinite(getattr(generation, name)).all():
+                    raise ValueError(f"{name} must hold finite numbers")
+            if len(records.table(history.encode(), path, columns.HISTORY)) != generation.number + 1:
+                raise ValueError(f"its history is not of {generation.number + 1} generations")
+            go_on(generation.state)
+        if known != settings:
+            raise ConfigError(
+                f"{run}/.hydra/config.yaml is not what this evolution began with, and to go on with it would make a "
+                f"hybrid: put it back as it was. The number of generations and threads may be changed"
+            )
+        return cls(generation, history)

@@ -1,0 +1,379 @@
+"""Describes every column of every table and every array of a run; `docs/files.md` is made of it."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import NamedTuple
+
+from epuckhebb.sim.maze import SIDES
+from epuckhebb.sim.plasticity.weight_change import SATURATED
+
+NUMBER, NUMBER_OR_EMPTY, TEXT, TEXT_OR_EMPTY = "a number", "a number or empty", "text", "text or empty"
+
+
+class Column(NamedTuple):
+    """A column of a table. kind: one of the above, or the texts that there may be. told: its meaning."""
+
+    kind: str | tuple[str, ...]
+    told: str = ""
+
+
+class Array(NamedTuple):
+    """An array of a `.npz` file. shape: its axes. unit: "" where it has none. told: its meaning."""
+
+    shape: tuple[str | int, ...]
+    unit: str
+    told: str
+
+
+Columns = Mapping[str, Column]
+number, number_or_empty = partial(Column, NUMBER), partial(Column, NUMBER_OR_EMPTY)
+text, text_or_empty = partial(Column, TEXT), partial(Column, TEXT_OR_EMPTY)
+
+
+def _interval(name: str = "", method: str = "", kind: str = NUMBER_OR_EMPTY) -> Columns:
+    """The two columns of an interval; method: how it was found."""
+    lower = Column(kind, f"lower end of its 95 % interval{method}")
+    return {f"{name}low": lower, f"{name}high": Column(kind, "upper end of it")}
+
+
+_CONDITION: Columns = {
+    "experiment": text("`light` or `obstacles`"),
+    "scenario": text("the name of the world"),
+    "controller": text("`GA` (the genes alone), `Hebbian` (the paper's rule), or another rule or adaptation"),
+    "N": number("base rate of the plasticity rule; 0 without plasticity"),
+}
+METRICS: Columns = {
+    "genome": text("the name of the genome: `reference`, a run folder, or a file without its ending"),
+    "experiment": text("`light` or `obstacles`: to which of the paper's experiments the world belongs"),
+    "scenario": text("the name of the world; `changed` tells what differs from it"),
+    "light": number("level of the sun at the start: 1 bright, 0.1 dim"),
+    "obstacles": number("how many obstacles stand in the maze at the start"),
+    "controller": _CONDITION["controller"],
+    "N": _CONDITION["N"],
+    "signal": text_or_empty("the live fitness F that scales the rate; empty for `GA`"),
+    "side": Column(SIDES, "where the goal is: `left` (lamp off) or `right` (lamp on)"),
+    "repeat": number("number of the noise repeat, from 0; all controllers of a repeat have the same random numbers"),
+    "seed": number("seed of the random numbers"),
+    "success": number("1 if the robot is within 5 cm of its goal at the last step, else 0"),
+    "time_to_goal_s": number_or_empty(
+        "s until it was first within 5 cm of its goal; empty if it never was. It may drive on, and have success 0"
+    ),
+    "path_length_m": number("m that it travelled: the sum of all steps"),
+    "average_speed_m_s": number("m/s: the path over the whole lifetime, also the time it stood at the goal"),
+    "final_position_error_m": number("m from its goal at the last step"),
+    "weight_change_mean": number(
+        "how far plasticity has moved the weights: sum of abs(W - W_gene) over all weights, its mean over the steps"
+    ),
+    "weight_change_final": number("the same sum at the last step"),
+    "fitness": number(
+        "what `evolve` would give: the mean of the combined fitness over the steps and the reward for the goal, halved"
+    ),
+    "contact_fraction": number("share of the steps in which a distance sensor read above 0.8: next to touching"),
+    "changed": text_or_empty(
+        "what differs from the named scenario, the paper's maze and robot, and its lifetimes; empty: nothing"
+    ),
+    "saturated_fraction": number(
+        f"share of weights with abs(W) above {SATURATED:g} of `hebbian.w_max` at the last step"
+    ),
+}
+FOUND: Columns = {
+    "side": METRICS["side"],
+    "repeat": METRICS["repeat"],
+    "lamp": Column(("on", "off"), "whether the robot took the lamp to be lit"),
+    "dead_sensors": text_or_empty("numbers of the places on its rim where it found itself blind, with `; ` between"),
+    "left_wheel_loss": number("share of its speed that the left wheel loses; below 0 it is too fast"),
+    "left_wheel_loss_error": number("standard error of that"),
+    "right_wheel_loss": number("the same of the right wheel"),
+    "right_wheel_loss_error": number("standard error of that"),
+    "light_ratio": number("today's light over that of the training world"),
+    "light_ratio_error": number("standard error of that"),
+    "distance_misfit": number("what no finding explains of the distance readings, in standard deviations"),
+    "light_misfit": number("the same of the light readings"),
+    "unexplained": text_or_empty("`distance`, `light` or both: the misfit is too large, and the findings are not used"),
+    "corrected": text_or_empty("what is corrected all life long, with `; ` between"),
+}
+REWARDED: Columns = {
+    "rewarded_share": number("share of the trials of its life that were rewarded"),
+    "switch_trial": number_or_empty("first trial, from 1, in which the other end than `side` is rewarded; empty: none"),
+}
+REVERSAL_TRIALS: Columns = {
+    **{name: METRICS[name] for name in ("genome", "controller")},
+    "side": Column(SIDES, "the end that is rewarded first"),
+    **{name: METRICS[name] for name in ("repeat", "seed")},
+    "trial": number("its number, from 1"),
+    "rewarded_side": Column(SIDES, "the end that is rewarded"),
+    "reached_side": text_or_empty("the end that the robot came to; empty: none"),
+    "rewarded": number("1 if they are the same, else 0"),
+    "time_s": number_or_empty("s until it came there, or until its time was over; empty: it was not lived"),
+}
+REVERSAL: Columns = {
+    "controller": text("as in `metrics.csv`; `chance` and `optimum` are no robots"),
+    "lives": number_or_empty("lifetimes"),
+    "rewarded_share": number("share of the trials that were rewarded"),
+    **_interval(method=", from a bootstrap over the repeats"),
+    "end_share": number_or_empty("share of the trials that came to an end"),
+}
+HISTORY: Columns = {
+    "generation": number("its number, from 0"),
+    "best_fitness": number("fitness of the fittest individual, as the mean over its lifetimes"),
+    "mean_fitness": number("mean over all individuals"),
+    "worst_fitness": number("fitness of the least fit"),
+    "best_success": number("share of its lifetimes that the fittest ended at its goal"),
+    "mean_success": number("the same share over all individuals"),
+    "robot_steps": number("control steps of 32 ms that all of them lived"),
+}
+_JOB: Columns = {
+    "job": number("number of the job, from 0"),
+    "run": text("its run folder in the folder of the sweep"),
+    "KEY": text_or_empty(
+        "a column for each key that was set, unless it has one below, as `hebbian.N` has. `any`: the row is of `GA`"
+    ),
+}
+SUMMARY: Columns = {
+    "n": number("lifetimes of this condition, champion, controller and side: seeds times noise repeats"),
+    "success": number("share of them that ended at the goal"),
+    **_interval("success_noise_", " (Wilson's): about the noise alone, for this champion", NUMBER),
+}
+OVER_CHAMPIONS: Columns = {
+    "champions": number("champions with this condition, controller and side"),
+    "lifetimes": number("their lifetimes"),
+    "success": number_or_empty("mean over the champions, each of them the mean of its lifetimes"),
+    **_interval("success_", ", from a bootstrap over champions"),
+    "weight_change_mean": number_or_empty("mean over the champions, each of them the mean of its lifetimes"),
+    **_interval("weight_change_mean_", ", from a bootstrap over champions"),
+}
+_OUTCOMES = [*list(METRICS)[list(METRICS).index("success") + 1 : -2], "saturated_fraction"]
+SUMMARY_MEANS: Columns = {
+    "n_reached": number("lifetimes that came to the goal at all, of which `time_to_goal_s` is the mean"),
+    **{name: number_or_empty("mean of that column of `metrics.csv`") for name in _OUTCOMES},
+    "rewarded_share": number_or_empty("the same; only with `task=reversal`"),
+}
+CLAIMS: Columns = {
+    "experiment": _CONDITION["experiment"],
+    "claim": text("what the paper says"),
+    "counted": text("which trials could show it, and what counts as true"),
+    "true": number("in how many trials it comes true"),
+    "n": number("of how many"),
+    "champions": number("how many champions have such a trial"),
+    "share": number_or_empty("`true` over `n`"),
+    **_interval(),
+    "verdict": text(
+        "`holds`, `does not hold`, `mixed`, `inconclusive`, `no trial to judge by`; or `check passed`, `check failed`"
+    ),
+}
+_COUNTS: Columns = {
+    "broken": number("mastered at home without plasticity, and failed in the changed world without it"),
+    "rescued": number("of the broken: succeed with plasticity"),
+    "sound": number("mastered at home, and in the changed world too, without plasticity"),
+    "harmed": number("of the sound: fail with plasticity"),
+    "rescued_share": number_or_empty("`rescued` over `broken`"),
+    **_interval("rescued_"),
+    "harmed_share": number_or_empty("`harmed` over `sound`"),
+    **_interval("harmed_"),
+}
+RESCUE: Columns = {
+    "experiment": _CONDITION["experiment"],
+    "controller": text("which plasticity"),
+    "N": _CONDITION["N"],
+    **_COUNTS,
+    "home_harmed": number("trials mastered in the training world without plasticity that fail there with it"),
+    "home_mastered": number("of how many"),
+}
+_RESCUE_AND_HARM: Columns = {
+    **_CONDITION,
+    "mastered": number("trials that the genes alone master in the training world"),
+    **_COUNTS,
+    "difference": number("success with plasticity minus success without, over all trials, mastered or not"),
+    **_interval("difference_"),
+    "sign_flip_p": number_or_empty("exact p value of the difference, signs flipped by champion"),
+}
+_RETENTION: Columns = {
+    "experiment": _CONDITION["experiment"],
+    "controller": _CONDITION["controller"],
+    "N": _CONDITION["N"],
+    "masters": Column(
+        ("any", "both"), "whose trials: those mastered at home (`any`), or those of champions that master `both` sides"
+    ),
+    "champions": number_or_empty("how many champions have such trials"),
+    "trials": number("these trials in all changed worlds"),
+    "retained": number("of them: succeed there"),
+    "share": number_or_empty("`retained` over `trials`"),
+    **_interval(),
+}
+_TRIALS: Columns = {
+    **_CONDITION,
+    "genome": text("the champion"),
+    "side": METRICS["side"],
+    **{
+        name: number_or_empty("mean over the noise repeats")
+        for name in ("success", "time_to_goal_s", "path_length_m", "final_position_error_m", "weight_change_mean")
+    },
+    "succeeds": Column(("True", "False"), "whether more than half of the repeats succeed"),
+}
+_SUCCESS: Columns = {
+    **_CONDITION,
+    "side": Column(("left", "right", "both"), "`both`: a champion counts that succeeds on either side"),
+    "successes": number("champions that succeed"),
+    "n": number("of how many"),
+    "share": number("`successes` over `n`"),
+    **_interval(),
+    "gained": number("those of `successes` that fail without plasticity"),
+}
+_DOSE_RESPONSE: Columns = {
+    **_CONDITION,
+    "success": number_or_empty("mean over the champions"),
+    **_interval("success_"),
+    "time_to_goal_s": number_or_empty("mean over the champions"),
+    **_interval("time_to_goal_s_"),
+    "weight_change_mean": number_or_empty("mean over the champions"),
+    **_interval("weight_change_mean_"),
+}
+_COMPARISON: Columns = {
+    "table": text("which table of the paper"),
+    "experiment": _CONDITION["experiment"],
+    "scenario": _CONDITION["scenario"],
+    "controller": _CONDITION["controller"],
+    "side": METRICS["side"],
+    "metric": text("which column of `metrics.csv`"),
+    "published": number_or_empty("the number in the paper"),
+    "ours": number_or_empty("that of the champion which is put beside the paper"),
+    "relative_deviation": number_or_empty("`ours` over `published`, less 1"),
+    "median": number_or_empty("of all champions"),
+    "q25": number_or_empty("their lower quartile"),
+    "q75": number_or_empty("their upper quartile"),
+    "n": number("champions that have this number"),
+}
+_METHOD: Columns = {
+    "experiment": _CONDITION["experiment"],
+    "method": text("a name of `conf/method/`, or of a rule of the user's own"),
+}
+LEADERBOARD: Columns = {
+    **_METHOD,
+    "kind": Column(
+        ("plain", "evolved", "laid over"), "`evolved` with plasticity, or `laid over` champions of another method"
+    ),
+    "twin": text_or_empty("the method that it is compared with, which has no plasticity; empty for plain ones"),
+    "champions": number("how many there are"),
+    "mastered": number("how many of them succeed on both sides at home; in `reversal`, how many learn"),
+    **_interval("mastered_"),
+    "trials": number("champions times sides times test worlds; in `reversal`, trials of all lives"),
+    "successes": number("in how many of them more than half of the repeats succeed; in `reversal`, rewarded ones"),
+    "success": number("`successes` over `trials`"),
+    **_interval("success_", ", from a bootstrap over champions", NUMBER),
+    "best": number("`success` of the champion that does best"),
+    "retention": number_or_empty("`success` of those champions alone that are `mastered`"),
+    **_interval("retention_"),
+    "difference": number_or_empty("`success` less that of the twin, as the mean over pairs of champions of a seed"),
+    **_interval("difference_", ", from a bootstrap over pairs"),
+    "sign_flip_p": number_or_empty("exact p value of the difference, signs flipped by champion"),
+    "success_off": number_or_empty("`success` of the same champions with the rule, or what is laid over, off"),
+    "success_inverted": number_or_empty("the same with the reward inverted, of rules that hear one"),
+    "numbers": number("how many numbers are evolved for a champion"),
+    "robot_steps": number("control steps of 32 ms in a champion's evolution, as the mean over champions"),
+}
+_CHAMPIONS: Columns = {
+    **_METHOD,
+    "seed": number("seed of its evolution"),
+    "champion": text("run folder in which it, or the rule for it, was evolved"),
+    "test": text("run folder of its lifetimes at home and in all test worlds"),
+    "masters": number("1 if it succeeds on both sides at home, in `reversal` if it learns; else 0"),
+    "trials": number("sides times test worlds; in `reversal`, trials of all lives"),
+    "successes": number("of them: more than half of the repeats succeed; in `reversal`, rewarded ones"),
+    "successes_off": number_or_empty("the same with the rule off; empty for plain methods"),
+    "successes_inverted": number_or_empty("the same with the reward inverted, of rules that hear one"),
+    "robot_steps": number("control steps of its evolution, and of what it was laid over"),
+}
+_WORLDS: Columns = {
+    **_METHOD,
+    "scenario": text("a test world"),
+    "trials": number("champions times sides"),
+    "successes": number("of them: more than half of the repeats succeed"),
+}
+_COSTS: Columns = {
+    **_METHOD,
+    "evolve_cpu_s": number("CPU seconds of a champion's evolution, as the mean over champions"),
+    "test_cpu_s": number("CPU seconds of its lifetimes at home and in all test worlds"),
+}
+
+TABLES: Mapping[str, tuple[str, Columns]] = {
+    "metrics.csv": ("Of `evaluate`, `reproduce` and tests of `leaderboard`: a row a lifetime.", METRICS),
+    "findings.csv": ("Of `evaluate` with a self-check: a row for each robot that checked itself.", FOUND),
+    "metrics.csv with task=reversal": ("Columns that then follow.", REWARDED),
+    "reversal_trials.csv": ("Of `evaluate task=reversal`: a row for each trial of each lifetime.", REVERSAL_TRIALS),
+    "reversal.csv": ("Of `evaluate task=reversal`: a row for each controller, for chance, the optimum.", REVERSAL),
+    "history.csv": ("Of `evolve`: a row a generation.", HISTORY),
+    "sweep.csv": ("Of `sweep`: the rows of all `metrics.csv`, with these columns before them.", _JOB),
+    "summary.csv": (
+        "Of `sweep` and `evaluate -m`: a row for each condition, champion, controller and side, which earlier columns "
+        "name. `GA` comes once for all keys of `hebbian`, `adaptation` and `compare`.",
+        {**SUMMARY, **SUMMARY_MEANS},
+    ),
+    "over_champions.csv": (
+        "Of the same, over several champions: a row for each condition, controller and side. With `task=reversal` "
+        "there are `rewarded_share`, `rewarded_share_low` and `rewarded_share_high`, too.",
+        OVER_CHAMPIONS,
+    ),
+    "failed.csv": (
+        "Of `sweep`: a row for each job without a result; empty if all is well.",
+        {**_JOB, "KEY": text_or_empty("a column for each key that was set"), "error": text("why")},
+    ),
+    "rescue_over_all.csv": (
+        "Of sweeps and `evaluate -m` over champions, in their training world and in changed ones: a row a plasticity.",
+        RESCUE,
+    ),
+    "rescue_and_harm.csv": (
+        "Of `reproduce` and such sweeps: the same for each world. A trial is one champion on one side.",
+        _RESCUE_AND_HARM,
+    ),
+    "retention.csv": ("Of both: how much of what is mastered at home succeeds in the changed worlds.", _RETENTION),
+    "claims.csv": ("Of `reproduce`: a row for each claim of the paper.", CLAIMS),
+    "trials.csv": ("Of `reproduce`: a row for each champion, side and condition.", _TRIALS),
+    "success.csv": ("Of `reproduce`: a row for each condition and side, over the champions.", _SUCCESS),
+    "dose_response.csv": ("Of `reproduce`: a row for each rate; N = 0 is the genes alone.", _DOSE_RESPONSE),
+    "leaderboard.csv": ("Of `leaderboard`: a row for each method and experiment, best first.", LEADERBOARD),
+    "champions.csv": ("Of `leaderboard`: a row for each champion, of which `leaderboard.csv` is made.", _CHAMPIONS),
+    "worlds.csv": ("Of `leaderboard`: a row for each method and test world.", _WORLDS),
+    "cost.csv": ("Of `leaderboard`: what is never the same twice, and so in no other table.", _COSTS),
+    "comparison.csv": ("Of `reproduce`: a row for each number of the paper's tables.", _COMPARISON),
+}
+
+
+def _sample(unit: str, told: str, axes: tuple[str | int, ...] = ()) -> Array:
+    return Array(("lifetimes", "samples", *axes), unit, told)
+
+
+TRACES: Mapping[str, Array] = {
+    "controller": Array(("lifetimes",), "", "the name of the controller, as in `metrics.csv`"),
+    "side": Array(("lifetimes",), "", "`left` or `right`"),
+    "genome": Array(("synapses",), "", "the initial weights"),
+    "layers": Array(("layers",), "", "how many neurons each layer has, sensors first, wheels last"),
+    "time": _sample("s", "since the start of the lifetime"),
+    "pose": _sample("m, m, rad", "x (to the right), y (ahead at the start), heading, anticlockwise from x", (3,)),
+    "sensors": _sample("0 to 1", "network inputs, light first (1 is dark), then distance (1 is touching)", ("inputs",)),
+    "motors": _sample("-1 to 1", "outputs, left and right wheel; times `lifetime.gain_rad_s`: rad/s", (2,)),
+    "fitness": _sample("", "live fitness F"),
+    "change_signal": _sample("", "the signal that opens the gate of an adaptation; nan where there is none"),
+    "rate": _sample("per step", "effective rate N_e"),
+    "weight_change": _sample("", "sum of abs(W - W_gene) over all weights"),
+    "weights": _sample("", "all weights, layer by layer, a row for each neuron that they come from", ("synapses",)),
+}
+
+CHAMPION: Mapping[str, Array] = {
+    "genome": Array(("genes",), "", "all genes: the weights, layer by layer, then what of a rule is evolved"),
+    "layers": Array(("layers",), "", "how many neurons each layer has"),
+    "parts": Array(("parts",), "", "the names of the parts of the genome"),
+    "part_sizes": Array(("parts",), "", "how many genes each has"),
+    "fitness": Array((), "", "what it was chosen by"),
+    "experiment": Array((), "", "`light` or `obstacles`"),
+    "seed": Array((), "", "of its evolution"),
+    "generation": Array((), "", "its last one, from 0"),
+    "robot": Array((), "", "the name of the robot that it is for"),
+    "lights": Array((), "", "how many of the readings are of light"),
+    "optimizer": Array((), "", "what it was evolved by"),
+    "training": Array((), "", "in which worlds"),
+    "rule": Array((), "", "the plasticity rule that it evolved with, if there was one"),
+    "task": Array((), "", "the task that it evolved for, if it is another than the paper's"),
+    "rewarded": Array((), "", "beside `task`: 1 if the last input of the network tells a reward, else 0"),
+    "memory_*": Array((), "", "the baseline: what it remembers of its training world, for adaptations"),
+    "self_*": Array((), "", "what a self-check compares with"),
+}

@@ -1,0 +1,270 @@
+"""Makes a run folder: claims it, writes into it, closes it.
+
+A run of its own belongs to the process that could create its `status.json`, and is never merged or overwritten. A
+folder in which work goes on, an evolution that is resumed or a study, belongs to the process that holds its lock.
+"""
+
+import hashlib
+import re
+import shutil
+import traceback
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from secrets import token_hex
+from types import TracebackType
+from typing import Any
+
+from filelock import BaseFileLock
+from omegaconf import DictConfig, OmegaConf
+
+from epuckhebb.runtime import errors
+from epuckhebb.runtime.errors import ConfigError, JobFailedError
+from epuckhebb.runtime.progress import say
+from epuckhebb.store import columns, disk
+from epuckhebb.store.disk import CONFIG, LOCK, OVERRIDES, PROVENANCE, SCHEMA, STATUS, as_json, is_locked, release
+from epuckhebb.store.provenance import provenance
+from epuckhebb.store.run import of_multirun, read
+
+UNFINISHED = "unfinished"  # folder of a study, in which each attempt at a run has a folder of its own
+SET_ASIDE = "set_aside"  # folder of a study for what was in the way, or not only of this program
+_PATIENCE_S = 1.0  # with who holds a folder for the moment in which it is looked whether it is held
+_HALF = re.compile(r"\..+\.\d+\.tmp")  # what `write_atomic` writes beside a file
+_ATTEMPT = re.compile(r"\d{8}-\d{6}-[0-9a-f]{8}_\d+|stop")  # what `jobs.launch` leaves in `unfinished/`
+_OF_A_RUN = re.compile(  # the files that a run of a study leaves, but for its tables
+    r"\.epuckhebb\.lock|(status|provenance|cost)\.json|\.hydra/(config|overrides)\.yaml|(rules|own_code)/.*|table\.csv"
+    r"|(table|reversal)\.md|(champion|checkpoint|traces)\.npz|figures/(trajectories|learning|reversal)\.png"
+)
+
+
+class RunFolder:
+    """A folder that this process owns; as a context manager it says in `status.json` how the work in it ended.
+
+    Attributes:
+        path: The folder.
+        command: The command that works in it.
+        failure: Why the work failed although no error left the block; nothing if it did not.
+        left_behind: A function that says what an interruption would leave behind, for who interrupts.
+        advanced: A function that is told how far the work at hand is, from 0 to 1 and in words, for who watches.
+    """
+
+    def __init__(self, path: Path, lock: BaseFileLock | None, facts: dict[str, Any]) -> None:
+        """Take what `new` or `resume` has claimed; `facts` is the provenance of this call."""
+        self.path, self.command, self.failure = path, list(facts["command"]), ""
+        self.left_behind: Callable[[], str] = lambda: ""
+        self.advanced: Callable[[float, str], None] = lambda *_: None
+        self._lock, self._started = lock, _now()
+        self._kept: dict[str, str] = {}  # name -> SHA-256 of the results on which a later call relies
+        self._written: dict[str, str] = {}  # the same of all files written
+        self._earlier: dict[str, str] = {}  # the same of files that an earlier call wrote and this one has not yet
+
+    @classmethod
+    def new(cls, path: Path, verb: str, cfg: DictConfig, arguments: list[str], facts: dict[str, Any]) -> "RunFolder":
+        """Claim a folder that holds no run yet, and write down what is about to run.
+
+        path: the folder, which is made. verb, arguments: of the command line. facts: what else belongs into
+        `provenance.json`, for example the genome's SHA-256.
+        """
+        facts = provenance(verb, cfg, arguments) | facts
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            if not (path / STATUS).exists():
+                _refuse_foreign(path)
+            (path / STATUS).touch(exist_ok=False)
+        except FileExistsError:
+            raise ConfigError(
+                f"{path} holds a run already; runs are never overwritten, choose another folder"
+            ) from None
+        except OSError as error:
+            raise ConfigError(f"cannot write to {path}: {error.strerror}") from error
+        run = cls(path, None, facts)
+        try:
+            with suppress(BlockingIOError):  # the claim is what counts
+                run._lock = disk.lock(path, _PATIENCE_S)
+            run._begin(facts, cfg, arguments)
+        except OSError as error:
+            for name in (STATUS, OVERRIDES, CONFIG, PROVENANCE):
+                (path / name).unlink(missing_ok=True)
+            with suppress(OSError):
+                (path / ".hydra").rmdir()
+            release(run._lock)
+            raise ConfigError(f"cannot write to {path}: {error.strerror}") from error
+        return run
+
+    @classmethod
+    def resume(
+        cls,
+        path: Path,
+        verb: str,
+        cfg: DictConfig | None,
+        arguments: list[str],
+        facts: dict[str, Any],
+        results: Sequence[Path] = (),
+    ) -> "RunFolder":
+        """Resume the work in a folder, or begin it there; one process at a time.
+
+        What killed processes have left half done is removed. If the work was begun before, `provenance.json` keeps its
+        content and gets an entry with these facts. The arguments are those of `new`, but that there is no `cfg` where
+        each job has its own; `results` are files of earlier calls that stay.
+        """
+        lock, told = None, provenance(verb, cfg, arguments) | facts
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            _refuse_foreign(path, verb)
+            lock = disk.lock(path, _PATIENCE_S)
+            run = cls(path, lock, told)
+            with suppress(ConfigError):  # it cannot be read back where nothing has begun
+                before = read(path)
+                status = before.pop("status")
+                run._started = status.get("started", run._started)
+                names = {result.relative_to(path).as_posix() for result in results}
+                for name, sha256 in status.get("sha256", {}).items():
+                    (run._kept if name in names else run._earlier)[name] = sha256
+                again = {"started": _now(), "command": told["command"], **facts, "code": told["code"]}
+                told = before | {"resumed": [*before.get("resumed", []), again]}
+            _remove_half_done(path)
+            run._begin(told, cfg, None)
+        except BlockingIOError:
+            raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
+        except OSError as error:
+            release(lock)
+            raise ConfigError(f"cannot write to {path}: {error.strerror}") from error
+        return run
+
+    def write(self, name: str, content: bytes | str) -> None:
+        """Write a file in the folder: whole, or not at all; keep what its content was, but for `status.json` itself."""
+        content = content.encode() if isinstance(content, str) else content
+        self._written.pop(name, None)  # while it is being replaced, nothing is known of it
+        if self._earlier.pop(name, None) is not None:
+            self._write_status("running")
+        disk.write_atomic(self.path / name, content)
+        if name != STATUS:
+            self._written[name] = hashlib.sha256(content).hexdigest()
+
+    def keep(self, name: str, content: bytes) -> None:
+        """Write a result on which a later call relies; what it must be is known before it is there."""
+        self._kept[name] = hashlib.sha256(content).hexdigest()
+        self._write_status("running")
+        self.write(name, content)
+
+    def remove_stale(self) -> None:
+        """Remove what an earlier call wrote and this one did not; a file that somebody has changed is set aside."""
+        while self._earlier:
+            name, sha256 = self._earlier.popitem()
+            file = self.path / name
+            if file.is_file() and hashlib.sha256(file.read_bytes()).hexdigest() == sha256:
+                file.unlink()
+            elif file.exists():
+                set_aside(file, self.path, "is of an earlier call and was changed since")
+
+    def __enter__(self) -> "RunFolder":
+        """The folder itself."""
+        errors.at_work.append(self._interrupted)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Write whether the work finished, was interrupted or failed, with the traceback; raise what is to be told."""
+        errors.at_work.remove(self._interrupted)
+        try:
+            if error is None:
+                try:
+                    self._write_status("failed" if self.failure else "finished", error=self.failure)
+                except OSError as full:
+                    raise JobFailedError(f"{self.path / STATUS} cannot be written: {full.strerror}") from full
+            elif errors.is_interruption(error):
+                raise KeyboardInterrupt(self._interrupted()) from None
+            elif isinstance(error, Exception):
+                with suppress(OSError):  # on a full disk the error itself is what there is to tell
+                    text = "".join(traceback.format_exception(error))
+                    self._write_status("failed", error=str(error), traceback=text)
+                if not isinstance(error, (ConfigError, JobFailedError)):
+                    raise JobFailedError(f"{self.path}: {type(error).__name__}: {error}") from error
+        finally:
+            release(self._lock)
+
+    def _begin(self, told: dict[str, Any], cfg: DictConfig | None, overrides: list[str] | None) -> None:
+        """Write down what runs here: its state first, and last the file by which a run that has begun is known."""
+        self._earlier.pop(PROVENANCE, None)
+        if cfg is not None:
+            self._earlier.pop(CONFIG, None)
+        self._write_status("running")
+        if overrides is not None:
+            self.write(OVERRIDES, OmegaConf.to_yaml(OmegaConf.create(overrides)))
+        if cfg is not None:
+            self.write(CONFIG, OmegaConf.to_yaml(cfg, resolve=True))
+        self.write(PROVENANCE, as_json(told))
+
+    def _interrupted(self) -> str:
+        """Close the folder as interrupted, if that can be written; returns what is left behind."""
+        left = self.left_behind()
+        with suppress(OSError):
+            self._write_status("interrupted", error=left)
+        return left
+
+    def _write_status(self, state: str, **more: str) -> None:
+        sha256, told = self._earlier | self._kept, {"schema": SCHEMA, "state": state, "started": self._started}
+        if state != "running":
+            sha256 |= self._written
+            told |= {"finished": _now()} | {key: value for key, value in more.items() if value}
+        self.write(STATUS, as_json(told | {"sha256": sha256}))
+
+
+def _refuse_foreign(path: Path, verb: str | None = None) -> None:
+    """Refuse a folder with anything in it that is not of this program; of a verb, if one is given."""
+    begun = (STATUS, PROVENANCE, LOCK, ".hydra", "multirun.yaml")  # with what a folder of this program begins
+    names = (entry.name for entry in path.iterdir())
+    foreign = sorted(name for name in names if name not in begun and not _HALF.fullmatch(name))
+    if not foreign:
+        return
+    whose = None
+    with suppress(ConfigError):
+        whose = read(path).get("verb")
+    if verb is None or whose != verb:
+        what = f"a run of `epuckhebb {whose}`" if whose else f"files that are not of this program ({foreign[0]}, ...)"
+        raise ConfigError(f"{path} holds {what}; nothing there is touched. Give a folder that is new or empty")
+
+
+def _remove_half_done(path: Path) -> None:
+    """Remove what killed processes left half done, if it bears a name of ours; attempts at work stay."""
+    for half in path.rglob(".*.tmp"):
+        if not {UNFINISHED, SET_ASIDE} & {*half.relative_to(path).parts} and _HALF.fullmatch(half.name):
+            half.unlink(missing_ok=True)
+    for attempt in (path / UNFINISHED).glob("*"):
+        if not _ATTEMPT.fullmatch(attempt.name):
+            continue
+        with suppress(FileNotFoundError):  # it has just been finished
+            if not attempt.is_dir():
+                attempt.unlink()
+            elif not is_locked(attempt):
+                discard(attempt, path)
+
+
+def discard(attempt: Path, study: Path) -> None:
+    """Remove an attempt at a run of a study; with a file in it that this program does not write, set it aside."""
+    for file in attempt.rglob("*"):
+        name = file.relative_to(attempt).as_posix()
+        if not (file.is_dir() or name in columns.TABLES or _OF_A_RUN.fullmatch(name) or _HALF.fullmatch(file.name)):
+            set_aside(attempt, study, "holds files that this program did not write")
+            return
+    shutil.rmtree(attempt)
+
+
+def set_aside(found: Path, study: Path, why: str) -> None:
+    """Move something out of the way of a study, with all that is in it, and report where it is now."""
+    place = study / SET_ASIDE / f"{found.name}_{datetime.now():%Y%m%d-%H%M%S}-{token_hex(4)}"
+    place.parent.mkdir(exist_ok=True)
+    found.rename(place)
+    say(f"{found} {why}; nothing in it was deleted, it is now {place}")
+
+
+def check_folder_of_multirun(path: Path) -> None:
+    """Refuse a folder for a multirun with anything in it but the runs and the tables of an earlier one."""
+    if path.is_dir() and not of_multirun(path):
+        _refuse_foreign(path)
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")

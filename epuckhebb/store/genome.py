@@ -1,0 +1,257 @@
+"""Writes and reads genomes: `champion.npz`, plain arrays, and the champions that come with the program."""
+
+import hashlib
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.resources import LATEST, data_folder, path_of
+from epuckhebb.sim.adaptation.baseline import Baseline
+from epuckhebb.sim.adaptation.homeostasis import PATTERNS
+from epuckhebb.sim.adaptation.self_check.dance import STEPS
+from epuckhebb.sim.adaptation.self_check.memory import EFFECTS, SelfMemory
+from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
+from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.sim.robot import EPUCK
+from epuckhebb.store import run
+from epuckhebb.store.disk import CHAMPION, REFERENCE
+from epuckhebb.store.npz import MOST, Arrays, Shape, compressed, one_error
+
+_BASELINE = "memory_"  # how the names of a baseline's arrays begin
+_SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
+_OF_SEED = re.compile(rf"{REFERENCE}_\d+")
+_TEXTS = ("robot", "experiment", "optimizer", "training", "rule", "task")  # of a champion
+
+
+@dataclass(frozen=True, kw_only=True)
+class Genome:
+    """Genes, a name for tables, what they are for, and what the champion remembers, if it does.
+
+    Attributes:
+        genes: All genes, (genes,); 234 weights in the paper.
+        name: What tables call it.
+        network: The network that the weights are for.
+        robot: The name of the robot that it was evolved for.
+        lights: How many of its readings are of light; the others are of distance.
+        plan: The parts of the genes; the weights come first.
+        experiment, optimizer, training: Of which experiment it is, the names of what it was evolved by, and in which
+            worlds; nothing if that is not known.
+        rule: The name of the plasticity rule that it evolved with; nothing without one, or if that is not known.
+        task: The name of the task that it evolved for, if it is another than the paper's.
+        baseline: What the champion remembers of its training world.
+        self_memory: What its self-check compares with.
+    """
+
+    genes: NDArray[np.float64]
+    name: str
+    network: Network = PAPER_NETWORK
+    robot: str = EPUCK.name
+    lights: int = EPUCK.light.count
+    plan: GenomePlan = field(default_factory=lambda: plan_of(PAPER_NETWORK))
+    experiment: str = ""
+    optimizer: str = ""
+    training: str = ""
+    rule: str = ""
+    task: str = ""
+    baseline: Baseline | None = None
+    self_memory: SelfMemory | None = None
+
+    @property
+    def weights(self) -> NDArray[np.float64]:
+        """The genes that are weights, (synapses,)."""
+        return self.plan.split(self.genes)[WEIGHTS]
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of the genes as little-endian float64."""
+        return hashlib.sha256(self.genes.astype("<f8").tobytes()).hexdigest()
+
+    @property
+    def baseline_sha256(self) -> str:
+        """SHA-256 of what the champion remembers; nothing if it remembers nothing."""
+        return _sha256(self.baseline)
+
+    @property
+    def self_memory_sha256(self) -> str:
+        """SHA-256 of what the self-check compares with; nothing if there is nothing."""
+        return _sha256(self.self_memory)
+
+
+def _sha256(remembered: Baseline | SelfMemory | None) -> str:
+    if remembered is None:
+        return ""
+    values = sorted(asdict(remembered).items())
+    return hashlib.sha256(b"".join(name.encode() + np.asarray(value).tobytes() for name, value in values)).hexdigest()
+
+
+def load_genome(where: str, experiment: str, layers: tuple[int, ...] | None = None) -> Genome:
+    """Load the genome that `genome=...` names.
+
+    Args:
+        where: `reference` (the bundled champion of this experiment), `reference_7` (the champion of seed 7 in the
+            reference results), a run folder with a `champion.npz`, or a `.npz` or `.npy` file with as many numbers as
+            the network has weights, 234 in the paper.
+        experiment: The name of the experiment, `light` or `obstacles`.
+        layers: The layers of the network; None for those that the file names, or else the paper's.
+    """
+    if where == REFERENCE:
+        return _read_genome(data_folder("runs/reference") / f"champion_{experiment}.npz", REFERENCE, layers)
+    if _OF_SEED.fullmatch(where):
+        return _read_genome(_champion_of_seed(where, experiment), where, layers)
+    path, name = path_of(where, "genome"), Path(where).stem
+    allowed = f"give `{LATEST}`, a run folder of `epuckhebb evolve`, a .npz or .npy file, or `{REFERENCE}`"
+    if path.is_dir():
+        path, name = path / CHAMPION, path.resolve().name
+        if not path.is_file():
+            raise ConfigError(f"genome={where} is a folder without a {CHAMPION}; {allowed}")
+    if not path.is_file():
+        raise ConfigError(f"genome={where} does not exist; {allowed}")
+    return _read_genome(path, name, layers)
+
+
+def is_bundled(where: str) -> bool:
+    """Whether `genome=...` names a champion that comes with the program."""
+    return where == REFERENCE or _OF_SEED.fullmatch(where) is not None
+
+
+def checked_genes(genes: NDArray[np.generic], where: str, plan: GenomePlan) -> NDArray[np.float64]:
+    """The genes as float64 of shape (genes,)."""
+    if genes.dtype.kind not in "fiu":
+        raise ConfigError(f"genome={where} must hold numbers, it holds {genes.dtype}")
+    if genes.shape != (plan.genes,):
+        raise ConfigError(
+            f"genome={where} must hold {plan.genes} numbers in one dimension ({plan.told()}), got shape {genes.shape}"
+        )
+    genome = genes.astype(np.float64)
+    if not np.isfinite(genome).all():
+        raise ConfigError(f"genome={where} must hold finite numbers, {(~np.isfinite(genome)).sum()} are not")
+    return genome
+
+
+def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, generation: int) -> bytes:
+    """A `champion.npz`: the genome, where it comes from, and what it remembers, once evolution has ended."""
+    arrays: dict[str, Any] = {
+        "genome": genome.genes,
+        "layers": np.array(genome.network.layers),
+        "fitness": np.float64(fitness),
+        "experiment": np.str_(experiment),
+        "seed": np.int64(seed),
+        "generation": np.int64(generation),
+        "robot": np.str_(genome.robot),
+        "lights": np.int64(genome.lights),
+        "parts": np.array([part.name for part in genome.plan.parts]),
+        "part_sizes": np.array([part.size for part in genome.plan.parts]),
+        "optimizer": np.str_(genome.optimizer),
+        "training": np.str_(genome.training),
+    }
+    if genome.rule:
+        arrays["rule"] = np.str_(genome.rule)
+    if genome.task:
+        arrays |= {"task": np.str_(genome.task), "rewarded": np.int64(genome.network.rewarded)}
+    for prefix, remembered in ((_BASELINE, genome.baseline), (_SELF_MEMORY, genome.self_memory)):
+        if remembered is not None:
+            arrays |= {prefix + key: np.asarray(value) for key, value in asdict(remembered).items()}
+    return compressed(arrays)
+
+
+def _champion_of_seed(where: str, experiment: str) -> Path:
+    champions = data_folder("runs/reference") / "champions"
+    path = champions / f"{experiment}_seed{int(where.partition('_')[2]):03d}.npz"
+    if not path.is_file():
+        seeds = sorted(int(file.stem[-3:]) for file in champions.glob(f"{experiment}_seed*.npz"))
+        first = [seed for seed in seeds if seed - 1 not in seeds]
+        last = [seed for seed in seeds if seed + 1 not in seeds]
+        there = ", ".join(f"{a} to {b}" for a, b in zip(first, last, strict=True))
+        raise ConfigError(
+            f"genome={where} is not among the reference champions of the {experiment} experiment, seeds {there}"
+        )
+    return path
+
+
+def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genome:
+    with one_error(f"genome={path} cannot be read as .npz or .npy"):
+        if path.stat().st_size > MOST:
+            raise ValueError(f"it has {path.stat().st_size} bytes; at most {MOST} are read")
+        held = Arrays(run.content(path.parent, path.name))
+        own = held.layers()
+        texts = {name: held.text(name) for name in _TEXTS if name in held}
+        lights = int(held.take("lights", "iu", ())) if "lights" in held else EPUCK.light.count
+        rewarded = bool(held.take("rewarded", "iu", ())) if "rewarded" in held else False
+        parts = None
+        if "parts" in held and "part_sizes" in held:
+            names = held.take("parts", "U", (None,)).tolist()
+            sizes = held.take("part_sizes", "iu", (len(names),)).tolist()
+            parts = tuple(map(Part, names, sizes))
+            if min(sizes, default=0) < 0 or len(set(names)) < len(names):
+                raise ValueError("each of its parts must have a name of its own, and a size of 0 or more")
+        key = held.names[0] if "genome" not in held and len(held.names) == 1 else "genome"
+        if key not in held:
+            raise ConfigError(
+                f"genome={path} must hold one array or one named `genome`, it holds {sorted(held.names)[:20]}"
+            )
+        genes = held.take(key, "fiu")
+    if own is not None and layers is not None and own != layers:
+        raise ConfigError(f"genome={path} is of layers {list(own)}, and network.layers asks for {list(layers)}")
+    try:
+        network = Network(own or layers or PAPER_NETWORK.layers, rewarded)
+    except ValueError as error:
+        raise ConfigError(f"genome={path}: {error}") from error
+    plan = plan_of(network)
+    if parts is not None:
+        plan = GenomePlan(parts)
+        if plan.parts[:1] != (Part(WEIGHTS, network.synapses),):
+            raise ConfigError(f"genome={path} must begin with {network.synapses} weights, it has {plan.told()}")
+    if not 0 <= lights <= network.inputs:
+        raise ConfigError(f"genome={path}: lights must lie between 0 and {network.inputs}, the readings, got {lights}")
+    return Genome(
+        genes=checked_genes(genes, str(path), plan),
+        name=name,
+        network=network,
+        lights=lights,
+        plan=plan,
+        baseline=_baseline(held, path, network.inputs, lights),
+        self_memory=_self_memory(held, path, network.inputs),
+        **texts,
+    )
+
+
+def _baseline(held: Arrays, path: Path, inputs: int, lights: int) -> Baseline | None:
+    """The baseline in a champion's file, if there is one."""
+    shapes: dict[str, Shape] = {"success": (2,), "time_to_goal_s": (2,), "away_s": (2,), "fitness": (2, None)}
+    shapes |= {"reading_mean": (2, inputs), "reading_spread": (2, inputs), "patterns": (PATTERNS, lights)}
+    shapes |= {"gain_rad_s": (), "novelty": ()}
+    with one_error(f"genome={path} holds a baseline of the training world that this program cannot read"):
+        values = _memory(held, _BASELINE, shapes)
+        if values and not values["fitness"].size:
+            raise ValueError("its fitness is of no second")
+        return Baseline(**values) if values else None
+
+
+def _self_memory(held: Arrays, path: Path, inputs: int) -> SelfMemory | None:
+    """What the self-check of a champion compares with, if it is in its file."""
+    steps, terms = len(STEPS), 1 + inputs + inputs * (inputs + 1) // 2
+    shapes: dict[str, Shape] = {"mean": (2, steps, inputs), "spread": (steps, inputs)}
+    shapes |= {"effects": (EFFECTS, steps, inputs), "moments": (terms * (terms + 1) // 2,), "light": ()}
+    with one_error(f"genome={path} holds a memory of the self-check that this program cannot read"):
+        values = _memory(held, _SELF_MEMORY, shapes)
+        for name in shapes if values else ():
+            if name != "light" and not np.isfinite(values[name]).all():
+                raise ValueError(f"{name} must hold finite numbers")
+        return SelfMemory(lights=int(held.take(f"{_SELF_MEMORY}lights", "iu", ())), **values) if values else None
+
+
+def _memory(held: Arrays, prefix: str, shapes: Mapping[str, Shape]) -> dict[str, Any]:
+    """What a champion's file remembers under names with this prefix; nothing if there are none."""
+    if not any(name.startswith(prefix) for name in held.names):
+        return {}
+    values: dict[str, Any] = {name: held.text(prefix + name) for name in ("experiment", "scenario")}
+    for name, shape in shapes.items():
+        value = held.take(prefix + name, "f", shape).astype(np.float64)
+        values[name] = value if shape else float(value)
+    return values

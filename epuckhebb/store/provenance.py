@@ -1,0 +1,73 @@
+"""Records what a result depends on: the code, the packages, the machine and the science."""
+
+import hashlib
+import json
+import platform
+import subprocess
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig
+
+from epuckhebb import __version__
+from epuckhebb.runtime import resources
+from epuckhebb.store.disk import SCHEMA
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+NUMERIC = ("cmaes", "numba", "numpy", "pymunk")  # the packages on which digits may depend
+_PACKAGES = ("epuckhebb", "cmaes", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
+
+
+def digest(content: object) -> str:
+    """A name for any JSON values: the same content gets the same name."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def provenance(verb: str, cfg: DictConfig | None, arguments: list[str]) -> dict[str, Any]:
+    """Who ran what, with what, where."""
+    return {
+        "schema": SCHEMA,
+        "verb": verb,
+        "command": ["epuckhebb", verb, *arguments],
+        "overrides": arguments,
+        **({} if cfg is None else {"seed": cfg.seed}),
+        "code": _code_version(),
+        "packages": versions(_PACKAGES),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "cores": resources.cores(),
+    }
+
+
+def _code_version() -> dict[str, Any]:
+    """The version of this program and of its science, and its git commit where it runs from a checkout."""
+
+    def git(*words: str) -> str | None:
+        command = ["git", "-C", str(_PACKAGE), *words]
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=5, check=True)
+        except (OSError, subprocess.SubprocessError):
+            return None
+        return done.stdout.decode(errors="replace").strip()
+
+    known: dict[str, Any] = {"version": __version__, "science": science_version(), "commit": None, "dirty": None}
+    if git("ls-files", "--error-unmatch", "__init__.py") is not None:
+        known["commit"] = git("rev-parse", "HEAD")
+        known["dirty"] = bool(git("status", "--porcelain", "--", str(_PACKAGE)))
+    return known
+
+
+@cache
+def versions(packages: tuple[str, ...]) -> dict[str, str]:
+    """The versions of packages that are installed."""
+    return {name: version(name) for name in packages}
+
+
+@cache
+def science_version() -> str:
+    """A digest of the code that results depend on: the same science gives the same numbers."""
+    sources = [file for layer in ("sim", "evolution") for file in sorted((_PACKAGE / layer).rglob("*.py"))]
+    sources.append(_PACKAGE / "analysis" / "evaluate.py")
+    return hashlib.sha256(b"\0".join(source.read_bytes() for source in sources)).hexdigest()[:16]

@@ -1,0 +1,61 @@
+"""Writes and reads `traces.npz` and `findings.json`."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.analysis.evaluate import Traces
+from epuckhebb.sim.genome import plan_of
+from epuckhebb.sim.life import Samples, empty_samples
+from epuckhebb.sim.maze import SIDES
+from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.store import columns
+from epuckhebb.store.disk import FINDINGS, TRACES
+from epuckhebb.store.genome import checked_genes
+from epuckhebb.store.npz import Arrays, compressed, one_error
+from epuckhebb.store.run import content, has, table
+
+
+def traces_file(traces: Traces, weights: NDArray[np.float64], network: Network) -> bytes:
+    """The content of `traces.npz`."""
+    return compressed(traces_arrays(traces, weights, network))
+
+
+def traces_arrays(traces: Traces, weights: NDArray[np.float64], network: Network) -> dict[str, NDArray[Any]]:
+    """Recorded lifetimes as arrays by name, with the weights and the network that they began with; `columns.TRACES`."""
+    lifetimes = {"controller": np.array(traces.controller), "side": np.array(traces.side)}
+    return lifetimes | {"genome": weights, "layers": np.array(network.layers)} | traces.samples._asdict()
+
+
+def read_traces(run: Path, state: str, lifetimes: int, samples: int) -> tuple[Traces, NDArray[np.float64], Network]:
+    """Read the recorded lifetimes of a run folder, and the weights and the network that they began with.
+
+    state: what the run says of itself; it explains why there may be no traces. lifetimes: how many there must be.
+    samples: how many samples each must have.
+    """
+    with one_error(f"{run / TRACES} cannot be read (the run is {state})"):
+        if not (run / TRACES).is_file():
+            raise ValueError("there is no such file")
+        held = Arrays(content(run, TRACES))
+        network = Network(held.layers() or PAPER_NETWORK.layers)
+        found = {}
+        for name, empty in empty_samples(0, network)._asdict().items():
+            found[name] = held.take(name, "f", (lifetimes, samples, *empty.shape[1:]))
+            if name != "change_signal" and not np.isfinite(found[name]).all():
+                raise ValueError(f"{name} must hold finite numbers")
+        controllers, sides = (held.take(name, "U", (lifetimes,)).tolist() for name in ("controller", "side"))
+        if not set(sides) <= set(SIDES) or len(set(zip(controllers, sides, strict=True))) < lifetimes:
+            raise ValueError(f"side must be one of {', '.join(SIDES)}, and each controller's lifetime there one")
+        traces = Traces(controller=controllers, side=sides, samples=Samples(**found))
+        return traces, checked_genes(held.take("genome", "f", (network.synapses,)), TRACES, plan_of(network)), network
+
+
+def read_findings(run: Path) -> list[dict[str, Any]]:
+    """What the robots of a run found in their self-checks, a row each; nothing if they made none."""
+    if not has(run, FINDINGS):
+        return []
+    found = table(run, FINDINGS, columns.FOUND)
+    texts = {name: "" for name, column in columns.FOUND.items() if column.kind == columns.TEXT_OR_EMPTY}
+    return [{str(name): value for name, value in row.items()} for row in found.fillna(texts).to_dict("records")]

@@ -1,0 +1,261 @@
+"""Lists the jobs of one method on a leaderboard: its champions and their tests, each composed and checked.
+
+A job is known by all that its result depends on: its settings, the job that made its champion, the worlds, rules of
+the user's own, the science.
+"""
+
+import copy
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from epuckhebb.analysis import leaderboard as board
+from epuckhebb.analysis.leaderboard import EVOLVED, LAID_OVER, PLAIN, Row
+from epuckhebb.config import compose, plugins
+from epuckhebb.config.build import check_pace, network_for
+from epuckhebb.config.compose import Plain
+from epuckhebb.config.methods import REVERSAL_TASK, Method, typed_as
+from epuckhebb.config.names import world_of
+from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, LeaderboardConfig, typed
+from epuckhebb.runs import evaluate, evolve
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.resources import data_folder
+from epuckhebb.sim.plasticity.rule import NoRule
+from epuckhebb.sim.scenario import TRAINED, Scenario
+from epuckhebb.sim.task import Task
+from epuckhebb.store import provenance
+from epuckhebb.studies.identity import NO_EFFECT
+from epuckhebb.studies.jobs import Job
+
+REVERSAL = board.REVERSAL
+_OF_RULES = ("merges", "merge_every")  # settings of optimizers that concern nothing but rules
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A method in an experiment.
+
+    Its jobs are listed by seed.
+    """
+
+    method: Method
+    row: Row  # what the tables say of it
+    champions: dict[int, Job]  # the jobs that evolve its champions, or the rules for them
+    lives: dict[int, Job]  # the jobs in which these are tested
+    before: dict[int, Job]  # the jobs that evolve the champions for which rules are evolved
+    config: EvolveConfig | None  # how it is evolved, if it is
+    task: Task  # what it is evolved for
+
+
+def in_world(config: EvaluateConfig, world: Scenario) -> EvaluateConfig:
+    """The same evaluation in a world of its experiment: at home as it is, elsewhere for as long as lives last there."""
+    if world.name == config.world.name:
+        return config
+    there = copy.copy(config)
+    there.world, there.lifetime = world, replace(config.lifetime, duration_s=world.paper_duration_s)
+    return there
+
+
+@functools.cache
+def world_named(name: str, config_dir: str | None) -> Scenario:
+    """A world by its name."""
+    robot = compose.plain(_home_cfg(TRAINED["obstacles"], (), config_dir).robot)
+    try:
+        world = world_of(name, search_folders(config_dir), robot)
+    except ValueError as error:
+        raise ConfigError(f"scenario {name}: {error}") from error
+    if world is None:
+        raise ConfigError(f"there is no scenario {name} in {' or '.join(map(str, search_folders(config_dir)))}")
+    return replace(world, name=name)
+
+
+@functools.cache
+def _home_cfg(home: str, task: tuple[str, ...], config_dir: str | None) -> DictConfig:
+    """An evaluation of nothing but genes at home."""
+    return compose.composed("evaluate", _lives_in(home, *task, "hebbian=none"), config_dir)
+
+
+def _lives_in(home: str, *words: str) -> list[str]:
+    return [f"scenario={home}", "lifetime.record_every=0", *words]
+
+
+def search_folders(config_dir: str | None) -> list[Path]:
+    """The folders in which choices of groups are looked for: the user's first, then `conf/`."""
+    return [*([Path(config_dir)] if config_dir else []), data_folder("conf")]
+
+
+@functools.cache
+def _swept(name: str, config_dir: str | None) -> tuple[str, ...]:
+    """The worlds of a named sweep."""
+    params = compose.composed("evaluate", [f"experiment={name}"], config_dir, with_hydra=True).hydra.sweeper.params
+    if not params or "scenario" not in params:
+        raise ConfigError(f"tests={name}: this sweep of conf/experiment/ names no scenarios in hydra.sweeper.params")
+    return tuple(world.strip() for world in str(params["scenario"]).split(","))
+
+
+def tests_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, dict[str, Scenario]]:
+    """The test worlds of every experiment: those of these sweeps, but for the training world."""
+    found: dict[str, dict[str, Scenario]] = {one: {} for one in TRAINED}
+    for name in (name for sweep in sweeps for name in _swept(sweep, config_dir)):
+        world = world_named(name, config_dir)
+        if name != TRAINED[world.experiment]:
+            found[world.experiment][name] = world
+    return found
+
+
+@functools.cache
+def worlds_digest(worlds: tuple[str, ...], config_dir: str | None) -> str:
+    """A digest of all that worlds are."""
+    return provenance.digest({name: repr(world_named(name, config_dir)) for name in worlds})
+
+
+def identity(asked: Plain) -> str:
+    """The name of the run that a job leads to."""
+    config, own = dict(asked["config"]), plugins.own_files(asked["config"])
+    for key in (*NO_EFFECT, "genome"):
+        config.pop(key)
+    if own:  # wherever they are
+        config["hebbian"] = {**config["hebbian"], "rule": str(config["hebbian"]["rule"]).rpartition(":")[2]}
+    worlds = tuple(asked.get("worlds", ()))
+    depends = {
+        "config": config,
+        "champion": asked["champion"],
+        "worlds": worlds_digest(worlds, asked["config_dir"]),
+        "own_code": [one.digest for one in own.values()],
+        "science": provenance.science_version(),
+        "packages": provenance.versions(provenance.NUMERIC),
+    }
+    return f"{'test' if worlds else 'champion'}_{provenance.digest(depends)[:12]}"
+
+
+class Planner:
+    """Makes the entries of an experiment, each after those that it needs."""
+
+    def __init__(
+        self, config: LeaderboardConfig, config_dir: str | None, experiment: str, tests: dict[str, Scenario]
+    ) -> None:
+        self._config, self._config_dir, self._experiment, self._tests = config, config_dir, experiment, tests
+        self._home = TRAINED.get(experiment, TRAINED["obstacles"])
+        self._task = tuple(typed_as(REVERSAL_TASK)) if experiment == REVERSAL else ()
+        self._repeats = config.reversal_repeats if experiment == REVERSAL else config.repeats
+        self._entries = dict[str, Entry]()
+        self._seeds = range(config.first_seed, config.first_seed + config.champions)
+
+    def entry(self, method: Method) -> Entry:
+        """The entry of a method; the message of an error begins with its name."""
+        try:
+            made = self._entry(method)
+        except ConfigError as error:
+            raise ConfigError(f"method {method.name}: {error}") from error
+        self._entries[method.name] = made
+        return made
+
+    def _entry(self, method: Method) -> Entry:
+        over = self._entries.get(method.over)
+        if over and over.row.kind != PLAIN:
+            plain = [name for name, entry in self._entries.items() if entry.row.kind == PLAIN]
+            raise ConfigError(
+                f"over={method.over}: its champions were evolved with a rule of their own, and another cannot be laid "
+                f"over it; give a method without plasticity, for example {', '.join(plain) or 'ga'}"
+            )
+        config, champions = None, over.champions if over else {}
+        if method.evolve:
+            home = [] if "scenario" in method.evolve else [f"scenario={self._home}"]
+            given = ["genome=given"] if method.over else []
+            cfg = compose.composed("evolve", [*home, *method.overrides("evolve"), *given], self._config_dir)
+            config = typed(cfg, EvolveConfig)
+            self._check(method, config)
+            settings = compose.plain(cfg)
+            champions = {seed: self._evolution(method, settings, over, seed) for seed in self._seeds}
+            lived = compose.plain(_home_cfg(self._home, self._task, self._config_dir))
+            lived["hebbian"] = settings["hebbian"]
+        else:
+            lived = self._laid_over(method)
+        lived |= {"seed": self._config.seed, "repeats": self._repeats}
+        is_plain = config is not None and isinstance(config.controller.rule, NoRule)
+        if is_plain and (method.over or method.twin):
+            raise ConfigError("it has no plasticity, so nothing is laid over, and no twin; leave out over and twin")
+        if not is_plain and not method.compared_with:
+            raise ConfigError("twin is missing: name the method that is the same without plasticity")
+        if method.twin and config is not None:
+            _check_twin(config, self._entries[method.twin])
+        evolved = config or (over.config if over else None)
+        assert evolved is not None  # a method evolves, or takes another's champions
+        row = Row(
+            experiment=self._experiment,
+            method=method.name,
+            kind=PLAIN if is_plain else EVOLVED if method.evolve else LAID_OVER,
+            twin=method.compared_with,
+            numbers=evolved.plan.genes,
+        )
+        return Entry(
+            method=method,
+            row=row,
+            champions=champions,
+            lives={seed: self._test(method, lived, champion.run) for seed, champion in champions.items()},
+            before=over.champions if over and method.evolve else {},
+            config=config,
+            task=evolved.world.task,
+        )
+
+    def _check(self, method: Method, config: EvolveConfig) -> None:
+        """Refuse what cannot be evolved here, and what could be trained in a test."""
+        for name, world in self._tests.items():
+            if board.can_be(config.world, config.training, world):
+                raise ConfigError(
+                    f"its training world can be {name}, which is one of the tests' own "
+                    f"(tests={','.join(self._config.tests)}): champions must not know what they are tested in. Train "
+                    "it elsewhere, or leave these tests out"
+                )
+        evolve.check_memory(config)
+        if "hebbian.rule" in method.evolve:
+            evaluate.compile_for([config.controller], evolve.network_of(config), config.world)
+
+    def _laid_over(self, method: Method) -> Plain:
+        """How champions live with what is laid over them."""
+        cfg = compose.composed("evaluate", _lives_in(self._home, *method.overrides("evaluate")), self._config_dir)
+        config = typed(cfg, EvaluateConfig)
+        for name, world in self._tests.items():
+            try:
+                check_pace(in_world(config, world).lifetime, world)
+            except ValueError as error:
+                raise ConfigError(f"{name}: {error}") from error
+        if "hebbian.rule" in method.evaluate:
+            evaluate.compile_for(config.controllers, network_for(config.world, config.layers), config.world)
+        return compose.plain(cfg)
+
+    def _evolution(self, method: Method, config: Plain, over: Entry | None, seed: int) -> Job:
+        champion = over.champions[seed].run if over else ""
+        return self._job([*method.overrides("evolve"), f"seed={seed}"], {**config, "seed": seed}, champion)
+
+    def _test(self, method: Method, config: Plain, champion: str) -> Job:
+        words = [f"genome={champion}", *method.overrides("evaluate")]
+        return self._job(words, config, champion, worlds=[self._home, *self._tests])
+
+    def _job(self, overrides: list[str], config: Plain, champion: str, **more: list[str]) -> Job:
+        asked = {"config": config, "champion": champion, "config_dir": self._config_dir, **more}
+        return Job(number=0, overrides=overrides, run=identity(asked), config=asked)
+
+
+def _check_twin(config: EvolveConfig, twin: Entry) -> None:
+    """Refuse a twin that differs in more than plasticity."""
+    other = twin.config
+    if twin.row.kind != PLAIN or other is None:
+        raise ConfigError(f"twin={twin.method.name} has plasticity itself; give a method without")
+    ours, theirs = _but_for_plasticity(config), _but_for_plasticity(other)
+    for what, value in ours.items():
+        if value != theirs[what]:
+            raise ConfigError(
+                f"twin={twin.method.name} has another {what}; a twin is the same but for plasticity, or plasticity "
+                "would be credited with what that does"
+            )
+
+
+def _but_for_plasticity(config: EvolveConfig) -> dict[str, object]:
+    """How something is evolved; of the optimizer only settings that concern any evolution."""
+    settings = {name: value for name, value in vars(config.algorithm).items() if name not in _OF_RULES}
+    optimizer = type(config.algorithm), settings
+    return {"optimizer": optimizer, "training": config.training, "scenario": config.world, "lifetime": config.lifetime}

@@ -1,0 +1,159 @@
+"""Plans a leaderboard: its methods, experiments and folder, each checked before anything is run."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from epuckhebb.config import compose, overrides, plugins
+from epuckhebb.config import methods as known_methods
+from epuckhebb.config.methods import ALL, RULE_GROUPS, TRAINING_GROUPS, Method, is_in_groups, methods_named
+from epuckhebb.config.schema import LeaderboardConfig, typed
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.scenario import TRAINED, Scenario
+from epuckhebb.store import provenance
+from epuckhebb.studies.jobs import Job, folder_and_launcher, for_hydra
+from epuckhebb.studies.leaderboard_jobs import REVERSAL, Entry, Planner, search_folders, tests_of, worlds_digest
+
+EXPERIMENTS = (*TRAINED, REVERSAL)
+QUICK = ("champions=2", "tests=[rescue]", "methods=[ga,sep_cma_es_varied,abcd_shared]")
+_METHODS = "methods="
+_PLAIN = "ga"  # what all rules are compared with in reversal learning
+_REVERSAL_GA = {"ga": "reversal"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leaderboard:
+    """What was asked for."""
+
+    config: LeaderboardConfig
+    cfg: DictConfig  # the same, as it was composed
+    tests: dict[str, dict[str, Scenario]]  # of each experiment, by name; reversal learning has none but its own world
+    entries: list[Entry]
+    folder: Path
+    launcher: list[str]  # what was typed for Hydra's launcher
+    own_files: dict[Path, plugins.OwnFile]
+    arguments: list[str]  # what was typed
+
+    @property
+    def jobs(self) -> list[Job]:
+        """All jobs, in the order in which they need each other."""
+        return [job for _, jobs in self.stages for job in jobs]
+
+    @property
+    def told(self) -> dict[str, str]:
+        """What each run is for."""
+        told: dict[str, str] = {}
+        for entry in self.entries:
+            for verb, jobs in (("evolve", entry.champions), ("test", entry.lives)):
+                for seed, job in jobs.items():
+                    told.setdefault(job.run, f"{verb} {entry.method.name}, {entry.row.experiment}, seed {seed}")
+        return told
+
+    @property
+    def stages(self) -> list[tuple[str, list[Job]]]:
+        """What is done in turn: champions, rules for champions, tests."""
+        first = {job.run: job for entry in self.entries if not entry.before for job in entry.champions.values()}
+        then = {job.run: job for entry in self.entries if entry.before for job in entry.champions.values()}
+        lives = {job.run: job for entry in self.entries for job in entry.lives.values()}
+        named = (("evolve champions", first), ("evolve rules for champions", then), ("test champions", lives))
+        return [(what, list(jobs.values())) for what, jobs in named if jobs]
+
+
+def _experiments_named(text: str) -> list[str]:
+    """The experiments of an argument, in their usual order."""
+    named = {name.strip() for name in text.split(",")}
+    if unknown := named - {*EXPERIMENTS, ALL}:
+        raise ConfigError(
+            f"leaderboard {text}: {', '.join(sorted(unknown)) or 'nothing'} is no experiment; it must be one of "
+            f"{', '.join(EXPERIMENTS)}, several of them with commas between, or {ALL}"
+        )
+    return [one for one in EXPERIMENTS if one in named or ALL in named]
+
+
+def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_dir: str | None = None) -> Leaderboard:
+    """List what belongs to a leaderboard, each part composed and checked; nothing is written.
+
+    experiment: its name, several of them with commas between, or all. arguments: overrides, of the study and of Hydra.
+
+    Raises:
+        ConfigError: The experiment, a method, a key or a value cannot be used.
+    """
+    experiments = _experiments_named(experiment)
+    overrides.check_config_dir(config_dir)
+    typed_words = [experiment, *(["--quick"] if quick else []), *arguments]
+    if config_dir is not None:
+        typed_words += ["--config-dir", config_dir]
+        config_dir = str(Path(config_dir).absolute())
+    hydras = for_hydra("leaderboard", arguments)
+    own = [_as_list(argument) for argument in arguments if argument not in hydras]
+    cfg = compose.composed("leaderboard", [*(QUICK if quick else ()), *own], config_dir)
+    config = typed(cfg, LeaderboardConfig)
+    folders = search_folders(config_dir)
+    all_tests = tests_of(config.tests, config_dir)
+    tests = {one: all_tests.get(one, {}) for one in experiments}
+    for one, worlds in tests.items():
+        if not worlds and one != REVERSAL:
+            raise ConfigError(f"tests={','.join(config.tests)}: none of their scenarios is of the {one} experiment")
+    methods = methods_named(config.methods, folders)
+    entries: list[Entry] = []
+    for one, worlds in tests.items():
+        planned = Planner(config, config_dir, one, worlds)
+        here = in_reversal(methods, folders) if one == REVERSAL else methods
+        entries += [planned.entry(method) for method in here]
+    jobs = [job for entry in entries for job in entry.lives.values()]
+    tested = [name for worlds in all_tests.values() for name in worlds]
+    asked = [worlds_digest(tuple(tested), config_dir), config.first_seed, config.seed, config.repeats]
+    asked += [config.reversal_repeats, provenance.science_version()]
+    usual = Path("runs") / "leaderboard" / f"seed{config.first_seed}_{provenance.digest(asked)[:8]}"
+    folder, launcher = folder_and_launcher(hydras, usual)
+    return Leaderboard(
+        config=config,
+        cfg=cfg,
+        tests=tests,
+        entries=entries,
+        folder=folder,
+        launcher=launcher,
+        own_files={file: own for job in jobs for file, own in plugins.own_files(job.config["config"]).items()},
+        arguments=typed_words,
+    )
+
+
+def _as_list(argument: str) -> str:
+    """`methods=a,b` as Hydra writes a list."""
+    if argument.lstrip("+~").startswith("method="):
+        raise ConfigError(f"{argument}: a leaderboard has many methods; give methods={argument.partition('=')[2]}")
+    if not argument.startswith(_METHODS) or argument.startswith(f"{_METHODS}["):
+        return argument
+    names = argument.removeprefix(_METHODS).split(",")
+    return f"{_METHODS}[{','.join(overrides.quoted(name) for name in names if name)}]"
+
+
+def in_reversal(methods: Sequence[Method], folders: Sequence[Path]) -> list[Method]:
+    """These methods where reversal learning is asked for: their rules, evolved by the GA in the one world there is.
+
+    Training in other worlds, and optimizers for it, concern the paper's task alone, so that methods which differ in
+    nothing else are one here, and all without plasticity are the GA. What an adaptation does has no place.
+    """
+    (plain,) = methods_named([_PLAIN], folders)
+    found = [replace(plain, evolve={**known_methods.REVERSAL_TASK, **_REVERSAL_GA})]
+    for method in methods:
+        if not all(is_in_groups(key, (*RULE_GROUPS, *TRAINING_GROUPS)) for key in {**method.evolve, **method.evaluate}):
+            continue
+        made = replace(
+            method,
+            evolve={**known_methods.REVERSAL_TASK, **_REVERSAL_GA, **method.rule} if method.evolve else {},
+            evaluate={**known_methods.REVERSAL_TASK, **method.rule} if method.evaluate else {},
+            over=_PLAIN if method.over else "",
+            twin="" if method.over else _PLAIN,
+        )
+        if method.rule and not any(replace(made, name=one.name, told=one.told) == one for one in found):
+            found.append(made)
+    names = [method.name for method in methods]
+    if not found[1:] and names != [_PLAIN]:
+        raise ConfigError(
+            f"methods={','.join(names)}: none has a place in reversal learning, which compares plasticity rules; give "
+            "one that has hebbian and no adaptation, for example modulated"
+        )
+    return found

@@ -1,0 +1,175 @@
+"""`epuckhebb sweep NAME`: the jobs that `conf/experiment/NAME.yaml` and the command line make, and tables over all.
+
+A job is known by a digest of its resolved configuration, its genome and the version of the science; what is in the run
+folder of that name is its result, whenever it was made. The folder of a sweep is named by its jobs, so that the same
+command finds it again.
+"""
+
+import csv
+import io
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from omegaconf import DictConfig
+
+from epuckhebb.analysis import rescue, summary
+from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather, repeated
+from epuckhebb.config import compose, words
+from epuckhebb.config.overrides import alternatives
+from epuckhebb.config.stored import as_config
+from epuckhebb.runs import hydra
+from epuckhebb.runs.evaluate import evaluate_into
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.progress import say
+from epuckhebb.store import columns, disk, provenance, records
+from epuckhebb.store import run as runs
+from epuckhebb.store.folder import RunFolder
+from epuckhebb.store.records import JobAsked
+from epuckhebb.studies import identity
+from epuckhebb.studies.jobs import Job, Outcome, at_work, folder_and_launcher, for_hydra, launch, one_job
+
+_SWEEP = "sweep.csv"
+
+
+def evaluate_job(cfg: DictConfig) -> None:
+    """Do one evaluation of a study."""
+    one_job(cfg, identity.Identities().of, _evaluate)
+
+
+def _evaluate(path: Path, job: JobAsked, facts: dict[str, Any]) -> None:
+    config = as_config(job["config"], "evaluate")
+    evaluate_into(path, config, job["overrides"], facts, threads=hydra.threads_of_job(config.threads))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep:
+    """A named sweep: its jobs, its folder, what was typed to ask for it, and what of that is for Hydra's launcher."""
+
+    name: str
+    jobs: list[Job]
+    folder: Path
+    arguments: list[str]
+    launcher: list[str]
+
+
+def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Sweep:
+    """List the jobs of a sweep, each composed and checked; two that would do the same are one.
+
+    Raises:
+        ConfigError: There is no such sweep, or a key, a value or the genome cannot be used.
+    """
+    hydras = for_hydra("sweep", arguments)
+    words.check_words("evaluate", arguments, config_dir)
+    named = [f"experiment={name}"]
+    params = compose.composed("evaluate", [*named, *hydras], config_dir, with_hydra=True).hydra.sweeper.params
+    if not params:
+        raise ConfigError(f"experiment={name} has no hydra.sweeper.params: it is one job, for `epuckhebb evaluate`")
+    swept = [f"{key}={values}" for key, values in params.items()]
+    choices = alternatives([*swept, *(argument for argument in arguments if argument not in hydras)])
+    listed: dict[str, Job] = {}
+    again: list[Job] = []
+    identities = identity.Identities()
+    for overrides, config in compose.combinations("evaluate", named, choices, config_dir, identities.meet):
+        run = identities.of(config)
+        job = Job(number=len(listed), overrides=[*named, *overrides], run=run, config=config)
+        if listed.setdefault(run, job) is not job:
+            again.append(job)
+    jobs = list(listed.values())
+    if again:
+        say(repeated(len(again), again[0].settings, listed[again[0].run].settings))
+    settings = provenance.digest([identities.settings(job.config) for job in jobs])
+    usual = Path("runs") / "sweep" / f"{name}_{settings[:8]}"
+    folder, launcher = folder_and_launcher(hydras, usual)
+    asked = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]
+    return Sweep(name=name, jobs=jobs, folder=folder, arguments=asked, launcher=launcher)
+
+
+def sweep(planned: Sweep, *, fail_fast: bool) -> Outcome:
+    """Do the jobs that are not done, then write the tables over all that are."""
+    results = [(planned.folder / job.run,) for job in planned.jobs]
+    with at_work(planned.folder, "sweep", None, planned.arguments, results) as study:
+        outcome = launch(study, planned.name, planned.jobs, planned.launcher, evaluate_job, fail_fast=fail_fast)
+        _write_tables(study, outcome.done, outcome.failures)
+        study.remove_stale()  # the folder may have been given to a sweep of other jobs before
+        study.failure = told(planned, outcome)
+    return outcome
+
+
+def told(planned: Sweep, outcome: Outcome) -> str:
+    """What failed, in short; nothing if nothing did."""
+    if not outcome.failures:
+        return ""
+    left = f", {outcome.left} left out" if outcome.left else ""
+    return f"{len(outcome.failures)} of the sweep{left}; {planned.folder}/failed.csv has all. {outcome.failures[0][1]}"
+
+
+def _write_tables(study: RunFolder, done: Sequence[Job], failures: Sequence[tuple[Job, str]]) -> None:
+    """Write `sweep.csv`, `summary.csv` and `failed.csv`; the same jobs give the same bytes."""
+    failed = [{**_place(job), **job.settings, "error": error} for job, error in failures]
+    failed_columns = list(failed[0]) if failed else ["job", "run", "error"]
+    study.write("failed.csv", _csv(pd.DataFrame(failed, columns=failed_columns)))
+    gathered = gather([_evaluated(study.path / job.run, job.settings, _place(job)) for job in done])
+    content = _csv(gathered.rows)
+    records.table(content, study.path / _SWEEP, columns.METRICS, rows=False)
+    study.write(_SWEEP, content)
+    _write_over_all(study.write, gathered)
+
+
+def write_summary_of_multirun(folder: Path, finished: Sequence[Path]) -> None:
+    """Write the tables over all runs of a multirun of `evaluate`, as of a sweep, into its folder."""
+    jobs = [
+        Job(number=number, overrides=runs.read(path)["overrides"], run=path.name, config={})
+        for number, path in enumerate(finished)
+    ]
+    gathered = gather([_evaluated(folder / job.run, job.settings, {}) for job in jobs])
+    _write_over_all(lambda name, content: disk.write_atomic(folder / name, content), gathered)
+
+
+def _write_over_all(write: Callable[[str, bytes], None], gathered: Gathered) -> None:
+    """Write the tables, the page and the figures over all lifetimes, and say what else is to know of them."""
+    rows, settings = gathered.rows, gathered.settings
+    write(disk.SUMMARY, _csv(summary.summary(rows, settings)))
+    if gathered.repeated:
+        say(gathered.repeated)
+    if rows.empty:
+        return
+    if summary.has_champions(rows):
+        write(disk.OVER_CHAMPIONS, _csv(summary.over_champions(rows, settings)))
+    doses = summary.dose_response(rows, settings)
+    if doses:
+        write(disk.DOSE_RESPONSE, doses)
+    found = summary.rescue_and_harm(rows)
+    if found is not None:
+        tables, page, figure = found
+        for name, table in tables.items():
+            write(f"{name}.csv", _csv(table))
+        write("report.md", page.encode())
+        write(f"figures/{rescue.FIGURE}", figure)
+    elif missing := summary.no_rescue(rows, settings):
+        say(missing)
+
+
+def _evaluated(path: Path, settings: Mapping[str, str], place: Mapping[str, str]) -> Evaluated:
+    """A run and its lifetimes, whose numbers stay as text."""
+    run = runs.read(path)
+    rows = csv.DictReader(io.StringIO(runs.content(path, "metrics.csv").decode(), newline=""))
+    return Evaluated(
+        settings=settings,
+        where=settings.get("genome", run["genome"]),
+        sha256=run["genome_sha256"],
+        ids=run["lifetimes"],
+        rows=pd.DataFrame(list(rows), dtype=str),
+        place=place,
+    )
+
+
+def _place(job: Job) -> dict[str, str]:
+    """The first columns: which job, and which run folder."""
+    return {"job": str(job.number), "run": job.run}
+
+
+def _csv(frame: pd.DataFrame) -> bytes:
+    return str(frame.to_csv(index=False, lineterminator="\n")).encode()

@@ -1,1 +1,0 @@
-"""From lifetimes to findings: rows of metrics, the paper's tables and its figures."""

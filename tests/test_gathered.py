@@ -1,0 +1,191 @@
+"""Many evaluations in one table: each lifetime once, each genome under a name of its own, each idea in one column."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from cases import done
+
+import epuckhebb
+from epuckhebb.analysis import summary
+from epuckhebb.analysis.evaluate import COLUMNS
+from epuckhebb.analysis.lifetimes import Evaluated, gather
+from epuckhebb.config.compose import composed
+from epuckhebb.config.schema import EvaluateConfig, typed
+from epuckhebb.runs import evaluate
+from epuckhebb.sim.controller import Controller
+from epuckhebb.sim.plasticity.rule import Rule
+from epuckhebb.store.genome import load_genome
+
+UNREADABLE = object()
+SHORT = ["lifetime.duration_s=0.064", "repeats=1", "lifetime.record_every=0"]
+BRIEF = {"lifetime": {"duration_s": 0.064}, "repeats": 1, "progress": False}
+
+
+def evaluated(genome="g", sha="0", rate="0.1", seed="1", scenario="base", where=None, n=1, repeats=2, **settings):
+    """An evaluation by the GA and by the paper's rule; with the rule `n` of the repeats succeed on either side."""
+    same = {**dict.fromkeys(COLUMNS, "0"), "genome": genome, "scenario": scenario, "changed": "", "seed": seed}
+    same |= {"experiment": "obstacles", "signal": ""}
+    rows = [
+        {**same, "controller": name, "N": N, "side": side, "repeat": str(k), "success": str(int(name == "GA" or k < n))}
+        for name, N in (("GA", "0.0"), ("Hebbian", rate))
+        for side in ("left", "right")
+        for k in range(repeats)
+    ]
+    floor = settings.get("hebbian.floor", "")
+    return Evaluated(
+        settings={"hebbian.N": rate, "seed": seed, "scenario": scenario, "genome": where or genome, **settings},
+        where=where or genome,
+        sha256=sha,
+        ids={"GA": f"{sha}{scenario}", "Hebbian": f"{sha}{scenario}{float(rate)}{floor}"},
+        rows=pd.DataFrame(rows),
+    )
+
+
+@pytest.mark.parametrize(
+    ("other", "told"),
+    [
+        ({}, "hebbian.N=0.1, seed=1, scenario=base, genome=g is given twice"),
+        ({"rate": "1e-1"}, "hebbian.N=1e-1 repeats hebbian.N=0.1"),
+        ({"genome": "reference_20"}, "genome=reference_20 repeats genome=g"),
+    ],
+)
+def test_a_lifetime_that_was_asked_for_twice_counts_once(other, told):
+    found = gather([evaluated(), evaluated(**other), evaluated(**other)])
+    assert len(found.rows) == 8
+    assert set(found.rows.genome) == {"g"}
+    assert found.repeated == f"{told}, and 1 more like it; each lifetime counts once."
+    assert set(summary.summary(found.rows, found.settings).n) == {2}
+
+
+def test_evaluations_with_lifetimes_of_their_own_repeat_nothing():
+    found = gather([evaluated(), evaluated(rate="0.2"), evaluated(seed="2"), evaluated(repeats=3)])
+    assert found.repeated == ""
+    assert len(found.rows) == 8 + 4 + 8 + 4
+
+
+def test_genomes_of_one_name_get_names_that_differ():
+    ways = {"1": "a/x1/champion.npz", "2": "a/x2/champion.npz", "3": "a/other.npz"}
+    found = gather([evaluated(where.split("/")[-1][:-4], sha, where=where) for sha, where in ways.items()])
+    assert list(found.rows.genome.unique()) == ["x1/champion", "x2/champion", "other"]
+    arrays = gather([evaluated("genome", sha, where="") for sha in ("aaaa", "bbbb")])
+    assert list(arrays.rows.genome.unique()) == ["genome_1_aaaa", "genome_2_bbbb"]
+
+
+def test_each_idea_has_one_column_and_the_genes_alone_have_a_value():
+    each = [evaluated(**{"hebbian.floor": floor, "lifetime.noise": "0"}) for floor in ("0.1", "0.3")]
+    found = gather(each)
+    assert list(found.rows) == ["hebbian.floor", "lifetime.noise", *COLUMNS]
+    assert found.settings == ["N", "scenario", "genome", "hebbian.floor", "lifetime.noise"]
+    sizes = found.rows.groupby(["controller", "hebbian.floor", "N"]).size()
+    assert sizes.to_dict() == {("GA", "any", "0.0"): 4, ("Hebbian", "0.1", "0.1"): 4, ("Hebbian", "0.3", "0.1"): 4}
+
+
+def test_intervals_are_over_champions():
+    found = gather([evaluated(name, name, n=n) for name, n in (("a", 2), ("b", 1), ("c", 0))])
+    over = summary.over_champions(found.rows, found.settings).set_index(["controller", "side"])
+    assert set(over.champions) == {3}
+    assert over.success["Hebbian", "left"] == 0.5
+    assert (over.success_low["Hebbian", "left"], over.success_high["Hebbian", "left"]) == (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("scenarios", "more", "told"),
+    [
+        (["4obstacles"], {}, "add the training world: scenario=base,4obstacles"),
+        (["base"], {}, "add changed worlds: scenario=base,..."),
+        (["base", "4obstacles"], {}, ""),
+        (["base", "4obstacles"], {"lifetime.noise": "01"}, "lifetime.noise differs too"),
+    ],
+)
+def test_rescue_and_harm_are_there_or_it_is_said_what_to_add(scenarios, more, told):
+    each = [
+        evaluated(name, f"{name}{value}", scenario=scenario, rate=rate, **({key: value} if key else {}))
+        for name in "ab"
+        for scenario in scenarios
+        for rate in ("0.1", "0.2")
+        for key, values in (more or {"": "0"}).items()
+        for value in values
+    ]
+    rows, settings, _ = gather(each)
+    if more:
+        rows["genome"] = rows.genome.str[0]
+    assert told in summary.no_rescue(rows, settings)
+    assert bool(told) == bool(summary.no_rescue(rows, settings)) == (summary.rescue_and_harm(rows) is None)
+
+
+def ids(*words, genome="reference"):
+    config = typed(composed("evaluate", list(words)), EvaluateConfig)
+    return evaluate.lifetime_ids(config, load_genome(genome, "obstacles"))
+
+
+def test_lifetimes_are_known_by_all_that_they_depend_on():
+    one = ids("hebbian.N=0.001", "lifetime.record_every=0")
+    assert one == ids("hebbian.N=1e-3", "lifetime.record_every=8", "seed=2", "repeats=3")
+    assert one == ids("hebbian.N=1e-3", genome="reference_20")
+    for other, shared in (
+        (ids("hebbian.N=0.002"), {"GA"}),
+        (ids("hebbian.N=0.001", "lifetime.noise=0"), set()),
+        (ids("hebbian.N=0.001", "scenario.light=0.2"), set()),
+        (ids("hebbian.N=0.001", genome="reference_1"), set()),
+    ):
+        assert {name for name in one if one[name] == other[name]} == shared
+
+
+class Unreadable(Rule):
+    @staticmethod
+    def synapse(pre):
+        return pre * UNREADABLE
+
+
+def test_a_rule_of_which_a_part_cannot_be_read_has_lifetimes_that_are_known():
+    config = typed(composed("evaluate", []), EvaluateConfig)
+    config.controllers = [Controller(name="odd", rule=Unreadable(N=0.1))]
+    found = evaluate.lifetime_ids(config, load_genome("reference", "obstacles"))
+    assert list(found) == ["GA", "odd"]
+
+
+def test_of_reversal_learning_the_rewarded_share_is_told_and_no_success():
+    each = [
+        evaluated(name, name, scenario=scenario, rate=rate)
+        for name in "ab"
+        for scenario in ("base", "4obstacles")
+        for rate in ("0.1", "0.2")
+    ]
+    rows, settings, _ = gather(each)
+    rows["rewarded_share"] = [{"a": "0.4", "b": "0.8"}[name] for name in rows.genome]
+    over = summary.over_champions(rows, settings)
+    assert over.rewarded_share.tolist() == pytest.approx([0.6] * len(over))
+    assert over.rewarded_share_low.tolist() == pytest.approx([0.4] * len(over))
+    assert summary.dose_response(rows, settings) is summary.rescue_and_harm(rows) is None
+    assert summary.no_rescue(rows, settings) == ""
+
+
+def test_python_and_the_command_line_make_the_same_columns(here):
+    for name, seed in (("x1", 1), ("x2", 2)):
+        (here / name).mkdir()
+        np.save(here / name / "champion.npy", epuckhebb.load(f"reference_{seed}"))
+    genomes = ["x1/champion.npy", "x2/champion.npy"]
+    words = [f"genome={','.join(genomes)}", "hebbian.floor=0.1,0.3", "-q"]
+    done("evaluate", "-m", *SHORT, *words, "hydra.sweep.dir=out")
+    over = {"genome": genomes, "hebbian.floor": [0.1, 0.3]}
+    table = epuckhebb.sweep(over=over, **BRIEF)
+    assert list(table) == ["hebbian.floor", *COLUMNS]
+    assert len(table) == 2 * 2 * (1 + 2)  # champions, sides; the GA once, the rule with both floors
+    assert list(table.genome.unique()) == ["x1/champion", "x2/champion"]
+    told = pd.read_csv(here / "out" / "summary.csv")
+    assert set(told.n) == {1}
+    by = ["genome", "scenario", "controller", "hebbian.floor", "side"]
+    ours = table.astype({"hebbian.floor": str}).groupby(by).size()
+    assert ours.to_dict() == told.groupby(by).size().to_dict()
+    assert set(pd.read_csv(here / "out" / "over_champions.csv").champions) == {2}
+
+
+def test_repeated_values_of_a_sweep_are_told(capfd):
+    arrays = [epuckhebb.load("reference_1"), epuckhebb.load("reference_2")]
+    table = epuckhebb.sweep(over={"genome": arrays, "hebbian.N": [0.001, 1e-3]}, **{**BRIEF, "progress": True})
+    assert len(table) == 2 * 2 * 2
+    assert table.genome.nunique() == 2
+    assert (
+        "genome=array, hebbian.N=0.001 is given twice, and 1 more like it; each lifetime counts once."
+        in capfd.readouterr().err
+    )

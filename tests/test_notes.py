@@ -1,0 +1,83 @@
+"""What a table says so as not to be misread: a showcase, and a champion in the world of the other experiment."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from cases import call, done
+
+import epuckhebb
+from epuckhebb.analysis import findings, tables
+from epuckhebb.config.compose import composed
+from epuckhebb.config.schema import EvaluateConfig, typed
+from epuckhebb.export.replay import recording, write_page
+from epuckhebb.runs.notes import notes_of, showcase
+from epuckhebb.sim.controller import HEBBIAN
+from epuckhebb.sim.scenario import EXPERIMENTS
+from epuckhebb.store import run
+from epuckhebb.store.genome import load_genome
+
+REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
+SHORT = ("repeats=1", "lifetime.duration_s=1")
+
+
+def notes(genome, *words):
+    config = typed(composed("evaluate", list(words)), EvaluateConfig)
+    return notes_of(load_genome(genome, config.world.experiment), config)
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS)
+def test_a_showcase_is_known_by_its_genes_and_says_how_many_champions_show_its_pattern(experiment, tmp_path):
+    copy = tmp_path / "mine.npy"
+    np.save(copy, load_genome("reference", experiment).genes)
+    assert showcase(load_genome("reference_7", experiment)) == ""
+    known = pd.read_csv(REFERENCE / "success.csv").set_index(["scenario", "controller", "N", "side"])
+    rate = findings.PAPER_N[experiment]
+    for scenario in findings.CHANGED[experiment]:
+        row = known.loc[(scenario, HEBBIAN, rate, "both")]
+        counted = f"{row.gained:.0f} of {row.n:.0f} champions fail in {scenario} without plasticity and succeed with N"
+        for genome in ("reference", "reference_20", str(copy)):
+            (note,) = notes(genome, f"scenario={scenario}")
+            assert note.startswith(f"A showcase: {counted} = {rate:g}. ")
+            assert note.endswith("-m genome=reference_1,...,reference_20")
+
+
+@pytest.mark.parametrize("words", [["scenario=base_half"], ["scenario.light=0.3"]])
+def test_of_a_world_that_the_reference_results_do_not_have_it_tells_no_numbers(words):
+    (note,) = notes("reference", *words)
+    assert "succeed" not in note
+
+
+def test_a_champion_in_the_other_experiment_is_said_to_meet_another_lamp_rate_and_duration():
+    file = str(REFERENCE / "champions" / "obstacles_seed007.npz")
+    (note,) = notes(file, "scenario=lowlight")
+    assert "was evolved in base, of the obstacles experiment; lowlight is of the light experiment" in note
+    for difference in ("N 1.5e-05 -> 0.002", "duration_s 250 -> 200", "lamp.beam_rad 1.5 -> 0.8"):
+        assert difference in note
+    assert note.endswith("; the light, 0.1, is the same.")
+    assert notes(file, "scenario=base_half") == []
+
+
+@pytest.mark.usefixtures("here")
+def test_the_note_stands_in_the_terminal_in_the_table_and_on_the_page():
+    result = call("evaluate", *SHORT, "hydra.run.dir=run")
+    (note,) = run.read(Path("run"))["notes"]
+    assert note in " ".join(result.stdout.split())
+    assert note in repr(epuckhebb.evaluate("reference", *SHORT))
+    assert tables.plain(note) in Path("run/table.md").read_text()
+    write_page(recording(Path("run")), Path("page.html"))
+    assert f"<p>{note.replace(chr(39), '&#x27;')}</p>" in Path("page.html").read_text()
+
+
+@pytest.mark.usefixtures("here")
+def test_what_is_allowed_and_hardly_meant_is_named_once():
+    quick = ["repeats=1", "lifetime.duration_s=0.064", "lifetime.record_every=0"]
+    for words, said in (
+        (["scenario.light=51"], "scenario.light=51 is unusual: 1 is bright, 0.1 is dim."),
+        (["-m", "hebbian.N=999", "seed=1,2"], "N=999 of Hebbian is unusual: 66,600,000 times the paper's rate."),
+        (["hebbian.N=0.005", "scenario.light=1"], ""),
+    ):
+        result = done("evaluate", *quick, *words)
+        assert result.stderr.count("is unusual") == bool(said)
+        assert said in result.stderr

@@ -1,0 +1,263 @@
+"""What cannot be: exit code 2, one message that names the key or the file, nothing written."""
+
+import shlex
+
+import numpy as np
+import pytest
+from cases import call, contents, refused
+
+from epuckhebb.config.explain import explain
+from epuckhebb.store.genome import champion_file, load_genome
+
+RULE = """from dataclasses import dataclass
+from epuckhebb import Rule
+
+@dataclass(frozen=True, kw_only=True)
+class oja(Rule):
+    decay: float = 1.0
+
+    @staticmethod
+    def synapse({asked}):
+        return {given}
+"""
+FILES = {
+    "my_rules.py": RULE.format(asked="correlation, post, weight, by", given="correlation - by.decay * post * weight"),
+    "syntax.py": "x = 1\ndef f(:\n",
+    "raising.py": "x = 1\nraise RuntimeError('boom')\n",
+    "unknown.py": RULE.format(asked="prae, post", given="prae"),
+    "array.py": "import numpy as np\n" + RULE.format(asked="pre", given="sum(np.ones(2))"),
+    "text.txt": "x = 1\n",
+    "text.npz": "not a genome",
+    "conf/scenario/misspelt.yaml": "ligth: 0.03\n",
+    "conf/scenario/in_words.yaml": "light: dim\n",
+    "conf/scenario/from_none.yaml": "defaults: [2obstacle, _self_]\nlight: 0.1\n",
+    "conf/scenario/too_deep.yaml": "scenario:\n  light: 0.1\n",
+    "conf/experiment/no_package.yaml": "hydra:\n  sweeper:\n    params:\n      hebbian.N: 1e-5,1e-4\n",
+    "conf/experiment/alone.yaml": "# @package _global_\nseed: 3\n",
+    "empty/notes.txt": "dear",
+}
+OJA = "hebbian.rule=my_rules.py:oja hebbian.N=0.0001"
+REFUSED = f"""
+# keys and choices that are none: the near one
+evaluate scenrio=base                                   | scenrio | scenario
+evaluate scenario=5obstacles                            | 5obstacles | 4obstacles
+evaluate scenario=lowligth                              | lowlight
+evaluate scenario=murky                                 | epuckhebb keys scenario | --config-dir
+evaluate hebian.N=0.002                                 | hebbian.N
+evaluate +hebian.N=0.9                                  | hebbian
+evaluate +hebbian.trace_decya=1                         | trace_decay
+evaluate light=0.4                                      | scenario.light
+evaluate N=0.1                                          | hebbian.N
+evaluate rule=oja                                       | hebbian=oja
+evaluate duration=60                                    | lifetime.duration_s
+evaluate maze.arena=1                                   | maze.arena
+evaluate genome=best                                    | genome=best | latest
+evaluate compare=[1]                                    | compare
+evaluate compare.a={{adaptation:latte}}                 | compare.a.adaptation | late_steady
+evaluate +compare.a={{M:1}}                             | compare.a | M
+evaluate hebbian=oja hebbian.trace_decay=1              | hebbian.trace_decay | oja
+evaluate scenario.changes=[{{at_s:1,lihgt:1}}]          | scenario.changes[0] | lihgt
+evolve training.lihgt=1                                 | training.lihgt | training.light
+evolve optimizer=other                                  | sep_cma_es
+evolve task=revrsal                                     | reversal
+evolve task=reversal task.trails=3                      | task.trails
+evolve optimizer=sep_cma_es optimizer.elites=2          | optimizer.elites
+reproduce sound                                         | sound | light, obstacles, all
+sweep nope                                              | nope | n_sweep
+sweep light scenario=nope                               | epuckhebb keys scenario
+keys hebian                                             | hebbian
+# keys of another verb, and what does nothing
+evaluate training.light=1                               | training.light | epuckhebb evolve
+evolve adaptation=late                                  | epuckhebb evaluate genome=latest adaptation=
+evolve repeats=5                                        | epuckhebb evaluate
+evaluate changed=mine                                   | changed
+evaluate hebbian=none hebbian.N=0.01                    | hebbian.N
+evaluate adaptation.threshold=2                         | adaptation.threshold | lateness
+evaluate adaptation.motor_noise=2                       | adaptation.motor_noise
+evaluate adaptation=late_steady adaptation.rest_s=1     | adaptation.active_s above 0
+evaluate compare.a={{adaptation:{{threshold:1}}}}       | compare.a | threshold
+evolve optimizer=sep_cma_es ga.population=20            | optimizer=ga
+evolve optimizer=sep_cma_es ga=as_coded                 | optimizer.population
+evolve optimizer.algorithm=sep_cma_es                   | optimizer=ga
+evolve optimizer.population=20                          | optimizer.population
+evolve hebbian=paper genome=reference                   | nothing would be evolved
+evolve genome=reference                                 | nothing would be evolved
+evolve hebbian=modulated hebbian.reward=inverted        | hebbian.reward
+evolve hebbian=abcd hebbian.reward=inverted             | rule abcd
+evolve task.trials=3                                    | task.trials | task=trial
+# values
+evaluate hebbian.N=fast                                 | hebbian.N | fast
+evaluate hebbian.N=-1                                   | hebbian.N | -1
+evaluate hebbian.N=0,002                                | hebbian.N=0,002 | -m | 0.002
+evaluate scenario.obstacles=2.5                         | scenario.obstacles | 2.5
+evaluate scenario.light=bright                          | scenario.light | bright
+evaluate repeats=0                                      | repeats
+evaluate seed=null                                      | seed
+evaluate hebbian.signal=joy                             | joy | light_code
+evaluate hebbian=null                                   | hebbian=null | paper
+evaluate lifetime=null                                  | lifetime=null
+evaluate ~hebbian=inf                                   | ~hebbian=inf | abcd
+evaluate ~hebbian=true                                  | ~hebbian=true
+evaluate -q --cfg=job ~scenario=1.5                     | ~scenario=1.5
+evaluate hebbian.N                                      | hebbian.N | KEY=VALUE
+evaluate hebbian.N=0,0.002 scenario=base,4obstacles     | --multirun
+evaluate -m hebbian.N=0,-1                              | hebbian.N | -1
+evaluate compare.x={{N:0.1,N:0.2}}                      | {{N:0.1,N:0.2}}
+evaluate compare.a=5                                    | compare.a | 5
+evaluate +compare.a={{N:-1}}                            | compare.a | N must be 0 or more
+evaluate +compare.GA={{N:1}}                            | compare.GA
+evaluate hebbian.name=GA                                | GA
+evaluate adaptation=late compare.late={{N:1}}           | late
+evaluate adaptation.change_signal=boredom               | adaptation.change_signal | lateness
+evaluate scenario.dead_sensors=[8]                      | scenario.dead_sensors | 0 to 7
+evaluate scenario.goals={{left:[-30,60]}}               | scenario.goals.left | in metres
+evaluate scenario.goals={{left:[0.45,-0.45]}}           | the goal of the left
+evaluate scenario.goals={{left:[0.3]}}                  | scenario.goals.left | [0.3]
+evaluate maze.start={{x:0.09,y:-0.2,heading_deg:90}}    | maze.start | in a wall
+evaluate scenario.changes=[{{at_s:500,light:1}}]        | changes[0].at_s | less than
+evaluate scenario.changes=[{{at_s:1,light:-1}}]         | changes[0] | scenario.light | -1
+evaluate scenario.changes=[1]                           | scenario.changes[0] | at_s
+evaluate network.layers=[15,4,2]                        | 16 | epuck | [15, 4, 2]
+evaluate network.layers=[16,4,3]                        | network.layers
+sweep light scenario.light=1,-1                         | scenario.light | -1
+reproduce champions=0                                   | champions
+reproduce rates=[-1]                                    | rates | -1
+evolve training.layouts=[1,59]                          | training.layouts | [1, 59]
+evolve training.wheel=[0.8,1.1]                         | training.wheel
+evolve training.gain_rad_s=[1.5,7]                      | training.gain_rad_s | 6.28
+evolve training.gain_rad_s=[1.5,6] scenario.changes=[{{at_s:50,light:1.0}}] | 40 s
+evolve training=varied ga.loops=1                       | training.home_loops
+evolve training=varied optimizer=sep_cma_es optimizer.loops=1 | training.home_loops
+evolve training=varied maze=double_t                    | niches
+evolve hebbian=abcd_shared hebbian.leak=-1              | hebbian.leak | -1
+evolve hebbian=online hebbian.window_s=0.01             | hebbian.window_s | 0.01
+evolve hebbian=abcd hebbian.births=early                | hebbian.births | random
+evolve optimizer=sep_cma_es optimizer.population=1      | optimizer.population
+evolve optimizer=sep_cma_es optimizer.generations=many  | optimizer.generations
+evolve optimizer=open_es optimizer.population=5         | optimizer.population
+evolve optimizer=open_es optimizer.learning_rate_decay=2 | optimizer.learning_rate_decay
+evolve optimizer=evolve_and_merge hebbian=none          | optimizer.merges
+evolve task=reversal scenario.lamp.intensity=2          | scenario.lamp.intensity
+evolve task=reversal lifetime.duration_s=60             | lifetime.duration_s | 309.76
+evolve task=reversal training=gain_varied               | training.gain_rad_s
+evolve task=reversal network.layers=[16,3,2]            | 17
+evolve task=reversal task.first_switch=1                | task.first_switch
+evaluate task=reversal                                  | task=trial
+# what no machine could do
+evolve ga.tournament=100000000000                       | ga.tournament | 100000000000
+evaluate threads=1000000                                | threads | 1024
+evaluate -m seed=range(1,1000000000)                    | 100000 jobs
+sweep n_sweep seed=range(1,1000) repeats=range(1,1000)  | 100000 jobs
+# genomes, runs and folders
+evaluate genome=nowhere.npz                             | nowhere.npz | reference
+evaluate genome=short.npy                               | 234 | 227
+evaluate genome=nan.npy                                 | finite
+evaluate genome=text.npz                                | text.npz
+evaluate genome=layers.npz                              | layers.npz | 152
+evaluate genome=empty                                   | genome=empty | champion.npz
+evaluate genome=reference_77                            | reference_77 | 101 to 140
+evaluate genome=reference network.layers=[16,4,2]       | [16, 7, 5, 8, 4, 2] | [16, 4, 2]
+evaluate robot=epuck_lidar                              | epuck_lidar
+evaluate genome=lidar.npz robot=epuck                   | epuck_lidar
+evaluate -m genome=lidar.npz,reference                  | robot=epuck_lidar
+evaluate adaptation=late genome=light.npz               | highlight | experiment
+evaluate adaptation=late genome=broken.npz              | broken.npz
+evaluate adaptation=late genome=zeros.npy lifetime.gain_rad_s=6 | adaptation.change_signal=lateness | base
+evaluate adaptation=self_check genome=lidar.npz         | epuck_lidar
+evaluate genome=latest                                  | epuckhebb evolve
+evaluate genome='~nosuchuser/x'                         | ~nosuchuser
+evaluate hebbian.rule='~nosuchuser/x.py:Rule'           | ~nosuchuser
+evolve resume=~nosuchuser/x                             | ~nosuchuser
+reproduce genome='~nosuchuser/x'                        | ~nosuchuser
+reproduce genome=layers.npz                             | layers.npz
+replay latest                                           | epuckhebb evaluate
+rerun latest                                            | epuckhebb ev
+show nothing                                            | nothing
+show empty                                              | empty
+export RUN                                              | epuckhebb export RUN --webots
+evaluate --config-dir=nowhere                           | --config-dir=nowhere
+evaluate -m seed=1,2 --config-dir=nowhere               | --config-dir=nowhere
+evolve --config-dir=nowhere                             | --config-dir=nowhere
+sweep obstacles --config-dir=nowhere                    | --config-dir=nowhere
+# files of the user's: settings
+evaluate scenario=misspelt --config-dir=conf            | scenario/misspelt.yaml | scenario.light
+evaluate scenario=in_words --config-dir=conf            | scenario/in_words.yaml | scenario.light
+evaluate scenario=from_none --config-dir=conf           | from_none.yaml | 2obstacles
+evaluate scenario=too_deep --config-dir=conf            | scenario/too_deep.yaml | scenario:
+sweep no_package --config-dir=conf                      | experiment/no_package.yaml | # @package _global_
+sweep alone --config-dir=conf                           | alone | evaluate
+# files of the user's: rules
+evaluate hebbian.rule=nowhere.py:oja                    | hebbian.rule | nowhere.py
+evaluate hebbian.rule=syntax.py:oja                     | syntax.py, line 2 | SyntaxError
+evaluate hebbian.rule=raising.py:oja                    | raising.py, line 2 | boom
+evaluate hebbian.rule=text.txt:oja                      | text.txt | .py
+evaluate hebbian.rule=my_rules.py:hebb                  | hebb | oja
+evaluate hebbian.rule=my_rules.py                       | FILE.py:NAME
+evaluate hebbian.rule=unknown.py:oja                    | prae | pre, post, weight
+evaluate hebbian.rule=array.py:oja                      | oja | array.py | array
+evaluate {OJA} hebbian.decya=1                          | hebbian.decya | decay
+evaluate {OJA} hebbian.decay=fast                       | hebbian.decay | fast
+evaluate "compare.a={{rule: nowhere.py:b}}"             | compare.a.rule | nowhere.py
+# launchers and options
+evaluate -m hydra/launcher=ray seed=1,2                 | epuckhebb[ray]
+evaluate -m hydra/launcher=ray_local seed=1,2           | epuckhebb[ray]
+evaluate experiment=n_sweep                             | epuckhebb sweep n_sweep
+evaluate -m --cfg job seed=1,2                          | --cfg | --multirun
+evaluate --cfg everything                               | everything | job
+evaluate --open lifetime.record_every=0                 | --open
+evaluate --open -m scenario=base,2obstacles             | --open
+sweep light hydra/sweeper=basic                         | hydra/sweeper=basic
+sweep light hydra/launcher=nope                         | nope | joblib
+sweep light scenario.light=range(1,3),range(1,4)        | scenario.light
+evaluate -m scenario.light=0.1,range(1,3)               | scenario.light
+"""
+CASES = [line.split("|") for line in REFUSED.splitlines() if line and not line.startswith("# ")]
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with files of a user's."""
+    folder = tmp_path_factory.mktemp("place")
+    for name, text in FILES.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    np.save(folder / "short.npy", np.zeros(227))
+    np.save(folder / "zeros.npy", np.zeros(234))
+    np.save(folder / "nan.npy", np.where(np.arange(234) == 5, np.nan, 0.0))
+    np.savez(folder / "layers.npz", genome=np.zeros(234), layers=[16, 8, 2])
+    np.savez(folder / "lidar.npz", genome=np.zeros(280), layers=[32, 8, 2], robot="epuck_lidar", lights=8)
+    np.savez(folder / "broken.npz", genome=np.zeros(234), memory_away_s=np.zeros(3))
+    (folder / "light.npz").write_bytes(champion_file(load_genome("reference", "light"), 1.0, "light", 1, 99))
+    return folder
+
+
+@pytest.mark.parametrize("case", CASES, ids=[" ".join(command.split()) for command, *_ in CASES])
+def test_a_mistake_gets_one_message_and_leaves_nothing(place, monkeypatch, case):
+    monkeypatch.chdir(place)
+    command, *named = case
+    before = contents()
+    result = refused(*shlex.split(command))
+    for name in named:
+        assert name.strip() in result
+    assert len(result.splitlines()) <= 10
+    assert "Traceback" not in result
+    assert contents() == before
+
+
+@pytest.mark.parametrize("words", [["evaluate"], ["evolve"], ["sweep", "light"]])
+def test_what_is_no_text_is_refused(here, words):
+    assert "encoding" in refused(*words, "scenario.name='a\udcff'")
+    assert list(here.iterdir()) == []
+
+
+def test_an_unknown_option_is_refused(here):
+    result = call("evaluate", "--bogus")
+    assert (result.exit_code, "--bogus" in result.stderr) == (2, True)
+    assert list(here.iterdir()) == []
+
+
+def test_an_error_that_is_its_own_cause_is_told_once():
+    """As OmegaConf makes them under a debugger, or with OC_CAUSE=1."""
+    error, cause = ValueError("outer"), KeyError("inner")
+    error.__cause__, cause.__cause__ = cause, cause
+    assert explain(error) == "outer\n'inner'"

@@ -1,0 +1,164 @@
+"""A lifetime in progress: run in pieces, in worlds that change by hand, beside others, always bit-identical."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from epuckhebb.evolution.optimizer import initial
+from epuckhebb.sim.adaptation.adaptation import Adaptation
+from epuckhebb.sim.adaptation.change_signal import no_baseline
+from epuckhebb.sim.adaptation.self_check.dance import danced
+from epuckhebb.sim.block import live_block
+from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.genome import plan_of
+from epuckhebb.sim.life import Lifetime
+from epuckhebb.sim.light import Lamp
+from epuckhebb.sim.maze import SIDES, Pose
+from epuckhebb.sim.network import Network
+from epuckhebb.sim.plasticity.rules.bcm import BCM
+from epuckhebb.sim.plasticity.rules.differential import Differential
+from epuckhebb.sim.plasticity.rules.modulated import Modulated
+from epuckhebb.sim.plasticity.rules.oja import Oja
+from epuckhebb.sim.plasticity.rules.paper import Paper
+from epuckhebb.sim.robot import Robot
+from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.session import Individual, Session
+from epuckhebb.sim.tasks.reversal import Reversal
+
+HEBBIAN = Controller(name="Hebbian", rule=Paper(N=0.002))
+NOVEL = Controller(
+    name="x",
+    rule=Paper(N=0.002),
+    adaptation=Adaptation(change_signal="novelty", threshold=0.2, active_s=1, rest_s=1, motor_noise=1),
+)
+CHANGES = (
+    {"at_s": 1.0, "light": 1.0, "left_wheel": 0.5, "dead_sensors": [0, 3]},
+    {"at_s": 3.0, "obstacles": 4},
+    {"at_s": 5.008, "obstacles": 0, "lamp": {"intensity": 0.0}},
+)
+SHORT = Lifetime(duration_s=8.0, gain_rad_s=4.0, record_every=1)
+PIECES = st.lists(st.integers(0, 250), max_size=6)
+
+
+def individual_of(genes, side="left", **more):
+    return Individual(genes=genes, side=side, key=np.uint64(1), record=True, **more)
+
+
+def run_in_pieces(session, pieces=()):
+    """The outcome and the samples of a lifetime that is run in pieces of so many steps, then to its end."""
+    for count in [*pieces, session.lifetime.steps]:
+        before = session.steps
+        assert session.step(count) == session.steps - before
+    assert session.is_over
+    assert session.step() == 0
+    return session.outcome(), session.samples
+
+
+def assert_bit_identical(one, other):
+    (outcome, samples), (same, those) = one, other
+    assert np.array(outcome).tobytes() == np.array(same).tobytes()
+    assert outcome.trials.tobytes() == same.trials.tobytes()
+    for name in samples._fields:
+        assert getattr(samples, name).tobytes() == getattr(those, name).tobytes(), name
+
+
+def assert_pieces_are_the_whole(individual, scenario, lifetime, pieces):
+    whole = live_block([individual], scenario, lifetime)[0]
+    assert_bit_identical(run_in_pieces(Session(individual, scenario, lifetime), pieces), whole)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    controller=st.sampled_from([GA_ALONE, HEBBIAN, NOVEL]),
+    changes=st.sampled_from([(), CHANGES]),
+    pieces=PIECES,
+    side=st.sampled_from(SIDES),
+    every=st.sampled_from([1, 3]),
+)
+def test_stepping_in_pieces_is_bit_identical(genomes, controller, changes, pieces, side, every):
+    individual = individual_of(genomes[0], side, controller=controller, nominal=no_baseline(16))
+    assert_pieces_are_the_whole(individual, Scenario(changes=changes), replace(SHORT, record_every=every), pieces)
+
+
+@pytest.mark.thorough
+@settings(deadline=None, max_examples=30)
+@given(rule=st.sampled_from([Oja, BCM, Differential]), pieces=PIECES, side=st.sampled_from(SIDES))
+def test_stepping_in_pieces_is_bit_identical_with_other_rules(genomes, rule, pieces, side):
+    individual = individual_of(genomes[0], side, controller=Controller(name="x", rule=rule(N=0.0005)))
+    assert_pieces_are_the_whole(individual, Scenario(), SHORT, pieces)
+
+
+@settings(deadline=None, max_examples=10)
+@given(pieces=st.lists(st.integers(0, 900), max_size=6), every=st.sampled_from([1, 7]))
+def test_stepping_through_trials_is_bit_identical(pieces, every):
+    """The task ends before the time: the samples after that are padded once."""
+    network = Network((17, 7, 5, 8, 4, 2), rewarded=True)
+    genes = initial(np.random.default_rng(897), 1, plan_of(network, Modulated))[0]
+    task = Reversal(trials=3, first_switch=2, last_switch=2, never=0.0, time_out_s=16.0)
+    individual = individual_of(genes, network=network, controller=Controller(name="modulated", rule=Modulated(N=0.003)))
+    lifetime = Lifetime(duration_s=55.0, gain_rad_s=4.0, record_every=every)
+    scenario = Scenario(task=task, lamp=Lamp(intensity=0.0))
+    assert_pieces_are_the_whole(individual, scenario, lifetime, pieces)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("pieces", [[], [0, 1, 5, 100], [1] * 50])
+def test_stepping_after_a_calibration_that_counts_is_bit_identical(genomes, pieces):
+    calibration = danced(Scenario(), "left", np.uint64(3))
+    individual = individual_of(
+        genomes[0],
+        controller=Controller(name="x", adaptation=Adaptation(self_check=True, dance_counts=True)),
+        calibration=calibration,
+        start=Pose(*calibration.poses[-1].tolist()),
+    )
+    assert_pieces_are_the_whole(individual, Scenario(changes=CHANGES[2:]), SHORT, pieces)
+
+
+@pytest.mark.parametrize("controller", [GA_ALONE, HEBBIAN], ids=["fixed", "plastic"])
+def test_a_change_by_hand_is_bit_identical_to_one_that_was_planned(genomes, controller):
+    planned = Scenario(changes=CHANGES)
+    individual = individual_of(genomes[1], controller=controller)
+    session = Session(individual, Scenario(), SHORT)
+    for first, world in planned.phases[1:]:
+        session.step(first - session.steps)
+        session.change(world)
+        session.change(world)  # a second time changes nothing
+    assert_bit_identical(run_in_pieces(session), live_block([individual], planned, SHORT)[0])
+
+
+@pytest.mark.thorough
+def test_a_fault_that_comes_by_hand_is_bit_identical_to_one_that_was_planned(genomes):
+    """The kernel of a world without it goes on in the kernel that knows it, in the midst of a turn."""
+    fault = {"at_s": 2.0, "mass_ratio": 8.0, "left_slip": 0.5, "distance_gain": 0.7}
+    planned = Scenario(changes=[fault])
+    individual = individual_of(genomes[1])
+    session = Session(individual, Scenario(), SHORT)
+    session.step(planned.phases[1][0])
+    session.change(planned.phases[1][1])
+    assert_bit_identical(run_in_pieces(session), live_block([individual], planned, SHORT)[0])
+
+
+def test_a_world_that_is_changed_keeps_its_own_plan(genomes):
+    """Changes of the past hold already, those ahead come in their time."""
+    planned, individual = Scenario(changes=CHANGES), individual_of(genomes[1])
+    session = Session(individual, planned, SHORT)
+    for count in (10, 60, 40, 100):
+        session.step(count)
+        session.change(planned)
+    assert_bit_identical(run_in_pieces(session), live_block([individual], planned, SHORT)[0])
+    with pytest.raises(ValueError, match="robot may not: got other for epuck"):
+        session.change(Scenario(robot=Robot(name="other")))
+
+
+def test_sessions_at_once_do_not_disturb_each_other(genomes):
+    individuals = [individual_of(genome, controller=HEBBIAN) for genome in genomes[:3]]
+    sessions = [Session(one, Scenario(), SHORT) for one in individuals]
+    while not all(session.is_over for session in sessions):
+        for number, session in enumerate(sessions):
+            session.step(number + 5)
+    together = live_block(individuals, Scenario(), SHORT)
+    for session, whole in zip(sessions, together, strict=True):
+        assert_bit_identical((session.outcome(), session.samples), whole)

@@ -1,0 +1,133 @@
+"""YAML files of the user's: they win over the program's, and what is no plain setting in them is refused by line."""
+
+import time
+
+import numpy as np
+import pytest
+from cases import done, refused
+
+import epuckhebb
+from epuckhebb.config import yaml_file
+from epuckhebb.config.compose import composed, plain
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.resources import data_folder
+
+QUICK = ["repeats=1", "lifetime.duration_s=0.064", "lifetime.record_every=0", "--config-dir", "conf"]
+BOMB = "a0: &a0 [1,1,1,1,1,1,1,1,1]\n" + "".join(
+    f"a{level}: &a{level} [{','.join([f'*a{level - 1}'] * 9)}]\n" for level in range(1, 9)
+)
+REFUSED = {
+    "light: 0.2\nobstacles: 0\nlight: 0.3\n": "line 3: light is given twice",
+    "lamp: {x_m: 0, x_m: 1}\n": "line 1: lamp.x_m is given twice",
+    "light: [0.2\nobstacles: 3\n": "line 2: while parsing a flow sequence, expected ',' or ']'",
+    "light: 0.2\nobstacles: \0\n": "line 2: the character '\\x00' is not allowed",
+    "light: !!python/object/apply:os.getcwd []\n": "line 1: light: the tag !!python/object/apply:os.getcwd is not",
+    "changes: &a [*a]\n": "line 1: the anchor of changes[0] holds itself",
+    "light: " + "[" * 3000: "it has too many brackets within brackets",
+    BOMB: "line 5: a4 holds more than 10000 values",
+    f"{BOMB}? *a8\n: 1\n": "line 9: a key must be text",
+    "? [1, 2]\n: 3\n": "line 1: a key must be text",
+    "# @package a b\nlight: 0.2\n": "ValueError: Too many components in",
+    "light: ${\n": "",
+    "- light\n": "line 1: settings must be keys with values, got - light",
+    "light: 0.2\n" + "#" * 2**18: "must have at most 256 KiB",
+    "defaults: 5\n": "defaults must be a list such as [base, _self_], got 5",
+    "defaults: [{1: base}]\n": "defaults must be a list such as [base, _self_]",
+    "defaults: [{a: {b: c}}]\n": "defaults must be a list such as [base, _self_]",
+    "defaults: [mine, _self_]\n": "its defaults lead back to itself: scenario/mine.yaml -> scenario/mine.yaml",
+    "defaults: [{/scenario: other}]\n": "scenario/mine.yaml -> scenario/other.yaml -> scenario/mine.yaml",
+    "light: 0.2\nname: of-${oc.env:HOME}\n": "line 2: name: environment variables are not read",
+    "lamp: {x_m: '${ oc.env:HOME}'}\n": "line 1: lamp.x_m: environment variables are not read",
+}
+
+
+@pytest.fixture
+def mine(here):
+    """Write a file of the user's; the current folder is the one above `conf`."""
+
+    def write(text, name="scenario/mine.yaml"):
+        file = here / "conf" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+
+    return write
+
+
+@pytest.mark.parametrize("text", REFUSED, ids=range(len(REFUSED)))
+def test_what_is_no_plain_setting_is_refused_with_file_and_line(mine, tmp_path, text):
+    mine(text)
+    mine("defaults: [mine]\n", "scenario/other.yaml")
+    begin = time.monotonic()
+    told = refused("evaluate", "scenario=mine", *QUICK)
+    assert time.monotonic() - begin < 10
+    assert told.startswith("Error: conf/scenario/")
+    assert REFUSED[text] in told
+    assert [path.name for path in tmp_path.iterdir()] == ["conf"]
+
+
+def test_a_file_that_only_a_comparison_names_is_checked_too(mine):
+    mine("# @package _global_\nadaptation: {threshold: 1, threshold: 2}\n", "adaptation/mine.yaml")
+    told = refused("evaluate", "compare=[mine]", *QUICK)
+    assert "conf/adaptation/mine.yaml, line 2: adaptation.threshold is given twice" in told
+
+
+def test_a_damaged_file_that_nobody_asks_for_is_no_obstacle(mine):
+    mine("light: [")
+    assert composed("evaluate", [], "conf").scenario.light == 0.1
+
+
+@pytest.mark.parametrize("word", ["scenario.name=${oc.env:HOME}", "hydra.run.dir=x${oc.env:HOME}"])
+def test_the_environment_is_not_read_whoever_asks(mine, word):
+    mine("light: 0.2\n")
+    told = refused("evaluate", word, *QUICK)
+    assert f"{word.partition('=')[0]}: environment variables are not read by a configuration" in told
+
+
+def test_what_a_run_wrote_down_is_read_with_the_same_care(tmp_path):
+    file = tmp_path / "config.yaml"
+    file.write_text(BOMB)
+    with pytest.raises(ConfigError, match="line 5: a4 holds more than"):
+        yaml_file.load(file)
+    file.write_text("name: of-${oc.env:HOME}\nrate: 1e-5\n")  # there it is a name, which refers to nothing
+    assert yaml_file.load(file) == {"name": "of-${oc.env:HOME}", "rate": 1e-5}
+
+
+def test_the_files_of_the_program_are_what_is_asked_of_others():
+    conf = data_folder("conf")
+    for file in conf.glob("*/*.yaml"):
+        yaml_file.check(file, conf)
+
+
+def test_a_file_of_the_users_wins_over_the_programs_and_the_run_says_so(mine, tmp_path):
+    base = (data_folder("conf") / "scenario" / "base.yaml").read_text()
+    mine(base.replace("light: 0.1", "light: 0.7"), "scenario/base.yaml")
+    mine((data_folder("conf") / "maze" / "t_maze.yaml").read_text(), "maze/t_maze.yaml")  # the same: nothing to say
+    result = done("evaluate", "scenario=base", *QUICK, "hydra.run.dir=out")
+    assert result.stderr.startswith("Files of yours in conf replace the program's: scenario=base.")
+    header, row = (tmp_path / "out" / "metrics.csv").read_text().splitlines()[:2]
+    assert row.split(",")[header.split(",").index("light")] == "0.7"
+    assert '"light=0.7, lifetime.duration_s=0.064"' in row  # it is not the scenario of that name
+    done("rerun", "out")
+
+
+def test_what_differs_is_told_of_the_scenario_whose_name_it_bears(mine):
+    mine("defaults: [base, _self_]\nname: base\nlight: 0.7\n")
+    assert composed("evaluate", ["scenario=mine"], "conf").changed == "light=0.7"
+    mine("defaults: [base, _self_]\nlight: 0.7\n")
+    assert composed("evaluate", ["scenario=mine"], "conf").changed == ""
+    mine("defaults: [base, _self_]\nobstacles: 2\n", "scenario/2obstacles.yaml")
+    assert composed("evaluate", ["scenario=2obstacles"], "conf").changed == ""
+
+
+def test_a_maze_of_the_users_with_the_name_of_the_programs(mine):
+    maze = (data_folder("conf") / "maze" / "t_maze.yaml").read_text()
+    mine(maze.replace("arena_m: 0", "arena_m: 1"), "maze/t_maze.yaml")
+    ours, theirs = (plain(composed("evaluate", [], folder).maze)["arena_m"] for folder in (None, "conf"))
+    assert ours != theirs
+    assert composed("evaluate", [], "conf").changed == "maze=t_maze changed"
+
+
+@pytest.mark.parametrize("value", [True, np.bool_(True)])
+def test_a_time_of_a_change_is_a_number(value):
+    with pytest.raises(ValueError, match="at_s must be more than 0 s"):
+        epuckhebb.evaluate(scenario={"changes": [{"at_s": value, "light": 1.0}]}, progress=False)
