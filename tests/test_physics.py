@@ -64,7 +64,7 @@ def test_no_command_drives_a_robot_farther_into_a_wall_than_one_step_takes_it(da
 
 @settings(deadline=None, max_examples=40)
 @given(driven=commands(4.0))
-def test_agrees_with_pymunk_stepping_always(driven):
+def test_is_bit_identical_to_pymunk_stepping_always_until_two_walls_are_touched_at_once(driven):
     space, plain = PymunkSpace(boxes(T_MAZE, 4), EPUCK), pymunk.Space()
     space.place_robot(START)
     plain.damping, plain.collision_slop = 0, 1e-4
@@ -85,7 +85,11 @@ def test_agrees_with_pymunk_stepping_always(driven):
             body.torque = EPUCK.inertia_kg_m2 * (WHEEL_RADIUS * (right - left) / EPUCK.axle_m) / STEP_S
             plain.step(STEP_S)
             now = (*body.position, body.angle, *body.velocity, body.angular_velocity)
-            np.testing.assert_allclose(space.handles.state[:6], now, rtol=0, atol=1e-9)
+            touched = []
+            body.each_arbiter(touched.append)
+            if len(touched) > 1:  # pymunk solves two contacts in an order that depends on the past: docs/inside.md
+                return
+            np.testing.assert_array_equal(space.handles.state[:6], now)
 
 
 def test_a_new_robot_feels_nothing_of_the_last():

@@ -10,7 +10,7 @@ damps everything else away. Overwriting velocities instead discards the solver's
 
 Far from walls a step of pymunk is one line of arithmetic, so it is asked only when a wall is near or was lately: the
 result is the same to the last bit, and most of the time is saved (`tests/test_physics.py` holds both). The one
-exception is a robot that comes to touch two walls in the same step: pymunk solves their contacts in an order that
+exception is a robot that touches two walls at once: pymunk solves their contacts in an order that
 depends on when it was asked before (`docs/inside.md`). Either order is right, and ours is the same in every run.
 """
 
