@@ -3,9 +3,9 @@
 import sys
 import time
 
-from epuckhebb.cli import verbs
+from epuckhebb.cli import commands
 from epuckhebb.evolution.evolve import evolve
-from epuckhebb.runs import evolve as verb
+from epuckhebb.runs import evolve as command
 from epuckhebb.sim import block, stage
 
 inside, generations = [], []
@@ -33,6 +33,6 @@ def timed_evolve(*arguments, **named):
 
 
 block.load_kernel()
-kernel_of, stage.kernel_of, verb.evolve = stage.kernel_of, timed_kernel_of, timed_evolve
-verbs.app(["evolve", "--quiet", *sys.argv[1:]], standalone_mode=False)
+kernel_of, stage.kernel_of, command.evolve = stage.kernel_of, timed_kernel_of, timed_evolve
+commands.app(["evolve", "--quiet", *sys.argv[1:]], standalone_mode=False)
 print(*(f"{100 * sum(inside) / whole:.0f}" for whole in (time.process_time(), sum(generations))))

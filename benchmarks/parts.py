@@ -12,9 +12,9 @@ from step import GENES
 
 from epuckhebb.sim import light
 from epuckhebb.sim.maze import T_MAZE, Pose, boxes
-from epuckhebb.sim.network import PAPER_NETWORK, forward_pass, weights_at_birth
+from epuckhebb.sim.network import PAPER_NETWORK, forward_pass, initial_weights_of
 from epuckhebb.sim.physics import PymunkSpace, mover
-from epuckhebb.sim.plasticity.rule import kept_at_birth
+from epuckhebb.sim.plasticity.rule import initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.plasticity.update import StepContext, update_of
 from epuckhebb.sim.plasticity.weight_change import room
@@ -81,10 +81,10 @@ def measure() -> list[tuple[str, str]]:
     """Name and median time of each part."""
     walls, lit, network = boxes(T_MAZE), light.lights(0.1, light.Lamp(), True), PAPER_NETWORK
     numbers, activation = np.zeros(16), np.full(network.neurons, 0.3)
-    genes, settings = weights_at_birth(np.load(GENES)["genome"]), tuple(Paper(N=1e-5).numbers().values())
+    genes, settings = initial_weights_of(np.load(GENES)["genome"]), tuple(Paper(N=1e-5).numbers().values())
     plasticity = (
         genes.copy(),
-        kept_at_birth(Paper, network),
+        initial_synapse_state(Paper, network),
         genes,
         np.empty((0, network.synapses)),
         activation,

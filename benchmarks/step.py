@@ -21,7 +21,7 @@ from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import PAPER_NETWORK
-from epuckhebb.sim.plasticity.rule import Births, Rule
+from epuckhebb.sim.plasticity.rule import InitialWeights, Rule
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.random import Stream, key
 from epuckhebb.sim.scenario import Scenario
@@ -38,7 +38,7 @@ GENES = Path(__file__).parents[1] / "runs" / "reference" / "champion_obstacles.n
 
 def by(rule: type[Rule]) -> Controller:
     """A controller with this rule, at the paper's rate; weights at birth are the champion's."""
-    return Controller(name="Hebbian", rule=rule(N=0.000015, births=Births.evolved))
+    return Controller(name="Hebbian", rule=rule(N=0.000015, initial_weights=InitialWeights.evolved))
 
 
 HEBBIAN = by(Paper)

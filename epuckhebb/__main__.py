@@ -1,12 +1,12 @@
 """`python -m epuckhebb` is `epuckhebb`. Nothing heavy is imported before the program knows how to be interrupted."""
 
-from epuckhebb.runtime.errors import leave_when_asked
+from epuckhebb.runtime.errors import end_on_signals
 
 
 def main() -> None:
     """The entry point of `epuckhebb`."""
-    leave_when_asked()
-    from epuckhebb.cli.verbs import main as command_line
+    end_on_signals()
+    from epuckhebb.cli.commands import main as command_line
 
     command_line()
 

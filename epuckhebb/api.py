@@ -26,7 +26,7 @@ from epuckhebb.evolution.evolve import history_row
 from epuckhebb.runs.evaluate import caption, check_genome, check_memory, lifetime_ids, run_lifetimes, with_robot
 from epuckhebb.runs.evolve import EvolutionProgress, generations_of
 from epuckhebb.runs.evolve import check_memory as check_evolution_memory
-from epuckhebb.runs.nominal import baseline_for, self_checks_for
+from epuckhebb.runs.nominal import nominal_for, self_checks_for
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime import progress
 from epuckhebb.runtime.errors import ConfigError
@@ -185,8 +185,8 @@ def evaluate(
     check_memory(config, lived)
     threads = thread_count(config.threads)
     checks = self_checks_for(lived, config, threads, progress.say)
-    baseline = baseline_for(lived, config, threads, progress.say)
-    metrics, recorded = run_lifetimes(config, lived, baseline, checks, threads)
+    nominal = nominal_for(lived, config, threads, progress.say)
+    metrics, recorded = run_lifetimes(config, lived, nominal, checks, threads)
     return Evaluation(metrics=metrics, config=config, genome=lived, recorded=recorded, checks=checks)
 
 

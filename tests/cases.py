@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from epuckhebb.cli.verbs import app
+from epuckhebb.cli.commands import app
 from epuckhebb.runtime.errors import USAGE
 
 

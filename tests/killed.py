@@ -11,7 +11,7 @@ from pathlib import Path
 
 import epuckhebb
 import epuckhebb.runs.evolve
-from epuckhebb.cli import verbs
+from epuckhebb.cli import commands
 from epuckhebb.store import disk
 
 
@@ -48,7 +48,7 @@ def run(words, point=None):
     if point:
         die_at(int(point[0]), point[1])
     sys.argv = ["epuckhebb", *words]
-    verbs.main()
+    commands.main()
     return None
 
 

@@ -24,7 +24,7 @@ _ROOM, _BITS, _NORMAL = {}, numba.njit(random.bits), numba.njit(random.normal)
 def noise(key, step, count):
     """Standard normal numbers of a step, from the program; its tests say that they are what they should be."""
     if count not in _ROOM:
-        _ROOM[count] = numba.njit(random.normal_numbers(count)), np.zeros(random.room_for_noise(count))
+        _ROOM[count] = numba.njit(random.normal_numbers(count)), np.zeros(random.noise_workspace_size(count))
     fill, room = _ROOM[count]
     fill(key, step, room)
     return room[:count].copy()
@@ -74,8 +74,8 @@ class Robot:
         self.shapes[0] = (network.layers[0] + 1, network.layers[1])
         synapses = sum(n * m for n, m in self.shapes)
         self.genes = self.by_layer(np.clip(genes[:synapses], -2, 2))
-        if controller.rule.births.name == "random":
-            drawn = random.rng(int(self.key), random.Stream.births).uniform(-0.1, 0.1, synapses)
+        if controller.rule.initial_weights.name == "random":
+            drawn = random.rng(int(self.key), random.Stream.initial_weights).uniform(-0.1, 0.1, synapses)
             self.genes = self.by_layer(drawn)
         self.signs = self.by_layer(np.ones(sum(g.size for g in self.genes)) if signs is None else signs)
         self.controller, self.rule, self.adaptation = controller, controller.rule, controller.adaptation
@@ -280,12 +280,12 @@ class Robot:
         angle = heading + np.radians(azimuth)
         return x + cos * own_x - sin * own_y, y + sin * own_x + cos * own_y, np.cos(angle), np.sin(angle)
 
-    def check_itself(self, memory, at_home):
+    def check_itself(self, memory, in_training):
         """Dance, and find out what has changed. at_home: (samples, inputs) readings of lifetimes there."""
         told = "left 10, rest 1, ahead 3, rest 12, back 3, rest 1, left 10, right 30, rest 1, ahead 4, rest 12, "
         told += "back 4, rest 1, right 10, left 20, rest 2"
         way = {"left": (-1, 1), "right": (1, -1), "ahead": (1, 1), "back": (-1, -1), "rest": (0, 0)}
-        own, self.key = (self.key, self.gain), random.key(int(self.key), random.Stream.dance_noise)
+        own, self.key = (self.key, self.gain), random.key(int(self.key), random.Stream.calibration_noise)
         self.gain, felt = self.kind.motor_limit_rad_s, []
         for word, count in (part.split() for part in told.split(", ")):
             for _ in range(int(count)):
@@ -321,9 +321,9 @@ class Robot:
 
         gone = [i for i in range(self.kind.inputs) if i not in used]
         self.gone, self.used = gone, used
-        features = self.features(at_home[:, used])
+        features = self.features(in_training[:, used])
         squares = features.T @ features / len(features) + 1e-4 * np.eye(features.shape[1])
-        self.predict = np.linalg.solve(squares, features.T @ at_home[:, gone] / len(features))
+        self.predict = np.linalg.solve(squares, features.T @ in_training[:, gone] / len(features))
 
     def features(self, readings):
         """(samples, features): 1, the readings, and the products of two."""
@@ -346,7 +346,7 @@ class Robot:
             self.smooth = bright if self.smooth is None else self.smooth + self.ratio * (bright - self.smooth)
             seen = np.clip(1 - self.smooth / self.ratio, 0, 1)
         elif self.ratio > 1:
-            now, at_home = self.sun
+            now, in_training = self.sun
             weight = np.where(seen <= 0.03, 0.05, 1.0)
             weight[self.dead] = 0
             cost = (weight * (seen - now) ** 2).sum(axis=1)
@@ -354,7 +354,7 @@ class Robot:
             tried = (np.arange(coarse - 8, coarse + 8)) % 128
             at = tried[np.argmin(cost[tried])]
             lamp = ((seen <= 0.03) & (now[at] > 0.1) & (weight > 0)).any()
-            saturated = 0.0 if lamp else at_home[at]
+            saturated = 0.0 if lamp else in_training[at]
             seen = np.where(seen > 0.03, 1 - (1 - seen) / self.ratio, saturated)
         readings = np.concatenate([seen, readings[lights:]])
         if self.dead:
@@ -433,17 +433,17 @@ class Robot:
         return (forward + 2 * (1 - max(readings[3:11]) ** 3) + spin + follow) / 6
 
     def need(self, readings, fitness, place):
-        now, over, baseline = (self.step_number - 1) * STEP, self.adaptation, self.nominal
+        now, over, nominal = (self.step_number - 1) * STEP, self.adaptation, self.nominal
         felt = np.append(readings, fitness)
         self.recent = felt if self.recent is None else self.recent + STEP / (5 + STEP) * (felt - self.recent)
         at_goal = math.dist(place, self.goal) < self.world.maze.goal_radius_m
         self.arrived, self.away = self.arrived or at_goal, 0.0 if at_goal else self.away + STEP
-        if over.change_signal == "lateness":
-            signal = self.away / (max(5.0, baseline.away_s) if self.arrived else baseline.time_to_goal_s)
+        if over.change_signal == "late":
+            signal = self.away / (max(5.0, nominal.away_s) if self.arrived else nominal.time_to_goal_s)
         elif over.change_signal == "shortfall":
-            signal = baseline.fitness[min(int(now), len(baseline.fitness) - 1)] - self.recent[-1]
+            signal = nominal.fitness[min(int(now), len(nominal.fitness) - 1)] - self.recent[-1]
         else:
-            unlike = np.abs(self.recent[:-1] - baseline.reading_mean) / (baseline.reading_spread + 0.01)
+            unlike = np.abs(self.recent[:-1] - nominal.reading_mean) / (nominal.reading_spread + 0.01)
             signal = unlike.mean(axis=1).min()
         self.change_signal = signal
         too_much = signal - over.threshold
@@ -458,8 +458,8 @@ class Robot:
             direction = getattr(self, type(self.rule).__name__.lower())(k, pre[:, None], post[None, :], self.kept[k])
             self.weights[k] = np.clip(self.weights[k] + rate * self.signs[k] * direction, -w_max, w_max)
             if self.rule.keeps_lengths:
-                now, at_birth = (np.linalg.norm(w, axis=0) for w in (self.weights[k], self.genes[k]))
-                self.weights[k] = np.clip(self.weights[k] / now * at_birth, -w_max, w_max)
+                now, initial_weight = (np.linalg.norm(w, axis=0) for w in (self.weights[k], self.genes[k]))
+                self.weights[k] = np.clip(self.weights[k] / now * initial_weight, -w_max, w_max)
 
     def paper(self, layer, pre, post, kept):
         kept["trace"] = self.rule.trace_decay * kept["trace"] + self.rule.trace_update * (pre * post)

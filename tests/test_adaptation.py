@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuckhebb.sim.adaptation.adaptation import Adaptation, change_signals
-from epuckhebb.sim.adaptation.baseline import REPEATS, remember
-from epuckhebb.sim.adaptation.change_signal import Now, keep_recent, no_baseline
-from epuckhebb.sim.adaptation.change_signals.lateness import change_signal as lateness
+from epuckhebb.sim.adaptation.change_signal import Now, keep_recent, no_nominal
+from epuckhebb.sim.adaptation.change_signals.late import change_signal as late
 from epuckhebb.sim.adaptation.change_signals.novelty import change_signal as novelty
 from epuckhebb.sim.adaptation.change_signals.shortfall import change_signal as shortfall
 from epuckhebb.sim.adaptation.gate import need, resting
+from epuckhebb.sim.adaptation.nominal import REPEATS, remember
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.fitness import Signal
@@ -27,7 +27,7 @@ from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual
 
 FAST = {"gain_rad_s": 4.0, "record_every": 1}
-NOTHING = no_baseline(16)
+NOTHING = no_nominal(16)
 
 
 def controller(N=0.0, signal=Signal.behaviour, sign=Sign.hebbian, **adaptation):
@@ -38,20 +38,20 @@ def controller(N=0.0, signal=Signal.behaviour, sign=Sign.hebbian, **adaptation):
 def master(genomes):
     """A genome that reaches the left goal in the base world, and what it remembers at four times the pace."""
     for genome in genomes:
-        baseline = remember(genome, Scenario(), 4.0)
-        if baseline.success[0] == 1:
-            return genome, baseline
+        nominal = remember(genome, Scenario(), 4.0)
+        if nominal.success[0] == 1:
+            return genome, nominal
     raise AssertionError("none of the checked genomes reaches the left goal")
 
 
-def live(genome, controller, baseline=None, scenario=None, side="left", seconds=62, key=5):
+def live(genome, controller, nominal=None, scenario=None, side="left", seconds=62, key=5):
     individual = Individual(
         genes=genome,
         side=side,
         controller=controller,
         key=np.uint64(key),
         record=True,
-        nominal=None if baseline is None else baseline.of(side),
+        nominal=None if nominal is None else nominal.of(side),
     )
     return live_block([individual], scenario or Scenario(), Lifetime(duration_s=seconds, **FAST))[0]
 
@@ -61,20 +61,18 @@ def now(time_s=0.0, away_s=0.0, arrived=False, recent=None):
 
 
 def test_the_signals_are_the_files_there_are():
-    assert change_signals() == ("lateness", "novelty", "shortfall")
+    assert change_signals() == ("late", "novelty", "shortfall")
 
 
-def test_lateness_compares_with_the_way_there_and_then_with_excursions():
-    def late(away, arrived, time_to_goal, longest):
-        return lateness(
-            now(away_s=away, arrived=arrived), NOTHING._replace(time_to_goal_s=time_to_goal, away_s=longest)
-        )
+def test_late_compares_with_the_way_there_and_then_with_excursions():
+    def since(away, arrived, time_to_goal, longest):
+        return late(now(away_s=away, arrived=arrived), NOTHING._replace(time_to_goal_s=time_to_goal, away_s=longest))
 
-    assert late(60.0, False, 50.0, 20.0) == 1.2
-    assert late(30.0, True, 50.0, 20.0) == 1.5
-    assert late(4.0, True, 50.0, 0.0) == 0.8  # five seconds away are not worth noticing
+    assert since(60.0, False, 50.0, 20.0) == 1.2
+    assert since(30.0, True, 50.0, 20.0) == 1.5
+    assert since(4.0, True, 50.0, 0.0) == 0.8  # five seconds away are not worth noticing
     for arrived in (False, True):
-        assert math.isnan(late(60.0, arrived, math.nan, 0.0))
+        assert math.isnan(since(60.0, arrived, math.nan, 0.0))
 
 
 def test_shortfall_is_what_is_missing_at_this_time_of_life():
@@ -91,9 +89,9 @@ def test_shortfall_is_what_is_missing_at_this_time_of_life():
 @pytest.mark.parametrize("inputs", [16, 32])
 def test_novelty_counts_spreads_from_the_likelier_baseline(inputs):
     mean, spread = np.array([np.full(inputs, 0.2), np.full(inputs, 0.8)]), np.full((2, inputs), 0.09)
-    baseline = no_baseline(inputs)._replace(reading_mean=mean, reading_spread=spread)
-    assert novelty(now(recent=np.full(inputs + 1, 0.7)), baseline) == pytest.approx(1.0)
-    assert novelty(now(recent=np.full(inputs + 1, 0.2)), baseline) == pytest.approx(0.0)
+    nominal = no_nominal(inputs)._replace(reading_mean=mean, reading_spread=spread)
+    assert novelty(now(recent=np.full(inputs + 1, 0.7)), nominal) == pytest.approx(1.0)
+    assert novelty(now(recent=np.full(inputs + 1, 0.2)), nominal) == pytest.approx(0.0)
 
 
 def test_recent_means_begin_with_the_first_step_and_follow():
@@ -150,20 +148,20 @@ def test_always_in_need_is_the_papers_rule_bit_for_bit(genomes, signal, sign):
 
 
 def test_nothing_changed_nothing_learnt(master):
-    genome, baseline = master
-    eager = controller(0.01, change_signal="lateness", threshold=1.0001)
+    genome, nominal = master
+    eager = controller(0.01, change_signal="late", threshold=1.0001)
     for key in range(3):
-        outcome, samples = live(genome, eager, baseline, key=key)
+        outcome, samples = live(genome, eager, nominal, key=key)
         without, alone = live(genome, GA_ALONE, key=key)
-        if outcome.time_to_goal <= baseline.time_to_goal_s[0]:
+        if outcome.time_to_goal <= nominal.time_to_goal_s[0]:
             assert samples.pose.tobytes() == alone.pose.tobytes()
             assert outcome.weight_change_mean == without.weight_change_mean == 0
 
 
 def test_late_is_plastic_and_the_goal_makes_forget(master):
-    genome, baseline = master
-    soon = controller(1e-4, change_signal="lateness", threshold=0.5)
-    _, samples = live(genome, soon, baseline)
+    genome, nominal = master
+    soon = controller(1e-4, change_signal="late", threshold=0.5)
+    _, samples = live(genome, soon, nominal)
     goal = np.array(T_MAZE.goals["left"])
     at_goal = np.hypot(*(samples.pose[:, :2] - goal).T) < T_MAZE.goal_radius_m
     assert at_goal.any()
@@ -177,7 +175,7 @@ def test_late_is_plastic_and_the_goal_makes_forget(master):
     assert (samples.weights[at_goal] == birth).all()
 
 
-@pytest.mark.parametrize(("change_signal", "threshold"), [("lateness", 0.3), ("shortfall", 0.02), ("novelty", 0.6)])
+@pytest.mark.parametrize(("change_signal", "threshold"), [("late", 0.3), ("shortfall", 0.02), ("novelty", 0.6)])
 @pytest.mark.parametrize(
     "fault",
     [
@@ -189,9 +187,9 @@ def test_late_is_plastic_and_the_goal_makes_forget(master):
     ],
 )
 def test_agrees_with_the_oracle(master, beside_the_oracle, change_signal, threshold, fault):
-    genome, baseline = master
+    genome, nominal = master
     gated = controller(0.001, change_signal=change_signal, threshold=threshold, slope=5.0, active_s=2, rest_s=1)
-    told = {"seconds": 16, "nominal": baseline.of("right"), "key": 5}
+    told = {"seconds": 16, "nominal": nominal.of("right"), "key": 5}
     _, samples, robot = beside_the_oracle(genome, "right", Scenario(**fault), gated, **told)
     assert samples.change_signal[-1] == pytest.approx(robot.change_signal, abs=1e-8)
 
@@ -199,59 +197,59 @@ def test_agrees_with_the_oracle(master, beside_the_oracle, change_signal, thresh
 @pytest.mark.thorough
 def test_a_robot_with_24_rays_agrees_with_the_oracle(lidar, wide, beside_the_oracle):
     network, genes = wide
-    baseline = remember(genes, Scenario(robot=lidar), 4.0, network=network)
-    assert baseline.reading_mean.shape == (2, 32)
+    nominal = remember(genes, Scenario(robot=lidar), 4.0, network=network)
+    assert nominal.reading_mean.shape == (2, 32)
     gated = controller(0.001, change_signal="novelty", threshold=0.6, slope=2.0, active_s=4, rest_s=2)
     of_updates = signs(Sign.shuffled, network.synapses, np.random.default_rng(4))
     lamp = Lamp(towards_x=-1.0, towards_y=0.7, beam_rad=1.2)
     world = Scenario(robot=lidar, light=1.0, dead_sensors=(11, 3), lamp=lamp)
-    told = {"seconds": 60, "nominal": baseline.of("right"), "network": network, "signs": of_updates}
+    told = {"seconds": 60, "nominal": nominal.of("right"), "network": network, "signs": of_updates}
     outcome, samples, robot = beside_the_oracle(genes, "right", world, gated, **told)
     assert samples.change_signal[-1] == pytest.approx(robot.change_signal, abs=1e-8)
     assert outcome.weight_change_mean > 0
 
 
 def test_motor_noise_shakes_only_who_is_late(master):
-    genome, baseline = master
-    calm = controller(change_signal="lateness", threshold=2.0, motor_noise=2.0)
-    shaken = controller(change_signal="lateness", threshold=0.2, motor_noise=2.0)
+    genome, nominal = master
+    calm = controller(change_signal="late", threshold=2.0, motor_noise=2.0)
+    shaken = controller(change_signal="late", threshold=0.2, motor_noise=2.0)
     _, alone = live(genome, GA_ALONE, seconds=20)
-    assert live(genome, calm, baseline, seconds=20)[1].pose.tobytes() == alone.pose.tobytes()
-    _, samples = live(genome, shaken, baseline, seconds=20)
+    assert live(genome, calm, nominal, seconds=20)[1].pose.tobytes() == alone.pose.tobytes()
+    _, samples = live(genome, shaken, nominal, seconds=20)
     parts = np.flatnonzero((samples.pose != alone.pose).any(axis=1))[0]
     assert samples.change_signal[parts - 3] <= 0.2 <= samples.change_signal[parts]
     assert samples.weight_change.max() == 0
 
 
 def test_shaken_wheels_turn_no_faster_than_the_motors_can(master):
-    genome, baseline = master
-    wild = controller(change_signal="lateness", threshold=0.0, motor_noise=1000.0)
-    _, samples = live(genome, wild, baseline, seconds=10)
+    genome, nominal = master
+    wild = controller(change_signal="late", threshold=0.0, motor_noise=1000.0)
+    _, samples = live(genome, wild, nominal, seconds=10)
     driven = np.hypot(*np.diff(samples.pose[:, :2], axis=0).T)
     assert 0.9 < driven.max() / (EPUCK.motor_limit_rad_s * EPUCK.wheel_radius_m * STEP_S) < 1.001
 
 
 def test_baseline_is_of_the_lives_it_was_made_of(master):
-    genome, baseline = master
+    genome, nominal = master
     again = remember(genome, Scenario(), 4.0, threads=2)
-    for name, value in vars(baseline).items():
+    for name, value in vars(nominal).items():
         np.testing.assert_array_equal(value, getattr(again, name))
-    assert baseline.success.shape == (2,)
-    assert 0 < baseline.time_to_goal_s[0] < 62.5
-    assert baseline.fitness.shape == (2, 63)
-    assert ((baseline.fitness >= 0) & (baseline.fitness <= 1)).all()
-    assert ((baseline.reading_mean >= 0) & (baseline.reading_mean <= 1)).all()
-    lit, unlit = baseline.reading_mean[1, :8].mean(), baseline.reading_mean[0, :8].mean()
+    assert nominal.success.shape == (2,)
+    assert 0 < nominal.time_to_goal_s[0] < 62.5
+    assert nominal.fitness.shape == (2, 63)
+    assert ((nominal.fitness >= 0) & (nominal.fitness <= 1)).all()
+    assert ((nominal.reading_mean >= 0) & (nominal.reading_mean <= 1)).all()
+    lit, unlit = nominal.reading_mean[1, :8].mean(), nominal.reading_mean[0, :8].mean()
     assert lit < unlit  # low when bright
     assert REPEATS == 10
 
 
 def test_a_champion_that_never_arrives_is_never_late():
-    baseline = remember(np.zeros(234), Scenario(), 4.0)
-    assert np.isnan(baseline.time_to_goal_s).all()
-    assert (baseline.away_s == 0).all()
-    late = controller(0.1, change_signal="lateness")
-    outcome, samples = live(np.zeros(234), late, baseline, seconds=10)
+    nominal = remember(np.zeros(234), Scenario(), 4.0)
+    assert np.isnan(nominal.time_to_goal_s).all()
+    assert (nominal.away_s == 0).all()
+    late = controller(0.1, change_signal="late")
+    outcome, samples = live(np.zeros(234), late, nominal, seconds=10)
     assert outcome.weight_change_final == 0
     assert np.isnan(samples.change_signal).all()
 
@@ -259,12 +257,12 @@ def test_a_champion_that_never_arrives_is_never_late():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"change_signal": "surprise"}, "one of none, lateness, novelty, shortfall, got 'surprise'"),
+        ({"change_signal": "surprise"}, "one of none, late, novelty, shortfall, got 'surprise'"),
         ({"threshold": math.nan}, "adaptation.threshold must be a finite number"),
         ({"slope": 0.0}, "adaptation.slope must be more than 0"),
         ({"slope": -1.0}, "adaptation.slope must be more than 0"),
         ({"motor_noise": -1.0}, "adaptation.motor_noise must be 0 or more"),
-        ({"change_signal": "lateness", "rest_s": 3.0}, "needs adaptation.active_s"),
+        ({"change_signal": "late", "rest_s": 3.0}, "needs adaptation.active_s"),
         ({"motor_noise": 1.0}, "adaptation.motor_noise does nothing without a signal of change"),
         ({"threshold": 1.0}, "adaptation.threshold does nothing without"),
     ],
@@ -275,8 +273,8 @@ def test_what_cannot_be_is_refused(settings, message):
 
 
 def test_the_sides_remember_apart(master):
-    _, baseline = master
+    _, nominal = master
     for k, side in enumerate(SIDES):
-        own = baseline.of(side)
-        assert own.away_s == baseline.away_s[k]
-        np.testing.assert_array_equal(own.fitness, baseline.fitness[k])
+        own = nominal.of(side)
+        assert own.away_s == nominal.away_s[k]
+        np.testing.assert_array_equal(own.fitness, nominal.fitness[k])

@@ -11,7 +11,7 @@ from epuckhebb.analysis.rescue import FIGURE
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.runs.nominal import training_world
-from epuckhebb.sim.adaptation.baseline import remember
+from epuckhebb.sim.adaptation.nominal import remember
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.scenario import TRAINED
@@ -44,8 +44,8 @@ def test_the_bundled_champions_remember():
             genome = load_genome(where, experiment)
             assert (genome.network, genome.robot, genome.plan.told()) == (PAPER_NETWORK, "epuck", "234 weights")
             again = remember(genome.weights, home)
-            for name in genome.baseline.__dataclass_fields__:
-                value = getattr(genome.baseline, name)
+            for name in genome.nominal.__dataclass_fields__:
+                value = getattr(genome.nominal, name)
                 np.testing.assert_array_equal(value, getattr(again, name), err_msg=f"{where} {name}")
 
 
@@ -53,11 +53,11 @@ def test_the_bundled_champions_remember():
 @pytest.mark.usefixtures("here")
 def test_a_champion_keeps_what_it_remembers_and_show_tells():
     done("evolve", *TINY, "hydra.run.dir=run")
-    baseline = load_genome("run", "obstacles").baseline
-    assert (baseline.experiment, baseline.scenario, baseline.gain_rad_s) == ("obstacles", "base", 1.0)
+    nominal = load_genome("run", "obstacles").nominal
+    assert (nominal.experiment, nominal.scenario, nominal.gain_rad_s) == ("obstacles", "base", 1.0)
     shown = call("show", "run").stdout
-    assert "Baseline: base at 1 rad/s" in shown
-    assert f"{baseline.reading_mean[1, 3]:.2f} ± {baseline.reading_spread[1, 3]:.2f}" in shown
+    assert "Nominal: base at 1 rad/s" in shown
+    assert f"{nominal.reading_mean[1, 3]:.2f} ± {nominal.reading_spread[1, 3]:.2f}" in shown
 
 
 @pytest.mark.thorough
@@ -103,8 +103,8 @@ def test_a_sweep_over_champions_and_worlds_tells_of_rescue_and_harm(here):
         [scenario, controller] for controller in ("late", "always") for scenario in ("base", "2obstacles")
     ]
     kept = pd.read_csv(here / "out" / "retention.csv")
-    assert kept[["controller", "masters"]].to_numpy().tolist() == [
-        [controller, masters] for controller in ("GA", "late", "always") for masters in ("any", "both")
+    assert kept[["controller", "solves"]].to_numpy().tolist() == [
+        [controller, solves] for controller in ("GA", "late", "always") for solves in ("any", "both")
     ]
     report = (here / "out" / "report.md").read_text()
     assert "reference_1" in report

@@ -141,7 +141,9 @@ def test_examples_stand_before_the_groups_and_of_many_choices_some_are_named(mon
 
 
 def test_help_imports_nothing_heavy():
-    code = "import sys, epuckhebb.cli.verbs; print(sorted({'numba', 'pandas', 'hydra', 'pymunk'} & set(sys.modules)))"
+    code = (
+        "import sys, epuckhebb.cli.commands; print(sorted({'numba', 'pandas', 'hydra', 'pymunk'} & set(sys.modules)))"
+    )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
@@ -149,7 +151,7 @@ def test_python_m_is_the_program():
     told = subprocess.run(
         [sys.executable, "-m", "epuckhebb", "--help"], capture_output=True, text=True, check=True
     ).stdout
-    assert all(verb in told for verb in ("evolve", "evaluate", "sweep", "reproduce", "replay", "show", "rerun"))
+    assert all(command in told for command in ("evolve", "evaluate", "sweep", "reproduce", "replay", "show", "rerun"))
 
 
 def ended_by(script, number, times=1):
@@ -167,7 +169,7 @@ READY = "import time; print('ready', flush=True); time.sleep(60)"
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_before_anything_has_begun(number):
-    script = f"from epuckhebb.runtime.errors import leave_when_asked; leave_when_asked(); {READY}"
+    script = f"from epuckhebb.runtime.errors import end_on_signals; end_on_signals(); {READY}"
     assert ended_by(script, number) == ("\nError: interrupted\n", 130)
 
 
@@ -206,9 +208,9 @@ def test_an_error_that_a_library_makes_of_an_interruption_is_one(monkeypatch):
 def test_what_is_told_to_ignore_a_signal_ignores_it():
     script = (
         "import signal\n"
-        "from epuckhebb.runtime.errors import interruptible, leave_when_asked\n"
+        "from epuckhebb.runtime.errors import interruptible, end_on_signals\n"
         "signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"  # as nohup does
-        "leave_when_asked()\n"
+        "end_on_signals()\n"
         "with interruptible():\n"
         "    signal.raise_signal(signal.SIGHUP)\n"
         "    print('ready', flush=True)\n"

@@ -210,7 +210,7 @@ from epuckhebb.sim.kernels import kernel_of
 from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK
-made = [kernel_of(Paper, s, PAPER_NETWORK, EPUCK).py_func.__qualname__ for s in ("none", "lateness", "novelty")]
+made = [kernel_of(Paper, s, PAPER_NETWORK, EPUCK).py_func.__qualname__ for s in ("none", "late", "novelty")]
 print(json.dumps(made))
 """
 

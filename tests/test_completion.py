@@ -17,7 +17,7 @@ from epuckhebb.runtime import resources
 from epuckhebb.sim.adaptation.adaptation import Exploration
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.plasticity.control import Sign
-from epuckhebb.sim.plasticity.rule import Births
+from epuckhebb.sim.plasticity.rule import InitialWeights
 
 PROGRAM = str(Path(sys.executable).parent / "epuckhebb")
 
@@ -91,7 +91,10 @@ def test_keys_and_values(here):
 
 
 VALUES = {
-    **{f"evaluate hebbian.{name}": kind for name, kind in (("signal", Signal), ("sign", Sign), ("births", Births))},
+    **{
+        f"evaluate hebbian.{name}": kind
+        for name, kind in (("signal", Signal), ("sign", Sign), ("initial_weights", InitialWeights))
+    },
     "evolve hebbian.signal": Signal,
     "evaluate adaptation.exploration": Exploration,
     "evolve ga.selection": Selection,
@@ -103,23 +106,23 @@ VALUES = {
 @pytest.mark.parametrize("place", VALUES)
 @pytest.mark.usefixtures("_no_bash")
 def test_a_key_of_few_values_is_completed_with_all_of_them(place):
-    verb, key = place.split()
-    offered = completion.complete_override(verb, f"{key}=")
+    command, key = place.split()
+    offered = completion.complete_override(command, f"{key}=")
     assert sorted(offered) == sorted(f"{key}={member.name}" for member in VALUES[place])
 
 
 @pytest.mark.usefixtures("_no_bash")
 def test_other_values_are_completed_too():
     key = "adaptation.change_signal"
-    assert completion.complete_override("evaluate", f"{key}=l") == [f"{key}=lateness"]
+    assert completion.complete_override("evaluate", f"{key}=l") == [f"{key}=late"]
     key = "adaptation.self_check"
     assert completion.complete_override("evaluate", f"{key}=") == [f"{key}=true", f"{key}=false"]
     assert completion.complete_override("evaluate", "hebbian.w_max=") == ["hebbian.w_max=2.0"]
 
 
-@pytest.mark.parametrize("verb", ["evaluate", "evolve", "sweep"])
+@pytest.mark.parametrize("command", ["evaluate", "evolve", "sweep"])
 @pytest.mark.usefixtures("_no_bash")
-def test_every_key_is_offered(verb):
+def test_every_key_is_offered(command):
 
     def below(node, prefix=""):
         for key, value in node.items():
@@ -128,9 +131,9 @@ def test_every_key_is_offered(verb):
             else:
                 yield prefix + key
 
-    composed_verb = "evaluate" if verb == "sweep" else verb
-    keys = set(below(OmegaConf.to_container(composed(composed_verb, []))))
+    composed_command = "evaluate" if command == "sweep" else command
+    keys = set(below(OmegaConf.to_container(composed(composed_command, []))))
     # Names of files, which the program fills in.
     keys -= {"scenario.name", "hebbian.name", "adaptation.name", "training.name"}
-    offered = {offer.partition("=")[0] for offer in completion.complete_override(verb, "")}
+    offered = {offer.partition("=")[0] for offer in completion.complete_override(command, "")}
     assert keys <= offered

@@ -18,15 +18,17 @@ from epuckhebb.runtime.resources import data_folder
 
 SCHEMA = {"evaluate": EvaluateConfig, "evolve": EvolveConfig}
 TOGETHER = {"maze", "robot", "hebbian", "adaptation"}  # two of them at a time: test_parts.py
-VERB = {group: verb for verb in reversed(SCHEMA) for group in groups(verb)}  # evaluate, for the groups that it has
-ALONE = sorted(VERB.keys() - TOGETHER)
-CHOICES = [(group, choice) for group in ALONE for choice in groups(VERB[group])[group] if choice not in NEW]
+COMMAND = {
+    group: command for command in reversed(SCHEMA) for group in groups(command)
+}  # evaluate, for the groups that it has
+ALONE = sorted(COMMAND.keys() - TOGETHER)
+CHOICES = [(group, choice) for group in ALONE for choice in groups(COMMAND[group])[group] if choice not in NEW]
 
 
 @pytest.mark.parametrize(("group", "choice"), CHOICES)
 def test_every_choice_of_every_group_composes(group, choice):
-    cfg = composed(VERB[group], [f"{group}={choice}"])
-    config = typed(cfg, SCHEMA[VERB[group]])
+    cfg = composed(COMMAND[group], [f"{group}={choice}"])
+    config = typed(cfg, SCHEMA[COMMAND[group]])
     if group == "scenario":
         assert (config.world.name, cfg.changed) == (choice, "")
 
@@ -86,8 +88,8 @@ def test_what_is_compared_runs_at_the_papers_rate_of_its_scenario(scenario, rate
     assert (paper.name, x.name, y.name) == ("Hebbian", "x", "y")
     assert paper.rule.N == x.rule.N == y.rule.N == rate
     assert (x.rule.sign.name, y.rule.sign.name) == ("shuffled", "hebbian")
-    assert (y.adaptation.change_signal, y.adaptation.active_s, y.adaptation.motor_noise) == ("lateness", 10, 2)
-    assert not x.adaptation.needs_baseline
+    assert (y.adaptation.change_signal, y.adaptation.active_s, y.adaptation.motor_noise) == ("late", 10, 2)
+    assert not x.adaptation.needs_nominal
 
 
 @pytest.mark.parametrize(
@@ -117,9 +119,9 @@ def test_a_controller_is_called_as_in_tables(words, name, rule, rate):
 
 @pytest.mark.parametrize("robot", groups("evaluate")["robot"])
 @pytest.mark.parametrize("maze", groups("evaluate")["maze"])
-@pytest.mark.parametrize(("verb", "schema"), first_of([("evaluate", EvaluateConfig), ("evolve", EvolveConfig)]))
-def test_every_maze_with_every_robot(verb, schema, maze, robot):
-    config = typed(composed(verb, [f"maze={maze}", f"robot={robot}"]), schema)
+@pytest.mark.parametrize(("command", "schema"), first_of([("evaluate", EvaluateConfig), ("evolve", EvolveConfig)]))
+def test_every_maze_with_every_robot(command, schema, maze, robot):
+    config = typed(composed(command, [f"maze={maze}", f"robot={robot}"]), schema)
     assert (config.world.maze.name, config.world.robot.name) == (maze, robot)
 
 

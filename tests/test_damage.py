@@ -162,7 +162,7 @@ def test_a_memory_that_nobody_can_have_is_refused(tmp_path, name, value, told):
 
 def test_a_champion_that_never_arrived_is_no_damage(tmp_path):
     (tmp_path / "never.npz").write_bytes(champion(memory_time_to_goal_s=np.array([np.nan, np.nan])))
-    assert np.isnan(load_genome(str(tmp_path / "never.npz"), "light").baseline.time_to_goal_s).all()
+    assert np.isnan(load_genome(str(tmp_path / "never.npz"), "light").nominal.time_to_goal_s).all()
 
 
 def header(shape):

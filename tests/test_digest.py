@@ -69,7 +69,7 @@ def test_lifetimes_have_the_same_bits(treatments, file, golden):
             one = world.world.experiment
             for where in CHAMPIONS:
                 genome, live = champions[one, where], (controllers[one], world.lifetime)
-                lived, _ = evaluate(genome.genes, world.world, *live, genome.baseline, repeats=1, seed=3, threads=2)
+                lived, _ = evaluate(genome.genes, world.world, *live, genome.nominal, repeats=1, seed=3, threads=2)
                 rows.append(lived)
         if name == "paper":
             told.append(f"GA {digest([r[r.controller == GA][METRICS].to_numpy(float) for r in rows])}")

@@ -69,30 +69,30 @@ def fails(words, expected):
     return result.exit_code
 
 
-@pytest.mark.parametrize(("verb", "pages"), first_of([("evaluate", 5), ("evolve", 0), ("resume", 2), ("sweep", 6)]))
-def test_a_full_disk(disk, verb, pages):
-    first, more = CALLS[verb]
+@pytest.mark.parametrize(("command", "pages"), first_of([("evaluate", 5), ("evolve", 0), ("resume", 2), ("sweep", 6)]))
+def test_a_full_disk(disk, command, pages):
+    first, more = CALLS[command]
     done(*first)
-    results = "one/job_*" if verb == "sweep" else "one"
+    results = "one/job_*" if command == "sweep" else "one"
     before = [contents(folder) for folder in disk.glob(results)]
     assert before
     with full(disk, pages):
         fails(more, "No space left on device")
     assert list(disk.rglob(".*.tmp")) == []
-    if verb == "resume":  # the checkpoint is whole, so the rest can be made of it
+    if command == "resume":  # the checkpoint is whole, so the rest can be made of it
         done(*EVOLVE, "ga.generations=4", "hydra.run.dir=never_stopped")
         done(*more)
         assert (disk / "one" / "history.csv").read_bytes() == (disk / "never_stopped" / "history.csv").read_bytes()
     else:
         assert [contents(folder) for folder in disk.glob(results)] == before
-    if verb == "sweep":
+    if command == "sweep":
         assert "1 done before, 1 to do" in call(*(word for word in more if word != "-q")).stderr
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("verb", CALLS)
-def test_a_disk_that_may_only_be_read(disk, verb):
-    first, more = CALLS[verb]
+@pytest.mark.parametrize("command", CALLS)
+def test_a_disk_that_may_only_be_read(disk, command):
+    first, more = CALLS[command]
     done(*first)
     before = contents(disk)
     with read_only(disk):

@@ -20,7 +20,7 @@ from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
-from epuckhebb.sim.plasticity.rule import Births, NoRule, coefficients, modulatory_weights
+from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, coefficients, modulatory_weights
 from epuckhebb.sim.plasticity.rules.abcd import ABCD
 from epuckhebb.sim.plasticity.rules.abcd_neuron import ABCDNeuron
 from epuckhebb.sim.plasticity.rules.abcd_shared import ABCDShared
@@ -28,8 +28,8 @@ from epuckhebb.sim.plasticity.rules.baldwin_n import BaldwinN
 from epuckhebb.sim.plasticity.rules.discrete import Discrete
 from epuckhebb.sim.plasticity.rules.modulated import Modulated
 from epuckhebb.sim.plasticity.rules.online import Online
-from epuckhebb.sim.plasticity.update import StepContext, lengths_at_birth, modulation_of, update_of
-from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
+from epuckhebb.sim.plasticity.update import StepContext, initial_lengths, modulation_of, update_of
+from epuckhebb.sim.plasticity.weight_change import room as weight_change_workspace
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.store.genome import load_genome
 
@@ -109,9 +109,9 @@ def test_the_incoming_weights_of_each_neuron_keep_their_length():
     weights, told = genes.copy(), dict.fromkeys(Discrete.evolved, np.ones(1))
     told |= {"when_better": np.ones(4), "when_worse": np.ones(4)}
     numbers, room = tuple(Discrete(N=1.0).numbers().values()), np.empty((3, network.synapses))
-    learn, change = update_of(Discrete, network), np.empty(weight_change_room(network))
+    learn, change = update_of(Discrete, network), np.empty(weight_change_workspace(network))
     spread, activation, ones = coefficients(Discrete, network, told), np.ones(network.neurons), np.ones_like(genes)
-    lengths = lengths_at_birth(Discrete, network, genes)
+    lengths = initial_lengths(Discrete, network, genes)
     now = StepContext(0.1, np.uint64(1), 0)
     total = learn(weights, np.empty(0), genes, spread, activation, 0.1, now, lengths, ones, numbers, room, change)
     assert total == pytest.approx(np.abs(weights - genes).sum()) != 0
@@ -186,12 +186,12 @@ def test_as_much_is_learnt_on_a_metre_at_any_pace(lived):
 def test_weights_at_birth_can_be_drawn_for_each_lifetime(lived):
     genes = np.concatenate([np.full(234, 2.0), np.zeros(5 * 234)])  # nothing is learnt
 
-    def born(key, births):
-        controller = Controller(name="own", rule=ABCD(N=0.01, births=births))
+    def born(key, initial_weights):
+        controller = Controller(name="own", rule=ABCD(N=0.01, initial_weights=initial_weights))
         return lived(genes, seconds=0.032, key=key, controller=controller)[1].weights[0]
 
-    assert (born(1, Births.evolved) == 2).all()
-    one, again, other = (born(key, Births.random) for key in (1, 1, 2))
+    assert (born(1, InitialWeights.evolved) == 2).all()
+    one, again, other = (born(key, InitialWeights.random) for key in (1, 1, 2))
     assert np.abs(one).max() <= 0.1
     assert np.ptp(one) > 0.19
     assert (one == again).all()
@@ -312,8 +312,8 @@ def test_a_rule_evolves_for_a_given_champion(champions):
     [
         ("genome=modulated", "give hebbian=modulated"),
         ("genome=abcd hebbian=abcd_shared", "rule abcd_shared"),
-        ("genome=abcd hebbian=abcd hebbian.births=evolved", "hebbian.births=random"),
-        ("genome=modulated hebbian=modulated hebbian.births=random", "hebbian.births=evolved"),
+        ("genome=abcd hebbian=abcd hebbian.initial_weights=evolved", "hebbian.initial_weights=random"),
+        ("genome=modulated hebbian=modulated hebbian.initial_weights=random", "hebbian.initial_weights=evolved"),
         ("genome=reference hebbian=modulated", "v, A, B, C, D, eta"),
     ],
 )

@@ -168,14 +168,14 @@ N = 0.000015
 EACH = findings.trials(
     lifetimes(
         {
-            # a: mastered on both sides; 4 obstacles break the left, plasticity rescues it and harms the right
+            # a: solved on both sides; 4 obstacles break the left, plasticity rescues it and harms the right
             ("a", "base", GA, 0.0): (3, 2),
             ("a", "base", HEBBIAN, N): (3, 3),
             ("a", "2obstacles", GA, 0.0): (3, 3),
             ("a", "2obstacles", HEBBIAN, N): (3, 3),
             ("a", "4obstacles", GA, 0.0): (1, 3),
             ("a", "4obstacles", HEBBIAN, N): (2, 0),
-            # b: the right is not mastered, so nothing of it can be broken; the left is broken and stays so
+            # b: the right is not solved, so nothing of it can be broken; the left is broken and stays so
             ("b", "base", GA, 0.0): (3, 1),
             ("b", "base", HEBBIAN, N): (0, 3),
             ("b", "2obstacles", GA, 0.0): (3, 0),
@@ -199,7 +199,7 @@ def test_a_trial_succeeds_if_most_of_its_repeats_do():
 
 def test_rescue_and_harm_by_hand():
     found = findings.rescue_and_harm(EACH).set_index("scenario")
-    counts = found[["mastered", "broken", "rescued", "sound", "harmed"]]
+    counts = found[["solved", "broken", "rescued", "intact", "harmed"]]
     assert counts.loc["base"].tolist() == [3, 0, 0, 3, 1]
     assert counts.loc["2obstacles"].tolist() == [3, 0, 0, 3, 0]
     assert counts.loc["4obstacles"].tolist() == [3, 2, 1, 1, 1]
@@ -216,8 +216,8 @@ def test_rescue_and_harm_by_hand():
 
 def test_rescue_over_all_changed_worlds_by_hand():
     (found,) = findings.rescue_over_all(EACH).to_dict("records")
-    assert (found["broken"], found["rescued"], found["sound"], found["harmed"]) == (2, 1, 4, 1)
-    assert (found["home_mastered"], found["home_harmed"]) == (3, 1)
+    assert (found["broken"], found["rescued"], found["intact"], found["harmed"]) == (2, 1, 4, 1)
+    assert (found["training_solved"], found["training_harmed"]) == (3, 1)
     assert (found["rescued_share"], found["harmed_share"]) == (0.5, 0.25)
     assert (found["rescued_low"], found["rescued_high"]) == (0.0, 1.0)  # a: 1 of 1, b: 0 of 1
     assert findings.changed(EACH, "obstacles") == ["2obstacles", "4obstacles"]
@@ -233,7 +233,7 @@ def one_sided():
 
 
 def test_retention_tells_one_sided_champions_apart():
-    found = findings.retention(one_sided()).set_index(["controller", "masters"])
+    found = findings.retention(one_sided()).set_index(["controller", "solves"])
     columns = ["champions", "trials", "retained"]
     assert found.loc[(GA, "any"), columns].tolist() == [2, 6, 3]  # l: 2 of 2, m: 1 of 4
     assert found.loc[(GA, "both"), columns].tolist() == [1, 4, 1]
@@ -248,7 +248,7 @@ def test_retention_tells_one_sided_champions_apart():
 
 def test_retention_where_nothing_is_mastered():
     each = one_sided()
-    found = findings.retention(each[each.genome == "l"]).set_index(["controller", "masters"])
+    found = findings.retention(each[each.genome == "l"]).set_index(["controller", "solves"])
     assert found.trials[GA, "both"] == 0
     assert math.isnan(found.share[GA, "both"])
     assert "| GA | 2 of 2: 1.00 [0.21, 1.00], 1 champion | 0 of 0 |" in rescue.retention_table(found.reset_index())

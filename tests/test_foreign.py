@@ -149,7 +149,7 @@ def test_a_job_is_known_by_all_that_its_results_depend_on(monkeypatch):
 
     before = names()
     with monkeypatch.context() as patched:
-        patched.setattr(genome.Genome, "baseline_sha256", "another")
+        patched.setattr(genome.Genome, "nominal_sha256", "another")
         assert [now == then for now, then in zip(names(), before, strict=True)] == [False, True]
     monkeypatch.setattr(provenance, "versions", lambda packages: dict.fromkeys(packages, "another"))
     assert all(now != then for now, then in zip(names(), before, strict=True))

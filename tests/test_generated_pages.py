@@ -72,16 +72,18 @@ def test_the_page_of_keys_tells_what_the_files_of_conf_tell(generated):
     generated(KEYS, "keys", all_keys())
 
 
-@pytest.mark.parametrize("verb", ["evaluate", "evolve", "reproduce", "leaderboard"])
-def test_every_key_is_told(verb):
+@pytest.mark.parametrize("command", ["evaluate", "evolve", "reproduce", "leaderboard"])
+def test_every_key_is_told(command):
     told = {key.name: key.told for group in keys.all_groups() for _, own in sections(group) for key in own}
     assert [name for name, meaning in told.items() if not meaning] == []
     assert [name for group in keys.all_groups() for name, meaning in group.choices.items() if not meaning] == []
-    names = {f"{group}.name" for group in groups(verb)}  # of files, which the program fills in
+    names = {f"{group}.name" for group in groups(command)}  # of files, which the program fills in
     whole = ("maze.", "robot.")  # their first keys are told, and not what a maze names below them
-    for name in set(keys_below(plain_values(composed(verb, [])))) - names:
+    for name in set(keys_below(plain_values(composed(command, [])))) - names:
         parent = ".".join(name.split(".")[: 2 if name.startswith(whole) else None])
-        assert parent in told or any(other.startswith(f"{parent}.") for other in told) or parent in groups(verb), name
+        assert parent in told or any(other.startswith(f"{parent}.") for other in told) or parent in groups(command), (
+            name
+        )
 
 
 @pytest.mark.parametrize("words", [[], ["scenario"], ["evolve"]])

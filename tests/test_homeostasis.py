@@ -9,9 +9,9 @@ import reference
 from cases import done
 
 from epuckhebb.sim.adaptation.adaptation import Adaptation, hooks
-from epuckhebb.sim.adaptation.baseline import Baseline, remember
-from epuckhebb.sim.adaptation.change_signal import no_baseline
-from epuckhebb.sim.adaptation.homeostasis import PATTERNS, homeostasis_room, remember_patterns
+from epuckhebb.sim.adaptation.change_signal import no_nominal
+from epuckhebb.sim.adaptation.homeostasis import PATTERNS, initial_homeostasis_state, remember_patterns
+from epuckhebb.sim.adaptation.nominal import Nominal, remember
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.life import TALLY, Lifetime
@@ -59,7 +59,7 @@ def test_in_dimmer_light_the_scale_is_as_much_larger(genomes, home, level):
 
 def test_the_scale_finds_the_level_of_the_light(home):
     """A robot that stands where it has been at home, in light of 0.4 times home's, looking about."""
-    scale, room = hooks("none", EPUCK, homeostatic=True).scale, homeostasis_room(EPUCK.light.count)
+    scale, room = hooks("none", EPUCK, homeostatic=True).scale, initial_homeostasis_state(EPUCK.light.count)
     tally, rng = np.zeros(1, TALLY).view(np.recarray), np.random.default_rng(3)
     tally["scale"] = 1.0
     for step in range(2000):
@@ -107,11 +107,11 @@ def test_as_a_user_meets_it():
 
 
 def test_what_cannot_be_is_refused(genomes, home):
-    who = Individual(genes=genomes[0], side="left", key=KEY, controller=HOMEOSTATIC, nominal=no_baseline(16))
+    who = Individual(genes=genomes[0], side="left", key=KEY, controller=HOMEOSTATIC, nominal=no_nominal(16))
     with pytest.raises(ValueError, match="64 patterns of 8 light sensors"):
         live_block([who], BRIGHT, Lifetime(duration_s=1))
-    told = {name: getattr(home, name) for name in Baseline.__dataclass_fields__}
+    told = {name: getattr(home, name) for name in Nominal.__dataclass_fields__}
     with pytest.raises(ValueError, match="novelty must be more than 0"):
-        Baseline(**told | {"novelty": 0.0})
+        Nominal(**told | {"novelty": 0.0})
     with pytest.raises(ValueError, match="patterns must lie between 0 and 1"):
-        Baseline(**told | {"patterns": np.full((PATTERNS, 8), 2.0)})
+        Nominal(**told | {"patterns": np.full((PATTERNS, 8), 2.0)})

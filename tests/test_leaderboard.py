@@ -17,7 +17,7 @@ from epuckhebb.config import methods as known_methods
 from epuckhebb.config.conf import groups
 from epuckhebb.config.methods import methods_named
 from epuckhebb.config.schema import EvolveConfig, typed
-from epuckhebb.evolution.training import HOME, Training
+from epuckhebb.evolution.training import UNVARIED, Training
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.scenario import TRAINED, Scenario
@@ -34,22 +34,22 @@ TINY += ", lifetime.duration_s: 3, scenario.paper_duration_s: 10"
 EVOLVED = f"optimizer: sep_cma_es, training: varied, {TINY}"
 METHODS = {
     "tiny": f"# Tiny.\nevolve: {{{EVOLVED}}}",
-    "learns": f"evolve: {{hebbian: modulated, {EVOLVED}}}\ntwin: tiny",
-    "only_rule": f"over: tiny\nevolve: {{hebbian: modulated, {EVOLVED}}}",
-    "oja_over": "over: tiny\nevaluate: {hebbian: oja, hebbian.N: 0.001}",
+    "learns": f"evolve: {{hebbian: modulated, {EVOLVED}}}\nmatched_control: tiny",
+    "only_rule": f"champions_of: tiny\nevolve: {{hebbian: modulated, {EVOLVED}}}",
+    "oja_over": "champions_of: tiny\nevaluate: {hebbian: oja, hebbian.N: 0.001}",
     # what is refused
-    "over_plastic": "over: learns\nevaluate: {hebbian: oja}",
-    "no_numbers": f"over: tiny\nevolve: {{hebbian: oja, {EVOLVED}}}",
+    "over_plastic": "champions_of: learns\nevaluate: {hebbian: oja}",
+    "no_numbers": f"champions_of: tiny\nevolve: {{hebbian: oja, {EVOLVED}}}",
     "in_a_test": f"evolve: {{scenario: 4obstacles, {EVOLVED}}}",
     "light_of_a_test": f"evolve: {{training.light: [0.5, 0.5], {EVOLVED}}}",
-    "other_twin": f"evolve: {{hebbian: modulated, {EVOLVED}, optimizer.population: 6}}\ntwin: tiny",
-    "plastic_twin": f"evolve: {{hebbian: modulated, {EVOLVED}}}\ntwin: learns",
+    "other_twin": f"evolve: {{hebbian: modulated, {EVOLVED}, optimizer.population: 6}}\nmatched_control: tiny",
+    "plastic_twin": f"evolve: {{hebbian: modulated, {EVOLVED}}}\nmatched_control: learns",
     "no_twin": f"evolve: {{hebbian: modulated, {EVOLVED}}}",
     "wrong_key": "evolves: {optimizer: ga}",
     "wrong_value": "evolve: ga",
-    "nothing": "twin: tiny",
-    "its_own_twin": f"evolve: {{hebbian: modulated, {EVOLVED}}}\ntwin: its_own_twin",
-    "wrong_setting": "over: tiny\nevaluate: {hebbian: oja, hebbian.nn: 2}",
+    "nothing": "matched_control: tiny",
+    "its_own_twin": f"evolve: {{hebbian: modulated, {EVOLVED}}}\nmatched_control: its_own_twin",
+    "wrong_setting": "champions_of: tiny\nevaluate: {hebbian: oja, hebbian.nn: 2}",
 }
 FEW = """# @package _global_
 # Two test worlds.
@@ -116,17 +116,22 @@ def test_a_method_brings_what_it_is_compared_with(made):
         "tiny": "plain",
         "learns": "evolved",
         "only_rule": "evolved",
-        "oja_over": "laid over",
+        "oja_over": "post_hoc",
     }
-    assert table.twin.fillna("").to_dict() == {"tiny": "", "learns": "tiny", "only_rule": "tiny", "oja_over": "tiny"}
-    assert table.numbers.to_dict() == {"tiny": 234, "learns": 244, "only_rule": 10, "oja_over": 234}
+    assert table.matched_control.fillna("").to_dict() == {
+        "tiny": "",
+        "learns": "tiny",
+        "only_rule": "tiny",
+        "oja_over": "tiny",
+    }
+    assert table.evolved_parameters.to_dict() == {"tiny": 234, "learns": 244, "only_rule": 10, "oja_over": 234}
     assert table.robot_steps["only_rule"] == 2 * table.robot_steps["tiny"] == 2 * table.robot_steps["oja_over"]
 
 
 def test_every_cell_of_the_page_is_in_a_csv(made):
     folder, _ = made
     table, costs = (pd.read_csv(folder / f"{name}.csv", keep_default_na=True) for name in ("leaderboard", "cost"))
-    table["twin"] = table.twin.fillna("")
+    table["matched_control"] = table.matched_control.fillna("")
     for name in ("report.md", "leaderboard.md"):
         text = (folder / name).read_text()
         lines = text[text.index("| method | kind") :].split("\n\n")[0].splitlines()[2:]
@@ -149,12 +154,15 @@ def test_the_table_is_made_of_the_rows_of_champions(made):
     worlds = pd.read_csv(folder / "worlds.csv").groupby("method")[["trials", "successes"]].sum()
     for name, own in champions:
         row = table.loc[name]
-        assert (row.champions, row.mastered) == (len(own), own.masters.sum())
+        assert (row.champions, row.solved) == (len(own), own.solves.sum())
         assert (row.trials, row.successes) == (own.trials.sum(), own.successes.sum()) == tuple(worlds.loc[name])
         if name != "tiny":
-            twin = champions.get_group("tiny")
-            assert list(own.seed) == list(twin.seed)
-            shares = own.successes.to_numpy() / own.trials - twin.successes.to_numpy() / twin.trials.to_numpy()
+            matched_control = champions.get_group("tiny")
+            assert list(own.seed) == list(matched_control.seed)
+            shares = (
+                own.successes.to_numpy() / own.trials
+                - matched_control.successes.to_numpy() / matched_control.trials.to_numpy()
+            )
             assert row.difference == pytest.approx(shares.mean())
             assert row.success_off == own.successes_off.sum() / own.trials.sum()
 
@@ -164,10 +172,14 @@ def test_the_rows_of_champions_are_made_of_lifetimes(made):
     for row in pd.read_csv(folder / "champions.csv").itertuples():
         lived = pd.read_csv(folder / row.test / "metrics.csv")
         own = lived[lived.controller == lived.controller.iloc[-1]]
-        at_home, away = own[own.scenario == "base"], own[own.scenario != "base"]
+        in_training, away = own[own.scenario == "base"], own[own.scenario != "base"]
         assert set(away.scenario) == {"4obstacles", "base_half"}
         assert set(own.genome) == {row.champion}
-        assert (row.masters, row.successes, row.trials) == (at_home.success.sum() == 2, away.success.sum(), len(away))
+        assert (row.solves, row.successes, row.trials) == (
+            in_training.success.sum() == 2,
+            away.success.sum(),
+            len(away),
+        )
         history = pd.read_csv(folder / row.champion / "history.csv").robot_steps.sum()
         assert row.robot_steps == history * (2 if row.method == "only_rule" else 1)
 
@@ -194,7 +206,7 @@ def test_a_row_of_the_users_own_does_only_what_is_missing(copy, conf, here):
     listed = json.loads(done(*words).stdout)["jobs"]
     assert [job["done"] for job in listed] == [False] * 6  # two champions of the GA, their lives, those with the rule
     (method,) = methods_named(["mine.py:Forgets"], [data_folder("conf")])[1:]
-    assert (method.over, method.told) == ("ga", "a rule of mine.py, laid over")
+    assert (method.champions_of, method.told) == ("ga", "a rule of mine.py, laid over")
     done(*MADE, conf)
     assert promised(copy) == before
     assert {file: file.stat().st_mtime_ns for file in copy.glob("*/metrics.csv")} == stamps
@@ -202,8 +214,12 @@ def test_a_row_of_the_users_own_does_only_what_is_missing(copy, conf, here):
 
 def test_a_rule_that_evolves_something_is_evolved():
     rule = str(EXAMPLES / "own_rule" / "evolved_rule.py") + ":Layered"
-    twin, method = methods_named([rule], [data_folder("conf")])
-    assert (twin.name, method.name, method.twin) == ("sep_cma_es_varied", "Layered", "sep_cma_es_varied")
+    matched_control, method = methods_named([rule], [data_folder("conf")])
+    assert (matched_control.name, method.name, method.matched_control) == (
+        "sep_cma_es_varied",
+        "Layered",
+        "sep_cma_es_varied",
+    )
     assert method.overrides("evolve")[1:] == ["optimizer=sep_cma_es", "training=varied"]
 
 
@@ -286,7 +302,7 @@ def test_reversal_learning_compares_rules(here):
     champions = pd.read_csv(here / "board" / "champions.csv").set_index("method")
     table = pd.read_csv(here / "board" / "leaderboard.csv").set_index("method")
     assert table.kind.to_dict() == {"ga": "plain", "modulated": "evolved"}
-    assert table.twin.fillna("").to_dict() == {"ga": "", "modulated": "ga"}
+    assert table.matched_control.fillna("").to_dict() == {"ga": "", "modulated": "ga"}
     assert set(table.trials) == {2 * 2 * 2}
     for name, own in champions.iterrows():
         lived = pd.read_csv(here / "board" / own.test / "metrics.csv")
@@ -312,10 +328,10 @@ def test_the_share_of_a_learner_by_hand():
         }
     )
     count, worlds = board.of_learner(lives, Reversal())
-    assert count == {"masters": 1, "trials": 20, "successes": 14, "successes_off": 10, "successes_inverted": 5}
+    assert count == {"solves": 1, "trials": 20, "successes": 14, "successes_off": 10, "successes_inverted": 5}
     assert worlds.to_dict("records") == [{"scenario": "base", "trials": 20, "successes": 14}]
     count, _ = board.of_learner(lives[lives.controller == "GA"], Reversal())
-    assert count == {"masters": 0, "trials": 20, "successes": 10, "successes_off": None, "successes_inverted": None}
+    assert count == {"solves": 0, "trials": 20, "successes": 10, "successes_off": None, "successes_inverted": None}
 
 
 @pytest.mark.parametrize("methods", first_of(["best", "ga_varied,best"]))
@@ -332,7 +348,7 @@ def test_methods_that_differ_in_training_or_optimizer_alone_are_one_in_reversal_
     assert list(here) == ["ga", "abcd", "modulated_over_ga"]
     assert here["ga"].evolve == {"task": "reversal", "ga": "reversal"}
     assert here["abcd"].evolve == {"task": "reversal", "ga": "reversal", "hebbian": "abcd"}
-    assert (here["abcd"].twin, here["modulated_over_ga"].over) == ("ga", "ga")
+    assert (here["abcd"].matched_control, here["modulated_over_ga"].champions_of) == ("ga", "ga")
 
 
 # Methods
@@ -351,7 +367,7 @@ def test_every_method_of_the_program_can_be_planned_and_says_what_it_is(here):
     assert sorted(method.name for method in methods) == groups("leaderboard")["method"]
     assert all(method.told for method in methods)
     kinds = {entry.method.name: entry.row.kind for entry in planned.entries}
-    assert (kinds["ga"], kinds["evolve_and_merge"], kinds["best"]) == ("plain", "evolved", "laid over")
+    assert (kinds["ga"], kinds["evolve_and_merge"], kinds["best"]) == ("plain", "evolved", "post_hoc")
     assert len(planned.tests["obstacles"]) == 8 + 29
     assert len({job.run for job in planned.jobs}) == len(planned.jobs)
     assert list(here.iterdir()) == []
@@ -360,8 +376,8 @@ def test_every_method_of_the_program_can_be_planned_and_says_what_it_is(here):
 @pytest.mark.parametrize(
     ("training", "world", "can"),
     [
-        (HOME, {}, True),
-        (HOME, {"light": 0.5}, False),
+        (UNVARIED, {}, True),
+        (UNVARIED, {"light": 0.5}, False),
         (Training(light_share=0.5), {"light": 0.5}, False),
         (Training(light_share=0.5, light=[0.5, 0.5]), {"light": 0.5}, True),
         (Training(light_share=0.5, light=[0.5, 0.5]), {"light": 0.5, "left_wheel": 0.9}, False),
@@ -383,7 +399,7 @@ def test_no_training_of_the_program_can_be_a_test():
     for experiment, home in TRAINED.items():
         tests = leaderboard_jobs.tests_of(["rescue", "rescue_new_kinds"], None)[experiment]
         trained = leaderboard_jobs.world_named(home, None)
-        trainings = [compose.composed("evolve", [f"training={name}"]) for name in ("home", "varied")]
+        trainings = [compose.composed("evolve", [f"training={name}"]) for name in ("unvaried", "varied")]
         for cfg in trainings:
             training = typed(cfg, EvolveConfig).training
             assert not any(board.can_be(trained, training, world) for world in tests.values())
@@ -400,7 +416,7 @@ def test_two_rules_of_one_name_are_refused(tmp_path):
 # Statistics
 
 
-def rows_of(method, successes, masters):
+def rows_of(method, successes, solves):
     own = {
         "experiment": "obstacles",
         "method": method,
@@ -410,29 +426,29 @@ def rows_of(method, successes, masters):
     }
     own["robot_steps"] = 10
     return [
-        own | {"seed": k, "successes": s, "masters": m} for k, (s, m) in enumerate(zip(successes, masters, strict=True))
+        own | {"seed": k, "successes": s, "solves": m} for k, (s, m) in enumerate(zip(successes, solves, strict=True))
     ]
 
 
 def test_the_table_by_hand():
-    champions = pd.DataFrame(rows_of("twin", (1, 2, 4), (1, 0, 1)) + rows_of("own", (2, 2, 3), (1, 1, 0)))
-    told = {"experiment": "obstacles", "numbers": 1}
+    champions = pd.DataFrame(rows_of("matched_control", (1, 2, 4), (1, 0, 1)) + rows_of("own", (2, 2, 3), (1, 1, 0)))
+    told = {"experiment": "obstacles", "evolved_parameters": 1}
     table = board.table(
         [
-            board.Row(method="twin", kind=board.PLAIN, twin="", **told),
-            board.Row(method="own", kind=board.EVOLVED, twin="twin", **told),
+            board.Row(method="matched_control", kind=board.PLAIN, matched_control="", **told),
+            board.Row(method="own", kind=board.EVOLVED, matched_control="matched_control", **told),
         ],
         champions,
     ).set_index("method")
-    assert table.success.to_dict() == {"twin": 7 / 12, "own": 7 / 12}
-    assert table.retention.to_dict() == {"twin": 5 / 8, "own": 0.5}
-    assert table.mastered.to_dict() == {"twin": 2, "own": 2}
-    assert table.best.to_dict() == {"twin": 1.0, "own": 0.75}
+    assert table.success.to_dict() == {"matched_control": 7 / 12, "own": 7 / 12}
+    assert table.retention.to_dict() == {"matched_control": 5 / 8, "own": 0.5}
+    assert table.solved.to_dict() == {"matched_control": 2, "own": 2}
+    assert table.best.to_dict() == {"matched_control": 1.0, "own": 0.75}
     assert table.difference["own"] == pytest.approx((1 + 0 - 1) / 12)
     assert table.difference_low["own"] <= 0 <= table.difference_high["own"]
     assert table.sign_flip_p["own"] == 1
-    assert np.isnan(table.difference["twin"])
-    assert np.isnan(table.success_off["twin"])
+    assert np.isnan(table.difference["matched_control"])
+    assert np.isnan(table.success_off["matched_control"])
 
 
 # The reference results
@@ -440,9 +456,15 @@ def test_the_table_by_hand():
 
 @pytest.mark.parametrize("folder", REFERENCES)
 def test_the_reference_table_comes_of_the_rows_of_champions(folder):
-    told = pd.read_csv(folder / "leaderboard.csv").fillna({"twin": ""})
+    told = pd.read_csv(folder / "leaderboard.csv").fillna({"matched_control": ""})
     rows = [
-        board.Row(experiment=row.experiment, method=row.method, kind=row.kind, twin=row.twin, numbers=int(row.numbers))
+        board.Row(
+            experiment=row.experiment,
+            method=row.method,
+            kind=row.kind,
+            matched_control=row.matched_control,
+            evolved_parameters=int(row.evolved_parameters),
+        )
         for row in told.itertuples()
     ]
     champions = pd.read_csv(folder / "champions.csv", dtype={"successes_off": "Int64", "successes_inverted": "Int64"})
@@ -455,7 +477,7 @@ def test_the_reference_table_comes_of_the_rows_of_champions(folder):
 
 @pytest.mark.parametrize("folder", REFERENCES)
 def test_the_page_of_the_reference_results_tells_what_is_in_their_csv(folder, generated):
-    told = pd.read_csv(folder / "leaderboard.csv").fillna({"twin": ""})
+    told = pd.read_csv(folder / "leaderboard.csv").fillna({"matched_control": ""})
     for experiment, own in told.groupby("experiment", sort=False):
         page = "reversal" if experiment == board.REVERSAL else "leaderboard"
         generated(ROOT / "docs" / f"{page}.md", experiment, board.markdown_of(own))
@@ -473,17 +495,17 @@ BAD = {
     "no such tests": (["tests=[fewer]"], ["fewer"]),
     "unknown key": (["champoins=3"], ["champoins"]),
     "another sweeper": (["hydra/sweeper=x"], ["`leaderboard` lists its jobs itself"]),
-    "a champion of another rule": (["methods=over_plastic"], ["over=learns", "cannot be laid over it", "tiny"]),
+    "a champion of another rule": (["methods=over_plastic"], ["champions_of=learns", "no other can be added", "tiny"]),
     "a rule with nothing to evolve": (["methods=no_numbers"], ["nothing would be evolved", "rule oja"]),
     "trained in a test": (["methods=in_a_test"], ["can be 4obstacles", "one of the tests' own"]),
     "trained in a light of a test": (["methods=light_of_a_test"], ["can be base_half", "one of the tests' own"]),
-    "another twin": (["methods=other_twin"], ["twin=tiny has another optimizer"]),
-    "a plastic twin": (["methods=plastic_twin"], ["twin=learns has plasticity itself"]),
-    "no twin": (["methods=no_twin"], ["twin is missing"]),
+    "another matched control": (["methods=other_twin"], ["matched_control=tiny has another optimizer"]),
+    "a plastic matched control": (["methods=plastic_twin"], ["matched_control=learns has plasticity itself"]),
+    "no matched control": (["methods=no_twin"], ["matched_control is missing"]),
     "a wrong key": (["methods=wrong_key"], ["wrong_key.yaml: evolves is not a key of a method", "evolve"]),
     "a wrong value": (["methods=wrong_value"], ["evolve must be settings", "'ga'"]),
-    "neither evolved nor taken": (["methods=nothing"], ["give evolve", "or over"]),
-    "its own twin": (["methods=its_own_twin"], ["leads nowhere"]),
+    "neither evolved nor taken": (["methods=nothing"], ["give evolve", "or champions_of"]),
+    "its own matched control": (["methods=its_own_twin"], ["leads nowhere"]),
     "a wrong setting": (["methods=wrong_setting"], ["method wrong_setting", "hebbian.nn"]),
 }
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuckhebb.sim import stage
-from epuckhebb.sim.adaptation.change_signal import no_baseline
+from epuckhebb.sim.adaptation.change_signal import no_nominal
 from epuckhebb.sim.block import live_block, load_kernel
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.fitness import Signal
@@ -239,8 +239,8 @@ def test_sizes_that_do_not_fit_are_refused_with_their_numbers(lidar):
     refused(r"16-7-5-8-4-2 has 234 weights, got 234 genes and 233 signs", signs=np.ones(233))
     refused(r"must begin with 16, the readings of robot epuck, got \[12, 2\]", 26, network=Network((12, 2)))
     refused(r"must begin with 32, the readings of robot epuck_lidar, got \[16, 7", scenario=Scenario(robot=lidar))
-    refused(r"16 readings has a reading_mean of shape \(2, 16\), got \(2, 32\)", nominal=no_baseline(32))
-    silent = no_baseline(16)._replace(fitness=np.zeros(0))
+    refused(r"16 readings has a reading_mean of shape \(2, 16\), got \(2, 32\)", nominal=no_nominal(32))
+    silent = no_nominal(16)._replace(fitness=np.zeros(0))
     refused("one second or more", nominal=silent)
     coded = Controller(name="x", rule=Paper(signal=Signal.light_code))
     refused(

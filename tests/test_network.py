@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer, forward_pass, tanh, weights_at_birth
+from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer, forward_pass, initial_weights_of, tanh
 
 NETWORKS = [PAPER_NETWORK, Network((16, 3, 2)), Network((32, 7, 5, 8, 4, 2)), Network((2, 2))]
 
@@ -55,7 +55,7 @@ def test_tanh_is_accurate_odd_and_bounded(x):
 
 def test_weights_at_birth_are_a_clipped_copy():
     genome = np.linspace(-3, 3, 234)
-    weights = weights_at_birth(genome)
+    weights = initial_weights_of(genome)
     assert weights.max() == 2
     weights[:] = 0
     assert genome[0] == -3

@@ -92,9 +92,9 @@ def test_all_worlds_are_told_in_the_docs_and_there_are_twenty_or_more_on_each_si
 
 
 @pytest.mark.parametrize("name", COMPOSED)
-@pytest.mark.parametrize(("verb", "schema"), [("evaluate", EvaluateConfig), ("evolve", EvolveConfig)])
-def test_composes_and_nothing_is_changed_but_what_is_in_its_name(verb, schema, name):
-    cfg = composed(verb, [f"scenario={name}"])
+@pytest.mark.parametrize(("command", "schema"), [("evaluate", EvaluateConfig), ("evolve", EvolveConfig)])
+def test_composes_and_nothing_is_changed_but_what_is_in_its_name(command, schema, name):
+    cfg = composed(command, [f"scenario={name}"])
     assert (typed(cfg, schema).world, cfg.changed) == (world(name), "")
 
 

@@ -19,7 +19,7 @@ from epuckhebb.evolution.optimizers import sep_cma_es
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.optimizers.open_es import OpenEs
 from epuckhebb.evolution.optimizers.sep_cma_es import SepCmaEs
-from epuckhebb.evolution.training import HOME, Training
+from epuckhebb.evolution.training import UNVARIED, Training
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.genome import GenomePlan, Part
 from epuckhebb.sim.life import Lifetime
@@ -196,12 +196,12 @@ def test_what_is_stored_of_a_search_is_all_that_the_library_changes():
 
 @pytest.mark.parametrize(
     ("training", "generations"),
-    [(HOME, 148), (Training(light_share=0.5), 74), (Training(gain_rad_s=[1.5, 6.0]), 102)],
+    [(UNVARIED, 148), (Training(light_share=0.5), 74), (Training(gain_rad_s=[1.5, 6.0]), 102)],
 )
 def test_sep_cma_es_takes_as_many_robot_steps_as_the_paper(training, generations):
     life, paper, es = Lifetime(duration_s=60, gain_rad_s=4), GA(), SepCmaEs()
     assert OpenEs(population=30).schedule(training, life) == es.schedule(training, life)
-    assert OpenEs().schedule(HOME, life).generations == 111
+    assert OpenEs().schedule(UNVARIED, life).generations == 111
     schedule = es.schedule(training, life)
     assert schedule == (generations, training.loops)
     lifetimes = (es.starts + (generations - 1) * es.population) * schedule.loops * 2 + 3 * es.confirm
@@ -234,9 +234,9 @@ def test_a_run_of_sep_cma_es_is_resumed_repeated_and_shown():
     done("evolve", "resume=run", "optimizer.generations=3", "-q")
     assert same("run", "whole")
     done("rerun", "run", "-q")
-    assert "Evolved by sep_cma_es, in training worlds home" in call("show", "run").stdout
+    assert "Evolved by sep_cma_es, in training worlds unvaried" in call("show", "run").stdout
     with np.load("run/champion.npz") as champion, np.load("run/checkpoint.npz") as checkpoint:
-        assert (str(champion["optimizer"]), str(champion["training"])) == ("sep_cma_es", "home")
+        assert (str(champion["optimizer"]), str(champion["training"])) == ("sep_cma_es", "unvaried")
         assert champion["fitness"] == checkpoint["champion_fitness"]
     champion, history = epuckhebb.evolve(*TINY[:-1], "optimizer.generations=3")
     np.testing.assert_array_equal(champion, epuckhebb.load("run"))
@@ -257,7 +257,7 @@ def test_a_run_of_a_strategy_survives_kill_9(name, tmp_path):
 
 @pytest.mark.thorough
 def test_a_multirun_may_vary_seed_and_training(tmp_path):
-    words = ["evolve", "-m", *TINY[:-1], "optimizer.generations=1", "training=home,gain_varied", "--json"]
+    words = ["evolve", "-m", *TINY[:-1], "optimizer.generations=1", "training=unvaried,gain_varied", "--json"]
     result = done(*words, f"hydra.sweep.dir={tmp_path}")
     steps = [run["history"][0]["robot_steps"] for run in json.loads(result.stdout)["runs"]]
     assert steps[0] == 3 * 2 * 93 != steps[1]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from epuckhebb.cli.verbs import app
+from epuckhebb.cli.commands import app
 
 ROOT = Path(__file__).parents[1]
 TINY = ["lifetime.duration_s=3", "-q"]
@@ -67,13 +67,13 @@ def test_every_verb_outside_the_repository(built, tmp_path):
     venv.create(tmp_path / "venv", with_pip=True)
     scripts = tmp_path / "venv" / "bin"
     run(scripts / "python", "-m", "pip", "install", "--quiet", built[1], cwd=tmp_path)
-    verbs = [command.callback.__name__ for command in app.registered_commands]
-    assert set(verbs) <= set(WORDS)
+    commands = [command.callback.__name__ for command in app.registered_commands]
+    assert set(commands) <= set(WORDS)
     work = tmp_path / "work"
     work.mkdir()
-    for verb, words in WORDS.items():
-        if verb in verbs:
-            run(scripts / "epuckhebb", verb, *words, cwd=work)
+    for command, words in WORDS.items():
+        if command in commands:
+            run(scripts / "epuckhebb", command, *words, cwd=work)
     where = run(scripts / "python", "-c", "import epuckhebb; print(epuckhebb.__file__)", cwd=work)
     assert where.startswith(str(tmp_path))
     told = json.loads((work / "evaluated" / "provenance.json").read_text())

@@ -34,11 +34,11 @@ BRIEF_TASK = ["task.trials=2", "task.last_switch=2", "task.time_out_s=1"]  # the
 BRIEF_GA = ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=1"]
 
 
-def brief(verb, words, seconds=64):
+def brief(command, words, seconds=64):
     """What makes a command of a page take little time."""
     of_task = BRIEF_TASK if "task=reversal" in words else []
-    whole = [word for word in BRIEF[verb] if not (of_task and word.startswith("lifetime.duration_s"))] + of_task
-    if verb != "evolve":
+    whole = [word for word in BRIEF[command] if not (of_task and word.startswith("lifetime.duration_s"))] + of_task
+    if command != "evolve":
         shorter = [word.replace("SECONDS", str(seconds)) for word in whole]
         return [*shorter, *(["lifetime.record_every=250"] if "--open" in words else [])]
     other = any(word.startswith("optimizer=") for word in words)
@@ -80,9 +80,9 @@ def test_the_commands_of_the_pages_run(pages, seconds, monkeypatch):
     assert all(shown.values())
     done("evolve", *brief("evolve", []))
     for line in filter(None, dict.fromkeys(itertools.chain(*shown.values()))):
-        program, verb, *words = shlex.split(two_of_many(line), comments=True)
+        program, command, *words = shlex.split(two_of_many(line), comments=True)
         assert program == "epuckhebb"
-        done(verb, *words, *brief(verb, words, seconds))
+        done(command, *words, *brief(command, words, seconds))
 
 
 @pytest.mark.slow
@@ -97,8 +97,8 @@ def test_the_tutorial(checkout, monkeypatch):
     short = ["repeats=1", "lifetime.duration_s=64", "threads=1", "-q"]
     more = {"evaluate": short, "sweep": [*short, "hydra/launcher=basic"]}
     for line in "".join(blocks(page, "sh")).splitlines():
-        _, verb, *words = shlex.split(line)
-        done(verb, *words, *more.get(verb, brief(verb, words) if verb == "evolve" else []))
+        _, command, *words = shlex.split(line)
+        done(command, *words, *more.get(command, brief(command, words) if command == "evolve" else []))
     (plot,) = blocks(page, "python")
     exec(plot, {})
     assert (checkout / "dim.png").read_bytes().startswith(b"\x89PNG")
@@ -153,10 +153,10 @@ def test_commands_work_in_every_shell(page):
     assert not re.findall(r"`[^`\n]*'[\w.]+=[^`\n]*`", page.read_text())
 
 
-@pytest.mark.parametrize("verb", ["evaluate", "evolve", "sweep", "reproduce"])
-def test_examples_of_help_work_in_every_shell(verb):
-    examples = call(verb, "--help").stdout.partition("Examples")[2]
-    assert f"epuckhebb {verb}" in examples
+@pytest.mark.parametrize("command", ["evaluate", "evolve", "sweep", "reproduce"])
+def test_examples_of_help_work_in_every_shell(command):
+    examples = call(command, "--help").stdout.partition("Examples")[2]
+    assert f"epuckhebb {command}" in examples
     assert "'" not in examples
 
 

@@ -265,7 +265,7 @@ def test_what_a_rule_evolves_goes_with_the_champion():
 
 def test_weights_that_are_nan_fail_loudly(own, monkeypatch):
     """As a rule would make them; it takes a kernel of its own to do that, so they are born so."""
-    monkeypatch.setattr(session, "weights_at_birth", lambda genes: np.full_like(genes, np.nan))
+    monkeypatch.setattr(session, "initial_weights_of", lambda genes: np.full_like(genes, np.nan))
     result = call("evaluate", *OJA, *BRIEF, "hydra.run.dir=out")
     assert result.exit_code == 1, result.output
     for text in ("left trial", "scenario base", "controller GA", "nan", "step"):
@@ -360,7 +360,7 @@ def test_a_champion_of_another_robot_or_network(others, here, name, layers, robo
     genome = load_genome(str(others / name), "obstacles")
     assert (genome.network.layers, genome.robot, len(genome.genes)) == (layers, robot, genome.plan.genes)
     assert genome.network.synapses == len(genome.weights)
-    assert genome.baseline.reading_mean.shape == (2, layers[0])
+    assert genome.nominal.reading_mean.shape == (2, layers[0])
     shown = " ".join(done("show", str(others / name)).stdout.split())
     assert f"robot {robot}" in shown
     assert "-".join(map(str, layers)) in shown

@@ -85,7 +85,7 @@ def test_the_account_of_rescue_is_that_of_its_study(generated):
         assert best.harmed_share <= 0.02
         assert homeostasis.harmed_share <= 0.05
     assert asked.loc[("light", "homeostasis")].rescued > asked.loc[("light", "late")].rescued
-    assert (asked.loc[(slice(None), ["best", "homeostasis"]), "home_harmed"] == 0).all()
+    assert (asked.loc[(slice(None), ["best", "homeostasis"]), "training_harmed"] == 0).all()
 
 
 def test_the_account_of_new_kinds_of_change_is_that_of_its_study(generated):
@@ -93,7 +93,7 @@ def test_the_account_of_new_kinds_of_change_is_that_of_its_study(generated):
     generated(RESULTS, "new_kinds", rescue.summary(over_all))
     asked = over_all.set_index("controller")
     assert (asked.loc[["best", "homeostasis"], "harmed_share"] <= 0.05).all()
-    assert (asked.home_harmed == 0).all()
+    assert (asked.training_harmed == 0).all()
 
 
 def test_the_account_of_optimizers_is_that_of_its_sweeps(generated):
@@ -132,6 +132,6 @@ def test_every_choice_of_a_group_is_told():
     told = (ROOT / "docs" / "keys.md").read_text()
     told_elsewhere = re.findall(r"`(\w+)`", (ROOT / "docs" / "changes.md").read_text())
     rules = re.findall(r"`(\w+)`", (ROOT / "docs" / "rules.md").read_text())
-    for verb, group in (("evaluate", "hebbian"), ("evolve", "ga"), ("evaluate", "scenario")):
-        for choice in groups(verb)[group]:
+    for command, group in (("evaluate", "hebbian"), ("evolve", "ga"), ("evaluate", "scenario")):
+        for choice in groups(command)[group]:
             assert f"`{choice}`" in told or choice in rules or choice.partition("_")[2] in told_elsewhere

@@ -72,7 +72,7 @@ evolve adaptation=late                                  | epuckhebb evaluate gen
 evolve repeats=5                                        | epuckhebb evaluate
 evaluate changed=mine                                   | changed
 evaluate hebbian=none hebbian.N=0.01                    | hebbian.N
-evaluate adaptation.threshold=2                         | adaptation.threshold | lateness
+evaluate adaptation.threshold=2                         | adaptation.threshold | late
 evaluate adaptation.motor_noise=2                       | adaptation.motor_noise
 evaluate adaptation=late_steady adaptation.rest_s=1     | adaptation.active_s above 0
 evaluate compare.a={{adaptation:{{threshold:1}}}}       | compare.a | threshold
@@ -108,7 +108,7 @@ evaluate +compare.a={{N:-1}}                            | compare.a | N must be 
 evaluate +compare.GA={{N:1}}                            | compare.GA
 evaluate hebbian.name=GA                                | GA
 evaluate adaptation=late compare.late={{N:1}}           | late
-evaluate adaptation.change_signal=boredom               | adaptation.change_signal | lateness
+evaluate adaptation.change_signal=boredom               | adaptation.change_signal | late
 evaluate scenario.dead_sensors=[8]                      | scenario.dead_sensors | 0 to 7
 evaluate scenario.goals={{left:[-30,60]}}               | scenario.goals.left | in metres
 evaluate scenario.goals={{left:[0.45,-0.45]}}           | the goal of the left
@@ -126,12 +126,12 @@ evolve training.layouts=[1,59]                          | training.layouts | [1,
 evolve training.wheel=[0.8,1.1]                         | training.wheel
 evolve training.gain_rad_s=[1.5,7]                      | training.gain_rad_s | 6.28
 evolve training.gain_rad_s=[1.5,6] scenario.changes=[{{at_s:50,light:1.0}}] | 40 s
-evolve training=varied ga.loops=1                       | training.home_loops
-evolve training=varied optimizer=sep_cma_es optimizer.loops=1 | training.home_loops
+evolve training=varied ga.loops=1                       | training.unvaried_loops
+evolve training=varied optimizer=sep_cma_es optimizer.loops=1 | training.unvaried_loops
 evolve training=varied maze=double_t                    | niches
 evolve hebbian=abcd_shared hebbian.leak=-1              | hebbian.leak | -1
 evolve hebbian=online hebbian.window_s=0.01             | hebbian.window_s | 0.01
-evolve hebbian=abcd hebbian.births=early                | hebbian.births | random
+evolve hebbian=abcd hebbian.initial_weights=early                | hebbian.initial_weights | random
 evolve optimizer=sep_cma_es optimizer.population=1      | optimizer.population
 evolve optimizer=sep_cma_es optimizer.generations=many  | optimizer.generations
 evolve optimizer=open_es optimizer.population=5         | optimizer.population
@@ -162,7 +162,7 @@ evaluate genome=lidar.npz robot=epuck                   | epuck_lidar
 evaluate -m genome=lidar.npz,reference                  | robot=epuck_lidar
 evaluate adaptation=late genome=light.npz               | highlight | experiment
 evaluate adaptation=late genome=broken.npz              | broken.npz
-evaluate adaptation=late genome=zeros.npy lifetime.gain_rad_s=6 | adaptation.change_signal=lateness | base
+evaluate adaptation=late genome=zeros.npy lifetime.gain_rad_s=6 | adaptation.change_signal=late | base
 evaluate adaptation=self_check genome=lidar.npz         | epuck_lidar
 evaluate genome=latest                                  | epuckhebb evolve
 evaluate genome='~nosuchuser/x'                         | ~nosuchuser

@@ -16,7 +16,7 @@ from epuckhebb.analysis.moments import Arrival, arrival, begins, told_when
 from epuckhebb.sim.controller import GA, HEBBIAN, Controller
 from epuckhebb.sim.life import Lifetime, Samples, empty_samples
 from epuckhebb.sim.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
-from epuckhebb.sim.network import Network, weights_at_birth
+from epuckhebb.sim.network import Network, initial_weights_of
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.scenario import Scenario
@@ -91,7 +91,7 @@ def test_page_holds_the_traces_to_within_half_a_step_of_quantisation(run, page, 
         life = lives[side][[GA, HEBBIAN].index(controller)]
         expected = {name: getattr(traces.samples, array)[k][:, column] for name, (array, column) in COLUMNS.items()}
         expected |= {name: getattr(traces.samples, array)[k] for name, array in SAME_NAME.items()}
-        expected["change"] = traces.samples.weights[k] - weights_at_birth(genes).astype(np.float32)
+        expected["change"] = traces.samples.weights[k] - initial_weights_of(genes).astype(np.float32)
         for name, values in expected.items():
             if not values.any():
                 assert life[name] == {"step": 0, "numbers": ""}, name

@@ -29,7 +29,7 @@ def _no_figures(monkeypatch):
 def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("reproduce"))
-        patch.setattr(TaskProgress, "put", lambda _, completed, told: SHOWN.append((completed, told)))
+        patch.setattr(TaskProgress, "put", lambda _, resolve_names, told: SHOWN.append((resolve_names, told)))
         result = done(*ALL)
         (folder,) = (tmp_path_factory.getbasetemp() / "reproduce0" / "runs" / "reproduce").iterdir()
         yield folder, result
@@ -48,8 +48,8 @@ def test_it_leaves_report_tables_and_figures(made):
 
 @pytest.mark.usefixtures("made")
 def test_the_bar_moves_within_the_steps():
-    completed, told = zip(*SHOWN, strict=True)
-    assert list(completed) == sorted(completed)
+    resolve_names, told = zip(*SHOWN, strict=True)
+    assert list(resolve_names) == sorted(resolve_names)
     assert [line.strip() for line in told[:4]] == [
         "1/9  evolve light_seed001",
         "1/9  evolve light_seed001  compiling …",
@@ -142,7 +142,7 @@ def test_every_number_of_the_report_is_in_a_csv(made):
     for scenario, plasticity, rescued, harmed, difference, p in rows_of(report, "scenario | plasticity"):
         row = harm[(harm.scenario == scenario) & (harm.rate == plasticity)].iloc[0]
         assert rescued == rescue.count(row, "rescued", "broken")
-        assert harmed == rescue.count(row, "harmed", "sound")
+        assert harmed == rescue.count(row, "harmed", "intact")
         assert difference.startswith(f"{row.difference:+.2f} [")
         assert p == f"{row.sign_flip_p:.2g}"
     kept = pd.read_csv(folder / "retention.csv")

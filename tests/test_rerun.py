@@ -41,8 +41,8 @@ def run(made, tmp_path, monkeypatch):
 def test_a_run_says_where_it_comes_from(run):
     told = json.loads((run / "provenance.json").read_text())
     status = json.loads((run / "status.json").read_text())
-    assert told["command"][0] == "epuckhebb"
-    assert set(told["overrides"]) <= set(told["command"])
+    assert told["command_line"][0] == "epuckhebb"
+    assert set(told["overrides"]) <= set(told["command_line"])
     assert told["seed"] == 1
     assert set(told["code"]) == {"version", "science", "commit", "dirty"}
     assert {"numpy", "numba", "pymunk", "hydra-core", "pandas"} <= set(told["packages"])
@@ -50,7 +50,7 @@ def test_a_run_says_where_it_comes_from(run):
     assert told["platform"]
     assert told["cores"] >= 1
     assert datetime.fromisoformat(status["started"]) < datetime.fromisoformat(status["finished"])
-    if told["verb"] == "evaluate":
+    if told["command"] == "evaluate":
         genes = genome.load_genome("reference", "obstacles").genes
         assert told["genome_sha256"] == hashlib.sha256(genes.tobytes()).hexdigest()
     assert "${" not in (run / ".hydra" / "config.yaml").read_text()
@@ -103,7 +103,7 @@ def test_what_cannot_be_repeated(here):
     np.save("mine.npy", np.ones(234))
     (here / "unfinished" / "status.json").write_text('{"state": "interrupted"}')
     told = (here / "other" / "provenance.json").read_text()
-    (here / "other" / "provenance.json").write_text(told.replace('"verb": "evaluate"', '"verb": "reproduce"'))
+    (here / "other" / "provenance.json").write_text(told.replace('"command": "evaluate"', '"command": "reproduce"'))
     (here / "torn" / ".hydra" / "config.yaml").write_text("seed: [")
     for name, expected in [
         ("mine", "is not the genome of mine"),

@@ -161,7 +161,7 @@ def test_the_switch_is_at_one_of_its_trials_or_never():
     expected = len(keys) / 8  # each of 2 to 8, and never, 0
     assert np.abs(np.delete(drawn_switches, 1) - expected).max() < 5 * math.sqrt(expected)
     for key in range(20):
-        left, right = (task.trials_at_birth(side, key)["good"] for side in ("left", "right"))
+        left, right = (task.initial_trials(side, key)["good"] for side in ("left", "right"))
         assert (left == -right).all()
         switch = task.switch(key)
         assert np.flatnonzero(np.diff(left)).tolist() == ([switch - 2] if switch else [])
@@ -172,7 +172,7 @@ def test_any_fixed_sequence_of_ways_gets_half_of_the_rewards_exactly():
     task = Reversal(trials=5, last_switch=4)
     for ways in itertools.product((-1, 1), repeat=5):
         for key in range(10):
-            lives = [task.trials_at_birth(side, key)["good"] for side in ("left", "right")]
+            lives = [task.initial_trials(side, key)["good"] for side in ("left", "right")]
             assert np.mean([good == ways for good in lives]) == 0.5
 
 
@@ -237,7 +237,7 @@ def champions(tmp_path_factory):
 def test_from_evolve_to_show(champions):
     champion, run = str(champions / "modulated"), "run"
     genome = load_genome(champion, "obstacles")
-    assert (genome.network, genome.task, genome.baseline) == (REWARDED, "reversal", None)
+    assert (genome.network, genome.task, genome.nominal) == (REWARDED, "reversal", None)
     shown = " ".join(done("show", champion).stdout.split())
     assert "with rule modulated, for task reversal" in shown
     share = max(0.0, pd.read_csv(f"{champion}/history.csv").best_fitness.iloc[-1] - 0.2)

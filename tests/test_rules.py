@@ -20,10 +20,10 @@ from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.errors import RuleError
-from epuckhebb.sim.plasticity.rule import Evolved, Rule, asked, coefficients, kept_at_birth
+from epuckhebb.sim.plasticity.rule import Evolved, Rule, asked, coefficients, initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.plasticity.update import StepContext, update_of
-from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
+from epuckhebb.sim.plasticity.weight_change import room as weight_change_workspace
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual, LostRobotError
 
@@ -137,8 +137,8 @@ def test_a_rule_is_compiled_once_and_then_comes_from_disk(monkeypatch, tmp_path)
     for _ in range(2):
         made, weights = kernel(one_update, learn=update_of(Simple, network)), genes.copy()
         nothing, ones, numbers = np.empty((0, network.synapses)), np.ones(network.synapses), (1.0, 0.0, 0.2, 2.0)
-        room = np.empty((3, network.synapses)), np.empty(weight_change_room(network))
-        kept, now = kept_at_birth(Simple, network), StepContext(0.5, np.uint64(1), 0)
+        room = np.empty((3, network.synapses)), np.empty(weight_change_workspace(network))
+        kept, now = initial_synapse_state(Simple, network), StepContext(0.5, np.uint64(1), 0)
         made(weights, kept, genes, nothing, np.ones(network.neurons), 0.5, now, np.empty(0), ones, numbers, *room)
         seen.append((weights.tolist(), sum(made.stats.cache_hits.values()), sum(made.stats.cache_misses.values())))
     assert seen[0][0] == seen[1][0] != genes.tolist()

@@ -17,18 +17,18 @@ from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.export.replay import found_in
 from epuckhebb.sim.adaptation.adaptation import Adaptation, Exploration
-from epuckhebb.sim.adaptation.change_signal import no_baseline
+from epuckhebb.sim.adaptation.change_signal import no_nominal
 from epuckhebb.sim.adaptation.self_check.check import check, clear, unexplained
 from epuckhebb.sim.adaptation.self_check.corrections import (
     HEADINGS,
     check_corrections,
     corrected_readings,
     corrected_wheel,
-    correction_room,
+    initial_correction_state,
     no_corrections,
     sunlit,
 )
-from epuckhebb.sim.adaptation.self_check.dance import STEPS, check_room, danced
+from epuckhebb.sim.adaptation.self_check.dance import STEPS, calibrate, check_space
 from epuckhebb.sim.adaptation.self_check.memory import can_check_itself, moments, regression, remember_self
 from epuckhebb.sim.adaptation.wall_following import wall_following
 from epuckhebb.sim.block import live_block
@@ -54,7 +54,7 @@ CHECKS = by(self_check=True)
 
 
 @pytest.fixture(scope="module")
-def at_home(genomes):
+def in_training(genomes):
     """Readings of two lives in the bright training world, every twentieth."""
     who = [Individual(genes=genomes[0], side=side, key=KEY, record=True) for side in ("left", "right")]
     lived = live_block(who, BRIGHT, Lifetime(duration_s=60, gain_rad_s=4, record_every=20))
@@ -62,12 +62,12 @@ def at_home(genomes):
 
 
 @pytest.fixture(scope="module")
-def memory(at_home):
-    return remember_self(BRIGHT, [at_home[:30], at_home[30:]])
+def memory(in_training):
+    return remember_self(BRIGHT, [in_training[:30], in_training[30:]])
 
 
 def test_a_dance_ends_where_it_began_and_comes_near_both_walls():
-    poses = danced(BRIGHT, "left", KEY, noise=0.0).poses
+    poses = calibrate(BRIGHT, "left", KEY, noise=0.0).poses
     assert len(STEPS) == 124
     np.testing.assert_allclose(poses[-1], T_MAZE.start, atol=1e-12)
     across = poses[:, 0] - T_MAZE.start.x
@@ -151,17 +151,17 @@ def test_what_cannot_be_finite_is_not_corrected(memory):
 
 def corrected(readings, corrections, room=None):
     now = readings.copy()
-    corrected_readings(now, corrections, correction_room(EPUCK) if room is None else room)
+    corrected_readings(now, corrections, initial_correction_state(EPUCK) if room is None else room)
     return now
 
 
 @pytest.mark.parametrize("ratio", [1.0, 0.3, 2.5])
 def test_light_is_as_at_home(ratio):
     by = no_corrections(EPUCK)._replace(
-        light_ratio=ratio, sun_now=sunlit(EPUCK, 0.3 * ratio), sun_home=sunlit(EPUCK, 0.3)
+        light_ratio=ratio, sun_now=sunlit(EPUCK, 0.3 * ratio), sun_training=sunlit(EPUCK, 0.3)
     )
     for heading in range(0, HEADINGS, 5):
-        readings, home = (np.append(sun[:, heading], np.full(8, 0.1)) for sun in (by.sun_now, by.sun_home))
+        readings, home = (np.append(sun[:, heading], np.full(8, 0.1)) for sun in (by.sun_now, by.sun_training))
         now = corrected(readings, by)
         if ratio == 1:
             assert now.tobytes() == readings.tobytes()
@@ -169,7 +169,7 @@ def test_light_is_as_at_home(ratio):
 
 
 def test_a_saturated_sensor_that_is_not_in_the_sun_sees_the_lamp():
-    by = no_corrections(EPUCK)._replace(light_ratio=2.0, sun_now=sunlit(EPUCK, 0.6), sun_home=sunlit(EPUCK, 0.3))
+    by = no_corrections(EPUCK)._replace(light_ratio=2.0, sun_now=sunlit(EPUCK, 0.6), sun_training=sunlit(EPUCK, 0.3))
     readings = np.append(by.sun_now[:, 0], np.full(8, 0.1))
     assert readings[3] == 1.0
     readings[3] = 0.0
@@ -177,7 +177,7 @@ def test_a_saturated_sensor_that_is_not_in_the_sun_sees_the_lamp():
 
 
 def test_darker_light_is_smoothed_as_much_as_it_is_magnified():
-    by, room = no_corrections(EPUCK)._replace(light_ratio=0.25), correction_room(EPUCK)
+    by, room = no_corrections(EPUCK)._replace(light_ratio=0.25), initial_correction_state(EPUCK)
     first = corrected(np.full(16, 0.9), by, room)
     np.testing.assert_allclose(first[:8], 0.6)
     second = corrected(np.full(16, 0.8), by, room)
@@ -204,11 +204,11 @@ def test_dead_sensors_are_made_up_from_the_others(places):
 def test_a_wheel_that_is_known_to_be_weak_turns_as_a_sound_one(genomes, lived):
     assert corrected_wheel(6.28)(0.7, 0.0, 4.0) == 0.7
     assert corrected_wheel(6.28)(0.9, 0.5, 4.0) == 1.57  # no faster than the motor
-    _, sound = lived(genomes[0], seconds=6, controller=GA_ALONE, gain_rad_s=4)
+    _, intact = lived(genomes[0], seconds=6, controller=GA_ALONE, gain_rad_s=4)
     weak = Scenario(left_wheel=0.9)
     loss = no_corrections(EPUCK)._replace(left_loss=0.1)
     _, samples = lived(genomes[0], seconds=6, controller=CHECKS, gain_rad_s=4, scenario=weak, corrections=loss)
-    np.testing.assert_allclose(samples.pose, sound.pose, atol=1e-9)
+    np.testing.assert_allclose(samples.pose, intact.pose, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -226,10 +226,10 @@ def test_a_wheel_that_is_known_to_be_weak_turns_as_a_sound_one(genomes, lived):
         2,
     ),
 )
-def test_agrees_with_the_oracle(genomes, memory, at_home, fault, adaptation):
+def test_agrees_with_the_oracle(genomes, memory, in_training, fault, adaptation):
     world, controller = replace(BRIGHT, **fault), by(**adaptation)
     checked = check(memory, world, "right", KEY)
-    baseline = no_baseline(16) if controller.adaptation.needs_baseline else None
+    nominal = no_nominal(16) if controller.adaptation.needs_nominal else None
     who = Individual(
         genes=genomes[0],
         side="right",
@@ -237,12 +237,12 @@ def test_agrees_with_the_oracle(genomes, memory, at_home, fault, adaptation):
         controller=controller,
         corrections=checked.corrections,
         start=checked.end,
-        nominal=baseline,
+        nominal=nominal,
         record=True,
     )
     [(outcome, samples)] = live_block([who], world, Lifetime(duration_s=10, gain_rad_s=4, record_every=1))
     robot = reference.Robot(
-        genomes[0], world, "right", controller, gain=4, key=KEY, nominal=baseline, home=(memory, at_home)
+        genomes[0], world, "right", controller, gain=4, key=KEY, nominal=nominal, home=(memory, in_training)
     )
     np.testing.assert_allclose(robot.loss, [checked.corrections.left_loss, checked.corrections.right_loss], atol=1e-9)
     assert robot.ratio == pytest.approx(checked.corrections.light_ratio, abs=1e-9)
@@ -254,9 +254,9 @@ def test_agrees_with_the_oracle(genomes, memory, at_home, fault, adaptation):
 
 @pytest.mark.thorough
 def test_a_late_robot_follows_the_nearer_wall_and_others_do_not(genomes, lived):
-    never_late = no_baseline(16)
+    never_late = no_nominal(16)
     late = never_late._replace(time_to_goal_s=0.5)
-    follows = by(change_signal="lateness", threshold=1.0, exploration=Exploration.wall_following)
+    follows = by(change_signal="late", threshold=1.0, exploration=Exploration.wall_following)
     told = {"seconds": 8, "gain_rad_s": 4, "controller": follows}
     _, alone = lived(genomes[0], seconds=8, gain_rad_s=4, controller=GA_ALONE)
     assert lived(genomes[0], **told, nominal=never_late)[1].pose.tobytes() == alone.pose.tobytes()
@@ -286,11 +286,11 @@ def test_walls_are_followed_on_the_side_that_is_nearer():
 def test_a_dance_that_counts_is_the_beginning_of_the_lifetime(genomes, memory):
     lifetime = Lifetime(duration_s=10, gain_rad_s=4, record_every=4)
     checks = self_checks(memory, BRIGHT, 1.0, repeats=1, seed=1)
-    after, counted = by(self_check=True), replace(by(self_check=True, dance_counts=True), name="y")
+    after, counted = by(self_check=True), replace(by(self_check=True, calibration_counts=True), name="y")
     told = {"repeats": 1, "seed": 1, "checks": checks}
     metrics, traces = evaluate(genomes[0], BRIGHT, [after, counted], lifetime, **told)
     one, other = (traces.samples.pose[[name == who for name in traces.controller]] for who in "xy")
-    dances = [checks[side, 0].danced.poses[:-1:4] for side in ("left", "right")]
+    dances = [checks[side, 0].calibration.poses[:-1:4] for side in ("left", "right")]
     np.testing.assert_array_equal(other[:, : len(STEPS) // 4], dances)
     np.testing.assert_allclose(other[:, len(STEPS) // 4], one[:, 0], atol=1e-9)
     path = metrics.set_index(["controller", "side"]).path_length_m
@@ -302,7 +302,7 @@ def test_a_dance_that_counts_is_the_beginning_of_the_lifetime(genomes, memory):
 def test_a_world_that_cannot_be_danced_in_is_refused(memory, lidar):
     narrow = replace(T_MAZE, start=Pose(-0.003, -0.35, math.pi / 2))
     with pytest.raises(ValueError, match=r"7\.1 mm into a wall; 1 mm must be left"):
-        check_room(Scenario(maze=narrow))
+        check_space(Scenario(maze=narrow))
     assert can_check_itself(BRIGHT)
     assert not can_check_itself(Scenario(maze=narrow))
     assert not can_check_itself(Scenario(robot=lidar))
@@ -329,13 +329,13 @@ def test_corrections_that_cannot_be_are_refused(wrong, message):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"dance_counts": True}, "does nothing without a dance"),
+        ({"calibration_counts": True}, "does nothing without a dance"),
         ({"exploration": Exploration.wall_following}, "adaptation.exploration does nothing without a signal"),
         (
-            {"change_signal": "lateness", "exploration": Exploration.wall_following, "motor_noise": 1.0},
+            {"change_signal": "late", "exploration": Exploration.wall_following, "motor_noise": 1.0},
             "give adaptation.exploration=both",
         ),
-        ({"change_signal": "lateness", "exploration": Exploration.both}, "needs adaptation.motor_noise above 0"),
+        ({"change_signal": "late", "exploration": Exploration.both}, "needs adaptation.motor_noise above 0"),
     ],
 )
 def test_settings_that_do_nothing_are_refused(settings, message):

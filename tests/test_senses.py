@@ -125,7 +125,7 @@ def test_rays_agree_with_pymunk(space, lidar, kind, x, y, heading):
 
 
 def sensed(robot, x, y, heading, lit, level=0.0, walls=WALLS):
-    readings, noise = np.zeros(robot.inputs), np.ones(random.room_for_noise(robot.inputs))
+    readings, noise = np.zeros(robot.inputs), np.ones(random.noise_workspace_size(robot.inputs))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         senses(robot)(
             x, y, math.cos(heading), math.sin(heading), walls, lit, noise, level, sense_workspace(robot), readings

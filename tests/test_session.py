@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.sim.adaptation.adaptation import Adaptation
-from epuckhebb.sim.adaptation.change_signal import no_baseline
-from epuckhebb.sim.adaptation.self_check.dance import danced
+from epuckhebb.sim.adaptation.change_signal import no_nominal
+from epuckhebb.sim.adaptation.self_check.dance import calibrate
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import plan_of
@@ -79,7 +79,7 @@ def assert_pieces_are_the_whole(individual, scenario, lifetime, pieces):
     every=st.sampled_from([1, 3]),
 )
 def test_stepping_in_pieces_is_bit_identical(genomes, controller, changes, pieces, side, every):
-    individual = individual_of(genomes[0], side, controller=controller, nominal=no_baseline(16))
+    individual = individual_of(genomes[0], side, controller=controller, nominal=no_nominal(16))
     assert_pieces_are_the_whole(individual, Scenario(changes=changes), replace(SHORT, record_every=every), pieces)
 
 
@@ -107,10 +107,10 @@ def test_stepping_through_trials_is_bit_identical(pieces, every):
 @pytest.mark.thorough
 @pytest.mark.parametrize("pieces", [[], [0, 1, 5, 100], [1] * 50])
 def test_stepping_after_a_calibration_that_counts_is_bit_identical(genomes, pieces):
-    calibration = danced(Scenario(), "left", np.uint64(3))
+    calibration = calibrate(Scenario(), "left", np.uint64(3))
     individual = individual_of(
         genomes[0],
-        controller=Controller(name="x", adaptation=Adaptation(self_check=True, dance_counts=True)),
+        controller=Controller(name="x", adaptation=Adaptation(self_check=True, calibration_counts=True)),
         calibration=calibration,
         start=Pose(*calibration.poses[-1].tolist()),
     )

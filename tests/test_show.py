@@ -65,7 +65,7 @@ def test_without_runs_it_says_how_to_begin():
 
 @pytest.mark.usefixtures("_there")
 def test_latest_is_the_one_of_the_last_call():
-    assert json.loads(shown("latest", "--json"))["verb"] == "sweep"
+    assert json.loads(shown("latest", "--json"))["command"] == "sweep"
 
 
 @pytest.mark.usefixtures("_there")

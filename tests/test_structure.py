@@ -127,6 +127,6 @@ def test_an_optimizer_is_one_file_that_no_other_has_to_know():
 
 def test_the_start_needs_neither_statistics_nor_figures():
     """Each takes most of a second to import: of an evaluation, and of a sweep before its first job."""
-    verbs = "epuckhebb.runs.evaluate, epuckhebb.cli.show, epuckhebb.studies.sweep"
-    code = f"import sys, {verbs}; print(*{{'scipy.stats', 'matplotlib'}} & sys.modules.keys())"
+    commands = "epuckhebb.runs.evaluate, epuckhebb.cli.show, epuckhebb.studies.sweep"
+    code = f"import sys, {commands}; print(*{{'scipy.stats', 'matplotlib'}} & sys.modules.keys())"
     assert subprocess.run([sys.executable, "-c", code], check=True, capture_output=True).stdout.split() == []

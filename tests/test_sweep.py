@@ -136,7 +136,7 @@ def test_a_sweep_leaves_tables_and_is_not_done_twice(here):
     assert {file: file.stat().st_mtime_ns for file in folder.glob("job_*/*")} == before
     assert read_tables(folder) == tables
     told = json.loads((folder / rows.run[0] / "provenance.json").read_text())
-    assert told["command"][:3] == ["epuckhebb", "sweep", "obstacles"]
+    assert told["command_line"][:3] == ["epuckhebb", "sweep", "obstacles"]
     assert "seed=1" in told["overrides"]
 
 
@@ -206,9 +206,9 @@ def test_a_launcher_gets_so_many_jobs_at_a_time_and_all_of_them_though_one_faile
     monkeypatch.setattr(study_jobs, "AT_ONCE", 2)
     call_many, counts = hydra.call_many, []
 
-    def counted(verb, do, arguments, stamp):
+    def counted(command, do, arguments, stamp):
         counts.append(arguments[0].count(",") + 1)
-        call_many(verb, do, arguments, stamp)
+        call_many(command, do, arguments, stamp)
 
     monkeypatch.setattr(hydra, "call_many", counted)
     result = call("sweep", "obstacles", "scenario=base,4obstacles,2obstacles", *FAST, "hydra/launcher=basic")

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from epuckhebb.runtime.console import print_table
 
-HEADINGS = ("controller", "side", "success", "time to goal (s)", "difference to the twin")
+HEADINGS = ("controller", "side", "success", "time to goal (s)", "difference to the matched control")
 ROWS = [
     ("GA", "left", "0.50 [0.24, 0.76]", "101.25", "+0.02 [-0.11, +0.15]"),
     ("late_steady_shuffled (reward inverted)", "right", "1.00 [0.72, 1.00]", "99.5", "–"),

@@ -9,7 +9,7 @@ from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvolveConfig, typed
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizer import Optimizer, Schedule, Search
-from epuckhebb.evolution.training import HOME, Training
+from epuckhebb.evolution.training import UNVARIED, Training
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import T_MAZE, Niche
 from epuckhebb.sim.scenario import Scenario
@@ -81,8 +81,8 @@ def judged(optimizer, lifetime=FAST, **more):
 
 
 def test_at_home_all_is_as_it_is():
-    assert HOME.worlds(Scenario(), FAST, 2, 1, 7) == [(Scenario(), FAST, 0.0)] * 2
-    assert training("home") == HOME
+    assert UNVARIED.worlds(Scenario(), FAST, 2, 1, 7) == [(Scenario(), FAST, 0.0)] * 2
+    assert training("unvaried") == UNVARIED
 
 
 def test_worlds_of_training_are_never_those_of_tests(varied):
@@ -125,13 +125,13 @@ def test_at_another_pace_a_lifetime_drives_as_far():
 
 def test_starts_vary_only_in_varied_loops():
     still, moved = np.zeros((1, 234)), Lifetime(duration_s=0.032, noise=0)
-    at_home = judged(Unmoved(genomes=still), moved)
-    away = judged(Unmoved(genomes=still), moved, training=Training(start_noise=1.0, home_loops=1))
-    only_away = judged(Unmoved(genomes=still), moved, training=Training(start_noise=1.0, home_loops=0))
-    assert at_home.robot_steps == only_away.robot_steps == 2
+    in_training = judged(Unmoved(genomes=still), moved)
+    away = judged(Unmoved(genomes=still), moved, training=Training(start_noise=1.0, unvaried_loops=1))
+    only_away = judged(Unmoved(genomes=still), moved, training=Training(start_noise=1.0, unvaried_loops=0))
+    assert in_training.robot_steps == only_away.robot_steps == 2
     assert away.robot_steps == 4
-    assert away.fitness[0] == pytest.approx((at_home.fitness[0] + only_away.fitness[0]) / 2, abs=0.02)
-    assert at_home.fitness[0] != only_away.fitness[0]
+    assert away.fitness[0] == pytest.approx((in_training.fitness[0] + only_away.fitness[0]) / 2, abs=0.02)
+    assert in_training.fitness[0] != only_away.fitness[0]
 
 
 def test_a_bonus_is_paid_for_success_at_the_last_step(genomes):
@@ -163,4 +163,4 @@ def test_training_whose_values_are_not_its_files_says_so():
         composed("evolve", ["ga.loops=2", *overrides]).training.name
         for overrides in ([], ["training=varied"], ["training=varied", "training.light_share=0.1"])
     ]
-    assert names == ["home", "varied", "varied changed"]
+    assert names == ["unvaried", "varied", "varied changed"]

@@ -20,7 +20,7 @@ from epuckhebb.cli.output import report_errors
 from epuckhebb.config import overrides
 from epuckhebb.config.overrides import literal
 from epuckhebb.runs import hydra
-from epuckhebb.runtime.console import Terminal, show_what_can_be_shown
+from epuckhebb.runtime.console import Terminal, replace_unencodable
 from epuckhebb.runtime.errors import USAGE
 from epuckhebb.runtime.resources import data_folder
 
@@ -111,7 +111,7 @@ def test_a_literal_text_refers_to_nothing():
 def test_what_an_encoding_does_not_have_is_replaced(monkeypatch):
     written = io.BytesIO()
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, encoding="ascii"))
-    show_what_can_be_shown()
+    replace_unencodable()
     Terminal().print("0 → 1")
     sys.stdout.flush()
     assert written.getvalue() == b"0 ? 1\n"

@@ -20,7 +20,7 @@ from epuckhebb.analysis import leaderboard, rescue
 from epuckhebb.analysis.figures import SIDE_COLOUR, plain, to_png
 from epuckhebb.sim.controller import CONTROLS, GA
 from epuckhebb.sim.life import Samples
-from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer, weights_at_birth
+from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer, initial_weights_of
 from epuckhebb.sim.robot import EPUCK, Robot
 
 _WEIGHT_CHANGE = "weight change\n(mean of sum |W − W_gene|)"
@@ -85,15 +85,17 @@ def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, cham
 
 def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) -> None:
     styles = {"Hebbian": "o-", "anti-Hebbian": "s--", "shuffled signs": "^:"}
-    totals = harm.groupby(["controller", "N"], sort=False)[["broken", "rescued", "sound", "harmed"]].sum().reset_index()
+    totals = (
+        harm.groupby(["controller", "N"], sort=False)[["broken", "rescued", "intact", "harmed"]].sum().reset_index()
+    )
     for kind in CONTROLS.values():
         own = totals[totals.controller == kind].sort_values("N")
         if len(own):
             x, style = [at[rate] for rate in own.N], styles[kind]
             axes.plot(x, own.rescued / own.broken, style, color="#009E73", label=f"rescued, {kind}")
-            axes.plot(x, own.harmed / own.sound, style, color="#CC79A7", label=f"harmed, {kind}")
-    broken, sound = int(totals.broken.max()), int(totals.sound.max())
-    axes.set(ylabel=f"share of trials (broken {broken}, sound {sound})", xlabel="base Hebbian rate N")
+            axes.plot(x, own.harmed / own.intact, style, color="#CC79A7", label=f"harmed, {kind}")
+    broken, intact = int(totals.broken.max()), int(totals.intact.max())
+    axes.set(ylabel=f"share of trials (broken {broken}, sound {intact})", xlabel="base Hebbian rate N")
     axes.set_ylim(-0.04, 1.04)
     _name_rates(axes, at.values(), at)
     _tidy(axes)
@@ -224,7 +226,7 @@ def network(
     genes: the network's weights come first. samples: side -> lifetime. robot: whose sensors name the inputs; they are
     numbered if it has not as many.
     """
-    birth = weights_at_birth(genes[: network.synapses])
+    birth = initial_weights_of(genes[: network.synapses])
     changes = {side: own.weights[-1].astype(float) - birth for side, own in samples.items()}
     scale = max(float(np.abs(change).max()) for change in changes.values()) or 1.0
     rows = network.inputs + 1
@@ -269,7 +271,7 @@ def rescue_over_all(over_all: pd.DataFrame) -> bytes:
         places = -np.arange(len(own), dtype=float)
         for what, of, colour, marker, shift in (
             ("rescued", "broken", _RESCUED, "o", 0.13),
-            ("harmed", "sound", _HARMED, "s", -0.13),
+            ("harmed", "intact", _HARMED, "s", -0.13),
         ):
             share = own[f"{what}_share"].to_numpy()
             away = np.abs(own[[f"{what}_low", f"{what}_high"]].to_numpy().T - share)
@@ -287,11 +289,11 @@ def rescue_over_all(over_all: pd.DataFrame) -> bytes:
     return to_png(drawn)
 
 
-_KIND_COLOUR = {leaderboard.PLAIN: "#555555", leaderboard.EVOLVED: "#0072B2", leaderboard.LAID_OVER: "#D55E00"}
+_KIND_COLOUR = {leaderboard.PLAIN: "#555555", leaderboard.EVOLVED: "#0072B2", leaderboard.POST_HOC: "#D55E00"}
 
 
 def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, Mapping[str, float]]) -> bytes:
-    """A PNG, a line of two panels for each experiment: success of each method, and the difference to its twin.
+    """A PNG, a line of two panels for each experiment: success of each method, and the difference to its control.
 
     board: of `study.leaderboard.table`. champions: the rows that it was made of. limits: for some experiments lines
     with their names, what luck gives and what nobody beats.
@@ -317,7 +319,7 @@ def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping
             left.axvline(share, color="black", linewidth=0.8, linestyle="--", zorder=0.5)
             left.annotate(name, (share, 0.6), (2, -7), textcoords="offset points", fontsize=7)
         left.set(xlim=(-0.02, 1.02), title=leaderboard.title(str(experiment)))
-        right.set(title="difference to the twin")
+        right.set(title="difference to the matched control")
         right.axvline(0, color="black", linewidth=0.8)
         right.tick_params(labelleft=False)
         for axes in (left, right):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis.self_checks import Checks
 from epuckhebb.sim import random
-from epuckhebb.sim.adaptation.baseline import Baseline
+from epuckhebb.sim.adaptation.nominal import Nominal
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import GenomePlan, plan_of
@@ -62,7 +62,7 @@ def evaluate(
     scenario: Scenario,
     controllers: Sequence[Controller],
     lifetime: Lifetime,
-    baseline: Baseline | None = None,
+    nominal: Nominal | None = None,
     *,
     repeats: int,
     seed: int,
@@ -90,7 +90,7 @@ def evaluate(
     told = [f"{controller.name}, N = {controller.rule.N:g}" for controller in everyone]
     if len(set(told)) < len(told):
         raise ValueError(f"two controllers have the same name and N, of {'; '.join(told)}")
-    if baseline is None and any(controller.adaptation.needs_baseline for controller in controllers):
+    if nominal is None and any(controller.adaptation.needs_nominal for controller in controllers):
         raise ValueError("an adaptation with a signal of change needs a baseline of the training world")
     if checks is None and any(controller.adaptation.self_check for controller in controllers):
         raise ValueError("an adaptation with a self-check needs those of study.self_checks")
@@ -110,7 +110,7 @@ def evaluate(
         if checks is None or not adaptation.self_check:
             return {}
         own = checks[side, repeat]
-        counted = {"calibration": own.danced} if adaptation.dance_counts else {}
+        counted = {"calibration": own.calibration} if adaptation.calibration_counts else {}
         return {"start": own.end, "corrections": own.corrections, **counted}
 
     drawn = [int(random.key(seed, Stream.evaluation_task, repeat)) for repeat in range(repeats)]
@@ -123,7 +123,7 @@ def evaluate(
             key=random.key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)),
             task_key=drawn[repeat],
             signs=of_updates[number],
-            nominal=None if baseline is None else baseline.of(side),
+            nominal=None if nominal is None else nominal.of(side),
             record=repeat == 0,
             **checked(number, side, repeat),
         )
@@ -189,7 +189,7 @@ def _trials(trials: NDArray[np.void]) -> Iterator[dict[str, Any]]:
         }
 
 
-def room_to_evaluate(controllers: int, lifetime: Lifetime, repeats: int, network: Network) -> tuple[float, float]:
+def memory_to_evaluate(controllers: int, lifetime: Lifetime, repeats: int, network: Network) -> tuple[float, float]:
     """How many bytes of memory `evaluate` takes, about: for the lifetimes, and for what is recorded of the first."""
     kinds = len(SIDES) * (1 + controllers)
     samples = lifetime.steps / lifetime.record_every if lifetime.record_every else 0.0

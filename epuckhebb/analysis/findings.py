@@ -60,7 +60,7 @@ def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
     broken: fail in the changed world without plasticity. rescued: of these, succeed with it. harmed: of the others,
     fail with it. In the training world nothing is broken, and harm is all there is. The intervals of the shares
     rescued and harmed are from `wilson_by_champion`. `difference` is the success with plasticity minus the success
-    without, over all trials of the scenario, mastered or not, with a bootstrap interval over champions; `sign_flip_p`
+    without, over all trials of the scenario, solved or not, with a bootstrap interval over champions; `sign_flip_p`
     is the exact p value of it, also by champion.
     """
     rows: list[dict[str, Any]] = []
@@ -69,7 +69,7 @@ def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
             fates = _fates(each, experiment, scenario, kind, rate)
             counts = _counts(fates, wilson_by_champion)
             where = {"experiment": experiment, "scenario": scenario, "controller": kind, "N": rate}
-            row = where | {"mastered": counts["broken"] + counts["sound"]} | counts
+            row = where | {"solved": counts["broken"] + counts["intact"]} | counts
             without, plastic = (_outcomes(each, experiment, scenario, *how) for how in ((GA, 0.0), (kind, rate)))
             difference = (plastic.astype(float) - without.astype(float)).groupby("genome", sort=False)
             by_champion = difference.mean().to_numpy()
@@ -86,16 +86,16 @@ def _fates(each: pd.DataFrame, experiment: str, scenario: str, kind: str, rate: 
     """
     without = _outcomes(each, experiment, scenario, GA, 0.0)
     plastic = _outcomes(each, experiment, scenario, kind, rate)
-    mastered = without.index.isin(_succeeding(each, experiment, TRAINED[experiment]))
-    broken, sound = mastered & ~without, mastered & without
-    return pd.DataFrame({"broken": broken, "rescued": broken & plastic, "sound": sound, "harmed": sound & ~plastic})
+    solved = without.index.isin(_succeeding(each, experiment, TRAINED[experiment]))
+    broken, intact = solved & ~without, solved & without
+    return pd.DataFrame({"broken": broken, "rescued": broken & plastic, "intact": intact, "harmed": intact & ~plastic})
 
 
 def _counts(fates: pd.DataFrame, interval: Callable[..., tuple[float, float]]) -> dict[str, Any]:
     """How many trials have each fate, and the shares rescued and harmed with intervals over champions."""
     by_champion = fates.groupby("genome", sort=False).sum()
     row: dict[str, Any] = by_champion.sum().to_dict()
-    for part, whole in (("rescued", "broken"), ("harmed", "sound")):
+    for part, whole in (("rescued", "broken"), ("harmed", "intact")):
         low, high = interval(by_champion[part].to_numpy(np.int64), by_champion[whole].to_numpy(np.int64))
         row |= {f"{part}_share": _ratio(row[part], row[whole]), f"{part}_low": low, f"{part}_high": high}
     return row
@@ -116,20 +116,20 @@ def rescue_over_all(each: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for experiment, kind, rate in _plasticities(each):
         fates = pd.concat(_fates(each, experiment, scenario, kind, rate) for scenario in changed(each, experiment))
-        counts = _counts(fates[fates.broken | fates.sound], partial(bootstrap_ratio, seed=0))
+        counts = _counts(fates[fates.broken | fates.intact], partial(bootstrap_ratio, seed=0))
         home = _fates(each, experiment, TRAINED[experiment], kind, rate).sum()
         row = {"experiment": experiment, "controller": kind, "N": rate, **counts}
-        rows.append(row | {"home_harmed": int(home.harmed), "home_mastered": int(home.sound)})
+        rows.append(row | {"training_harmed": int(home.harmed), "training_solved": int(home.intact)})
     return pd.DataFrame(rows)
 
 
 def retention(each: pd.DataFrame) -> pd.DataFrame:
-    """How much of what is mastered at home succeeds in the changed worlds, for the GA and for each plasticity.
+    """How much of what is solved at home succeeds in the changed worlds, for the GA and for each plasticity.
 
-    What is mastered at home is what the GA masters in its training world without plasticity; a trial here is a
+    What is solved at home is what the GA masters in its training world without plasticity; a trial here is a
     champion, a side and a changed world. A champion that always turns left masters one side at home and keeps it in
     nearly every world, though it has learnt nothing that a change could break. So there are two rows for each
-    plasticity: `masters` is "any" for all trials mastered at home, and "both" for those of champions that master both
+    plasticity: `masters` is "any" for all trials solved at home, and "both" for those of champions that master both
     sides there. The intervals are from a bootstrap over champions.
 
     Columns: experiment, controller, N, masters, champions (how many have such trials), trials, retained, share, low,
@@ -138,17 +138,17 @@ def retention(each: pd.DataFrame) -> pd.DataFrame:
     rows = []
     conditions = each[["experiment", "controller", "N"]].drop_duplicates().itertuples(index=False, name=None)
     for experiment, kind, rate in conditions:
-        mastered = _succeeding(each, experiment, TRAINED[experiment])
-        sides = mastered.to_frame(index=False).groupby("genome", sort=False).side.nunique()
+        solved = _succeeding(each, experiment, TRAINED[experiment])
+        sides = solved.to_frame(index=False).groupby("genome", sort=False).side.nunique()
         away = [_outcomes(each, experiment, scenario, kind, rate) for scenario in changed(each, experiment)]
-        trial = pd.concat(away) if away else pd.Series(dtype=bool, index=mastered[:0])
-        trial = trial[trial.index.isin(mastered)]
-        for masters, least in (("any", 1), ("both", 2)):
+        trial = pd.concat(away) if away else pd.Series(dtype=bool, index=solved[:0])
+        trial = trial[trial.index.isin(solved)]
+        for solves, least in (("any", 1), ("both", 2)):
             among = trial[trial.index.get_level_values("genome").isin(sides[sides >= least].index)]
             retained, whole = _by_champion(among, among | ~among)
             low, high = bootstrap_ratio(retained, whole, seed=0)
             rows.append(
-                {"experiment": experiment, "controller": kind, "N": rate, "masters": masters}
+                {"experiment": experiment, "controller": kind, "N": rate, "solves": solves}
                 | {"champions": len(whole), "trials": int(whole.sum()), "retained": int(retained.sum())}
                 | {"share": _ratio(int(retained.sum()), int(whole.sum())), "low": low, "high": high}
             )
@@ -241,10 +241,10 @@ def _light_claims(each: pd.DataFrame) -> Iterator[Claim]:
         _outcomes(each, "light", scenario, HEBBIAN, rate) for scenario in ("highlight", "lowlight")
     )
     broken = bright & ~dim
-    yield _count("light", "The GA fails in low light", "trials mastered in high light: fail in low light", ~dim, bright)
+    yield _count("light", "The GA fails in low light", "trials solved in high light: fail in low light", ~dim, bright)
     yield _count("light", f"N = {rate:g} rescues it", "trials broken by low light: succeed", dim_plastic, broken)
     yield _count(
-        "light", "The same N harms in high light", "trials mastered in high light: fail", ~bright_plastic, bright
+        "light", "The same N harms in high light", "trials solved in high light: fail", ~bright_plastic, bright
     )
     small = _outcomes(each, "light", "lowlight", HEBBIAN, PAPER_N["obstacles"])
     yield _either("light", "A large change needs a large rate", broken, dim_plastic, small)
@@ -258,7 +258,7 @@ def _obstacle_claims(each: pd.DataFrame) -> Iterator[Claim]:
         alone = _outcomes(each, "obstacles", scenario, GA, 0.0)
         plastic = _outcomes(each, "obstacles", scenario, HEBBIAN, rate)
         broken = base & ~alone
-        yield _count("obstacles", f"{count} obstacles defeat the GA", "trials mastered in base: fail", ~alone, base)
+        yield _count("obstacles", f"{count} obstacles defeat the GA", "trials solved in base: fail", ~alone, base)
         yield _count(
             "obstacles", f"N = {rate:g} rescues it at {count}", "trials broken by them: succeed", plastic, broken
         )
@@ -303,11 +303,11 @@ def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tu
     ours = each[(each.experiment == experiment) & each.N.isin([0.0, PAPER_N[experiment]])]
     ours = ours[ours.controller.isin([GA, HEBBIAN])]
     paper = published[published.experiment == experiment].set_index(["scenario", "controller", "side"]).success
-    mastered = _succeeding(each, experiment, TRAINED[experiment])
+    solved = _succeeding(each, experiment, TRAINED[experiment])
     names = list(dict.fromkeys(ours.genome))
-    masters = [name for name in names if all((name, side) in mastered for side in ("left", "right"))]
+    solves = [name for name in names if all((name, side) in solved for side in ("left", "right"))]
     agreement = {}
-    for name in masters or names:
+    for name in solves or names:
         own = ours[ours.genome == name].set_index(["scenario", "controller", "side"]).succeeds
         shared = [cell for cell in paper.index if cell in own.index and not np.isnan(paper[cell])]
         agreement[name] = sum(bool(own[cell]) == bool(paper[cell]) for cell in shared)

@@ -1,7 +1,7 @@
 """The leaderboard: how well controllers of many methods cope with worlds that none of them was trained in.
 
 A *trial* is one champion, one side and one test world; it succeeds if more than half of its noise repeats do. Champions
-are the independent unit: those of a method and of its plain twin were evolved from the same seeds, and are compared
+are the independent unit: those of a method and of its matched control were evolved from the same seeds, and compared
 seed by seed. In reversal learning, the positive control, there are no test worlds: a trial is one of the many of a new
 life, and succeeds if it is rewarded. Everything is computed from the lifetimes, first a row for each champion, then a
 row for each method from these.
@@ -25,11 +25,11 @@ from epuckhebb.sim.tasks.reversal import Reversal
 
 FIGURE = "leaderboard.png"
 REVERSAL = "reversal"  # the experiment that is not one of the paper's
-PLAIN, EVOLVED, LAID_OVER = "plain", "evolved", "laid over"  # the kinds of methods
+PLAIN, EVOLVED, POST_HOC = "plain", "evolved", "post_hoc"  # the kinds of methods
 KINDS = {
     PLAIN: "no plasticity",
     EVOLVED: "plasticity that acts, or is evolved, during evolution",
-    LAID_OVER: "laid over champions of another method",
+    POST_HOC: "laid over champions of another method",
 }
 _NOT_LIVED = ("name", "experiment", "paper_N", "paper_duration_s")  # of a scenario: what no robot can tell
 
@@ -41,8 +41,8 @@ class Row:
     experiment: str
     method: str
     kind: str  # one of `KINDS`
-    twin: str  # the method that it is compared with; empty for plain ones
-    numbers: int  # how many numbers are evolved
+    matched_control: str  # the method that it is compared with; empty for plain ones
+    evolved_parameters: int  # how many numbers are evolved
 
 
 def can_be(home: Scenario, training: Training, world: Scenario) -> bool:
@@ -75,9 +75,9 @@ def of_champion(metrics: pd.DataFrame, home: str) -> tuple[dict[str, int | None]
     plastic = [name for name in each.controller.unique() if name != GA]
     alone = each[each.controller == GA]
     own = each[each.controller == plastic[0]] if plastic else alone
-    at_home, away, off = own[own.scenario == home], own[own.scenario != home], alone[alone.scenario != home]
+    in_training, away, off = own[own.scenario == home], own[own.scenario != home], alone[alone.scenario != home]
     count: dict[str, int | None] = {
-        "masters": int(at_home.succeeds.all()),
+        "solves": int(in_training.succeeds.all()),
         "trials": len(away),
         "successes": int(away.succeeds.sum()),
         "successes_off": int(off.succeeds.sum()) if plastic else None,
@@ -98,7 +98,7 @@ def of_learner(metrics: pd.DataFrame, task: Reversal) -> tuple[dict[str, int | N
     trials = int(each["size"].iloc[0]) * task.trials
     alone, own, *inverted = rewarded if len(rewarded) > 1 else rewarded * 2
     count: dict[str, int | None] = {
-        "masters": int(own / trials > sum(limits(task).values()) / 2),
+        "solves": int(own / trials > sum(limits(task).values()) / 2),
         "trials": trials,
         "successes": own,
         "successes_off": alone if len(rewarded) > 1 else None,
@@ -116,25 +116,25 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
     found = []
     for row in rows:
         own = _of(champions, row.experiment, row.method)
-        masters = own[own.masters == 1]
-        mastered_low, mastered_high = wilson(len(masters), len(own))
+        solves = own[own.solves == 1]
+        solved_low, solved_high = wilson(len(solves), len(own))
         trials, successes = own.trials.to_numpy(np.int64), own.successes.to_numpy(np.int64)
         found.append(
             {
-                **{name: getattr(row, name) for name in ("experiment", "method", "kind", "twin")},
+                **{name: getattr(row, name) for name in ("experiment", "method", "kind", "matched_control")},
                 "champions": len(own),
-                "mastered": len(masters),
-                "mastered_low": mastered_low,
-                "mastered_high": mastered_high,
+                "solved": len(solves),
+                "solved_low": solved_low,
+                "solved_high": solved_high,
                 "trials": int(trials.sum()),
                 "successes": int(successes.sum()),
                 **_success_of(own, "success"),
                 "best": (successes / trials).max(),
-                **_success_of(masters, "retention"),
-                **_against_twin(own, _of(champions, row.experiment, row.twin)),
+                **_success_of(solves, "retention"),
+                **_against_control(own, _of(champions, row.experiment, row.matched_control)),
                 "success_off": _share(own.successes_off, own.trials),
                 "success_inverted": _share(own.successes_inverted, own.trials),
-                "numbers": row.numbers,
+                "evolved_parameters": row.evolved_parameters,
                 "robot_steps": int(own.robot_steps.mean()),
             }
         )
@@ -159,12 +159,12 @@ def _of(champions: pd.DataFrame, experiment: str, method: str) -> pd.DataFrame:
     return champions[(champions.experiment == experiment) & (champions.method == method)]
 
 
-def _against_twin(own: pd.DataFrame, twin: pd.DataFrame) -> dict[str, float]:
-    """The difference in success to the twin, champion by champion of the same seed."""
-    if twin.empty:
+def _against_control(own: pd.DataFrame, matched_control: pd.DataFrame) -> dict[str, float]:
+    """The difference in success to the matched control, champion by champion of the same seed."""
+    if matched_control.empty:
         return dict.fromkeys(("difference", "difference_low", "difference_high", "sign_flip_p"), np.nan)
-    both = own.merge(twin, on="seed", suffixes=("", "_twin"), validate="one_to_one")
-    more = (both.successes - both.successes_twin).to_numpy(np.int64)
+    both = own.merge(matched_control, on="seed", suffixes=("", "_control"), validate="one_to_one")
+    more = (both.successes - both.successes_control).to_numpy(np.int64)
     shares = more / both.trials.to_numpy(np.int64)
     low, high = bootstrap_mean(shares, seed=0, bounds=(-1, 1))
     return {
@@ -177,18 +177,22 @@ def _against_twin(own: pd.DataFrame, twin: pd.DataFrame) -> dict[str, float]:
 
 def cells(row: Any) -> list[str]:
     """The cells of a row of the table, as the pages show them; `row` is one of `table`."""
-    twin = f"{rescue.difference(row)}, p = {row.sign_flip_p:.2g}, to {code(row.twin)}" if row.twin else "–"
+    matched_control = (
+        f"{rescue.difference(row)}, p = {row.sign_flip_p:.2g}, to {code(row.matched_control)}"
+        if row.matched_control
+        else "–"
+    )
     return [
         code(row.method),
         row.kind,
-        f"{row.mastered} of {row.champions}",
+        f"{row.solved} of {row.champions}",
         f"**{rescue.share(row.success, row.success_low, row.success_high)}**",
         rescue.share(row.retention, row.retention_low, row.retention_high),
         f"{row.best:.2f}",
-        twin,
+        matched_control,
         _or_dash(row.success_off),
         *([_or_dash(row.success_inverted)] if row.experiment == REVERSAL else []),
-        f"{row.numbers}",
+        f"{row.evolved_parameters}",
         f"{row.robot_steps / 1e6:.1f}",
     ]
 
@@ -204,7 +208,7 @@ def head(experiment: str) -> list[str]:
     else:
         success, controls = ["both sides at home", "success over the test worlds", "retention"], ["rule off"]
     return [
-        *("method", "kind", *success, "best champion", "difference to the twin", *controls),
+        *("method", "kind", *success, "best champion", "difference to the matched control", *controls),
         *("numbers evolved", "M robot-steps"),
     ]
 
@@ -281,5 +285,5 @@ _HOW = (
 CAPTION = (
     "Left: success over the test worlds, or share of rewarded trials, of each method, with its 95 % interval; small "
     "dots are single champions, the cross is the same with the rule off, the triangle with the reward inverted. Right: "
-    "the difference to its twin without plasticity, paired by champion."
+    "the difference to its matched control without plasticity, paired by champion."
 )

@@ -26,7 +26,7 @@ from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
 from epuckhebb.sim.life import Samples
 from epuckhebb.sim.lifetime import CONTACT
 from epuckhebb.sim.maze import SIDES, Side, boxes
-from epuckhebb.sim.network import PAPER_NETWORK, Network, weights_at_birth
+from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.sensors import Place, SensorGroup
@@ -134,7 +134,7 @@ def _content(
     time = traces.samples.time[0]
     every = math.ceil(len(time) / _MOST_SAMPLES)
     interval = float(time[1] - time[0]) * every if len(time) > 1 else STEP_S
-    birth = weights_at_birth(genes[: network.synapses]).astype(np.float32)
+    birth = initial_weights_of(genes[: network.synapses]).astype(np.float32)
     named = zip(traces.controller, traces.samples.weight_change, strict=True)
     changed = {name for name, weight_change in named if weight_change.any()}
     lives, outcomes = {}, {}

@@ -101,7 +101,7 @@ def summary(claims: pd.DataFrame, success: pd.DataFrame, harm: pd.DataFrame, pro
             _claims(claims, of_what=False),
             "Success, with 95 % intervals:\n",
             success_table(success, (GA, HEBBIAN)),
-            "Of the trials mastered in the training world, what the change breaks and plasticity rescues, and what it "
+            "Of the trials solved in the training world, what the change breaks and plasticity rescues, and what it "
             "harms of the rest; the controls make changes of equal size that are not Hebb's. p is from an exact "
             "sign-flip test by champion:\n",
             rescue_table(harm),
@@ -129,7 +129,7 @@ def answer(harm: pd.DataFrame, over_all: pd.DataFrame) -> str:
 
 
 def _rescued_and_harmed(row: Any) -> list[str]:
-    return [rescue.count(row, "rescued", "broken"), rescue.count(row, "harmed", "sound")]
+    return [rescue.count(row, "rescued", "broken"), rescue.count(row, "harmed", "intact")]
 
 
 def html(

@@ -11,10 +11,10 @@ from epuckhebb.sim.controller import GA, HEBBIAN
 from epuckhebb.sim.scenario import TRAINED
 
 FIGURE = "rescue_and_harm.png"
-_RESCUED, _HARMED = ("rescued", "broken"), ("harmed", "sound")
-MASTERS = {"any": "one side or both", "both": "both sides"}  # the values of `masters` in `findings.retention`, in words
+_RESCUED, _HARMED = ("rescued", "broken"), ("harmed", "intact")
+SOLVES = {"any": "one side or both", "both": "both sides"}  # the values of `masters` in `findings.retention`, in words
 RETENTION = (
-    "Success in the changed worlds, all together, among trials mastered in the training world. A champion that always "
+    "Success in the changed worlds, all together, among trials solved in the training world. A champion that always "
     "turns to one side masters that side at home and keeps it nearly everywhere, without having learnt what a change "
     "could break; so the champions that master both sides are told apart."
 )
@@ -41,7 +41,7 @@ def markdown(
     parts = [
         "# Rescue and harm\n",
         f"{champions} champions of each experiment, {names}. A *trial* is one champion on one side; it succeeds if "
-        f"more than half of its {repeats} noise repeats do. Counted are trials mastered in the training world without "
+        f"more than half of its {repeats} noise repeats do. Counted are trials solved in the training world without "
         "plasticity: of those that a changed world *breaks*, how many a plasticity *rescues*; of those it leaves "
         "*sound*, how many it *harms*. Intervals are 95 %, from a bootstrap over champions.\n",
     ]
@@ -77,23 +77,23 @@ def baselines(told: Mapping[str, tuple[int, pd.DataFrame, pd.DataFrame]], plasti
     rows = []
     for experiment in TRAINED:
         for name, (champions, retention, over_all) in told.items():
-            alone = retention[(retention.experiment == experiment) & (retention.controller == GA)].set_index("masters")
+            alone = retention[(retention.experiment == experiment) & (retention.controller == GA)].set_index("solves")
             after = over_all[(over_all.experiment == experiment) & (over_all.controller == plasticity)]
             rescued, harmed = (count(next(after.itertuples()), *what) for what in (_RESCUED, _HARMED))
-            masters = f"{alone.champions['both']:g} of {champions}"
-            at_home = f"{after.home_harmed.item()} of {after.home_mastered.item()}"
+            solves = f"{alone.champions['both']:g} of {champions}"
+            in_training = f"{after.training_harmed.item()} of {after.training_solved.item()}"
             rows.append(
-                [experiment, name, masters, *(_kept(alone.loc[key]) for key in MASTERS), rescued, harmed, at_home]
+                [experiment, name, solves, *(_kept(alone.loc[key]) for key in SOLVES), rescued, harmed, in_training]
             )
-    kept = (f"kept in changed worlds, mastered at home: {told}" for told in MASTERS.values())
-    head = ["experiment", "evolved with", "both sides mastered at home", *kept]
+    kept = (f"kept in changed worlds, solved at home: {told}" for told in SOLVES.values())
+    head = ["experiment", "evolved with", "both sides solved at home", *kept]
     return markdown_table([*head, "rescued of broken", "harmed of sound", "harmed at home"], rows)
 
 
 def _over_all(own: pd.DataFrame) -> str:
     rows = [
         [plain(label(row.controller, row.N)), count(row, *_RESCUED), count(row, *_HARMED)]
-        + [f"{row.home_harmed} of {row.home_mastered}"]
+        + [f"{row.training_harmed} of {row.training_solved}"]
         for row in own.itertuples()
     ]
     return markdown_table(["plasticity", "rescued of broken", "harmed of sound", "harmed in the training world"], rows)
@@ -119,17 +119,17 @@ def share(value: float, low: float, high: float) -> str:
 
 
 def retention_table(retention: pd.DataFrame, *, by_experiment: bool = False) -> str:
-    """A row for each plasticity, a column for all trials mastered at home and one for champions that master both sides.
+    """A row for each plasticity, a column for all trials solved at home and one for champions that master both sides.
 
     retention: of `findings.retention`. by_experiment: whether the experiment is told in a column of its own.
     """
     rows = []
     for (experiment, controller, rate), group in retention.groupby(["experiment", "controller", "N"], sort=False):
-        own = {row.masters: row for row in group.itertuples()}
-        cells = [_kept(own[masters]) if masters in own else "–" for masters in MASTERS]
+        own = {row.solves: row for row in group.itertuples()}
+        cells = [_kept(own[solves]) if solves in own else "–" for solves in SOLVES]
         rows.append([*([experiment] if by_experiment else []), plain(label(controller, rate)), *cells])
     head = [*(["experiment"] if by_experiment else []), "plasticity"]
-    return markdown_table([*head, *(f"mastered at home: {told}" for told in MASTERS.values())], rows)
+    return markdown_table([*head, *(f"solved at home: {told}" for told in SOLVES.values())], rows)
 
 
 def _kept(row: Any) -> str:
@@ -143,7 +143,7 @@ def _kept(row: Any) -> str:
 def _by_scenario(own: pd.DataFrame) -> str:
     """A cell for each plasticity and scenario; whichever there are more of go down the page."""
     own = own.assign(plasticity=[plain(label(row.controller, row.N)) for row in own.itertuples()])
-    own = own.assign(cell=[f"{row.rescued}/{row.broken}, {row.harmed}/{row.sound}" for row in own.itertuples()])
+    own = own.assign(cell=[f"{row.rescued}/{row.broken}, {row.harmed}/{row.intact}" for row in own.itertuples()])
     kinds, scenarios = own.plasticity.unique(), own.scenario.unique()
     cells = own.set_index(["plasticity", "scenario"]).cell
     if len(scenarios) > len(kinds):

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def run_command(
-    verb: str,
+    command: str,
     job: Callable[..., None],
     asked: Callable[..., Any],
     arguments: list[str],
@@ -34,27 +34,27 @@ def run_command(
     flags += ["--cfg", cfg] if cfg else []
     begin(quiet)
     overrides.check_config_dir(config_dir)
-    check_words(verb, arguments, config_dir)
+    check_words(command, arguments, config_dir)
     if not cfg:
-        hydra.check(verb, arguments, config_dir, asked, multirun=multirun)
-    runs = hydra.run(verb, job, [*arguments, *flags], config_dir)
-    if multirun and verb == "evaluate" and runs:
+        hydra.check(command, arguments, config_dir, asked, multirun=multirun)
+    runs = hydra.run(command, job, [*arguments, *flags], config_dir)
+    if multirun and command == "evaluate" and runs:
         from epuckhebb.studies.sweep import write_summary_of_multirun
 
         write_summary_of_multirun(runs[0].parent, runs)
     if not cfg:
-        print_runs(verb, runs, as_json, quiet)
+        print_runs(command, runs, as_json, quiet)
     return runs
 
 
-def print_runs(verb: str, runs: list[Path], as_json: bool, quiet: bool) -> None:
+def print_runs(command: str, runs: list[Path], as_json: bool, quiet: bool) -> None:
     """Print the results of the runs of one call."""
     from epuckhebb.cli import show
 
     print_result(
         as_json,
         quiet,
-        lambda: {"verb": verb, "runs": list(map(show.as_json, runs))},
+        lambda: {"command": command, "runs": list(map(show.as_json, runs))},
         lambda console: show.print_finished(runs, console),
     )
 
@@ -67,7 +67,7 @@ def print_study(folder: Path, as_json: bool, quiet: bool) -> None:
 
 
 def print_jobs(
-    verb: str, folder: Path, jobs: "list[Job]", as_json: bool, quiet: bool, told: "dict[str, str] | None" = None
+    command: str, folder: Path, jobs: "list[Job]", as_json: bool, quiet: bool, told: "dict[str, str] | None" = None
 ) -> None:
     """List the jobs of a study that is not run. told: what each run is for; its overrides unless given."""
     from epuckhebb.cli import show_study
@@ -83,5 +83,5 @@ def print_jobs(
         }
         for job in jobs
     ]
-    found = {"verb": verb, "folder": str(folder), "jobs": listed}
+    found = {"command": command, "folder": str(folder), "jobs": listed}
     print_result(as_json, quiet, lambda: found, lambda console: show_study.print_jobs(folder, listed, console))

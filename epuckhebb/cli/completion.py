@@ -12,13 +12,13 @@ from epuckhebb.runtime.resources import LATEST, data_folder
 _METHODS = "methods"  # the key of a leaderboard that names choices of the group method, one or more
 
 
-def complete_override(verb: str, incomplete: str) -> list[str]:
+def complete_override(command: str, incomplete: str) -> list[str]:
     """Completions of an override. A key comes with its default, so that the shell adds no space after the `=`."""
     typed, only_value = _typed(incomplete)
     key, equals, value = typed.partition("=")
     if not equals:
-        return [offer for offer in _offers(verb) if offer.startswith(key)]
-    found = [f"{key}={choice}" for choice in _choices(verb, key) if choice.startswith(value)]
+        return [offer for offer in _offers(command) if offer.startswith(key)]
+    found = [f"{key}={choice}" for choice in _choices(command, key) if choice.startswith(value)]
     return [offer.partition("=")[2] for offer in found] if only_value else found
 
 
@@ -39,8 +39,8 @@ def complete_shown(incomplete: str) -> list[str]:
 
 def complete_group(incomplete: str) -> list[str]:
     """Completions of a group of keys; a verb stands for its own ones."""
-    verbs = ("evaluate", "evolve", "reproduce", "leaderboard")
-    known = [*verbs, *(name for verb in verbs for name in groups(verb) if name != "experiment")]
+    commands = ("evaluate", "evolve", "reproduce", "leaderboard")
+    known = [*commands, *(name for command in commands for name in groups(command) if name != "experiment")]
     return [name for name in dict.fromkeys(known) if name.startswith(incomplete)]
 
 
@@ -60,30 +60,30 @@ def _typed(incomplete: str) -> tuple[str, bool]:
     return incomplete, False
 
 
-def _offers(verb: str) -> Iterator[str]:
-    for group, choices in groups(verb).items():
+def _offers(command: str) -> Iterator[str]:
+    for group, choices in groups(command).items():
         key = _METHODS if group == "method" else group
         yield from (f"{key}={choice}" for choice in choices)
-    for key, value in keys_with_defaults(verb):
+    for key, value in keys_with_defaults(command):
         yield from (f"{key}=", f"{key}={value}")
-    if verb == "evolve":
+    if command == "evolve":
         yield from (f"resume={run}" for run in [LATEST, *_runs("evolve")])
 
 
-def _choices(verb: str, key: str) -> list[str]:
+def _choices(command: str, key: str) -> list[str]:
     if key == _METHODS:
-        return ["all", *groups(verb).get("method", [])]
-    if key in groups(verb):
-        return groups(verb)[key]
+        return ["all", *groups(command).get("method", [])]
+    if key in groups(command):
+        return groups(command)[key]
     if key in ("genome", "resume"):
         return [*(["reference"] if key == "genome" else []), LATEST, *_runs("evolve")]
-    return _values(verb, key) or [str(value) for name, value in keys_with_defaults(verb) if name == key]
+    return _values(command, key) or [str(value) for name, value in keys_with_defaults(command) if name == key]
 
 
-def _values(verb: str, key: str) -> list[str]:
+def _values(command: str, key: str) -> list[str]:
     """All values that a key may have, where the comment beside it ends with a list of them; none of other keys."""
     group, _, name = key.rpartition(".")
-    files = sorted((data_folder("conf") / group).glob("*.yaml")) if group else [command_file(verb)]
+    files = sorted((data_folder("conf") / group).glob("*.yaml")) if group else [command_file(command)]
     beside = re.compile(rf"^ *{re.escape(name)}: *(\w+) +# (.*)$", re.MULTILINE)
     for default, comment in (found for file in files for found in beside.findall(file.read_text(encoding="utf-8"))):
         listed = re.sub(r" \(.*?\)", "", comment).rpartition(": ")[2].split(", ")
@@ -94,5 +94,5 @@ def _values(verb: str, key: str) -> list[str]:
     return []
 
 
-def _runs(verb: str) -> list[str]:
-    return sorted(str(status.parent) for status in Path("runs").glob(f"{verb}/*/status.json"))
+def _runs(command: str) -> list[str]:
+    return sorted(str(status.parent) for status in Path("runs").glob(f"{command}/*/status.json"))

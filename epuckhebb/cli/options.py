@@ -21,12 +21,12 @@ class ConfiguredCommand(TyperCommand):
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write examples, then the groups and their choices, below the options."""
-        verb = str(ctx.info_name)
+        command = str(ctx.info_name)
         with formatter.section("Examples"):
-            for example in _EXAMPLES[verb]:
-                formatter.write_text(f"epuckhebb {verb} {example}")
+            for example in _EXAMPLES[command]:
+                formatter.write_text(f"epuckhebb {command} {example}")
         with formatter.section("Configuration groups (GROUP=CHOICE; any key: GROUP.KEY=VALUE, see epuckhebb keys)"):
-            formatter.write_dl([(name, _in_short(name, choices)) for name, choices in conf.groups(verb).items()])
+            formatter.write_dl([(name, _in_short(name, choices)) for name, choices in conf.groups(command).items()])
 
 
 def _in_short(group: str, choices: list[str]) -> str:

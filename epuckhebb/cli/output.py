@@ -11,7 +11,7 @@ from typing import Any
 import typer
 from rich.console import Console
 
-from epuckhebb.runtime.console import Terminal, fall_silent, is_of_output
+from epuckhebb.runtime.console import Terminal, discard_output, is_of_output
 from epuckhebb.runtime.errors import (
     INTERRUPTED,
     JOB_FAILED,
@@ -48,7 +48,7 @@ def report_errors() -> Iterator[None]:
         print_error(interrupted(str(interruption)))
         raise typer.Exit(INTERRUPTED) from None
     except BrokenPipeError:  # nobody reads what we say, and what we do is done
-        fall_silent(sys.stdout)
+        discard_output(sys.stdout)
     except OSError as error:
         if is_of_output(error):
             raise typer.Exit(unwritable(error)) from None
@@ -61,7 +61,7 @@ def report_errors() -> Iterator[None]:
 
 def unwritable(error: OSError) -> int:
     """Say that nothing more can be printed; returns the exit code."""
-    fall_silent(sys.stdout)
+    discard_output(sys.stdout)
     print_error(f"the output cannot be written: {error.strerror}")
     return JOB_FAILED
 

@@ -59,7 +59,7 @@ def _print_next_steps(run: Path, console: Console) -> None:
         settings = f"task={champion.task} hebbian={champion.rule or 'none'} repeats=100"
         print_line(console, f"To let it live new lives: epuckhebb evaluate genome=latest {settings}")
     else:
-        changed = _CHANGED[champion.baseline.experiment if champion.baseline else "obstacles"]
+        changed = _CHANGED[champion.nominal.experiment if champion.nominal else "obstacles"]
         print_line(console, "What it remembers of its training world: epuckhebb show latest")
         print_line(console, f"To let it live in a changed one: epuckhebb evaluate genome=latest scenario={changed}")
 
@@ -161,7 +161,7 @@ def _print_run(path: Path, console: Console) -> None:
     facts.add_column(style="bold")
     facts.add_column(overflow="fold")
     for name, value in {
-        "Command": " ".join(run["command"]),
+        "Command": " ".join(run["command_line"]),
         "Overrides": " ".join(run["overrides"]),
         "State": status["state"] + (f": {status['error']}" if status.get("error") else ""),
         "Time": f"{status['started']} – {status.get('finished', '')}" if "started" in status else "",

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from epuckhebb.runtime.console import print_line, print_table
-from epuckhebb.sim.adaptation.baseline import Baseline
+from epuckhebb.sim.adaptation.nominal import Nominal
 from epuckhebb.sim.adaptation.self_check.findings import find
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
 from epuckhebb.sim.scenario import EXPERIMENTS
@@ -41,8 +41,8 @@ def print_champion(genome: Genome, console: Console) -> None:
         rule = f", with rule {genome.rule}" if genome.rule else ""
         task = f", for task {genome.task}" if genome.task else ""
         print_line(console, f"Evolved by {genome.optimizer}, in training worlds {genome.training}{rule}{task}")
-    if genome.baseline is not None:
-        _print_baseline(genome.baseline, genome, console)
+    if genome.nominal is not None:
+        _print_nominal(genome.nominal, genome, console)
     if genome.self_memory is not None:
         _print_self_memory(genome.self_memory, console)
 
@@ -59,23 +59,23 @@ def _print_self_memory(memory: SelfMemory, console: Console) -> None:
     print_table(console, title, ("", "is told to"), rows)
 
 
-def _print_baseline(baseline: Baseline, genome: Genome, console: Console) -> None:
+def _print_nominal(nominal: Nominal, genome: Genome, console: Console) -> None:
     """What a champion remembers of its training world."""
     rows: list[tuple[str, ...]] = []
     for name, numbers in {
-        "At the goal in the end": baseline.success,
-        "Slowest arrival (s)": baseline.time_to_goal_s,
-        "Longest away afterwards (s)": baseline.away_s,
+        "At the goal in the end": nominal.success,
+        "Slowest arrival (s)": nominal.time_to_goal_s,
+        "Longest away afterwards (s)": nominal.away_s,
     }.items():
         rows.append((name, *("never" if np.isnan(number) else f"{number:g}" for number in numbers.round(2))))
-    rows.append((f"Least live fitness, over {baseline.fitness.shape[1]} s", *map(_course, baseline.fitness)))
+    rows.append((f"Least live fitness, over {nominal.fitness.shape[1]} s", *map(_course, nominal.fitness)))
     inputs = genome.network.inputs
     for kind, first, count in (("Light", 0, genome.lights), ("Distance", genome.lights, inputs - genome.lights)):
         for place in range(count):
-            means, spreads = baseline.reading_mean[:, first + place], baseline.reading_spread[:, first + place]
+            means, spreads = nominal.reading_mean[:, first + place], nominal.reading_spread[:, first + place]
             told = (f"{mean:.2f} ± {spread:.2f}" for mean, spread in zip(means, spreads, strict=True))
             rows.append((f"{kind} reading {place}", *told))
-    title = f"Baseline: {baseline.scenario} at {baseline.gain_rad_s:g} rad/s"
+    title = f"Nominal: {nominal.scenario} at {nominal.gain_rad_s:g} rad/s"
     print_table(console, title, ("", "left (lamp off)", "right (lamp on)"), rows)
 
 

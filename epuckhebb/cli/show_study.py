@@ -48,11 +48,13 @@ def print_leaderboard(path: Path, console: Console) -> None:
         rows = []
         for row in own.itertuples():
             success = rescue.share(float(row.success), float(row.success_low), float(row.success_high))
-            twin = "" if pd.isna(row.difference) else f"{row.difference:+.2f}"
-            twin += "" if pd.isna(row.difference_low) else f" [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"
-            rows.append((row.method, row.kind, f"{row.mastered} of {row.champions}", success, twin))
-        method, kind, mastered, share, _, _, difference, *_ = board.head(str(experiment))
-        headings = (method, kind, mastered, share, difference)
+            matched_control = "" if pd.isna(row.difference) else f"{row.difference:+.2f}"
+            matched_control += (
+                "" if pd.isna(row.difference_low) else f" [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"
+            )
+            rows.append((row.method, row.kind, f"{row.solved} of {row.champions}", success, matched_control))
+        method, kind, solved, share, _, _, difference, *_ = board.head(str(experiment))
+        headings = (method, kind, solved, share, difference)
         print_table(console, f"{board.title(str(experiment))} (95 % interval)", headings, rows, text=2)
     print_line(console, f"Report: {path}/report.html")
 
@@ -82,9 +84,9 @@ def print_rescue(folder: Path, console: Console) -> None:
     over_all = run.table(folder, disk.RESCUE_OVER_ALL, columns.RESCUE)
     rows = []
     for row in over_all.itertuples():
-        cells = [rescue.count(row, "rescued", "broken"), rescue.count(row, "harmed", "sound")]
+        cells = [rescue.count(row, "rescued", "broken"), rescue.count(row, "harmed", "intact")]
         plasticity = rescue.label(str(row.controller), float(row.N))
-        rows.append((row.experiment, plasticity, *cells, f"{row.home_harmed} of {row.home_mastered}"))
+        rows.append((row.experiment, plasticity, *cells, f"{row.training_harmed} of {row.training_solved}"))
     headings = ("experiment", "plasticity", "rescued of broken", "harmed of sound", "at home")
     print_table(console, "Rescue and harm (95 % interval over champions)", headings, rows, text=2)
     print_line(

@@ -28,7 +28,7 @@ from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES, Maze, Place, Side
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
 from epuckhebb.sim.plasticity.control import Sign
-from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Reward, Rule, hears_reward
+from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.scenario import Scenario
@@ -160,7 +160,7 @@ def with_controls(controller: Controller, task: Task) -> list[Controller]:
     """
     if controller.is_ga_alone:
         return []
-    if not (task.tells_reward and hears_reward(type(controller.rule)) and controller.rule.reward is Reward.told):
+    if not (task.gives_reward and receives_reward(type(controller.rule)) and controller.rule.reward is Reward.told):
         return [controller]
     rule = replace(controller.rule, reward=Reward.inverted)
     return [controller, replace(controller, name=f"{controller.name} (reward inverted)", rule=rule)]
@@ -212,12 +212,12 @@ def _goals(given: Any, maze: Maze) -> dict[Side, Place]:
 
 def network_for(world: Scenario, layers: tuple[int, ...] | None) -> Network:
     """The network of these layers; without them, the paper's hidden layers between the inputs and the wheels."""
-    network = Network((world.inputs, *HIDDEN, OUTPUTS) if layers is None else layers, world.task.tells_reward)
+    network = Network((world.inputs, *HIDDEN, OUTPUTS) if layers is None else layers, world.task.gives_reward)
     check_inputs(network, world.robot, world.task)
     return network
 
 
-def check_pace(lifetime: Lifetime, world: Scenario) -> None:
+def check_wheel_gain(lifetime: Lifetime, world: Scenario) -> None:
     """Refuse a gain that the robot's motors do not reach, too little time, and changes after the end of life."""
     robot = world.robot
     world.task.check_time(lifetime.duration_s)
@@ -250,7 +250,7 @@ def check_task(controller: Controller, task: Task) -> None:
             f"adaptation={controller.adaptation.name} compares a life with those in the training world, where there is "
             f"one goal for all of it, and task={task.name} has none; give adaptation=none"
         )
-    if controller.rule.reward is not Reward.told and not task.tells_reward:
+    if controller.rule.reward is not Reward.told and not task.gives_reward:
         raise ValueError(
             f"hebbian.reward={controller.rule.reward.name} does nothing with task={task.name}, which tells no reward"
         )
@@ -260,5 +260,5 @@ def check_self_check(adaptation: Adaptation, world: Scenario, lifetime: Lifetime
     """Refuse a self-check for a robot that has not the sensors, and a dance that counts and has no time."""
     if adaptation.self_check:
         check_robot(world.robot)
-    if adaptation.dance_counts:
+    if adaptation.calibration_counts:
         check_time(lifetime, world)

@@ -20,7 +20,7 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.config.conf import groups
 from epuckhebb.config.explain import explain
 from epuckhebb.config.hydra_cache import parse_once, refuse_repeated_keys, users_first
-from epuckhebb.config.names import completed, world_name
+from epuckhebb.config.names import resolve_names, world_name
 from epuckhebb.config.overrides import with_names_compared
 from epuckhebb.config.stored import as_config
 from epuckhebb.config.words import check_words
@@ -42,11 +42,13 @@ refuse_repeated_keys()
 Plain = dict[str, Any]  # a configuration of plain values
 
 
-def composed(verb: str, overrides: list[str], config_dir: str | None = None, *, with_hydra: bool = False) -> DictConfig:
+def composed(
+    command: str, overrides: list[str], config_dir: str | None = None, *, with_hydra: bool = False
+) -> DictConfig:
     """The configuration that a verb would run with these overrides.
 
     Args:
-        verb: The verb.
+        command: The command.
         overrides: As on the command line.
         config_dir: A folder with more configuration files.
         with_hydra: Whether to include what Hydra keeps for itself.
@@ -54,17 +56,17 @@ def composed(verb: str, overrides: list[str], config_dir: str | None = None, *, 
     Raises:
         ConfigError: They do not make one.
     """
-    return _with_names(*_composed(verb, overrides, config_dir), with_hydra=with_hydra)
+    return _with_names(*_composed(command, overrides, config_dir), with_hydra=with_hydra)
 
 
-def _composed(verb: str, overrides: list[str], config_dir: str | None) -> tuple[DictConfig, DictConfig, list[Path]]:
+def _composed(command: str, overrides: list[str], config_dir: str | None) -> tuple[DictConfig, DictConfig, list[Path]]:
     """A configuration as Hydra composes it, what Hydra keeps for itself, and where it looked for files."""
-    check_words(verb, overrides, config_dir)
+    check_words(command, overrides, config_dir)
     overrides = list(map(with_names_compared, overrides))
     GlobalHydra.instance().clear()
     try:
         with users_first(config_dir), initialize_config_dir(str(data_folder("conf")), **VERSION_BASE):
-            cfg = compose(verb, overrides, return_hydra_config=True)
+            cfg = compose(command, overrides, return_hydra_config=True)
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(explain(error)) from error
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
@@ -73,7 +75,7 @@ def _composed(verb: str, overrides: list[str], config_dir: str | None) -> tuple[
 
 
 def _with_names(cfg: DictConfig, hydras: DictConfig, folders: list[Path], *, with_hydra: bool = False) -> DictConfig:
-    completed(cfg, hydras.runtime.choices, folders)
+    resolve_names(cfg, hydras.runtime.choices, folders)
     if with_hydra:
         with flag_override(cfg, ["struct", "readonly"], [False, False]):
             cfg.hydra = hydras
@@ -116,7 +118,7 @@ def plain(cfg: DictConfig) -> Plain:
 
 
 def combinations(
-    verb: str,
+    command: str,
     fixed: list[str],
     choices: dict[str, list[str]],
     config_dir: str | None,
@@ -128,17 +130,17 @@ def combinations(
     copies of that; a genome, a seed and the like are then put into the plain values.
 
     Args:
-        verb: The verb.
+        command: The command.
         fixed: Overrides that all have.
         choices: For each key the overrides that it has in turn.
         config_dir: A folder with more configuration files.
         meet: Is given each configuration that others share but for a genome, a seed and the like, also as Hydra has it.
     """
-    values = {key for key in choices if _VALUE_KEY.fullmatch(key) and key not in groups(verb)}
+    values = {key for key in choices if _VALUE_KEY.fullmatch(key) and key not in groups(command)}
 
     @functools.lru_cache(maxsize=_KEPT)
     def of_groups(overrides: tuple[str, ...]) -> tuple[DictConfig, DictConfig, list[Path]]:
-        return _composed(verb, [*fixed, *overrides], config_dir)
+        return _composed(command, [*fixed, *overrides], config_dir)
 
     @functools.cache
     def parsed(override: str) -> tuple[str, Any]:
@@ -155,7 +157,7 @@ def combinations(
                 if key in values:
                     OmegaConf.update(cfg, *parsed(override))
         except OmegaConfBaseException:  # Hydra can put it in, or says why not
-            cfg = _composed(verb, [*fixed, *(override for _, override in asked)], config_dir)[0]
+            cfg = _composed(command, [*fixed, *(override for _, override in asked)], config_dir)[0]
         _with_names(cfg, hydras, folders)
         config = plain(cfg)
         meet(config, cfg)
@@ -166,7 +168,7 @@ def combinations(
         """A key and its value, of the type that the schema declares."""
         key, value = parsed(override)
         try:
-            return {key: as_config({key: value}, verb)[key]}
+            return {key: as_config({key: value}, command)[key]}
         except OmegaConfBaseException as error:
             raise ConfigError(explain(error)) from error
 

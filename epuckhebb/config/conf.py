@@ -9,9 +9,9 @@ from epuckhebb.runtime.resources import data_folder
 _PACKAGE_OF = "# @package"  # the first line of a file that also changes other groups
 
 
-def groups(verb: str) -> dict[str, list[str]]:
+def groups(command: str) -> dict[str, list[str]]:
     """The configuration groups of a verb and their choices, as the names of the files say."""
-    defaults = command_file(verb).read_text(encoding="utf-8")
+    defaults = command_file(command).read_text(encoding="utf-8")
     return {
         folder.name: sorted(file.stem for file in folder.glob("*.yaml"))
         for folder in sorted(path for path in data_folder("conf").iterdir() if path.is_dir())
@@ -30,19 +30,19 @@ def first_comment(file: Path) -> str:
     return " ".join(lines)
 
 
-def command_file(verb: str) -> Path:
+def command_file(command: str) -> Path:
     """The configuration file of a verb; a sweep is of evaluations."""
-    return data_folder("conf") / f"{'evaluate' if verb == 'sweep' else verb}.yaml"
+    return data_folder("conf") / f"{'evaluate' if command == 'sweep' else command}.yaml"
 
 
-def keys_with_defaults(verb: str) -> Iterator[tuple[str, Any]]:
+def keys_with_defaults(command: str) -> Iterator[tuple[str, Any]]:
     """The keys that are values, and their defaults."""
     import yaml
 
-    primary = yaml.safe_load(command_file(verb).read_text(encoding="utf-8"))
+    primary = yaml.safe_load(command_file(command).read_text(encoding="utf-8"))
     chosen = {group: name for entry in primary["defaults"] if isinstance(entry, dict) for group, name in entry.items()}
     yield from flat({key: value for key, value in primary.items() if key != "hydra"})
-    for group in groups(verb):
+    for group in groups(command):
         file = data_folder("conf") / group / f"{chosen.get(group)}.yaml"
         if group != "experiment" and file.is_file():
             values = yaml.safe_load(file.read_text(encoding="utf-8"))

@@ -50,8 +50,10 @@ class Group:
 @functools.cache
 def all_groups() -> tuple[Group, ...]:
     """The verbs with their own keys, then the groups of all of them."""
-    own = [Group(verb, {}, "", list(_keys(_conf(f"{verb}.yaml"), "", SCHEMAS[verb])), {}) for verb in SCHEMAS]
-    names = dict.fromkeys(name for verb in SCHEMAS for name in groups(verb) if name != "experiment")
+    own = [
+        Group(command, {}, "", list(_keys(_conf(f"{command}.yaml"), "", SCHEMAS[command])), {}) for command in SCHEMAS
+    ]
+    names = dict.fromkeys(name for command in SCHEMAS for name in groups(command) if name != "experiment")
     return (*own, *map(_group, names))
 
 
@@ -84,7 +86,7 @@ def _group(name: str) -> Group:
 
 def _usual(name: str) -> list[str]:
     """The choices of a group that verbs take by themselves."""
-    entries = (entry for verb in SCHEMAS for entry in yaml.safe_load(_text(_conf(f"{verb}.yaml")))["defaults"])
+    entries = (entry for command in SCHEMAS for entry in yaml.safe_load(_text(_conf(f"{command}.yaml")))["defaults"])
     return [str(entry[name]) for entry in entries if isinstance(entry, dict) and name in entry]
 
 

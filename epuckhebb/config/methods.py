@@ -12,7 +12,7 @@ from epuckhebb.config.keywords import value_text
 from epuckhebb.config.parts import rule_class
 from epuckhebb.runtime.errors import ConfigError, did_you_mean
 from epuckhebb.runtime.resources import path_of
-from epuckhebb.sim.plasticity.rule import Births
+from epuckhebb.sim.plasticity.rule import InitialWeights
 
 ALL = "all"
 _OWN_PLAIN, _OWN_OVER = "sep_cma_es_varied", "ga"  # what a rule of the user's own is compared with, and laid over
@@ -29,27 +29,27 @@ class Method:
         over: The method whose champions it takes; empty if it evolves its own.
         evolve: Settings of `epuckhebb evolve` by key: of its champions, or of the rule alone that they then get; empty
             if nothing is evolved.
-        evaluate: Settings of `epuckhebb evaluate` by key: what is laid over the champions of `over`.
-        twin: The method that is the same but has no plasticity; a method that takes another's champions has that for
-            its twin.
+        evaluate: Settings of `epuckhebb evaluate` by key: what is laid over the champions of `champions_of`.
+        matched_control: The method that is the same but has no plasticity; for a method that takes another's
+            champions, that other.
         told: What it is.
     """
 
     name: str
-    over: str = ""
+    champions_of: str = ""
     evolve: Mapping[str, Any] = field(default_factory=dict)
     evaluate: Mapping[str, Any] = field(default_factory=dict)
-    twin: str = ""
+    matched_control: str = ""
     told: str = ""
 
     @property
     def compared_with(self) -> str:
         """The method that it is compared with; empty if there is none."""
-        return self.over or self.twin
+        return self.champions_of or self.matched_control
 
-    def overrides(self, verb: str) -> list[str]:
+    def overrides(self, command: str) -> list[str]:
         """Its settings of `evolve` or `evaluate`, as they would be typed."""
-        return typed_as(self.evolve if verb == "evolve" else self.evaluate)
+        return typed_as(self.evolve if command == "evolve" else self.evaluate)
 
     @property
     def rule(self) -> dict[str, Any]:
@@ -76,7 +76,7 @@ def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]
             raise ConfigError(f"{files[name]}: {' is compared with '.join((*waiting, name))}; that leads nowhere")
         if method.name not in found:
             if method.compared_with:
-                key = "over" if method.over else "twin"
+                key = "champions_of" if method.champions_of else "matched_control"
                 read(method.compared_with, f"{files.get(name, name)}: {key}", (*waiting, name))
             found[method.name] = method
         elif found[method.name] != method:
@@ -127,17 +127,21 @@ def _read(name: str, why: str, files: Mapping[str, Path]) -> Method:
 
 def _check(method: Method, file: Path) -> None:
     """Refuse keys that do not go together."""
-    if not method.over and not method.evolve:
-        raise ConfigError(f"{file}: give evolve, how its champions are evolved, or over, the method whose they are")
-    if method.over and method.twin:
-        raise ConfigError(f"{file}: over={method.over} is its twin, too; leave out twin")
-    if method.evaluate and (method.evolve or not method.over):
+    if not method.champions_of and not method.evolve:
         raise ConfigError(
-            f"{file}: evaluate is for what is laid over champions of another method, and needs over; what is evolved "
-            "lives as it was evolved"
+            f"{file}: give evolve, how its champions are evolved, or champions_of, the method whose they are"
         )
-    if method.over and not (method.evolve or method.evaluate):
-        raise ConfigError(f"{file}: give evaluate, what is laid over champions of {method.over}, or evolve")
+    if method.champions_of and method.matched_control:
+        raise ConfigError(
+            f"{file}: champions_of={method.champions_of} is its matched control, too; leave out matched_control"
+        )
+    if method.evaluate and (method.evolve or not method.champions_of):
+        raise ConfigError(
+            f"{file}: evaluate is for what is added to champions of another method, and needs champions_of; what is "
+            "evolved runs as it was evolved"
+        )
+    if method.champions_of and not (method.evolve or method.evaluate):
+        raise ConfigError(f"{file}: give evaluate, what is laid over champions of {method.champions_of}, or evolve")
     taken = {"seed", "genome", "threads"} & {*method.evolve, *method.evaluate}
     if taken:
         raise ConfigError(f"{file}: {taken.pop()} is filled in by the program; leave it out")
@@ -151,11 +155,11 @@ def _own(where: str, files: Mapping[str, Path]) -> Method:
     if name in files:
         raise ConfigError(f"methods={where}: the name {name} is taken by {files[name]}; give your rule another one")
     rule = {"hebbian.rule": f"{path}:{name}"}
-    births = kind.__dataclass_fields__["births"].default
-    if kind.evolved or births is Births.random:
+    initial_weights = kind.__dataclass_fields__["initial_weights"].default
+    if kind.evolved or initial_weights is InitialWeights.random:
         evolve = {**rule, "optimizer": "sep_cma_es", "training": "varied"}
-        return Method(name=name, evolve=evolve, twin=_OWN_PLAIN, told=f"a rule of {path.name}, evolved")
-    return Method(name=name, evaluate=rule, over=_OWN_OVER, told=f"a rule of {path.name}, laid over")
+        return Method(name=name, evolve=evolve, matched_control=_OWN_PLAIN, told=f"a rule of {path.name}, evolved")
+    return Method(name=name, evaluate=rule, champions_of=_OWN_OVER, told=f"a rule of {path.name}, laid over")
 
 
 def typed_as(settings: Mapping[str, Any]) -> list[str]:

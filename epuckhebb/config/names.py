@@ -38,7 +38,7 @@ _RECORDING = "record_every"  # the setting of a lifetime that changes nothing in
 _LONGEST = 80  # characters of a world in the name of a folder
 
 
-def completed(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> DictConfig:
+def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> DictConfig:
     """The configuration with all names in it.
 
     Args:
@@ -77,7 +77,7 @@ def _acts(adaptation: DictConfig) -> bool:
 def world_name(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> str:
     """The world of a configuration as part of the name of a folder: the scenario, and what differs from it."""
     try:
-        known = completed(cfg, choices, folders)
+        known = resolve_names(cfg, choices, folders)
     except (ValueError, OmegaConfBaseException):  # the job will tell what is wrong, and leave no folder
         return str(choices.get("scenario"))
     told = [str(known.scenario.name), *(str(known.changed).split(", ") if known.changed else [])]
@@ -181,9 +181,9 @@ def _changed(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> str:
 
 def _changed_lifetime(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> Iterator[str]:
     """How long, how fast or how noisy lives are, where that is not what this verb or the task has by itself."""
-    verb = "evolve" if "training" in cfg else "evaluate"
+    command = "evolve" if "training" in cfg else "evaluate"
     task = str(choices.get("task"))
-    choice = default_override("task", task, _BRINGS_LIFETIME, where_known("task", task, folders)) or verb
+    choice = default_override("task", task, _BRINGS_LIFETIME, where_known("task", task, folders)) or command
     found = choice_settings("lifetime", choice, where_known("lifetime", choice, folders))
     if found is None or "lifetime" not in cfg:
         return

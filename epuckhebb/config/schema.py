@@ -17,10 +17,10 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config.build import (
     check_counts,
-    check_pace,
     check_self_check,
     check_signal,
     check_task,
+    check_wheel_gain,
     compared,
     controller_from,
     network_for,
@@ -106,7 +106,7 @@ class WorldConfig:
         self.layers = None if self.network.layers is None else tuple(self.network.layers)
         if self.layers is not None:
             network_for(self.world, self.layers)
-        check_pace(self.lifetime, self.world)
+        check_wheel_gain(self.lifetime, self.world)
 
 
 @dataclass(kw_only=True)
@@ -252,14 +252,14 @@ SCHEMAS = {
 }
 # Below these, the schema does not know the keys.
 OPEN = ("hebbian", "compare", "maze", "robot", "optimizer", "task", "scenario.goals")
-for _verb, _schema in SCHEMAS.items():
+for _command, _schema in SCHEMAS.items():
     _node = OmegaConf.structured(_schema)
     for _key in ("hebbian", "compare", "optimizer", "task"):
         if _key in _node:
             OmegaConf.set_struct(_node[_key], False)  # Hydra takes any key below them, without a +
     if _schema is EvolveConfig:
         _node.ga = None  # until group ga is chosen, which other optimizers than the GA undo
-    ConfigStore.instance().store(name=f"schema_{_verb}", node=_node, provider="epuckhebb")
+    ConfigStore.instance().store(name=f"schema_{_command}", node=_node, provider="epuckhebb")
 
 Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig)
 

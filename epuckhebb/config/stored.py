@@ -17,7 +17,7 @@ from epuckhebb.runtime.errors import ConfigError
 _STAND_IN = "oja"  # has no settings of its own, and cannot be taken for the paper's
 
 
-def read_config(file: Path, verb: str) -> DictConfig:
+def read_config(file: Path, command: str) -> DictConfig:
     """A configuration that was written down whole, all names and values in it.
 
     Raises:
@@ -25,22 +25,22 @@ def read_config(file: Path, verb: str) -> DictConfig:
     """
     held = settings(file)
     try:
-        return as_config(held, verb)
+        return as_config(held, command)
     except Exception as error:  # what damaged settings may raise has no end
         raise ConfigError(f"{file} cannot be used: {error}") from error
 
 
-def as_config(held: Mapping[Any, Any], verb: str) -> DictConfig:
+def as_config(held: Mapping[Any, Any], command: str) -> DictConfig:
     """The configuration of a verb that these plain values are, all names among them; no text refers to another."""
-    cfg = OmegaConf.merge(_keys_of(verb), _literally(dict(held)))
+    cfg = OmegaConf.merge(_keys_of(command), _literally(dict(held)))
     assert isinstance(cfg, DictConfig)
     return cfg
 
 
 @functools.cache
-def _keys_of(verb: str) -> DictConfig:
+def _keys_of(command: str) -> DictConfig:
     """The keys of a verb with their types, made once: every job of a sweep has them."""
-    schema = OmegaConf.structured(SCHEMAS[verb])
+    schema = OmegaConf.structured(SCHEMAS[command])
     assert isinstance(schema, DictConfig)
     return schema
 

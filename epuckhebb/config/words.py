@@ -24,7 +24,7 @@ _OF_ANY_KEYS = [group for group in OPEN if "." not in group]
 _FEW = 3  # names in a question
 
 
-def check_words(verb: str, words: list[str], config_dir: str | None = None) -> None:
+def check_words(command: str, words: list[str], config_dir: str | None = None) -> None:
     """Refuse what is no text, what is no key, `changed`, and what Hydra ends with a traceback.
 
     That is a group that is given something else than a name, and settings of the GA for another optimizer.
@@ -39,7 +39,7 @@ def check_words(verb: str, words: list[str], config_dir: str | None = None) -> N
         overrides = OverridesParser.create().parse_overrides([word for word in words if not word.startswith("-")])
     except HydraException:
         return  # Hydra will say what is wrong with it
-    choices = groups(verb)
+    choices = groups(command)
     optimizer = next((one.value() for one in reversed(overrides) if one.key_or_group == "optimizer"), GENETIC)
     for override in overrides:
         key = override.key_or_group
@@ -52,12 +52,12 @@ def check_words(verb: str, words: list[str], config_dir: str | None = None) -> N
             raise ConfigError(f"{override.input_line}: a list of values has no ranges in it; give one range, or values")
         if key in choices or "/" in key:
             _check_choice(override, choices)
-        elif _is_key(verb, key):
+        elif _is_key(command, key):
             continue
         elif _is_folder(key, config_dir):
             _check_choice(override, choices)
         else:
-            raise ConfigError(no_key(verb, key, value))
+            raise ConfigError(no_key(command, key, value))
 
 
 def _check_choice(override: Override, choices: Mapping[str, Sequence[str]]) -> None:
@@ -81,31 +81,31 @@ def choices_of(group: str, known: Sequence[str]) -> str:
 
 def _is_folder(key: str, config_dir: str | None) -> bool:
     """Whether a key is a group that no verb has of itself: of a file's, or of the user's."""
-    if any(key in known_keys(verb) for verb in SCHEMAS):
+    if any(key in known_keys(command) for command in SCHEMAS):
         return False
     return any((Path(folder) / key).is_dir() for folder in (data_folder("conf"), config_dir) if folder)
 
 
-def _is_key(verb: str, key: str) -> bool:
+def _is_key(command: str, key: str) -> bool:
     """Whether the schema has a key, or does not know what is below it."""
-    known = known_keys(verb)
+    known = known_keys(command)
     below = tuple(f"{open_}." for open_ in (*OPEN, "hydra"))
     return key in known or key == "hydra" or key.startswith(below)
 
 
-def no_key(verb: str, key: str, value: Any = None) -> str:
+def no_key(command: str, key: str, value: Any = None) -> str:
     """What to say of a key that is not there: whose key it is, or which are like it."""
     owners = [other for other in SCHEMAS if key in known_keys(other)]
-    if owners and verb not in owners:
+    if owners and command not in owners:
         example = f": epuckhebb evaluate genome=latest {key}=..." if owners == ["evaluate"] else ""
         return (
-            f"there is no key {key} of `epuckhebb {verb}`\n"
+            f"there is no key {key} of `epuckhebb {command}`\n"
             f"{key} is a key of `epuckhebb {'` and `epuckhebb '.join(owners)}`; give it there{example}"
         )
-    of_value = [f"{group}={value}" for group, choices in groups(verb).items() if value in choices]
+    of_value = [f"{group}={value}" for group, choices in groups(command).items() if value in choices]
     if value not in (None, "none") and len(of_value) == 1:
         return f"there is no key {key}\nDid you mean: {of_value[0]}?"
-    return f"there is no key {key}{asked(near_keys(verb, key))}"
+    return f"there is no key {key}{asked(near_keys(command, key))}"
 
 
 def asked(names: list[str]) -> str:
@@ -113,11 +113,11 @@ def asked(names: list[str]) -> str:
     return f"\nDid you mean: {', '.join(names)}?" if names else ""
 
 
-def near_keys(verb: str, key: str) -> list[str]:
+def near_keys(command: str, key: str) -> list[str]:
     """The keys that are like one that is not there: those whose last part is most like its, of a group like its."""
     group, _, last = key.rpartition(".")
-    verbs = _BOTH if verb in _BOTH else (verb,)
-    known = sorted({name for one in verbs for name in (*known_keys(one), *dict(keys_with_defaults(one)))})
+    commands = _BOTH if command in _BOTH else (command,)
+    known = sorted({name for one in commands for name in (*known_keys(one), *dict(keys_with_defaults(one)))})
     of_last = near(last, [name.rpartition(".")[2] for name in known], 1)
     names = [name for name in known if name.rpartition(".")[2] in of_last]
     open_ = [f"{one}.{last}" for one in near(group, _OF_ANY_KEYS, 1)]  # the schema does not know what is below these
@@ -125,11 +125,11 @@ def near_keys(verb: str, key: str) -> list[str]:
 
 
 @functools.cache
-def known_keys(verb: str) -> frozenset[str]:
+def known_keys(command: str) -> frozenset[str]:
     """All keys and groups of a verb that the schema knows, as they are written in an override."""
-    schema = OmegaConf.to_container(OmegaConf.structured(SCHEMAS[verb]))
+    schema = OmegaConf.to_container(OmegaConf.structured(SCHEMAS[command]))
     assert isinstance(schema, dict)
-    return frozenset([*keys_below(schema), *groups(verb)])
+    return frozenset([*keys_below(schema), *groups(command)])
 
 
 def keys_below(node: Mapping[Any, Any], prefix: str = "") -> Iterator[str]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.evolution.optimizer import CANDIDATES, CONFIRM, Optimizer, State
-from epuckhebb.evolution.training import HOME, Training, World
+from epuckhebb.evolution.training import UNVARIED, Training, World
 from epuckhebb.sim import random
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
@@ -23,7 +23,7 @@ from epuckhebb.sim.life import Lifetime, Outcome
 from epuckhebb.sim.maze import SIDES, Pose
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.plasticity.control import signs
-from epuckhebb.sim.plasticity.rule import Births, NoRule, Rule, name_of
+from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, Rule, name_of
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual
@@ -61,7 +61,7 @@ def evolve(
     threads: int = 1,
     after: Generation | None = None,
     *,
-    training: Training = HOME,
+    training: Training = UNVARIED,
     network: Network = PAPER_NETWORK,
     controller: Controller = GA_ALONE,
     weights: NDArray[np.float64] | None = None,
@@ -85,7 +85,7 @@ def evolve(
     shared = optimizer.common_random_numbers or learns
     judge = _Judge(optimizer, loops, scenario, lifetime, training, seed, network, controller, threads, shared)
     plan = evolved_plan(network, controller.rule, given=weights is not None)
-    if weights is None and controller.rule.births is Births.random:
+    if weights is None and controller.rule.initial_weights is InitialWeights.random:
         weights = np.zeros(network.synapses)
     search = optimizer.search(plan, seed, None if after is None else after.state)
 
@@ -131,7 +131,7 @@ def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> Genome
         ValueError: nothing is left to evolve.
     """
     plan = plan_of(network, type(rule))
-    if not given and rule.births is Births.evolved:
+    if not given and rule.initial_weights is InitialWeights.evolved:
         return plan
     if not rule.evolved:
         why = "the weights are given" if given else "the weights at birth are random"
@@ -143,7 +143,7 @@ def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> Genome
     return plan.of_rule
 
 
-def room_to_evolve(individuals: int, loops: int, genes: int) -> float:
+def memory_to_evolve(individuals: int, loops: int, genes: int) -> float:
     """How many bytes of memory a generation takes, about."""
     return individuals * (_COPIES * np.dtype(float).itemsize * genes + len(SIDES) * loops * _LIFE_BYTES)
 

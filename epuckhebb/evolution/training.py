@@ -35,7 +35,7 @@ class Training:
 
     success_bonus: added to the fitness of a lifetime that ends at the goal. gain_rad_s: least and greatest gain; that
     of a generation is log-uniform between them, and its lifetimes last as long as it takes to drive as far as at
-    `lifetime.gain_rad_s`; None for that gain. home_loops: loops of a generation in the scenario as it is; the others
+    `lifetime.gain_rad_s`; None for that gain. unvaried_loops: loops of a generation in the scenario as it is; others
     are varied, if anything is. start_noise: how much starts vary in them. light_share, obstacles_share,
     dead_sensor_share, wheel_share: in which share of them the light is drawn from `light`, obstacles stand in a layout
     of `layouts`, one sensor is dead (any but the first), one wheel turns at a share of its speed from `wheel`.
@@ -47,7 +47,7 @@ class Training:
     name: str = ""
     success_bonus: float = 0.0
     gain_rad_s: list[float] | None = None
-    home_loops: int = 1
+    unvaried_loops: int = 1
     start_noise: float = 0.0
     light_share: float = 0.0
     light: list[float] = field(default_factory=lambda: [0.05, 1.2])
@@ -62,8 +62,8 @@ class Training:
         for name in ("success_bonus", "start_noise"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
                 raise ValueError(f"training.{name} must be 0 or more, got {getattr(self, name)}")
-        if self.home_loops < 0:
-            raise ValueError(f"training.home_loops must be 0 or more, got {self.home_loops}")
+        if self.unvaried_loops < 0:
+            raise ValueError(f"training.unvaried_loops must be 0 or more, got {self.unvaried_loops}")
         for name in _SHARES:
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"training.{name} must lie in [0, 1], got {getattr(self, name)}")
@@ -81,7 +81,7 @@ class Training:
     @property
     def loops(self) -> int:
         """The least number of loops in which each kind of world comes up: one at home, or one more where it varies."""
-        return self.home_loops + 1 if self.is_varied else 1
+        return self.unvaried_loops + 1 if self.is_varied else 1
 
     def stretch(self, lifetime: Lifetime) -> float:
         """How many times as long as `lifetime` a lifetime of training lasts on average."""
@@ -97,10 +97,10 @@ class Training:
         Raises:
             ValueError: they do not.
         """
-        if self.is_varied and loops <= self.home_loops:
+        if self.is_varied and loops <= self.unvaried_loops:
             raise ValueError(
-                f"training.home_loops must be less than the loops of a generation, which are {loops}: there would be "
-                f"no varied world; got {self.home_loops}"
+                f"training.unvaried_loops must be less than the loops of a generation, which are {loops}: there would "
+                f"be no varied world; got {self.unvaried_loops}"
             )
         if self.obstacles_share > 0 and not (home.maze.niches and any(home.maze.obstacle_counts)):
             raise ValueError(
@@ -138,12 +138,12 @@ class Training:
             drawn = random.rng(seed, Stream.training_world, generation).random()
             least, most = self.gain_rad_s
             lived = self._at_gain(lifetime, least * (most / least) ** drawn)
-        at_home = World(home, lived, 0.0)
+        in_training = World(home, lived, 0.0)
         if not self.is_varied:
-            return [at_home] * loops
+            return [in_training] * loops
         return [
-            at_home
-            if loop < self.home_loops
+            in_training
+            if loop < self.unvaried_loops
             else World(
                 self._varied(home, random.rng(seed, Stream.training_world, generation, loop)), lived, self.start_noise
             )
@@ -189,4 +189,4 @@ def _check_range(name: str, given: list[float] | list[int], least: float, most: 
         raise ValueError(f"training.{name} must be two numbers, the lesser first, {bound}, got {list(given)}")
 
 
-HOME = Training(name="home")
+UNVARIED = Training(name="unvaried")

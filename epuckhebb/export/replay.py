@@ -41,17 +41,17 @@ class Recording:
 def recording(run: Path) -> Recording:
     """The recorded lifetimes of a run folder."""
     facts = read(run)
-    if facts["verb"] == "evolve":
+    if facts["command"] == "evolve":
         raise ConfigError(
             f"{run} is a run of `epuckhebb evolve`, which records no lifetimes; let its champion live first: "
             f"epuckhebb evaluate genome={run}"
         )
-    if facts["verb"] != "evaluate":
-        raise ConfigError(f"{run} is of `epuckhebb {facts['verb']}`; give a run folder of `epuckhebb evaluate`")
+    if facts["command"] != "evaluate":
+        raise ConfigError(f"{run} is of `epuckhebb {facts['command']}`; give a run folder of `epuckhebb evaluate`")
     config = typed(without_own_code(stored(run, "evaluate")), EvaluateConfig)
     if config.lifetime.record_every == 0:
-        alone = facts["command"][1:2] == ["evaluate"]  # else a study's, of which it is one job
-        asked = facts["command"] if alone else ["epuckhebb", "evaluate", *facts["overrides"]]
+        alone = facts["command_line"][1:2] == ["evaluate"]  # else a study's, of which it is one job
+        asked = facts["command_line"] if alone else ["epuckhebb", "evaluate", *facts["overrides"]]
         kept = [word for word in asked if not word.startswith("lifetime.record_every=")]
         raise ConfigError(
             f"{run} recorded nothing to replay, because it ran with lifetime.record_every=0; run it again with "

@@ -18,7 +18,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.fitness import HISTORY_MEAN, HISTORY_STEPS
 from epuckhebb.sim.plasticity.control import Sign
-from epuckhebb.sim.plasticity.rule import Births
+from epuckhebb.sim.plasticity.rule import InitialWeights
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.store import disk, run
@@ -74,7 +74,7 @@ def next_step(controller: Path) -> str:
 def _genome_and_config(what: str) -> tuple[Genome, EvaluateConfig]:
     """The genome and the settings of a run; of a champion those of its experiment, without plasticity."""
     path = run.found(what)
-    if path.is_dir() and run.read(path)["verb"] == "evaluate":
+    if path.is_dir() and run.read(path)["command"] == "evaluate":
         config = typed(without_own_code(stored(path, "evaluate")), EvaluateConfig)
         genome = load_genome(config.genome, config.world.experiment, config.layers)
         if genome.sha256 != run.read(path)["genome_sha256"]:
@@ -112,7 +112,7 @@ def _content(genome: Genome, config: EvaluateConfig) -> dict[str, Any]:
 def _rule(controller: Controller) -> dict[str, Any]:
     """The settings of the rule, which must be the paper's without an adaptation."""
     rule = controller.rule
-    as_in_paper = rule.sign is Sign.hebbian and rule.births is Births.evolved and not rule.N_gain_rad_s
+    as_in_paper = rule.sign is Sign.hebbian and rule.initial_weights is InitialWeights.evolved and not rule.N_gain_rad_s
     if not isinstance(rule, Paper) or not as_in_paper or controller.adaptation.acts:
         raise ConfigError(
             f"controller {controller.name} cannot be taken to Webots: only the paper's rule can, without an "

@@ -13,24 +13,24 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from epuckhebb.analysis import tables
-from epuckhebb.analysis.evaluate import Traces, evaluate, room_to_evaluate
+from epuckhebb.analysis.evaluate import Traces, evaluate, memory_to_evaluate
 from epuckhebb.analysis.self_checks import Checks, findings
 from epuckhebb.config import plugins
 from epuckhebb.config.overrides import alternatives, quoted, value_of
 from epuckhebb.config.plugins import FOLDER, OwnFile
 from epuckhebb.config.schema import EvaluateConfig, say_unusual, typed
 from epuckhebb.runs import hydra
-from epuckhebb.runs.nominal import baseline_for, missing_baseline, self_checks_for, training_world
+from epuckhebb.runs.nominal import missing_nominal, nominal_for, self_checks_for, training_world
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.progress import say, saying_if_slow
 from epuckhebb.runtime.resources import Need, data_folder, require
-from epuckhebb.sim.adaptation.baseline import Baseline, room_to_remember
+from epuckhebb.sim.adaptation.nominal import Nominal, memory_to_measure_nominal
 from epuckhebb.sim.block import load_kernel
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.digest import UnknownPartError, digest
 from epuckhebb.sim.network import Network
-from epuckhebb.sim.plasticity.rule import Births, NoRule, evolved_sizes, functions_of, name_of
+from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, evolved_sizes, functions_of, name_of
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.session import LostRobotError
@@ -53,7 +53,7 @@ def evaluate_job(cfg: DictConfig) -> None:
     """Do one job of Hydra's: evaluate into its folder."""
     threads = hydra.threads_of_job(cfg.threads)
     with hydra.job_folder() as path:
-        facts = {"command": hydra.job_command("evaluate")}
+        facts = {"command_line": hydra.job_command("evaluate")}
         evaluate_into(path, hydra.named(cfg), hydra.job_overrides(), facts, threads=threads)
 
 
@@ -101,14 +101,14 @@ def _robot_of(genome: str) -> str:
 
 def check_memory(config: EvaluateConfig, genome: Genome) -> None:
     """Refuse an evaluation that takes more memory than there is."""
-    lives, records = room_to_evaluate(len(config.controllers), config.lifetime, config.repeats, genome.network)
+    lives, records = memory_to_evaluate(len(config.controllers), config.lifetime, config.repeats, genome.network)
     needed = [
         Need(lives, f"{config.repeats} lifetimes a side and controller", "lower repeats"),
         Need(records, "what is recorded", "lower lifetime.duration_s, or raise lifetime.record_every"),
     ]
-    if missing_baseline(config, genome.baseline):
+    if missing_nominal(config, genome.nominal):
         duration_s, gain = training_world(config).paper_duration_s, config.lifetime.gain_rad_s
-        room = room_to_remember(duration_s, gain, genome.network)
+        room = memory_to_measure_nominal(duration_s, gain, genome.network)
         needed.append(Need(room, "lifetimes in the training world at this gain", "raise lifetime.gain_rad_s"))
     require(needed)
 
@@ -117,9 +117,9 @@ def check_genome(genome: Genome, config: EvaluateConfig) -> None:
     """Refuse a genome that is for another robot or task, or has not what a rule takes from it."""
     world, robot = config.world, config.world.robot
     named = f"genome={genome.name}"
-    if genome.network.rewarded != world.task.tells_reward:
+    if genome.network.rewarded != world.task.gives_reward:
         has = (
-            "has no input for the reward of" if world.task.tells_reward else "has one for a reward, and none is told in"
+            "has no input for the reward of" if world.task.gives_reward else "has one for a reward, and none is told in"
         )
         raise ConfigError(
             f"{named} is for a network of layers {genome.network}, which {has} task={world.task.name}; "
@@ -131,7 +131,7 @@ def check_genome(genome: Genome, config: EvaluateConfig) -> None:
             f"{robot.inputs} readings. Give robot={genome.robot}, or a champion evolved for {robot.name}"
         )
     sizes = {part.name: part.size for part in genome.plan.parts}
-    births = Births.evolved if genome.weights.any() else Births.random
+    initial_weights = InitialWeights.evolved if genome.weights.any() else InitialWeights.random
     for controller in config.controllers:
         rule, kind = controller.rule, type(controller.rule)
         if isinstance(rule, NoRule):
@@ -142,10 +142,10 @@ def check_genome(genome: Genome, config: EvaluateConfig) -> None:
                 f"hebbian={genome.rule} (your own: hebbian.rule=FILE.py:{genome.rule}), or hebbian=none for a life of "
                 "its weights alone"
             )
-        if genome.plan.of_rule.parts and rule.births is not births:
+        if genome.plan.of_rule.parts and rule.initial_weights is not initial_weights:
             raise ConfigError(
-                f"{named} was evolved with hebbian.births={births.name}, and {controller.name} has "
-                f"{rule.births.name}; give hebbian.births={births.name}"
+                f"{named} was evolved with hebbian.initial_weights={initial_weights.name}, and {controller.name} has "
+                f"{rule.initial_weights.name}; give hebbian.initial_weights={initial_weights.name}"
             )
         missing = [name for name, size in evolved_sizes(kind, genome.network).items() if sizes.get(name) != size]
         if missing:
@@ -173,7 +173,7 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
     facts = {
         "genome": genome.name,
         "genome_sha256": genome.sha256,
-        "baseline_sha256": genome.baseline_sha256,
+        "nominal_sha256": genome.nominal_sha256,
         "self_memory_sha256": genome.self_memory_sha256,
         "lifetimes": lifetime_ids(config, genome),
         **({"notes": notes} if notes else {}),
@@ -182,14 +182,14 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
     }
     with saying_if_slow("Compiling; a first start takes some ten seconds, later ones do not."):
         compile_for(config.controllers, genome.network, config.world)
-    baseline = baseline_for(genome, config, threads, say)
+    nominal = nominal_for(genome, config, threads, say)
     checks = self_checks_for(genome, config, threads, say)
     with RunFolder.new(path, "evaluate", cfg, overrides, facts) as run, ThreadPoolExecutor(1) as aside:
         for place, content in plugins.copies(own).items():
             run.write(place, content)
         if config.lifetime.record_every:
             aside.submit(importlib.import_module, "epuckhebb.analysis.figures")  # takes as long as the lifetimes
-        metrics, traces = run_lifetimes(config, genome, baseline, checks, threads)
+        metrics, traces = run_lifetimes(config, genome, nominal, checks, threads)
         run.write("metrics.csv", metrics.to_csv(index=False))
         if isinstance(config.world.task, Reversal):
             _write_reversal(run, config, config.world.task, metrics, traces)
@@ -211,7 +211,7 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
 def lifetime_ids(config: EvaluateConfig, genome: Genome) -> dict[str, str]:
     """For each controller a digest of what its lifetimes depend on, besides side, repeat and seed."""
     everywhere = (genome.sha256, genome.network, config.world, replace(config.lifetime, record_every=0))
-    remembered = (genome.baseline_sha256, genome.self_memory_sha256)
+    remembered = (genome.nominal_sha256, genome.self_memory_sha256)
     depends: dict[str, tuple[object, ...]] = {GA_ALONE.name: everywhere}
     for controller in config.controllers:
         rule, adaptation = type(controller.rule), controller.adaptation
@@ -236,7 +236,7 @@ def _write_reversal(
 
 
 def run_lifetimes(
-    config: EvaluateConfig, genome: Genome, baseline: Baseline | None, checks: Checks | None, threads: int
+    config: EvaluateConfig, genome: Genome, nominal: Nominal | None, checks: Checks | None, threads: int
 ) -> tuple[pd.DataFrame, Traces]:
     """The lifetimes that a configuration asks for: a row each, and the traces of those that were recorded."""
     return evaluate(
@@ -244,7 +244,7 @@ def run_lifetimes(
         config.world,
         config.controllers,
         config.lifetime,
-        baseline,
+        nominal,
         repeats=config.repeats,
         seed=config.seed,
         threads=threads,

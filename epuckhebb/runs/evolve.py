@@ -23,14 +23,14 @@ from epuckhebb.config.build import network_for
 from epuckhebb.config.explain import explain
 from epuckhebb.config.schema import EvolveConfig, say_unusual, typed
 from epuckhebb.config.stored import read_config, settings
-from epuckhebb.evolution.evolve import Generation, evolve, room_to_evolve
+from epuckhebb.evolution.evolve import Generation, evolve, memory_to_evolve
 from epuckhebb.runs import evaluate, hydra
 from epuckhebb.runs.evaluate import compile_for
 from epuckhebb.runs.nominal import remember_training_world
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.progress import Bar, say
 from epuckhebb.runtime.resources import Need, path_of, require, thread_count
-from epuckhebb.sim.adaptation.baseline import Baseline, room_to_remember
+from epuckhebb.sim.adaptation.nominal import Nominal, memory_to_measure_nominal
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
 from epuckhebb.sim.genome import WEIGHTS, plan_of
 from epuckhebb.sim.network import Network
@@ -53,7 +53,7 @@ def evolve_job(cfg: DictConfig) -> None:
     with hydra.job_folder() as path:
         cfg = hydra.named(cfg)
         config = prepare(cfg)
-        facts = {"command": hydra.job_command("evolve")}
+        facts = {"command_line": hydra.job_command("evolve")}
         run = new_run(path, cfg, hydra.job_overrides(), facts)
     evolve_into(run, config, None, threads=hydra.threads_of_job(cfg.threads), quiet=hydra.in_multirun())
 
@@ -71,8 +71,8 @@ def check_memory(config: EvolveConfig) -> None:
     """Refuse an evolution that takes more memory than there is."""
     network, key, individuals = network_of(config), config.algorithm.key, config.algorithm.individuals
     genes = plan_of(network, type(config.controller.rule)).genes
-    room = room_to_evolve(individuals, config.schedule.loops, genes)
-    nominal = room_to_remember(config.world.paper_duration_s, 1.0, network)
+    room = memory_to_evolve(individuals, config.schedule.loops, genes)
+    nominal = memory_to_measure_nominal(config.world.paper_duration_s, 1.0, network)
     require(
         [
             Need(room, f"{individuals} individuals", f"lower {key}.population or {key}.loops"),
@@ -166,7 +166,7 @@ def champion_of(
     last: Generation,
     config: EvolveConfig,
     seed: int,
-    baseline: Baseline | None = None,
+    nominal: Nominal | None = None,
     self_memory: SelfMemory | None = None,
 ) -> bytes:
     """The `champion.npz` of a generation of an evolution."""
@@ -182,7 +182,7 @@ def champion_of(
         training=config.training.name,
         rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
         task="" if config.world.task == ONE_TRIAL else config.world.task.name,
-        baseline=baseline,
+        nominal=nominal,
         self_memory=self_memory,
     )
     return champion_file(genome, last.champion_fitness, config.world.experiment, seed, last.number)
@@ -202,8 +202,8 @@ def resume(arguments: list[str]) -> Path:
         raise ConfigError("resume=RUN names one run folder of `epuckhebb evolve`")
     path = path_of(named[0], "resume")
     told = read(path)
-    if told["verb"] != "evolve":
-        raise ConfigError(f"resume={path} is a run of `epuckhebb {told['verb']}`; only evolutions can be resumed")
+    if told["command"] != "evolve":
+        raise ConfigError(f"resume={path} is a run of `epuckhebb {told['command']}`; only evolutions can be resumed")
     cfg = read_config(path / disk.CONFIG, "evolve")  # the checkpoint knows whether it may go on with it
     changeable = _changeable(typed(cfg, EvolveConfig))
     own = plugins.own_files(cfg)

@@ -23,7 +23,7 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.config.compose import IS_HYDRA_1_4, STAMP, VERSION_BASE, composed, folders_of, unresolved
 from epuckhebb.config.explain import explain
 from epuckhebb.config.hydra_cache import USERS, users_first
-from epuckhebb.config.names import completed
+from epuckhebb.config.names import resolve_names
 from epuckhebb.config.overrides import SWEEP_DIR, alternatives, check_folders, quoted, value_of, with_names_compared
 from epuckhebb.config.stored import read_config
 from epuckhebb.runtime.errors import ConfigError, JobFailedError, end_with
@@ -36,16 +36,16 @@ _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _HYDRAS_WORDS = "Error executing job with overrides"  # before what a job raised
 
 
-def stored(run: Path, verb: str) -> DictConfig:
+def stored(run: Path, command: str) -> DictConfig:
     """The configuration that a run of this verb wrote down."""
     content(run, disk.CONFIG)  # it is as it was written
-    return read_config(run / disk.CONFIG, verb)
+    return read_config(run / disk.CONFIG, command)
 
 
 def named(cfg: DictConfig) -> DictConfig:
     """The configuration of the job that Hydra runs, with all names in it; see `epuckhebb.config.names`."""
     runtime = HydraConfig.get().runtime
-    return completed(cfg, runtime.choices, folders_of(runtime))
+    return resolve_names(cfg, runtime.choices, folders_of(runtime))
 
 
 def output_folder() -> Path:
@@ -54,7 +54,7 @@ def output_folder() -> Path:
 
 
 def check(
-    verb: str, overrides: list[str], config_dir: str | None, asked: Callable[[DictConfig], Any], *, multirun: bool
+    command: str, overrides: list[str], config_dir: str | None, asked: Callable[[DictConfig], Any], *, multirun: bool
 ) -> None:
     """Refuse, before anything runs, a named sweep as one job, and a multirun of which a job would be refused.
 
@@ -64,7 +64,7 @@ def check(
     """
     if not multirun:
         named = [override for override in overrides if override.lstrip("+").startswith("experiment=")]
-        if named and composed(verb, overrides, config_dir, with_hydra=True).hydra.sweeper.params:
+        if named and composed(command, overrides, config_dir, with_hydra=True).hydra.sweeper.params:
             name = named[-1].partition("=")[2]
             raise ConfigError(
                 f"experiment={name} is a sweep of many jobs: run `epuckhebb sweep {name}`, or add --multirun"
@@ -72,14 +72,14 @@ def check(
         return
     choices = list(alternatives(overrides).values())
     first = [values[0] for values in choices]
-    asked(composed(verb, first, config_dir))
+    asked(composed(command, first, config_dir))
     for place, values in enumerate(choices):
         for value in values[1:] if len(values) <= _CHECKED_IN_FULL else values[-1:]:
-            asked(composed(verb, [*first[:place], value, *first[place + 1 :]], config_dir))
+            asked(composed(command, [*first[:place], value, *first[place + 1 :]], config_dir))
 
 
 def run(
-    verb: str, job: Callable[[DictConfig], None], arguments: list[str], config_dir: str | None = None
+    command: str, job: Callable[[DictConfig], None], arguments: list[str], config_dir: str | None = None
 ) -> list[Path]:
     """Run a job, or with `--multirun` many, on the configuration that overrides and Hydra's own options describe.
 
@@ -96,14 +96,14 @@ def run(
         folders.append(output_folder())
 
     if "--multirun" not in arguments:
-        call(verb, noted, arguments, stamp, config_dir)
+        call(command, noted, arguments, stamp, config_dir)
         return folders
     given = [value_of(argument) for argument in arguments if argument.startswith(SWEEP_DIR)]
-    folder = Path(given[-1]) if given else Path("runs") / verb / f"{stamp}_multirun"
+    folder = Path(given[-1]) if given else Path("runs") / command / f"{stamp}_multirun"
     check_folder_of_multirun(folder)
     if not given:  # in words, not as an environment variable: workers kept from an earlier call have the old one
         arguments = [f"{SWEEP_DIR}{folder}", *arguments]
-    call(verb, job, arguments, stamp, config_dir)
+    call(command, job, arguments, stamp, config_dir)
     return of_multirun(folder)
 
 
@@ -118,16 +118,16 @@ def _with_rules_found(argument: str) -> str:
 
 
 def call(
-    verb: str, job: Callable[[DictConfig], None], arguments: list[str], stamp: str, config_dir: str | None = None
+    command: str, job: Callable[[DictConfig], None], arguments: list[str], stamp: str, config_dir: str | None = None
 ) -> None:
     """Call Hydra as its own command line would; see `run`. The folders of the runs bear the stamp."""
     options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)} if IS_HYDRA_1_4 else VERSION_BASE
-    entry = hydra.main(config_path=str(data_folder("conf")), config_name=verb, **options)(job)
+    entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, **options)(job)
     words = cast(TextIO, _WithoutHydrasWords(sys.stderr))
     workers = _workers_that_end_with_us() if "--multirun" in arguments else nullcontext()
     # Hydra composes all of a configuration to see whether hydra.mode is in it, and then once more.
     known = nullcontext() if any("hydra.mode" in argument for argument in arguments) else _without(Hydra, "get_mode")
-    with users_first(config_dir), _as_command_line(verb, arguments, stamp), redirect_stderr(words), workers, known:
+    with users_first(config_dir), _as_command_line(command, arguments, stamp), redirect_stderr(words), workers, known:
         GlobalHydra.instance().clear()
         try:
             entry()
@@ -141,10 +141,10 @@ def call(
             raise
 
 
-def call_many(verb: str, job: Callable[[DictConfig], None], arguments: list[str], stamp: str) -> None:
+def call_many(command: str, job: Callable[[DictConfig], None], arguments: list[str], stamp: str) -> None:
     """Call Hydra for jobs that all have a configuration: it need not compose each of them before the first begins."""
     with _without(Sweeper, "validate_batch_is_legal"):
-        call(verb, job, arguments, stamp)
+        call(command, job, arguments, stamp)
 
 
 @contextmanager
@@ -183,11 +183,11 @@ def job_overrides() -> list[str]:
     return list(unresolved(HydraConfig.get().overrides.task))
 
 
-def job_command(verb: str) -> list[str]:
+def job_command(command: str) -> list[str]:
     """What could be typed to have this job alone done again in this folder."""
     sources = unresolved(HydraConfig.get().runtime)["config_sources"]
     found = next((Path(source["path"]) for source in sources if source["provider"] == USERS), None)
-    words = ["epuckhebb", verb, *job_overrides()]
+    words = ["epuckhebb", command, *job_overrides()]
     if found is None:
         return words
     folder = found.relative_to(Path.cwd()) if found.is_relative_to(Path.cwd()) else found
@@ -225,11 +225,11 @@ class _WithoutHydrasWords:
 
 
 @contextmanager
-def _as_command_line(verb: str, arguments: list[str], stamp: str) -> Iterator[None]:
+def _as_command_line(command: str, arguments: list[str], stamp: str) -> Iterator[None]:
     """What Hydra reads: the argument list, and a wish to have errors raised instead of printed."""
     told = {STAMP: stamp, "HYDRA_FULL_ERROR": "1"}
     argv, environment = sys.argv, {name: os.environ.get(name) for name in told}
-    sys.argv = [f"epuckhebb {verb}", *arguments]
+    sys.argv = [f"epuckhebb {command}", *arguments]
     os.environ.update(told)
     try:
         yield

@@ -11,53 +11,53 @@ from epuckhebb.config.names import maze_asked, scenario_of
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
-from epuckhebb.sim.adaptation.baseline import REPEATS, Baseline, Lived, baseline_of, live_at_home, remember
+from epuckhebb.sim.adaptation.nominal import REPEATS, Lived, Nominal, live_in_training_world, nominal_of, remember
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, can_check_itself, remember_self
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.session import LostRobotError
 from epuckhebb.store.genome import Genome
 
-_Memory = TypeVar("_Memory", Baseline, SelfMemory)
-_made: dict[tuple[object, ...], Baseline | SelfMemory] = {}
+_Memory = TypeVar("_Memory", Nominal, SelfMemory)
+_made: dict[tuple[object, ...], Nominal | SelfMemory] = {}
 _MOST_MADE = 256  # a self-check's memory takes 0.2 MB
 
 
-def baseline_for(
+def nominal_for(
     genome: Genome, config: EvaluateConfig, threads: int, report: Callable[[str], None] = lambda _: None
-) -> Baseline | None:
+) -> Nominal | None:
     """The nominal statistics of a genome at the wheel gain of an evaluation; None if no adaptation needs them.
 
     They are in the champion's file, or are measured in the training world again; then `report` is given a sentence.
     """
-    if not any(controller.adaptation.needs_baseline for controller in config.controllers):
+    if not any(controller.adaptation.needs_nominal for controller in config.controllers):
         return None
     gain = config.lifetime.gain_rad_s
-    baseline = _remembered(
+    nominal = _remembered(
         genome,
         config,
-        genome.baseline,
-        missing_baseline(config, genome.baseline),
+        genome.nominal,
+        missing_nominal(config, genome.nominal),
         lambda home: remember(genome.weights, home, gain, threads, genome.network),
         report,
     )
-    was_known = genome.baseline is not None and genome.baseline.gain_rad_s == gain
+    was_known = genome.nominal is not None and genome.nominal.gain_rad_s == gain
     signals = {controller.adaptation.change_signal for controller in config.controllers}
-    if "lateness" in signals and not was_known and np.isnan(baseline.time_to_goal_s).all():
+    if "late" in signals and not was_known and np.isnan(nominal.time_to_goal_s).all():
         raise ConfigError(
-            f"adaptation.change_signal=lateness needs a time to the goal to remember, and genome={genome.name} "
-            f"reached neither goal in {baseline.scenario}; give a champion that does, or change_signal=novelty or "
+            f"adaptation.change_signal=late needs a time to the goal to remember, and genome={genome.name} "
+            f"reached neither goal in {nominal.scenario}; give a champion that does, or change_signal=novelty or "
             "shortfall"
         )
-    return baseline
+    return nominal
 
 
-def missing_baseline(config: EvaluateConfig, baseline: Baseline | None) -> str:
+def missing_nominal(config: EvaluateConfig, nominal: Nominal | None) -> str:
     """Why nominal statistics must be measured again before adaptations can use them; nothing if they need not be."""
     adaptations = [controller.adaptation for controller in config.controllers]
     gain = config.lifetime.gain_rad_s
-    at_another = baseline is not None and baseline.gain_rad_s != gain and any(one.is_gated for one in adaptations)
-    if any(one.needs_baseline for one in adaptations) and (baseline is None or at_another):
+    at_another = nominal is not None and nominal.gain_rad_s != gain and any(one.is_gated for one in adaptations)
+    if any(one.needs_nominal for one in adaptations) and (nominal is None or at_another):
         return f"has no baseline at {gain:g} rad/s"
     return ""
 
@@ -65,7 +65,7 @@ def missing_baseline(config: EvaluateConfig, baseline: Baseline | None) -> str:
 def self_checks_for(
     genome: Genome, config: EvaluateConfig, threads: int, report: Callable[[str], None] = lambda _: None
 ) -> Checks | None:
-    """The self-checks of the lifetimes of an evaluation, like `baseline_for`; None if no adaptation needs them."""
+    """The self-checks of the lifetimes of an evaluation, like `nominal_for`; None if no adaptation needs them."""
     if not any(controller.adaptation.self_check for controller in config.controllers):
         return None
     try:
@@ -74,7 +74,7 @@ def self_checks_for(
             config,
             genome.self_memory,
             "has no memory for a self-check" if genome.self_memory is None else "",
-            lambda home: _self_memory(live_at_home(genome.weights, home, 1.0, threads, genome.network), home),
+            lambda home: _self_memory(live_in_training_world(genome.weights, home, 1.0, threads, genome.network), home),
             report,
         )
         return self_checks(memory, config.world, config.lifetime.noise, repeats=config.repeats, seed=config.seed)
@@ -123,10 +123,10 @@ def training_world(config: EvaluateConfig) -> Scenario:
 
 def remember_training_world(
     weights: NDArray[np.float64], world: Scenario, threads: int, network: Network
-) -> tuple[Baseline, SelfMemory | None]:
+) -> tuple[Nominal, SelfMemory | None]:
     """What a champion remembers of its training world; nothing for a self-check that its robot cannot do there."""
-    sides = live_at_home(weights, world, threads=threads, network=network)
-    return baseline_of(sides, world, 1.0), _self_memory(sides, world) if can_check_itself(world) else None
+    sides = live_in_training_world(weights, world, threads=threads, network=network)
+    return nominal_of(sides, world, 1.0), _self_memory(sides, world) if can_check_itself(world) else None
 
 
 def _self_memory(sides: list[Lived], world: Scenario) -> SelfMemory:

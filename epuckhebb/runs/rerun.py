@@ -23,9 +23,9 @@ from epuckhebb.store.run import content, read, status_of
 def rerun(path: Path) -> tuple[Path, str]:
     """Repeat a run; returns the new folder and what differs first, nothing if nothing does."""
     told = read(path)
-    verb = told["verb"]
-    if verb not in ("evaluate", "evolve"):
-        raise ConfigError(f"{path} is a run of `epuckhebb {verb}`; rerun repeats those of evaluate and evolve")
+    command = told["command"]
+    if command not in ("evaluate", "evolve"):
+        raise ConfigError(f"{path} is a run of `epuckhebb {command}`; rerun repeats those of evaluate and evolve")
     if told["status"]["state"] != "finished":
         raise ConfigError(f"{path} is {told['status']['state']}; only a finished run can be compared with")
     if told["code"].get("science") != provenance.science_version():
@@ -34,18 +34,18 @@ def rerun(path: Path) -> tuple[Path, str]:
         before = told.get("packages", {}).get(name)
         if before not in (None, number):
             say(f"{name} was {before} in this run, and is {number} now; digits may differ.")
-    new = Path("runs") / verb / f"{new_stamp()}_rerun_of_{path.resolve().name}"
-    cfg = stored(path, verb)
+    new = Path("runs") / command / f"{new_stamp()}_rerun_of_{path.resolve().name}"
+    cfg = stored(path, command)
     _take_copies(cfg, path, told.get("own_code", {}))
-    facts = {"command": ["epuckhebb", "rerun", str(path)], "rerun_of": str(path)}
-    if verb == "evaluate":
+    facts = {"command_line": ["epuckhebb", "rerun", str(path)], "rerun_of": str(path)}
+    if command == "evaluate":
         config, genome = evaluate.prepare(cfg)
         if genome.sha256 != told["genome_sha256"]:
             raise ConfigError(
                 f"genome={config.genome} is not the genome of {path}: its SHA-256 is {genome.sha256[:16]}…, "
                 f"it was {told['genome_sha256'][:16]}…"
             )
-        for name in ("baseline_sha256", "self_memory_sha256"):
+        for name in ("nominal_sha256", "self_memory_sha256"):
             if told.get(name) not in (None, getattr(genome, name)):
                 raise ConfigError(f"genome={config.genome} remembers its training world otherwise than in {path}")
         evaluate.evaluate_into(new, cfg, told["overrides"], facts, threads=thread_count(config.threads))

@@ -33,10 +33,10 @@ class Terminal(Console):
 
     def on_broken_pipe(self) -> None:
         """Say nothing more."""
-        fall_silent(self.file)
+        discard_output(self.file)
 
 
-def fall_silent(stream: IO[str]) -> None:
+def discard_output(stream: IO[str]) -> None:
     """Let nothing come of what else is written to a stream that nobody reads, at the end of the program too."""
     with suppress(OSError, ValueError):  # a stream of a test has no number
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
@@ -50,7 +50,7 @@ def is_of_output(error: BaseException) -> bool:
     return module.partition(".")[0] in ("click", "rich", "typer")
 
 
-def show_what_can_be_shown() -> None:
+def replace_unencodable() -> None:
     """Let standard output have a `?` for each sign that its encoding does not have, as standard error has a code."""
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")

@@ -77,7 +77,7 @@ def is_interruption(error: BaseException) -> bool:
     return isinstance(error, KeyboardInterrupt) or (_asked.is_set() and isinstance(error, Exception))
 
 
-def leave_when_asked() -> None:
+def end_on_signals() -> None:
     """End the program at once when a signal asks for it, as long as nothing has begun and after all has ended."""
 
     def leave(*_: object) -> None:

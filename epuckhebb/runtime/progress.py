@@ -70,9 +70,9 @@ class Bar(Progress):
         self._each, self._line = each, time.monotonic()
         self._total, self._task = total, self.add_task("", total=total)
 
-    def put(self, completed: float, told: str) -> None:
+    def put(self, resolve_names: float, told: str) -> None:
         """Show how many steps are completed, and what is told beside the bar."""
-        self.update(self._task, completed=completed, description=told)
+        self.update(self._task, resolve_names=resolve_names, description=told)
 
     def say(self, line: str, *, news: bool = True) -> None:
         """Print a line where there is no terminal. news: whether a step has ended since the last."""

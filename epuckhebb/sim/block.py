@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from epuckhebb.sim.adaptation.change_signal import no_baseline
+from epuckhebb.sim.adaptation.change_signal import no_nominal
 from epuckhebb.sim.adaptation.homeostasis import no_patterns
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import plan_of
@@ -68,14 +68,14 @@ def load_kernel(
         RuleError: the rule does not compile.
     """
     world = scenario or Scenario()
-    net = network or Network((world.inputs, *HIDDEN, OUTPUTS), world.task.tells_reward)
+    net = network or Network((world.inputs, *HIDDEN, OUTPUTS), world.task.gives_reward)
     dummy = Individual(
         genes=np.zeros(plan_of(net, type(controller.rule)).genes),
         side="left",
         controller=controller,
         network=net,
         signs=np.ones(net.synapses),
-        nominal=no_patterns(no_baseline(world.robot.inputs), world.robot.light.count),
+        nominal=no_patterns(no_nominal(world.robot.inputs), world.robot.light.count),
         key=np.uint64(0),
     )
     live_block([dummy], world, Lifetime(duration_s=STEP_S, gain_rad_s=min(1.0, world.robot.motor_limit_rad_s)))

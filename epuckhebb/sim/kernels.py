@@ -83,12 +83,12 @@ def check_inputs(network: Network, robot: Robot, task: Task) -> None:
         ValueError: it does not fit.
     """
     wanted = robot.inputs + task.input_count
-    reward = f" and the reward of task={task.name}" if task.tells_reward else ""
+    reward = f" and the reward of task={task.name}" if task.gives_reward else ""
     if network.inputs != wanted:
         raise ValueError(
             f"network.layers must begin with {wanted}, the readings of robot {robot.name}{reward}, got "
             f"{list(network.layers)}"
         )
-    if network.rewarded != task.tells_reward:
+    if network.rewarded != task.gives_reward:
         other = "tells" if network.rewarded else "does not tell"
         raise ValueError(f"the last input of the network {other} a reward, and task={task.name} has it otherwise")

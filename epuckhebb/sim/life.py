@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.adaptation.adaptation import AdaptationRoom, Gate, adaptation_room
-from epuckhebb.sim.adaptation.change_signal import BaselineOfSide
+from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate, initial_adaptation_state
+from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.faults import Faults
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, Network
-from epuckhebb.sim.plasticity.weight_change import room as weight_change_room
-from epuckhebb.sim.random import room_for_noise
+from epuckhebb.sim.plasticity.weight_change import room as weight_change_workspace
+from epuckhebb.sim.random import noise_workspace_size
 from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.senses import SenseWorkspace, sense_workspace
 from epuckhebb.sim.task import NO_TRIALS
@@ -114,10 +114,10 @@ def workspace_for(network: Network, robot: Robot) -> Workspace:
     """Workspace for this network and robot."""
     return Workspace(
         senses=sense_workspace(robot),
-        noise=np.zeros(room_for_noise(robot.inputs)),
+        noise=np.zeros(noise_workspace_size(robot.inputs)),
         drive=np.empty(max(network.post)),
         synapses=np.empty((3, network.synapses)),
-        change=np.empty(weight_change_room(network)),
+        change=np.empty(weight_change_workspace(network)),
     )
 
 
@@ -149,7 +149,7 @@ class Life(NamedTuple):
     weights: NDArray[np.float64]
     synapse_state: NDArray[np.void]
     activation: NDArray[np.float64]
-    adaptation: AdaptationRoom
+    adaptation: AdaptationState
     trials: NDArray[np.void]
     workspace: Workspace
 
@@ -159,7 +159,7 @@ def initial_life(
     network: Network,
     robot: Robot,
     workspace: Workspace | None = None,
-    adaptation: AdaptationRoom | None = None,
+    adaptation: AdaptationState | None = None,
     trials: NDArray[np.void] = NO_TRIALS,
 ) -> Life:
     """A lifetime before its first step.
@@ -181,7 +181,7 @@ def initial_life(
         weights=genotype.weights.copy(),
         synapse_state=genotype.synapse_state.copy(),
         activation=activation,
-        adaptation=adaptation_room(robot) if adaptation is None else adaptation,
+        adaptation=initial_adaptation_state(robot) if adaptation is None else adaptation,
         trials=trials,
         workspace=workspace_for(network, robot) if workspace is None else workspace,
     )
@@ -282,7 +282,7 @@ class Setup(NamedTuple):
 
     genotype: Genotype
     plasticity: Plasticity
-    nominal: BaselineOfSide
+    nominal: NominalOfSide
     lit: Lights
     trial: Trial
     gain: float

@@ -119,7 +119,7 @@ class Network:
 PAPER_NETWORK = Network()
 
 
-def weights_at_birth(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def initial_weights_of(weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """A copy of the inherited weights, clipped to +-2: what plasticity changes and death forgets."""
     return np.clip(weights, -WEIGHT_LIMIT, WEIGHT_LIMIT)
 

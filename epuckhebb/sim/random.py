@@ -25,10 +25,10 @@ class Stream(IntEnum):
     shuffled_signs = 4
     bootstrap = 5
     layout = 6
-    baseline_noise = 7
-    dance_noise = 8
+    nominal_noise = 7
+    calibration_noise = 8
     training_world = 9
-    births = 10
+    initial_weights = 10
     merging = 11
     switches = 12
     evaluation_task = 13
@@ -85,17 +85,17 @@ def normal(key: np.uint64, number: int) -> float:
     return float(QUANTILES[bits(key, np.uint64(number)) >> _S52])
 
 
-def room_for_noise(count: int) -> int:
+def noise_workspace_size(count: int) -> int:
     """The length of an array for `count` numbers: whole draws."""
     return -(-count // _A_DRAW) * _A_DRAW
 
 
 def normal_numbers(count: int) -> Callable[[np.uint64, int, NDArray[np.float64]], None]:
-    """The function that fills an array of `room_for_noise(count)` with standard normal numbers for a key and a step.
+    """The function that fills an array of `noise_workspace_size(count)` with normal numbers for a key and a step.
 
     One draw of 64 bits gives four 12-bit places in `QUANTILES`.
     """
-    draws = room_for_noise(count) // _A_DRAW
+    draws = noise_workspace_size(count) // _A_DRAW
     per_step = np.uint64(draws)
 
     @compiled

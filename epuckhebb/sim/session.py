@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim import fitness
-from epuckhebb.sim.adaptation.adaptation import adaptation_room
-from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, check_baseline
+from epuckhebb.sim.adaptation.adaptation import initial_adaptation_state
+from epuckhebb.sim.adaptation.change_signal import NominalOfSide, check_nominal
 from epuckhebb.sim.adaptation.homeostasis import check_patterns
 from epuckhebb.sim.adaptation.self_check.corrections import Corrections, check_corrections
 from epuckhebb.sim.controller import GA_ALONE, Controller
@@ -31,16 +31,16 @@ from epuckhebb.sim.life import (
 )
 from epuckhebb.sim.light import lights
 from epuckhebb.sim.maze import Pose, Side
-from epuckhebb.sim.network import PAPER_NETWORK, Network, weights_at_birth
+from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.sim.plasticity.errors import explained
 from epuckhebb.sim.plasticity.rule import (
-    BIRTH_RANGE,
-    Births,
+    INITIAL_RANGE,
+    InitialWeights,
     coefficients,
     modulatory_weights,
     values_of,
 )
-from epuckhebb.sim.plasticity.update import lengths_at_birth
+from epuckhebb.sim.plasticity.update import initial_lengths
 from epuckhebb.sim.plasticity.weight_change import saturated_fraction
 from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.scenario import Scenario
@@ -68,7 +68,7 @@ class Individual:
     start: Pose | None = None
     task_key: int = 0
     signs: NDArray[np.float64] | None = None
-    nominal: BaselineOfSide | None = None
+    nominal: NominalOfSide | None = None
     corrections: Corrections | None = None
     calibration: CalibrationRecord | None = None
     record: bool = False
@@ -103,8 +103,8 @@ class Session:
         self._record_every = self.lifetime.record_every if individual.record else 0
         adaptation = kind.unused
         if adaptation is None or individual.corrections is not None:
-            adaptation = adaptation_room(first.robot, individual.corrections)
-        trials = first.task.trials_at_birth(individual.side, individual.task_key)
+            adaptation = initial_adaptation_state(first.robot, individual.corrections)
+        trials = first.task.initial_trials(individual.side, individual.task_key)
         self.life = initial_life(self.genotype, individual.network, first.robot, kind.workspace, adaptation, trials)
         self._tally = self.life.tally[0]  # a view of the record
         self.samples = kind.no_samples
@@ -259,7 +259,7 @@ def _genotype_of(individual: Individual, kind: Kind, world: Scenario) -> Genotyp
         ValueError: something that it is given does not fit it, its robot or its rule.
     """
     if individual.nominal is not None:
-        check_baseline(individual.nominal, world.robot.inputs)
+        check_nominal(individual.nominal, world.robot.inputs)
     if individual.controller.adaptation.homeostasis:
         check_patterns(kind.nominal if individual.nominal is None else individual.nominal, world.robot.light.count)
     if individual.corrections is not None:
@@ -270,14 +270,16 @@ def _genotype_of(individual: Individual, kind: Kind, world: Scenario) -> Genotyp
     rule, network = individual.controller.rule, individual.network
     parts = values_of(type(rule), network, kind.plan.split(individual.genes))
     inherited = parts[WEIGHTS]
-    if rule.births is Births.random:
-        inherited = rng(int(individual.key), Stream.births).uniform(-BIRTH_RANGE, BIRTH_RANGE, network.synapses)
-    weights = weights_at_birth(inherited)
+    if rule.initial_weights is InitialWeights.random:
+        inherited = rng(int(individual.key), Stream.initial_weights).uniform(
+            -INITIAL_RANGE, INITIAL_RANGE, network.synapses
+        )
+    weights = initial_weights_of(inherited)
     return Genotype(
         weights,
         kind.synapse_state,
         coefficients(type(rule), network, parts),
         modulatory_weights(type(rule), parts, rule.reward),
-        lengths_at_birth(type(rule), network, weights),
+        initial_lengths(type(rule), network, weights),
         of_updates,
     )

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.adaptation.adaptation import AdaptationRoom, adaptation_room, gate_numbers
-from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, no_baseline
+from epuckhebb.sim.adaptation.adaptation import AdaptationState, gate_numbers, initial_adaptation_state
+from epuckhebb.sim.adaptation.change_signal import NominalOfSide, no_nominal
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.faults import Faults, lag_of
 from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
@@ -19,7 +19,7 @@ from epuckhebb.sim.maze import Pose, Region, Side, added, boxes
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.physics import PymunkSpace
 from epuckhebb.sim.plasticity.control import Sign, signs
-from epuckhebb.sim.plasticity.rule import Rule, kept_at_birth
+from epuckhebb.sim.plasticity.rule import Rule, initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.reachable import gap
 from epuckhebb.sim.scenario import Scenario
@@ -52,9 +52,9 @@ class Kind(NamedTuple):
     plan: GenomePlan
     synapse_state: NDArray[np.void]
     signs: NDArray[np.float64] | None
-    nominal: BaselineOfSide
+    nominal: NominalOfSide
     workspace: Workspace
-    unused: AdaptationRoom | None
+    unused: AdaptationState | None
     no_samples: Samples
 
 
@@ -133,11 +133,11 @@ class Stage:
                 gate_numbers(adaptation),
             ),
             plan=plan_of(network, type(rule)),
-            synapse_state=kept_at_birth(compiled_for, network),
+            synapse_state=initial_synapse_state(compiled_for, network),
             signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
-            nominal=no_baseline(robot.inputs),
+            nominal=no_nominal(robot.inputs),
             workspace=workspace_for(network, robot),
-            unused=None if adaptation.acts else adaptation_room(robot),
+            unused=None if adaptation.acts else initial_adaptation_state(robot),
             no_samples=empty_samples(0, network),
         )
 

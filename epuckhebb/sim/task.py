@@ -69,7 +69,7 @@ class Task:
         return sum(group.count for group in self.inputs)
 
     @property
-    def tells_reward(self) -> bool:
+    def gives_reward(self) -> bool:
         """Whether the last input of the network is a reward."""
         return RewardInput() in self.inputs
 
@@ -95,7 +95,7 @@ class Task:
         """The numbers that its functions need. goals: the ends of the maze. start: of each trial."""
         return ()
 
-    def trials_at_birth(self, side: Side, key: int) -> NDArray[np.void]:  # noqa: ARG002  # others need them
+    def initial_trials(self, side: Side, key: int) -> NDArray[np.void]:  # noqa: ARG002  # others need them
         """The trials of a life before it begins, records of `TRIAL`. key: of what is drawn."""
         return NO_TRIALS
 

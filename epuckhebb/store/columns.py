@@ -162,9 +162,9 @@ CLAIMS: Columns = {
     ),
 }
 _COUNTS: Columns = {
-    "broken": number("mastered at home without plasticity, and failed in the changed world without it"),
+    "broken": number("solved at home without plasticity, and failed in the changed world without it"),
     "rescued": number("of the broken: succeed with plasticity"),
-    "sound": number("mastered at home, and in the changed world too, without plasticity"),
+    "intact": number("solved at home, and in the changed world too, without plasticity"),
     "harmed": number("of the sound: fail with plasticity"),
     "rescued_share": number_or_empty("`rescued` over `broken`"),
     **_interval("rescued_"),
@@ -176,14 +176,14 @@ RESCUE: Columns = {
     "controller": text("which plasticity"),
     "N": _CONDITION["N"],
     **_COUNTS,
-    "home_harmed": number("trials mastered in the training world without plasticity that fail there with it"),
-    "home_mastered": number("of how many"),
+    "training_harmed": number("trials solved in the training world without plasticity that fail there with it"),
+    "training_solved": number("of how many"),
 }
 _RESCUE_AND_HARM: Columns = {
     **_CONDITION,
-    "mastered": number("trials that the genes alone master in the training world"),
+    "solved": number("trials that the genes alone master in the training world"),
     **_COUNTS,
-    "difference": number("success with plasticity minus success without, over all trials, mastered or not"),
+    "difference": number("success with plasticity minus success without, over all trials, solved or not"),
     **_interval("difference_"),
     "sign_flip_p": number_or_empty("exact p value of the difference, signs flipped by champion"),
 }
@@ -191,8 +191,8 @@ _RETENTION: Columns = {
     "experiment": _CONDITION["experiment"],
     "controller": _CONDITION["controller"],
     "N": _CONDITION["N"],
-    "masters": Column(
-        ("any", "both"), "whose trials: those mastered at home (`any`), or those of champions that master `both` sides"
+    "solves": Column(
+        ("any", "both"), "whose trials: those solved at home (`any`), or those of champions that master `both` sides"
     ),
     "champions": number_or_empty("how many champions have such trials"),
     "trials": number("these trials in all changed worlds"),
@@ -250,25 +250,29 @@ _METHOD: Columns = {
 LEADERBOARD: Columns = {
     **_METHOD,
     "kind": Column(
-        ("plain", "evolved", "laid over"), "`evolved` with plasticity, or `laid over` champions of another method"
+        ("plain", "evolved", "post_hoc"), "`evolved` with plasticity, or `laid over` champions of another method"
     ),
-    "twin": text_or_empty("the method that it is compared with, which has no plasticity; empty for plain ones"),
+    "matched_control": text_or_empty(
+        "the method that it is compared with, which has no plasticity; empty for plain ones"
+    ),
     "champions": number("how many there are"),
-    "mastered": number("how many of them succeed on both sides at home; in `reversal`, how many learn"),
-    **_interval("mastered_"),
+    "solved": number("how many of them succeed on both sides at home; in `reversal`, how many learn"),
+    **_interval("solved_"),
     "trials": number("champions times sides times test worlds; in `reversal`, trials of all lives"),
     "successes": number("in how many of them more than half of the repeats succeed; in `reversal`, rewarded ones"),
     "success": number("`successes` over `trials`"),
     **_interval("success_", ", from a bootstrap over champions", NUMBER),
     "best": number("`success` of the champion that does best"),
-    "retention": number_or_empty("`success` of those champions alone that are `mastered`"),
+    "retention": number_or_empty("`success` of those champions alone that are `solved`"),
     **_interval("retention_"),
-    "difference": number_or_empty("`success` less that of the twin, as the mean over pairs of champions of a seed"),
+    "difference": number_or_empty(
+        "`success` less that of the matched control, as the mean over pairs of champions of a seed"
+    ),
     **_interval("difference_", ", from a bootstrap over pairs"),
     "sign_flip_p": number_or_empty("exact p value of the difference, signs flipped by champion"),
     "success_off": number_or_empty("`success` of the same champions with the rule, or what is laid over, off"),
     "success_inverted": number_or_empty("the same with the reward inverted, of rules that hear one"),
-    "numbers": number("how many numbers are evolved for a champion"),
+    "evolved_parameters": number("how many numbers are evolved for a champion"),
     "robot_steps": number("control steps of 32 ms in a champion's evolution, as the mean over champions"),
 }
 _CHAMPIONS: Columns = {
@@ -276,7 +280,7 @@ _CHAMPIONS: Columns = {
     "seed": number("seed of its evolution"),
     "champion": text("run folder in which it, or the rule for it, was evolved"),
     "test": text("run folder of its lifetimes at home and in all test worlds"),
-    "masters": number("1 if it succeeds on both sides at home, in `reversal` if it learns; else 0"),
+    "solves": number("1 if it succeeds on both sides at home, in `reversal` if it learns; else 0"),
     "trials": number("sides times test worlds; in `reversal`, trials of all lives"),
     "successes": number("of them: more than half of the repeats succeed; in `reversal`, rewarded ones"),
     "successes_off": number_or_empty("the same with the rule off; empty for plain methods"),
@@ -325,7 +329,7 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
         "Of `reproduce` and such sweeps: the same for each world. A trial is one champion on one side.",
         _RESCUE_AND_HARM,
     ),
-    "retention.csv": ("Of both: how much of what is mastered at home succeeds in the changed worlds.", _RETENTION),
+    "retention.csv": ("Of both: how much of what is solved at home succeeds in the changed worlds.", _RETENTION),
     "claims.csv": ("Of `reproduce`: a row for each claim of the paper.", CLAIMS),
     "trials.csv": ("Of `reproduce`: a row for each champion, side and condition.", _TRIALS),
     "success.csv": ("Of `reproduce`: a row for each condition and side, over the champions.", _SUCCESS),

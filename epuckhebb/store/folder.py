@@ -43,7 +43,7 @@ class RunFolder:
 
     Attributes:
         path: The folder.
-        command: The command that works in it.
+        command_line: The command that works in it.
         failure: Why the work failed although no error left the block; nothing if it did not.
         left_behind: A function that says what an interruption would leave behind, for who interrupts.
         advanced: A function that is told how far the work at hand is, from 0 to 1 and in words, for who watches.
@@ -51,7 +51,7 @@ class RunFolder:
 
     def __init__(self, path: Path, lock: BaseFileLock | None, facts: dict[str, Any]) -> None:
         """Take what `new` or `resume` has claimed; `facts` is the provenance of this call."""
-        self.path, self.command, self.failure = path, list(facts["command"]), ""
+        self.path, self.command_line, self.failure = path, list(facts["command_line"]), ""
         self.left_behind: Callable[[], str] = lambda: ""
         self.advanced: Callable[[float, str], None] = lambda *_: None
         self._lock, self._started = lock, _now()
@@ -60,13 +60,13 @@ class RunFolder:
         self._earlier: dict[str, str] = {}  # the same of files that an earlier call wrote and this one has not yet
 
     @classmethod
-    def new(cls, path: Path, verb: str, cfg: DictConfig, arguments: list[str], facts: dict[str, Any]) -> "RunFolder":
+    def new(cls, path: Path, command: str, cfg: DictConfig, arguments: list[str], facts: dict[str, Any]) -> "RunFolder":
         """Claim a folder that holds no run yet, and write down what is about to run.
 
         path: the folder, which is made. verb, arguments: of the command line. facts: what else belongs into
         `provenance.json`, for example the genome's SHA-256.
         """
-        facts = provenance(verb, cfg, arguments) | facts
+        facts = provenance(command, cfg, arguments) | facts
         try:
             path.mkdir(parents=True, exist_ok=True)
             if not (path / STATUS).exists():
@@ -96,7 +96,7 @@ class RunFolder:
     def resume(
         cls,
         path: Path,
-        verb: str,
+        command: str,
         cfg: DictConfig | None,
         arguments: list[str],
         facts: dict[str, Any],
@@ -108,10 +108,10 @@ class RunFolder:
         content and gets an entry with these facts. The arguments are those of `new`, but that there is no `cfg` where
         each job has its own; `results` are files of earlier calls that stay.
         """
-        lock, told = None, provenance(verb, cfg, arguments) | facts
+        lock, told = None, provenance(command, cfg, arguments) | facts
         try:
             path.mkdir(parents=True, exist_ok=True)
-            _refuse_foreign(path, verb)
+            _refuse_foreign(path, command)
             lock = disk.lock(path, _PATIENCE_S)
             run = cls(path, lock, told)
             with suppress(ConfigError):  # it cannot be read back where nothing has begun
@@ -121,7 +121,7 @@ class RunFolder:
                 names = {result.relative_to(path).as_posix() for result in results}
                 for name, sha256 in status.get("sha256", {}).items():
                     (run._kept if name in names else run._earlier)[name] = sha256
-                again = {"started": _now(), "command": told["command"], **facts, "code": told["code"]}
+                again = {"started": _now(), "command_line": told["command_line"], **facts, "code": told["code"]}
                 told = before | {"resumed": [*before.get("resumed", []), again]}
             _remove_half_done(path)
             run._begin(told, cfg, None)
@@ -212,7 +212,7 @@ class RunFolder:
         self.write(STATUS, as_json(told | {"sha256": sha256}))
 
 
-def _refuse_foreign(path: Path, verb: str | None = None) -> None:
+def _refuse_foreign(path: Path, command: str | None = None) -> None:
     """Refuse a folder with anything in it that is not of this program; of a verb, if one is given."""
     begun = (STATUS, PROVENANCE, LOCK, ".hydra", "multirun.yaml")  # with what a folder of this program begins
     names = (entry.name for entry in path.iterdir())
@@ -221,8 +221,8 @@ def _refuse_foreign(path: Path, verb: str | None = None) -> None:
         return
     whose = None
     with suppress(ConfigError):
-        whose = read(path).get("verb")
-    if verb is None or whose != verb:
+        whose = read(path).get("command")
+    if command is None or whose != command:
         what = f"a run of `epuckhebb {whose}`" if whose else f"files that are not of this program ({foreign[0]}, ...)"
         raise ConfigError(f"{path} holds {what}; nothing there is touched. Give a folder that is new or empty")
 

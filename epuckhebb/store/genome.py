@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import LATEST, data_folder, path_of
-from epuckhebb.sim.adaptation.baseline import Baseline
 from epuckhebb.sim.adaptation.homeostasis import PATTERNS
+from epuckhebb.sim.adaptation.nominal import Nominal
 from epuckhebb.sim.adaptation.self_check.dance import STEPS
 from epuckhebb.sim.adaptation.self_check.memory import EFFECTS, SelfMemory
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
@@ -23,7 +23,7 @@ from epuckhebb.store import run
 from epuckhebb.store.disk import CHAMPION, REFERENCE
 from epuckhebb.store.npz import MOST, Arrays, Shape, compressed, one_error
 
-_BASELINE = "memory_"  # how the names of a baseline's arrays begin
+_NOMINAL = "memory_"  # how the names of a baseline's arrays begin
 _SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
 _OF_SEED = re.compile(rf"{REFERENCE}_\d+")
 _TEXTS = ("robot", "experiment", "optimizer", "training", "rule", "task")  # of a champion
@@ -59,7 +59,7 @@ class Genome:
     training: str = ""
     rule: str = ""
     task: str = ""
-    baseline: Baseline | None = None
+    nominal: Nominal | None = None
     self_memory: SelfMemory | None = None
 
     @property
@@ -73,9 +73,9 @@ class Genome:
         return hashlib.sha256(self.genes.astype("<f8").tobytes()).hexdigest()
 
     @property
-    def baseline_sha256(self) -> str:
+    def nominal_sha256(self) -> str:
         """SHA-256 of what the champion remembers; nothing if it remembers nothing."""
-        return _sha256(self.baseline)
+        return _sha256(self.nominal)
 
     @property
     def self_memory_sha256(self) -> str:
@@ -83,7 +83,7 @@ class Genome:
         return _sha256(self.self_memory)
 
 
-def _sha256(remembered: Baseline | SelfMemory | None) -> str:
+def _sha256(remembered: Nominal | SelfMemory | None) -> str:
     if remembered is None:
         return ""
     values = sorted(asdict(remembered).items())
@@ -154,7 +154,7 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
         arrays["rule"] = np.str_(genome.rule)
     if genome.task:
         arrays |= {"task": np.str_(genome.task), "rewarded": np.int64(genome.network.rewarded)}
-    for prefix, remembered in ((_BASELINE, genome.baseline), (_SELF_MEMORY, genome.self_memory)):
+    for prefix, remembered in ((_NOMINAL, genome.nominal), (_SELF_MEMORY, genome.self_memory)):
         if remembered is not None:
             arrays |= {prefix + key: np.asarray(value) for key, value in asdict(remembered).items()}
     return compressed(arrays)
@@ -215,22 +215,22 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
         network=network,
         lights=lights,
         plan=plan,
-        baseline=_baseline(held, path, network.inputs, lights),
+        nominal=_nominal(held, path, network.inputs, lights),
         self_memory=_self_memory(held, path, network.inputs),
         **texts,
     )
 
 
-def _baseline(held: Arrays, path: Path, inputs: int, lights: int) -> Baseline | None:
+def _nominal(held: Arrays, path: Path, inputs: int, lights: int) -> Nominal | None:
     """The baseline in a champion's file, if there is one."""
     shapes: dict[str, Shape] = {"success": (2,), "time_to_goal_s": (2,), "away_s": (2,), "fitness": (2, None)}
     shapes |= {"reading_mean": (2, inputs), "reading_spread": (2, inputs), "patterns": (PATTERNS, lights)}
     shapes |= {"gain_rad_s": (), "novelty": ()}
     with one_error(f"genome={path} holds a baseline of the training world that this program cannot read"):
-        values = _memory(held, _BASELINE, shapes)
+        values = _memory(held, _NOMINAL, shapes)
         if values and not values["fitness"].size:
             raise ValueError("its fitness is of no second")
-        return Baseline(**values) if values else None
+        return Nominal(**values) if values else None
 
 
 def _self_memory(held: Arrays, path: Path, inputs: int) -> SelfMemory | None:

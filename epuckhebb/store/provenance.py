@@ -25,12 +25,12 @@ def digest(content: object) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def provenance(verb: str, cfg: DictConfig | None, arguments: list[str]) -> dict[str, Any]:
+def provenance(command: str, cfg: DictConfig | None, arguments: list[str]) -> dict[str, Any]:
     """Who ran what, with what, where."""
     return {
         "schema": SCHEMA,
-        "verb": verb,
-        "command": ["epuckhebb", verb, *arguments],
+        "command": command,
+        "command_line": ["epuckhebb", command, *arguments],
         "overrides": arguments,
         **({} if cfg is None else {"seed": cfg.seed}),
         "code": _code_version(),

@@ -27,7 +27,7 @@ class Resumed(TypedDict):
     """A call that went on with a run."""
 
     started: str
-    command: list[str]
+    command_line: list[str]
     generations: NotRequired[int]
     code: Code
 
@@ -43,8 +43,8 @@ class Provenance(TypedDict):
     """`provenance.json`: who ran what, with what, where."""
 
     schema: NotRequired[int]
-    verb: str
-    command: list[str]
+    command: str
+    command_line: list[str]
     overrides: list[str]
     seed: NotRequired[int]
     code: Code
@@ -55,7 +55,7 @@ class Provenance(TypedDict):
     genome: NotRequired[str]
     genome_sha256: NotRequired[str]
     lifetimes: NotRequired[dict[str, str]]
-    baseline_sha256: NotRequired[str]
+    nominal_sha256: NotRequired[str]
     self_memory_sha256: NotRequired[str]
     notes: NotRequired[list[str]]
     own_code: NotRequired[dict[str, OwnCode]]
@@ -81,7 +81,7 @@ class ListOfJobs(TypedDict):
 
     schema: NotRequired[int]
     name: str
-    command: list[str]
+    command_line: list[str]
     fail_fast: bool
     jobs: list[str]
 

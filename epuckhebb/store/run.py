@@ -33,15 +33,15 @@ def of_multirun(path: Path) -> list[Path]:
     return sorted(inside, key=lambda run: (not run.name.isdigit(), int(run.name) if run.name.isdigit() else 0, run))
 
 
-def found(what: str | Path, *verbs: str) -> Path:
+def found(what: str | Path, *commands: str) -> Path:
     """The folder of a run that a user names, or the latest one of these verbs (none: of any) if it is `latest`."""
     if str(what) != LATEST:
         return Path(what)
-    of_verbs = [path for path in below_runs() if not verbs or path.relative_to("runs").parts[0] in verbs]
-    if not of_verbs:
-        whose = f" of `epuckhebb {'` or `epuckhebb '.join(verbs)}`" if verbs else ""
+    of_commands = [path for path in below_runs() if not commands or path.relative_to("runs").parts[0] in commands]
+    if not of_commands:
+        whose = f" of `epuckhebb {'` or `epuckhebb '.join(commands)}`" if commands else ""
         raise ConfigError(f"{LATEST}: there is no run{whose} in {Path('runs').absolute()} yet; give a run folder")
-    return of_verbs[-1]
+    return of_commands[-1]
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -56,7 +56,7 @@ def read(path: Path) -> dict[str, Any]:
             raise ConfigError(f"{path} is not a run folder: it has no {name}")
     status = record(bytes_of(path / STATUS), path / STATUS, Status)
     told = record(content(path, PROVENANCE), path / PROVENANCE, Provenance)
-    for name in ("genome", "genome_sha256") if told["verb"] == "evaluate" else ():
+    for name in ("genome", "genome_sha256") if told["command"] == "evaluate" else ():
         if name not in told:
             raise ConfigError(f"{path / PROVENANCE} cannot be used: it has no {name}")
     if status["state"] == "running" and not is_locked(path):

@@ -84,7 +84,7 @@ class Identities:
         over = [controller.adaptation for controller in asked.controllers]
         return {
             "genome": genome.sha256,
-            "baseline": genome.baseline_sha256 if any(one.needs_baseline for one in over) else "",
+            "baseline": genome.nominal_sha256 if any(one.needs_nominal for one in over) else "",
             "self_memory": genome.self_memory_sha256 if any(one.self_check for one in over) else "",
             "own_code": plugins.sources(config),
             "science": provenance.science_version(),

@@ -6,7 +6,7 @@ and a run works in `unfinished/` until it is finished and is then renamed in one
 moment, and the next call ends with the same bytes as one that was never stopped.
 
 `Job`s are evaluations and evolutions that are spread over processes or a cluster: open the folder with `at_work` and
-hand them to `launch`. `Task`s run in this process, one after the other, and use threads themselves: `carry_out` does
+hand them to `launch`. `Task`s run in this process, one after the other, and use threads themselves: `run_tasks` does
 them in the order in which they need each other.
 """
 
@@ -95,13 +95,13 @@ def is_whole(result: Path) -> bool:
 
 @contextmanager
 def at_work(
-    folder: Path, verb: str, cfg: DictConfig | None, arguments: list[str], results: Sequence[tuple[Path, ...]]
+    folder: Path, command: str, cfg: DictConfig | None, arguments: list[str], results: Sequence[tuple[Path, ...]]
 ) -> Iterator[RunFolder]:
     """Work on a study in its folder, and say in its `status.json` how that ends.
 
     Args:
         folder: The folder; it is made if it is not there, and what killed calls left half done is thrown away.
-        verb: The verb of the command line.
+        command: The command of the command line.
         cfg: The configuration, if there is one of the whole study.
         arguments: What followed the verb.
         results: What each of its jobs will leave; who interrupts it is told how many of them are done.
@@ -116,7 +116,7 @@ def at_work(
         return f"{done} of {len(results)} jobs are done; the same command does the rest"
 
     stay = [result for job in results for result in job]
-    with RunFolder.resume(folder, verb, cfg, arguments, {}, stay) as study:
+    with RunFolder.resume(folder, command, cfg, arguments, {}, stay) as study:
         study.left_behind = left_behind
         try:
             yield study
@@ -124,10 +124,10 @@ def at_work(
             raise ConfigError(f"cannot write to {error.filename or folder}: {error.strerror}") from error
 
 
-def carry_out(folder: Path, verb: str, cfg: DictConfig, arguments: list[str], tasks: Sequence[Task]) -> None:
+def run_tasks(folder: Path, command: str, cfg: DictConfig, arguments: list[str], tasks: Sequence[Task]) -> None:
     """Do in this process, in their order, the tasks of a study that are not done; see `at_work`."""
     results = [task.results for task in tasks if task.results]
-    with at_work(folder, verb, cfg, arguments, results) as study:
+    with at_work(folder, command, cfg, arguments, results) as study:
         missing = {}
         for number, task in enumerate(tasks):
             names = [result.relative_to(folder).as_posix() for result in task.results]
@@ -145,7 +145,7 @@ def todo(folder: Path, jobs: Sequence[Job]) -> list[Job]:
     return [job for job in jobs if not runs.is_whole(folder / job.run)]
 
 
-def for_hydra(verb: str, arguments: Sequence[str]) -> list[str]:
+def for_hydra(command: str, arguments: Sequence[str]) -> list[str]:
     """Those of the arguments that are Hydra's own; they choose joblib for a launcher if they choose none.
 
     A sweeper, or an empty name for a folder, is refused.
@@ -153,7 +153,9 @@ def for_hydra(verb: str, arguments: Sequence[str]) -> list[str]:
     hydras = [argument for argument in arguments if argument.lstrip("+~").startswith(("hydra.", "hydra/"))]
     for argument in hydras:
         if argument.startswith(("hydra/sweeper", "hydra.sweeper", "hydra.sweep.subdir")):
-            raise ConfigError(f"{argument}: `{verb}` lists its jobs itself; for another sweeper: evaluate --multirun")
+            raise ConfigError(
+                f"{argument}: `{command}` lists its jobs itself; for another sweeper: evaluate --multirun"
+            )
     overrides.check_folders(hydras)
     if not any(argument.startswith("hydra/launcher=") for argument in hydras):
         hydras.insert(0, "hydra/launcher=joblib")
@@ -194,7 +196,7 @@ def launch(
     attempts: dict[str, Path] = {}
     trouble = ""
     if missing:
-        _write_jobs(study, {"name": name, "command": study.command, "fail_fast": fail_fast}, jobs, missing)
+        _write_jobs(study, {"name": name, "command_line": study.command_line, "fail_fast": fail_fast}, jobs, missing)
         with counting(len(missing), lambda: count(folder, missing, list(attempts.values()))):
             for first in range(0, len(missing), AT_ONCE):
                 some, stamp = missing[first : first + AT_ONCE], hydra.new_stamp()
@@ -247,7 +249,7 @@ def one_job(
         return
     told = record(runs.content(folder, _LIST), folder / _LIST, ListOfJobs)
     try:
-        work(attempt, job_asked(folder, run, name_of), {"command": told["command"], "sweep": told["name"]})
+        work(attempt, job_asked(folder, run, name_of), {"command_line": told["command_line"], "sweep": told["name"]})
     except Exception:
         if told["fail_fast"]:
             stop.touch()

@@ -18,7 +18,8 @@ from epuckhebb.analysis.limits import limits
 from epuckhebb.config import plugins
 from epuckhebb.config.compose import Plain
 from epuckhebb.config.stored import as_config
-from epuckhebb.runs import evaluate, evolve, hydra, nominal
+from epuckhebb.runs import evaluate, evolve, hydra
+from epuckhebb.runs.nominal import nominal_for, self_checks_for
 from epuckhebb.runtime.errors import JobFailedError
 from epuckhebb.runtime.progress import say
 from epuckhebb.sim.scenario import TRAINED
@@ -64,13 +65,13 @@ def leaderboard_job(cfg: DictConfig) -> None:
 
 def _work(path: Path, job: JobAsked, facts: dict[str, Any]) -> None:
     asked, folder = job["config"], path.parents[1]
-    verb = "evaluate" if "worlds" in asked else "evolve"
+    command = "evaluate" if "worlds" in asked else "evolve"
     config = dict(asked["config"])
     if asked["champion"]:
         config["genome"] = str(folder / asked["champion"])
-    cfg = as_config(config, verb)
+    cfg = as_config(config, command)
     threads = hydra.threads_of_job(cfg.threads)
-    if verb == "evaluate":
+    if command == "evaluate":
         _live(path, cfg, asked, job["overrides"], facts, threads)
         return
     wanted = evolve.prepare(cfg)
@@ -88,12 +89,12 @@ def _live(path: Path, cfg: DictConfig, asked: Plain, overrides: list[str], facts
     facts = {"genome": genome.name, "genome_sha256": genome.sha256, **evaluate.own_code(own), **facts}
     with RunFolder.new(path, "leaderboard", cfg, overrides, facts) as run:
         began = time.process_time()
-        baseline = nominal.baseline_for(genome, config, threads)
+        nominal = nominal_for(genome, config, threads)
         lived = []
         for name in asked["worlds"]:
             there = in_world(config, world_named(name, asked["config_dir"]))
-            checks = nominal.self_checks_for(genome, there, threads)
-            lived.append(evaluate.run_lifetimes(there, genome, baseline, checks, threads)[0])
+            checks = self_checks_for(genome, there, threads)
+            lived.append(evaluate.run_lifetimes(there, genome, nominal, checks, threads)[0])
         run.write("metrics.csv", pd.concat(lived).to_csv(index=False))
         for place, content in plugins.copies(own).items():
             run.write(place, content)

@@ -13,9 +13,9 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from epuckhebb.analysis import leaderboard as board
-from epuckhebb.analysis.leaderboard import EVOLVED, LAID_OVER, PLAIN, Row
+from epuckhebb.analysis.leaderboard import EVOLVED, PLAIN, POST_HOC, Row
 from epuckhebb.config import compose, plugins
-from epuckhebb.config.build import check_pace, network_for
+from epuckhebb.config.build import check_wheel_gain, network_for
 from epuckhebb.config.compose import Plain
 from epuckhebb.config.methods import REVERSAL_TASK, Method, typed_as
 from epuckhebb.config.names import world_of
@@ -62,7 +62,7 @@ def in_world(config: EvaluateConfig, world: Scenario) -> EvaluateConfig:
 @functools.cache
 def world_named(name: str, config_dir: str | None) -> Scenario:
     """A world by its name."""
-    robot = compose.plain(_home_cfg(TRAINED["obstacles"], (), config_dir).robot)
+    robot = compose.plain(_training_world_cfg(TRAINED["obstacles"], (), config_dir).robot)
     try:
         world = world_of(name, search_folders(config_dir), robot)
     except ValueError as error:
@@ -73,7 +73,7 @@ def world_named(name: str, config_dir: str | None) -> Scenario:
 
 
 @functools.cache
-def _home_cfg(home: str, task: tuple[str, ...], config_dir: str | None) -> DictConfig:
+def _training_world_cfg(home: str, task: tuple[str, ...], config_dir: str | None) -> DictConfig:
     """An evaluation of nothing but genes at home."""
     return compose.composed("evaluate", _lives_in(home, *task, "hebbian=none"), config_dir)
 
@@ -154,42 +154,44 @@ class Planner:
         return made
 
     def _entry(self, method: Method) -> Entry:
-        over = self._entries.get(method.over)
+        over = self._entries.get(method.champions_of)
         if over and over.row.kind != PLAIN:
             plain = [name for name, entry in self._entries.items() if entry.row.kind == PLAIN]
             raise ConfigError(
-                f"over={method.over}: its champions were evolved with a rule of their own, and another cannot be laid "
-                f"over it; give a method without plasticity, for example {', '.join(plain) or 'ga'}"
+                f"champions_of={method.champions_of}: its champions were evolved with a rule of their own; no other "
+                f"can be added; give a method without plasticity, for example {', '.join(plain) or 'ga'}"
             )
         config, champions = None, over.champions if over else {}
         if method.evolve:
             home = [] if "scenario" in method.evolve else [f"scenario={self._home}"]
-            given = ["genome=given"] if method.over else []
+            given = ["genome=given"] if method.champions_of else []
             cfg = compose.composed("evolve", [*home, *method.overrides("evolve"), *given], self._config_dir)
             config = typed(cfg, EvolveConfig)
             self._check(method, config)
             settings = compose.plain(cfg)
             champions = {seed: self._evolution(method, settings, over, seed) for seed in self._seeds}
-            lived = compose.plain(_home_cfg(self._home, self._task, self._config_dir))
+            lived = compose.plain(_training_world_cfg(self._home, self._task, self._config_dir))
             lived["hebbian"] = settings["hebbian"]
         else:
-            lived = self._laid_over(method)
+            lived = self._post_hoc(method)
         lived |= {"seed": self._config.seed, "repeats": self._repeats}
         is_plain = config is not None and isinstance(config.controller.rule, NoRule)
-        if is_plain and (method.over or method.twin):
-            raise ConfigError("it has no plasticity, so nothing is laid over, and no twin; leave out over and twin")
+        if is_plain and (method.champions_of or method.matched_control):
+            raise ConfigError(
+                "it has no plasticity: it adds nothing and needs no control; leave out champions_of and matched_control"
+            )
         if not is_plain and not method.compared_with:
-            raise ConfigError("twin is missing: name the method that is the same without plasticity")
-        if method.twin and config is not None:
-            _check_twin(config, self._entries[method.twin])
+            raise ConfigError("matched_control is missing: name the method that is the same without plasticity")
+        if method.matched_control and config is not None:
+            _check_control(config, self._entries[method.matched_control])
         evolved = config or (over.config if over else None)
         assert evolved is not None  # a method evolves, or takes another's champions
         row = Row(
             experiment=self._experiment,
             method=method.name,
-            kind=PLAIN if is_plain else EVOLVED if method.evolve else LAID_OVER,
-            twin=method.compared_with,
-            numbers=evolved.plan.genes,
+            kind=PLAIN if is_plain else EVOLVED if method.evolve else POST_HOC,
+            matched_control=method.compared_with,
+            evolved_parameters=evolved.plan.genes,
         )
         return Entry(
             method=method,
@@ -214,13 +216,13 @@ class Planner:
         if "hebbian.rule" in method.evolve:
             evaluate.compile_for([config.controller], evolve.network_of(config), config.world)
 
-    def _laid_over(self, method: Method) -> Plain:
+    def _post_hoc(self, method: Method) -> Plain:
         """How champions live with what is laid over them."""
         cfg = compose.composed("evaluate", _lives_in(self._home, *method.overrides("evaluate")), self._config_dir)
         config = typed(cfg, EvaluateConfig)
         for name, world in self._tests.items():
             try:
-                check_pace(in_world(config, world).lifetime, world)
+                check_wheel_gain(in_world(config, world).lifetime, world)
             except ValueError as error:
                 raise ConfigError(f"{name}: {error}") from error
         if "hebbian.rule" in method.evaluate:
@@ -240,17 +242,17 @@ class Planner:
         return Job(number=0, overrides=overrides, run=identity(asked), config=asked)
 
 
-def _check_twin(config: EvolveConfig, twin: Entry) -> None:
-    """Refuse a twin that differs in more than plasticity."""
-    other = twin.config
-    if twin.row.kind != PLAIN or other is None:
-        raise ConfigError(f"twin={twin.method.name} has plasticity itself; give a method without")
+def _check_control(config: EvolveConfig, matched_control: Entry) -> None:
+    """Refuse a matched control that differs in more than plasticity."""
+    other = matched_control.config
+    if matched_control.row.kind != PLAIN or other is None:
+        raise ConfigError(f"matched_control={matched_control.method.name} has plasticity itself; give a method without")
     ours, theirs = _but_for_plasticity(config), _but_for_plasticity(other)
     for what, value in ours.items():
         if value != theirs[what]:
             raise ConfigError(
-                f"twin={twin.method.name} has another {what}; a twin is the same but for plasticity, or plasticity "
-                "would be credited with what that does"
+                f"matched_control={matched_control.method.name} has another {what}; a matched control "
+                "differs in plasticity alone, or plasticity would be credited with what that does"
             )
 
 

@@ -46,9 +46,9 @@ class Leaderboard:
         """What each run is for."""
         told: dict[str, str] = {}
         for entry in self.entries:
-            for verb, jobs in (("evolve", entry.champions), ("test", entry.lives)):
+            for command, jobs in (("evolve", entry.champions), ("test", entry.lives)):
                 for seed, job in jobs.items():
-                    told.setdefault(job.run, f"{verb} {entry.method.name}, {entry.row.experiment}, seed {seed}")
+                    told.setdefault(job.run, f"{command} {entry.method.name}, {entry.row.experiment}, seed {seed}")
         return told
 
     @property
@@ -145,8 +145,8 @@ def in_reversal(methods: Sequence[Method], folders: Sequence[Path]) -> list[Meth
             method,
             evolve={**known_methods.REVERSAL_TASK, **_REVERSAL_GA, **method.rule} if method.evolve else {},
             evaluate={**known_methods.REVERSAL_TASK, **method.rule} if method.evaluate else {},
-            over=_PLAIN if method.over else "",
-            twin="" if method.over else _PLAIN,
+            champions_of=_PLAIN if method.champions_of else "",
+            matched_control="" if method.champions_of else _PLAIN,
         )
         if method.rule and not any(replace(made, name=one.name, told=one.told) == one for one in found):
             found.append(made)

@@ -17,11 +17,11 @@ import yaml
 from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.analysis import figures, report, reproduction
-from epuckhebb.analysis.evaluate import evaluate, room_to_evaluate
+from epuckhebb.analysis.evaluate import evaluate, memory_to_evaluate
 from epuckhebb.analysis.tables import code
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, ReproduceConfig, typed
-from epuckhebb.evolution.evolve import Generation, evolve, history_row, room_to_evolve
+from epuckhebb.evolution.evolve import Generation, evolve, history_row, memory_to_evolve
 from epuckhebb.runs.evaluate import compile_for
 from epuckhebb.runs.evolve import champion_of
 from epuckhebb.runs.nominal import remember_training_world
@@ -119,17 +119,17 @@ def reproduce(experiment: str, overrides: list[str], *, quick: bool) -> Path:
     tasks += [
         Task("tables, figures and report", (), partial(_tell, study), sum(living for _, living in steps.values()))
     ]
-    jobs.carry_out(folder, "reproduce", cfg, [experiment, *(["--quick"] if quick else []), *overrides], tasks)
+    jobs.run_tasks(folder, "reproduce", cfg, [experiment, *(["--quick"] if quick else []), *overrides], tasks)
     return folder
 
 
 def _needs(config: ReproduceConfig, experiments: tuple[str, ...]) -> Iterator[Need]:
     """The memory that a reproduction takes."""
-    room = room_to_evolve(config.ga.population, config.ga.loops, PAPER_NETWORK.synapses)
+    room = memory_to_evolve(config.ga.population, config.ga.loops, PAPER_NETWORK.synapses)
     yield Need(room, "a population", "lower ga.population or ga.loops")
     for one in experiments:
         controllers = len(reproduction.controllers(one, config.rates, config.signal.of(one)))
-        lives, _ = room_to_evaluate(controllers, Lifetime(), config.repeats, PAPER_NETWORK)
+        lives, _ = memory_to_evaluate(controllers, Lifetime(), config.repeats, PAPER_NETWORK)
         lives *= len(reproduction.worlds(one)) * config.champions
         yield Need(lives, f"the lifetimes of the {one} experiment", "lower champions or repeats, or give fewer rates")
 

@@ -63,36 +63,36 @@ UNKNOWN = ["hebian.N", "light", "scenario.ligth", "hydra.job.name", "job", "x", 
 
 def command_line(rng):
     """A command line: words that a user may type, and many that only a slip or malice would."""
-    verb = rng.choices([*FLAGS, "nope", ""], [*(6 if verb in BRIEF else 2 for verb in FLAGS), 1, 1])[0]
+    command = rng.choices([*FLAGS, "nope", ""], [*(6 if command in BRIEF else 2 for command in FLAGS), 1, 1])[0]
     good = rng.random() < 0.4
-    words = [flag for flag in FLAGS.get(verb, ["--help"]) if rng.random() < (0.04 if good else 0.12)]
-    if verb in ("show", "replay", "rerun"):
+    words = [flag for flag in FLAGS.get(command, ["--help"]) if rng.random() < (0.04 if good else 0.12)]
+    if command in ("show", "replay", "rerun"):
         places = ["evaluated", "evolved"] if good else ["evaluated", "evolved", "own", "nowhere", *HOSTILE]
         words += rng.choices(places, k=1 if good else rng.choice([1, 1, 1, 2]))
-    elif verb in BRIEF:
+    elif command in BRIEF:
         some = good_setting if good else setting
-        words += [some(verb, rng) for _ in range(rng.choice([1, 1, 1, 2, 3]))]
-        if verb == "sweep":
+        words += [some(command, rng) for _ in range(rng.choice([1, 1, 1, 2, 3]))]
+        if command == "sweep":
             words.insert(0, rng.choice(["obstacles", "light", "n_sweep", *([] if good else ["nope", "../light", ""])]))
-        elif verb == "reproduce" and rng.random() < 0.5:
+        elif command == "reproduce" and rng.random() < 0.5:
             words.insert(0, rng.choice(["light", "obstacles", "all", "nope", ""]))
         given = {word.lstrip("+~").partition("=")[0] for word in words}
-        brief = [word for word in BRIEF[verb] if word.partition("=")[0] not in given]
+        brief = [word for word in BRIEF[command] if word.partition("=")[0] not in given]
         words += [] if "resume" in given else brief
-    return [verb, *words]
+    return [command, *words]
 
 
-def good_setting(verb, rng):
+def good_setting(command, rng):
     """A choice of a group of a verb, or a key as it is anyway."""
-    choices = {group: names for group, names in groups(verb).items() if names}
-    key = rng.choice([*choices, *choices, *dict(keys_with_defaults(verb))])
-    return f"{key}={rng.choice(choices[key]) if key in choices else dict(keys_with_defaults(verb))[key]}"
+    choices = {group: names for group, names in groups(command).items() if names}
+    key = rng.choice([*choices, *choices, *dict(keys_with_defaults(command))])
+    return f"{key}={rng.choice(choices[key]) if key in choices else dict(keys_with_defaults(command))[key]}"
 
 
-def setting(verb, rng):
+def setting(command, rng):
     """An override of a key or a group of a verb, with a value that may be anything."""
-    choices = groups(verb)
-    values = dict(keys_with_defaults(verb))
+    choices = groups(command)
+    values = dict(keys_with_defaults(command))
     key = rng.choice([*choices, *values, *values, *STRUCTURES, *UNKNOWN])
     kinds = [NUMBERS, HOSTILE, NAMES, STRUCTURES.get(key, NUMBERS)]
     if key in choices:
@@ -100,7 +100,7 @@ def setting(verb, rng):
     elif key in values:
         kinds += [[str(values[key])]]
     value = rng.choice(rng.choice(kinds))
-    if (key in ENDLESS and value in HUGE) or (verb, key) == ("reproduce", "genome"):
+    if (key in ENDLESS and value in HUGE) or (command, key) == ("reproduce", "genome"):
         value = "3"
     if rng.random() < 0.25:
         value = rng.choice(["'{}'", '"{}"', "[{}]", "{},{}", "{}\\", "\\{}"]).replace("{}", value)

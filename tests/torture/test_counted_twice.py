@@ -70,20 +70,20 @@ def checked(table, different):
 
 
 @pytest.mark.parametrize("chance", range(15), indirect=True)
-@pytest.mark.parametrize("verb", ["evaluate", "sweep"])
-def test_values_that_repeat(verb, chance):
+@pytest.mark.parametrize("command", ["evaluate", "sweep"])
+def test_values_that_repeat(command, chance):
     words, different, repeated = drawn(chance)
-    if verb == "sweep":
+    if command == "sweep":
         words = ["obstacles", *words, *([] if "scenario" in different else ["scenario=base"])]
-    flags = ["-m"] if verb == "evaluate" else []
-    result = type_in(verb, *words, *SHORT, BASIC, "hydra.sweep.dir=out", *flags)
+    flags = ["-m"] if command == "evaluate" else []
+    result = type_in(command, *words, *SHORT, BASIC, "hydra.sweep.dir=out", *flags)
     if result.exit_code == USAGE:  # refused: then the message says what is there twice
         assert repeated, result.output
         assert any(key in result.stderr for key in different), result.output
         assert not list(Path().glob("out/*/metrics.csv"))
         return
     assert result.exit_code == 0, result.output
-    if verb == "sweep":
+    if command == "sweep":
         checked(pd.read_csv("out/sweep.csv"), different)
     checked(pd.read_csv("out/summary.csv"), different)
 

@@ -49,10 +49,10 @@ def test_two_thousand_jobs_that_are_done_are_looked_at_again():
     assert seconds < 20
 
 
-@pytest.mark.parametrize("verb", CALLS)
-def test_a_disk_that_is_full_sooner_or_later(disk, verb, request):  # noqa: F811  # pytest's way to ask for it
-    chance = random.Random(f"{request.config.getoption('--torture-seed')} {verb}")
-    first, second = CALLS[verb]
+@pytest.mark.parametrize("command", CALLS)
+def test_a_disk_that_is_full_sooner_or_later(disk, command, request):  # noqa: F811  # pytest's way to ask for it
+    chance = random.Random(f"{request.config.getoption('--torture-seed')} {command}")
+    first, second = CALLS[command]
     for _ in range(FILLINGS):
         done(first)
         before = contents("one")
@@ -60,9 +60,9 @@ def test_a_disk_that_is_full_sooner_or_later(disk, verb, request):  # noqa: F811
             result = call(*second)
             assert result.exit_code in {0, 1, 2}, result.output
             assert "Traceback" not in result.output
-            if result.exit_code == 2 and verb in ("evaluate", "evolve"):
+            if result.exit_code == 2 and command in ("evaluate", "evolve"):
                 assert not list(Path("two").rglob("*.csv"))
-        if verb in ("evaluate", "evolve"):
+        if command in ("evaluate", "evolve"):
             assert contents("one") == before
         else:  # there is room again: the same command goes on
             done(second)

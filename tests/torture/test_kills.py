@@ -18,7 +18,7 @@ pytestmark = pytest.mark.torture
 ROUNDS = 5  # of each verb, with two kills each
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
 PROGRAM = (
-    "from epuckhebb.runtime.errors import leave_when_asked; leave_when_asked(); print('ready', flush=True); "
+    "from epuckhebb.runtime.errors import end_on_signals; end_on_signals(); print('ready', flush=True); "
     "from epuckhebb.__main__ import main; main()"
 )
 WORDS = {
@@ -91,10 +91,10 @@ def results(folder):
     return {str(file.relative_to(folder)): file.read_bytes() for file in found}
 
 
-@pytest.mark.parametrize("verb", WORDS)
-def test_killed_twice_it_goes_on_to_the_same_bytes(verb, tmp_path, request):
-    chance = random.Random(f"{request.config.getoption('--torture-seed')} {verb}")
-    words, whole = WORDS[verb], tmp_path / "whole"
+@pytest.mark.parametrize("command", WORDS)
+def test_killed_twice_it_goes_on_to_the_same_bytes(command, tmp_path, request):
+    chance = random.Random(f"{request.config.getoption('--torture-seed')} {command}")
+    words, whole = WORDS[command], tmp_path / "whole"
     whole.mkdir()
     finish(words, whole)  # compiles what is not in the cache
     shutil.rmtree(whole)
@@ -108,19 +108,19 @@ def test_killed_twice_it_goes_on_to_the_same_bytes(verb, tmp_path, request):
         folder = tmp_path / str(number)
         folder.mkdir()
         for _ in range(2):
-            if is_finished(folder, verb):
+            if is_finished(folder, command):
                 break
             killed += kill(going_on(words, folder), folder, chance.uniform(0, lasts), chance.choice(SIGNALS))
-        if not is_finished(folder, verb):
+        if not is_finished(folder, command):
             finish(going_on(words, folder), folder)
         assert results(folder) == expected
         shutil.rmtree(folder)
         if killed >= 2 * ROUNDS:
             break
-    print(f"{verb}: killed {killed} times")
+    print(f"{command}: killed {killed} times")
     assert killed >= 2 * ROUNDS
 
 
-def is_finished(folder: Path, verb):
-    statuses = list(folder.glob("run/status.json" if verb != "reproduce" else "runs/reproduce/*/status.json"))
+def is_finished(folder: Path, command):
+    statuses = list(folder.glob("run/status.json" if command != "reproduce" else "runs/reproduce/*/status.json"))
     return bool(statuses) and status_of(statuses[0].parent).get("state") == "finished"

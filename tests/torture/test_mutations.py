@@ -164,14 +164,14 @@ def damaged(chance, content, suffix):
     return chance.randbytes(len(content))
 
 
-def torture(chance, run, name, times, verbs, tmp_path):
+def torture(chance, run, name, times, commands, tmp_path):
     """Damage a file of a run time and again, and let the verbs in turn read it.
 
     verbs: functions that are given the folder, and return an exit code and what is shown.
     """
     file, counts = run / name, {"noticed": 0, "as before": 0, "unknown": 0}
     whole = file.read_bytes()
-    before = [verb(run) for verb in verbs]
+    before = [command(run) for command in commands]
     can_tell = name != "status.json" and not run.name.endswith("_killed")
     for number in range(times):
         content = damaged(chance, whole, file.suffix)
@@ -180,10 +180,10 @@ def torture(chance, run, name, times, verbs, tmp_path):
                 file.unlink()
             else:
                 file.write_bytes(content)
-            place = number % len(verbs)
+            place = number % len(commands)
             kept = tmp_path / f"{run.name}_{number}_{file.name}"
             try:
-                code, shown = verbs[place](run)
+                code, shown = commands[place](run)
                 assert code in (0, 1, 2)
                 if code != 0:
                     counts["noticed"] += 1
@@ -200,7 +200,7 @@ def torture(chance, run, name, times, verbs, tmp_path):
     return counts
 
 
-def verb(*words):
+def command(*words):
     """A function that calls a verb on a folder."""
 
     def run(folder):
@@ -223,10 +223,10 @@ def loaded(folder):
         genome = load_genome(str(folder), "obstacles")
     except ConfigError as error:
         return 2, str(error)
-    baseline = genome.baseline
+    nominal = genome.nominal
     assert np.isfinite(genome.genes).all()
-    assert baseline is None or np.isfinite(baseline.fitness).all()
-    return 0, (genome.sha256, genome.baseline_sha256, genome.network, genome.plan, genome.robot, genome.lights)
+    assert nominal is None or np.isfinite(nominal.fitness).all()
+    return 0, (genome.sha256, genome.nominal_sha256, genome.network, genome.plan, genome.robot, genome.lights)
 
 
 def job_read(folder):
@@ -239,9 +239,9 @@ def job_read(folder):
     return 0, (told, job["config"])
 
 
-SHOW, SHOW_JSON = verb("show", "{}"), verb("show", "{}", "--json")
-REPLAY = verb("replay", "{}", "-o", "page.html")
-RESUME = verb("evolve", "resume={}", "ga.generations=2", "-q")
+SHOW, SHOW_JSON = command("show", "{}"), command("show", "{}", "--json")
+REPLAY = command("replay", "{}", "-o", "page.html")
+RESUME = command("evolve", "resume={}", "ga.generations=2", "-q")
 CASES = [  # kind of run, file, how often, what reads it
     ("evaluate", "metrics.csv", 110, [SHOW, SHOW_JSON]),
     ("evaluate", "provenance.json", 110, [SHOW, SHOW_JSON]),
@@ -262,10 +262,10 @@ CASES = [  # kind of run, file, how often, what reads it
 
 @pytest.mark.parametrize("ended", ["", "_killed"])
 @pytest.mark.parametrize(("kind", "name", "times", "verbs"), CASES, ids=[f"{case[0]}-{case[1]}" for case in CASES])
-def test_damage_is_noticed_or_does_no_harm(made, chance, kind, name, times, verbs, ended, here):
+def test_damage_is_noticed_or_does_no_harm(made, chance, kind, name, times, commands, ended, here):
     run = made / f"{kind}{ended}"
     file = min(run.glob(name))
-    counts = torture(chance, run, file.relative_to(run).as_posix(), times, verbs, here)
+    counts = torture(chance, run, file.relative_to(run).as_posix(), times, commands, here)
     print(kind + ended, name, counts)
     assert counts["noticed"] or name == ".hydra/overrides.yaml"
 

@@ -106,15 +106,15 @@ def drawn(chance):
     files = sorted((data_folder("conf") / group).glob("*.yaml"))
     file = chance.choice([file for file in files if file.stem != "epuck_lidar"])  # for which there is no champion
     name = chance.choice(["mine", "mine", file.stem])
-    verb = "evolve" if group in OF_EVOLUTIONS else "evaluate"
+    command = "evolve" if group in OF_EVOLUTIONS else "evaluate"
     if group == "experiment":
         words = [["sweep", name, "--dry-run"], ["evaluate", f"experiment={name}", *SHORT]]
         return group, file, name, chance.choice(words)
-    words = [verb, f"{group}={name}", *(BRIEF if verb == "evolve" else SHORT)]
+    words = [command, f"{group}={name}", *(BRIEF if command == "evolve" else SHORT)]
     if group == "lifetime":
         words = [word for word in words if not word.startswith("lifetime.")] + ["--cfg=job"]
     elif group == "optimizer":
-        words = [verb, f"{group}={name}", "--cfg=job"]
+        words = [command, f"{group}={name}", "--cfg=job"]
     elif chance.random() < 0.3:
         words.append(chance.choice(["--cfg=job", "--cfg=hydra"]))
     elif chance.random() < 0.2:

@@ -17,7 +17,7 @@ from playwright.sync_api import expect
 from epuckhebb.analysis import replay
 from epuckhebb.analysis.evaluate import evaluate
 from epuckhebb.sim.adaptation.adaptation import Adaptation
-from epuckhebb.sim.adaptation.baseline import remember
+from epuckhebb.sim.adaptation.nominal import remember
 from epuckhebb.sim.controller import GA, HEBBIAN, Controller
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network
@@ -35,12 +35,12 @@ HEBBIAN_PLASTICITY = Controller(name=HEBBIAN, rule=Paper(N=1.5e-5))
 
 
 def replayed(
-    folder, scenario, genes=None, controllers=(HEBBIAN_PLASTICITY,), seconds=250.0, network=PAPER_NETWORK, baseline=None
+    folder, scenario, genes=None, controllers=(HEBBIAN_PLASTICITY,), seconds=250.0, network=PAPER_NETWORK, nominal=None
 ):
     """A folder with the page of fresh lifetimes; and their traces."""
     own = np.load(ARRIVES)["genome"] if genes is None else genes
     lifetime = Lifetime(duration_s=seconds, record_every=8)
-    _, traces = evaluate(own, scenario, controllers, lifetime, baseline, repeats=1, seed=1, network=network)
+    _, traces = evaluate(own, scenario, controllers, lifetime, nominal, repeats=1, seed=1, network=network)
     page = replay.page(traces, own, scenario, "a test", gain_rad_s=1.0, network=network)
     (folder / "replay.html").write_text(page, encoding="utf-8")
     arrays = {"controller": traces.controller, "side": traces.side, "genome": own, **traces.samples._asdict()}
@@ -266,10 +266,10 @@ def test_a_run_without_plasticity_has_one_panel(visit, tmp_path):
 
 def test_homeostasis_is_told_and_its_weight_change_drawn(visit, tmp_path):
     home = Scenario(name="highlight", experiment="light", light=1.0, paper_duration_s=10.0)
-    baseline = remember(np.load(ARRIVES)["genome"], home)
+    nominal = remember(np.load(ARRIVES)["genome"], home)
     scales = Controller(name="homeostasis", adaptation=Adaptation(name="homeostasis", homeostasis=True))
     dim = replace(home, light=0.1)
-    page = visit(replayed(tmp_path, dim, controllers=(scales,), seconds=12.0, baseline=baseline)[0])
+    page = visit(replayed(tmp_path, dim, controllers=(scales,), seconds=12.0, nominal=nominal)[0])
     expect(page.locator("#introduction")).to_contain_text("scaled together until the light looks as it did at home")
     expect(page.get_by_label("Weight change")).to_have_count(1)
     expect(page.get_by_label("Change signal")).to_have_count(1)

@@ -14,25 +14,25 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim.adaptation import change_signals as signals
 from epuckhebb.sim.adaptation import exploration
-from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, ChangeSignal, Now, keep_recent
+from epuckhebb.sim.adaptation.change_signal import ChangeSignal, NominalOfSide, Now, keep_recent
 from epuckhebb.sim.adaptation.gate import need, resting
-from epuckhebb.sim.adaptation.homeostasis import HomeostasisRoom, homeostasis, homeostasis_room
+from epuckhebb.sim.adaptation.homeostasis import HomeostasisState, homeostasis, initial_homeostasis_state
 from epuckhebb.sim.adaptation.self_check.corrections import (
-    CorrectionRoom,
     Corrections,
+    CorrectionState,
     corrected_readings,
     corrected_wheel,
-    correction_room,
+    initial_correction_state,
     no_corrections,
 )
 from epuckhebb.sim.adaptation.wall_following import wall_following
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.network import HIDDEN
-from epuckhebb.sim.random import room_for_noise
+from epuckhebb.sim.random import noise_workspace_size
 from epuckhebb.sim.robot import STEP_S, Robot
 
 NONE = "none"
-_OF_NO_GATE = ("self_check", "dance_counts", "homeostasis")  # settings that need no signal of change
+_OF_NO_GATE = ("self_check", "calibration_counts", "homeostasis")  # settings that need no signal of change
 
 
 @cache
@@ -49,7 +49,7 @@ def _signal(name: str) -> ChangeSignal:
 class Exploration(Enum):
     """What a robot does while the gate is open, beside learning: shake its wheels, follow a wall, or both."""
 
-    shaking = "shaking"
+    motor_noise = "motor_noise"
     wall_following = "wall_following"
     both = "both"
 
@@ -63,7 +63,7 @@ class Adaptation:
     opens by so much for each unit of the signal above it; inf: at once. active_s, rest_s: while the signal lasts, open
     for so long, then closed for so long, and again; active_s 0: no rests. exploration: what the robot does while the
     gate is open. motor_noise: how hard it shakes, standard deviation of noise on both wheels' outputs. self_check:
-    whether it dances before its life, and corrects what it finds. dance_counts: whether the dance is part of the
+    whether it dances before its life, and corrects what it finds. calibration_counts: whether the dance is part of the
     lifetime; otherwise the clock starts after it. homeostasis: whether its light synapses are scaled until the light
     looks as it did at home.
 
@@ -77,10 +77,10 @@ class Adaptation:
     slope: float = math.inf
     active_s: float = 0.0
     rest_s: float = 0.0
-    exploration: Exploration = Exploration.shaking
+    exploration: Exploration = Exploration.motor_noise
     motor_noise: float = 0.0
     self_check: bool = False
-    dance_counts: bool = False
+    calibration_counts: bool = False
     homeostasis: bool = False
 
     def __post_init__(self) -> None:
@@ -102,8 +102,10 @@ class Adaptation:
             raise ValueError(
                 f"adaptation.rest_s = {self.rest_s:g} needs adaptation.active_s above 0: rests follow active times"
             )
-        if self.dance_counts and not self.self_check:
-            raise ValueError("adaptation.dance_counts does nothing without a dance: give adaptation.self_check=true")
+        if self.calibration_counts and not self.self_check:
+            raise ValueError(
+                "adaptation.calibration_counts does nothing without a dance: give adaptation.self_check=true"
+            )
         if self.exploration is Exploration.wall_following and self.motor_noise > 0:
             raise ValueError(
                 f"adaptation.motor_noise = {self.motor_noise:g} does nothing with exploration=wall_following: give "
@@ -129,19 +131,19 @@ class Adaptation:
         return self.change_signal != NONE
 
     @property
-    def needs_baseline(self) -> bool:
+    def needs_nominal(self) -> bool:
         """Whether it compares with what is remembered of the training world."""
         return self.is_gated or self.homeostasis
 
     @property
     def acts(self) -> bool:
         """Whether anything at all is laid over the rule."""
-        return self.needs_baseline or self.self_check
+        return self.needs_nominal or self.self_check
 
     @property
     def follows_walls(self) -> bool:
         """Whether the robot follows walls while the gate is open."""
-        return self.exploration is not Exploration.shaking
+        return self.exploration is not Exploration.motor_noise
 
 
 class Gate(NamedTuple):
@@ -159,7 +161,7 @@ def gate_numbers(adaptation: Adaptation) -> Gate:
     return Gate(*(float(getattr(adaptation, name)) for name in Gate._fields))
 
 
-class AdaptationRoom(NamedTuple):
+class AdaptationState(NamedTuple):
     """What an adaptation carries through a life besides its tally.
 
     recent: recent means, (inputs + 1,). hand: (1,) the side on which it follows a wall, 1 left, -1 right, 0 while it
@@ -170,20 +172,20 @@ class AdaptationRoom(NamedTuple):
     recent: NDArray[np.float64]
     hand: NDArray[np.float64]
     corrections: Corrections
-    correcting: CorrectionRoom
-    homeostasis: HomeostasisRoom
+    correcting: CorrectionState
+    homeostasis: HomeostasisState
     noise: NDArray[np.float64]
 
 
-def adaptation_room(robot: Robot, corrections: Corrections | None = None) -> AdaptationRoom:
+def initial_adaptation_state(robot: Robot, corrections: Corrections | None = None) -> AdaptationState:
     """Room for a robot at birth. corrections: None if it found nothing to correct."""
-    return AdaptationRoom(
+    return AdaptationState(
         recent=np.zeros(robot.inputs + 1),
         hand=np.zeros(1),
         corrections=no_corrections(robot) if corrections is None else corrections,
-        correcting=correction_room(robot),
-        homeostasis=homeostasis_room(robot.light.count),
-        noise=np.zeros(room_for_noise(16)),
+        correcting=initial_correction_state(robot),
+        homeostasis=initial_homeostasis_state(robot.light.count),
+        noise=np.zeros(noise_workspace_size(16)),
     )
 
 
@@ -223,7 +225,7 @@ def hooks(
     """
     gated = change_signal != NONE
     limit = robot.motor_limit_rad_s
-    explore = _shaking(limit)
+    explore = _with_motor_noise(limit)
     if gated and follows_walls:
         explore = _following(wall_following(robot), limit)
     return Hooks(
@@ -236,7 +238,7 @@ def hooks(
 
 
 @compiled
-def _as_sensed(readings: NDArray[np.float64], by: Corrections, room: CorrectionRoom) -> None:
+def _as_sensed(readings: NDArray[np.float64], by: Corrections, room: CorrectionState) -> None:
     pass
 
 
@@ -245,8 +247,8 @@ def _unscaled(
     readings: NDArray[np.float64],
     weights: NDArray[np.float64],
     tally: Any,
-    room: HomeostasisRoom,
-    home: BaselineOfSide,
+    room: HomeostasisState,
+    home: NominalOfSide,
     step: int,
 ) -> None:
     pass
@@ -261,10 +263,10 @@ def _as_commanded(output: float, loss: float, gain: float) -> float:
 def _always_open(
     gate: Gate,
     tally: Any,
-    room: AdaptationRoom,
+    room: AdaptationState,
     readings: NDArray[np.float64],
     fitness: float,
-    baseline: BaselineOfSide,
+    nominal: NominalOfSide,
     at_goal: bool,
     step: int,
     key: np.uint64,
@@ -276,7 +278,7 @@ def _always_open(
 def _as_it_is(
     gate: Gate,
     tally: Any,
-    room: AdaptationRoom,
+    room: AdaptationState,
     readings: NDArray[np.float64],
     left: float,
     right: float,
@@ -290,10 +292,10 @@ def _gated_by(signal: ChangeSignal) -> Callable[..., float]:
     def open_gate(
         gate: Gate,
         tally: Any,
-        room: AdaptationRoom,
+        room: AdaptationState,
         readings: NDArray[np.float64],
         fitness: float,
-        baseline: BaselineOfSide,
+        nominal: NominalOfSide,
         at_goal: bool,
         step: int,
         key: np.uint64,
@@ -302,7 +304,7 @@ def _gated_by(signal: ChangeSignal) -> Callable[..., float]:
         tally.arrived = tally.arrived or at_goal
         tally.away_s = 0.0 if at_goal else tally.away_s + STEP_S
         now = Now(step * STEP_S, tally.away_s, tally.arrived, room.recent)
-        tally.change_signal = signal(now, baseline)
+        tally.change_signal = signal(now, nominal)
         open_by = 0.0 if at_goal else need(tally.change_signal, gate.threshold, gate.slope)
         tally.late_s = tally.late_s + STEP_S if open_by > 0.0 else 0.0
         if open_by > 0.0 and resting(tally.late_s, gate.active_s, gate.rest_s):
@@ -316,12 +318,12 @@ def _gated_by(signal: ChangeSignal) -> Callable[..., float]:
     return open_gate
 
 
-def _shaking(motor_limit: float) -> Callable[..., tuple[float, float]]:
+def _with_motor_noise(motor_limit: float) -> Callable[..., tuple[float, float]]:
     @compiled
     def explore(
         gate: Gate,
         tally: Any,
-        room: AdaptationRoom,
+        room: AdaptationState,
         readings: NDArray[np.float64],
         left: float,
         right: float,
@@ -336,13 +338,13 @@ def _shaking(motor_limit: float) -> Callable[..., tuple[float, float]]:
 
 
 def _following(follow: Callable[..., tuple[float, float]], motor_limit: float) -> Callable[..., tuple[float, float]]:
-    shake = _shaking(motor_limit)
+    add_noise = _with_motor_noise(motor_limit)
 
     @compiled
     def explore(
         gate: Gate,
         tally: Any,
-        room: AdaptationRoom,
+        room: AdaptationState,
         readings: NDArray[np.float64],
         left: float,
         right: float,
@@ -350,7 +352,7 @@ def _following(follow: Callable[..., tuple[float, float]], motor_limit: float) -
     ) -> tuple[float, float]:
         if tally.need > 0.0:
             left, right = follow(readings, room.hand)
-            return shake(gate, tally, room, readings, left / gain, right / gain, gain)
+            return add_noise(gate, tally, room, readings, left / gain, right / gain, gain)
         room.hand[0] = 0.0
         return left, right
 

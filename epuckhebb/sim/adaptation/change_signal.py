@@ -31,8 +31,8 @@ class Now(NamedTuple):
     recent: NDArray[np.float64]
 
 
-class BaselineOfSide(NamedTuple):
-    """The training world as a robot on one side remembers it (`epuckhebb.sim.adaptation.baseline`).
+class NominalOfSide(NamedTuple):
+    """The training world as a robot on one side remembers it (`epuckhebb.sim.adaptation.nominal`).
 
     time_to_goal_s: the slowest arrival; nan if it never arrived. away_s: the longest excursion from the goal
     afterwards. fitness: (seconds,) the least recent live fitness in each second. reading_mean, reading_spread:
@@ -51,30 +51,30 @@ class BaselineOfSide(NamedTuple):
     novelty: float
 
 
-def no_baseline(inputs: int) -> BaselineOfSide:
+def no_nominal(inputs: int) -> NominalOfSide:
     """What a robot remembers that has nothing to compare with."""
-    return BaselineOfSide(
+    return NominalOfSide(
         np.nan, 0.0, np.zeros(1), np.zeros((2, inputs)), np.ones((2, inputs)), np.zeros((0, 0)), np.zeros(0), np.inf
     )
 
 
-def check_baseline(baseline: BaselineOfSide, inputs: int) -> None:
+def check_nominal(nominal: NominalOfSide, inputs: int) -> None:
     """Refuse a baseline that is not of a robot with so many readings.
 
     Raises:
         ValueError: it is not.
     """
     for name in ("reading_mean", "reading_spread"):
-        if getattr(baseline, name).shape != (2, inputs):
+        if getattr(nominal, name).shape != (2, inputs):
             raise ValueError(
                 f"a baseline of a robot with {inputs} readings has a {name} of shape (2, {inputs}), got "
-                f"{getattr(baseline, name).shape}: it is of another robot"
+                f"{getattr(nominal, name).shape}: it is of another robot"
             )
-    if len(baseline.fitness) == 0:
+    if len(nominal.fitness) == 0:
         raise ValueError("a baseline remembers the live fitness of one second or more, got none")
 
 
-ChangeSignal = Callable[[Now, BaselineOfSide], float]
+ChangeSignal = Callable[[Now, NominalOfSide], float]
 
 
 @compiled

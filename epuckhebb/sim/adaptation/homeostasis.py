@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim import light
-from epuckhebb.sim.adaptation.change_signal import RECENT_S, BaselineOfSide
+from epuckhebb.sim.adaptation.change_signal import RECENT_S, NominalOfSide
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.robot import STEP_S
 
@@ -73,12 +73,12 @@ def lengths_of(patterns: NDArray[np.float64]) -> NDArray[np.float64]:
     return lengths
 
 
-def no_patterns(home: BaselineOfSide, lights: int) -> BaselineOfSide:
+def no_patterns(home: NominalOfSide, lights: int) -> NominalOfSide:
     """The baseline with room for patterns, all dark: for who is never to live with it."""
     return home._replace(patterns=np.zeros((lights, PATTERNS)), lengths=np.ones(PATTERNS))
 
 
-def check_patterns(home: BaselineOfSide, lights: int) -> None:
+def check_patterns(home: NominalOfSide, lights: int) -> None:
     """Refuse a baseline that does not tell what the light looks like at home, or is of another robot.
 
     Raises:
@@ -91,7 +91,7 @@ def check_patterns(home: BaselineOfSide, lights: int) -> None:
         )
 
 
-class HomeostasisRoom(NamedTuple):
+class HomeostasisState(NamedTuple):
     """What homeostasis carries through a life.
 
     state: (3,) the scale k, the novelty n(k), the novelty n(1); nan before the first. bright: (lights,) smoothed
@@ -103,16 +103,16 @@ class HomeostasisRoom(NamedTuple):
     alike: NDArray[np.float64]
 
 
-def homeostasis_room(lights: int) -> HomeostasisRoom:
+def initial_homeostasis_state(lights: int) -> HomeostasisState:
     """Room for a robot at birth."""
-    return HomeostasisRoom(
+    return HomeostasisState(
         state=np.array([1.0, math.nan, math.nan]), bright=np.full(lights, math.nan), alike=np.zeros(PATTERNS)
     )
 
 
 @compiled
 def compare(
-    bright: NDArray[np.float64], k: float, home: BaselineOfSide, alike: NDArray[np.float64]
+    bright: NDArray[np.float64], k: float, home: NominalOfSide, alike: NDArray[np.float64]
 ) -> tuple[float, float]:
     """How unlike the nearest pattern the brightness is with this scale, rms(t - v), and how fast k would follow."""
     lights = bright.shape[0]
@@ -144,7 +144,7 @@ def homeostasis(lights: int, post: int) -> Callable[..., None]:
     """
 
     @compiled
-    def follow(room: HomeostasisRoom, home: BaselineOfSide) -> None:
+    def follow(room: HomeostasisState, home: NominalOfSide) -> None:
         k = room.state[0]
         novelty, pull = compare(room.bright, k, home, room.alike)
         without = novelty if k == 1.0 else compare(room.bright, 1.0, home, room.alike)[0]
@@ -173,8 +173,8 @@ def homeostasis(lights: int, post: int) -> Callable[..., None]:
         readings: NDArray[np.float64],
         weights: NDArray[np.float64],
         tally: Any,
-        room: HomeostasisRoom,
-        home: BaselineOfSide,
+        room: HomeostasisState,
+        home: NominalOfSide,
         step: int,
     ) -> None:
         over = 1.0 / max(1.0, room.state[0])  # noise is smoothed as much as it is magnified

@@ -71,6 +71,6 @@ def _sensors(robot: Robot) -> list[tuple[int, ...]]:
     if not all(found):
         raise ValueError(
             f"following walls needs distance sensors that look to the front, ahead and to the side on the left and on "
-            f"the right, and robot {robot.name} has not all of them; give adaptation.exploration=shaking"
+            f"the right, and robot {robot.name} has not all of them; give adaptation.exploration=motor_noise"
         )
     return [tuple(sensors) for sensors in found]

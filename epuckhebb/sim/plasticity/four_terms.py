@@ -34,7 +34,7 @@ class FourTerms(Rule):
 
     @staticmethod
     def synapse(
-        pre: float, post: float, weight: float, at_birth: float, A: float, B: float, C: float, D: float, by: Any
+        pre: float, post: float, weight: float, initial_weight: float, A: float, B: float, C: float, D: float, by: Any
     ) -> float:
         """D = A x_j x_i + B x_j + C x_i + D0 - leak (w - w0)."""
-        return float((A * post + B) * pre + C * post + D - by.leak * (weight - at_birth))
+        return float((A * post + B) * pre + C * post + D - by.leak * (weight - initial_weight))

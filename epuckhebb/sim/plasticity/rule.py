@@ -17,10 +17,22 @@ from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.control import Sign
 
-QUANTITIES = ("correlation", "pre", "post", "weight", "at_birth", "fitness", "key", "step", "number", "kept", "by")
+QUANTITIES = (
+    "correlation",
+    "pre",
+    "post",
+    "weight",
+    "initial_weight",
+    "fitness",
+    "key",
+    "step",
+    "number",
+    "kept",
+    "by",
+)
 TAKEN = (*QUANTITIES, "weights")  # names that nothing else can have; `weights` are those of the network
 MODULATOR, REWARD = "modulator", "reward"
-BIRTH_RANGE = 0.1  # of weights that are drawn at birth; that of Najarro & Risi 2020
+INITIAL_RANGE = 0.1  # of weights that are drawn at birth; that of Najarro & Risi 2020
 _LARGEST_WEIGHT = 1e6  # a neuron is at its limit from a drive of 20 on, and sums over larger weights say nothing
 
 
@@ -40,7 +52,7 @@ class Evolved(NamedTuple):
     value: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
 
 
-class Births(Enum):
+class InitialWeights(Enum):
     """Where the weights at birth come from: evolved, or random, drawn anew for each lifetime within +-0.1."""
 
     evolved = "evolved"
@@ -61,8 +73,8 @@ class Rule:
     N: base rate, 0 for a robot that does not learn. N_gain_rad_s: wheel gain at which N holds; at another gain it is in
     proportion, so that a metre of way brings as many updates of the same size; 0 if N holds at any gain, as in the
     paper. floor: the least factor on N, when fitness is low. w_max: bound of the weights. signal: the live fitness that
-    scales the rate. sign: of the updates, `hebbian` or a control. births: where the weights at birth come from. reward:
-    how a modulatory neuron hears a reward, as it is `told` or, as a control, `inverted`.
+    scales the rate. sign: of the updates, `hebbian` or a control. initial_weights: where the weights come from.
+    reward: how a modulatory neuron hears a reward, as it is `told` or, as a control, `inverted`.
 
     A subclass has a static method `synapse`, compiled by numba, which returns the direction of a weight's change; the
     program multiplies it by N_e, adds it to the weight and keeps that within +-w_max. Its arguments are any of these
@@ -71,7 +83,7 @@ class Rule:
         pre, post     activations x_j and x_i of the two neurons that the synapse joins
         correlation   their product
         weight        the weight as it is now
-        at_birth      the weight at birth
+        initial_weight      the weight at birth
         fitness       the live fitness, the same for all synapses
         key, step     of the lifetime's noise, and of this step; with `number`, the place of a random number
         number        of this synapse, from 0
@@ -102,7 +114,7 @@ class Rule:
     w_max: float = 2.0
     signal: Signal = Signal.behaviour
     sign: Sign = Sign.hebbian
-    births: Births = Births.evolved
+    initial_weights: InitialWeights = InitialWeights.evolved
     reward: Reward = Reward.told
 
     def __post_init__(self) -> None:
@@ -120,7 +132,7 @@ class Rule:
                 raise ValueError(f"hebbian.{name} must be 0 or more, got {getattr(self, name)}")
         if not 0 < self.w_max <= _LARGEST_WEIGHT:
             raise ValueError(f"hebbian.w_max must be more than 0 and at most {_LARGEST_WEIGHT:g}, got {self.w_max}")
-        if self.reward is not Reward.told and not hears_reward(type(self)):
+        if self.reward is not Reward.told and not receives_reward(type(self)):
             raise ValueError(
                 f"hebbian.reward={self.reward.name} does nothing with rule {name_of(type(self))}, which hears no reward"
             )
@@ -250,7 +262,7 @@ def values_of(
     return values
 
 
-def kept_at_birth(rule: type[Rule], network: Network) -> NDArray[np.void]:
+def initial_synapse_state(rule: type[Rule], network: Network) -> NDArray[np.void]:
     """What the synapses keep, (synapses,) records with a field for each name, as at birth."""
     names = list(rule.kept) or ["nothing"]
     values = tuple(rule.kept.values()) or (0.0,)
@@ -344,7 +356,7 @@ def is_modulated(rule: type[Rule]) -> bool:
     return _modulator(rule) is not None
 
 
-def hears_reward(rule: type[Rule]) -> bool:
+def receives_reward(rule: type[Rule]) -> bool:
     """Whether a rule has a modulatory neuron that hears a reward where the network is told one."""
     return any(evolved.per == REWARD for evolved in rule.with_reward.values())
 

@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim.compiled import compiled, in_module, in_turn
 from epuckhebb.sim.network import Network, by_layer, tanh
-from epuckhebb.sim.plasticity.rule import NoRule, Rule, asked, coefficient_names, hears_reward, is_alike, is_modulated
+from epuckhebb.sim.plasticity.rule import (
+    NoRule,
+    Rule,
+    asked,
+    coefficient_names,
+    is_alike,
+    is_modulated,
+    receives_reward,
+)
 from epuckhebb.sim.plasticity.weight_change import total_of, weight_change
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
@@ -122,7 +130,7 @@ def _fill_nothing(weights: NDArray[np.float64], lengths: NDArray[np.float64], ro
     """Weights of any length will do."""
 
 
-def lengths_at_birth(rule: type[Rule], network: Network, genes: NDArray[np.float64]) -> NDArray[np.float64]:
+def initial_lengths(rule: type[Rule], network: Network, genes: NDArray[np.float64]) -> NDArray[np.float64]:
     """The length of each neuron's incoming weights, (neurons,); empty for a rule that does not keep it.
 
     genes: weights at birth.
@@ -160,7 +168,7 @@ def modulation_of(rule: type[Rule], network: Network) -> Modulate:
     if not is_modulated(rule):
         return compiled(_unmodulated)
     heard, first = network.layers[-2], network.first_neuron[-2]
-    rewarded, reward = network.rewarded and hears_reward(rule), network.inputs - 1
+    rewarded, reward = network.rewarded and receives_reward(rule), network.inputs - 1
 
     @compiled
     def modulate(modulatory: NDArray[np.float64], activation: NDArray[np.float64]) -> float:
@@ -214,7 +222,7 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         "pre": f"room[{PRE}, k]",
         "post": f"room[{POST}, k]",
         "weight": "weights[k]",
-        "at_birth": "genes[k]",
+        "initial_weight": "genes[k]",
         "fitness": "now.fitness",
         "key": "now.key",
         "step": "now.step",

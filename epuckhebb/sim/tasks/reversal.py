@@ -139,7 +139,7 @@ class Reversal(Task):
             self.time_outs,
         )
 
-    def trials_at_birth(self, side: Side, key: int) -> NDArray[np.void]:
+    def initial_trials(self, side: Side, key: int) -> NDArray[np.void]:
         """See `Task`. side: the end that is rewarded first."""
         switch = self.switch(key)
         told = np.zeros(self.trials, TRIAL)

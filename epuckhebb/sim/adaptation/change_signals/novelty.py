@@ -5,21 +5,21 @@ novelty = min over lamps of mean |s' - m| / (d + 0.01)      recent readings agai
 
 import numpy as np
 
-from epuckhebb.sim.adaptation.change_signal import BaselineOfSide, Now
+from epuckhebb.sim.adaptation.change_signal import NominalOfSide, Now
 from epuckhebb.sim.compiled import compiled
 
 LEAST_SPREAD = 0.01  # of a reading: the noise of a light sensor
 
 
 @compiled
-def change_signal(now: Now, baseline: BaselineOfSide) -> float:
+def change_signal(now: Now, nominal: NominalOfSide) -> float:
     """Mean distance of the inputs, in spreads, from the remembered state that fits best: without or with the lamp."""
     least = np.inf
-    inputs = baseline.reading_mean.shape[1]
+    inputs = nominal.reading_mean.shape[1]
     for lamp in range(2):
         total = 0.0
         for i in range(inputs):
-            away = abs(now.recent[i] - baseline.reading_mean[lamp, i])
-            total += away / (baseline.reading_spread[lamp, i] + LEAST_SPREAD)
+            away = abs(now.recent[i] - nominal.reading_mean[lamp, i])
+            total += away / (nominal.reading_spread[lamp, i] + LEAST_SPREAD)
         least = min(least, total / inputs)
     return least

@@ -15,7 +15,7 @@ import numpy as np
 
 from epuckhebb.sim import random
 from epuckhebb.sim.adaptation.self_check.corrections import Corrections, no_corrections, sunlit
-from epuckhebb.sim.adaptation.self_check.dance import danced
+from epuckhebb.sim.adaptation.self_check.dance import calibrate
 from epuckhebb.sim.adaptation.self_check.findings import MISFIT, Findings, find
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, check_robot, regression
 from epuckhebb.sim.life import CalibrationRecord
@@ -36,7 +36,7 @@ class Checked:
     of its findings it corrects. corrections: as numbers for its life.
     """
 
-    danced: CalibrationRecord
+    calibration: CalibrationRecord
     found: Findings
     corrected: tuple[str, ...]
     corrections: Corrections
@@ -44,7 +44,7 @@ class Checked:
     @property
     def end(self) -> Pose:
         """Where the dance ended and the life begins."""
-        return Pose(*self.danced.poses[-1].tolist())
+        return Pose(*self.calibration.poses[-1].tolist())
 
 
 def check(
@@ -63,11 +63,11 @@ def check(
             f"what the self-check remembers is of a robot with {memory.lights} light sensors and {memory.inputs} "
             f"readings; robot {world.robot.name} has {world.robot.light.count} and {world.robot.inputs}"
         )
-    told = danced(world.phases[0][1], side, random.key(int(key), Stream.dance_noise), noise, start)
+    told = calibrate(world.phases[0][1], side, random.key(int(key), Stream.calibration_noise), noise, start)
     found = find(told.readings, memory)
     corrected = tuple(clear(found))
     return Checked(
-        danced=told,
+        calibration=told,
         found=found,
         corrected=corrected,
         corrections=corrections_for(found, corrected, memory, world.robot),
@@ -107,7 +107,7 @@ def corrections_for(found: Findings, corrected: tuple[str, ...], memory: SelfMem
         by = by._replace(
             light_ratio=found.light_ratio,
             sun_now=sunlit(robot, memory.light * found.light_ratio),
-            sun_home=sunlit(robot, memory.light),
+            sun_training=sunlit(robot, memory.light),
         )
     if "left wheel" in corrected:
         by = by._replace(left_loss=float(found.wheel_loss[0]))

@@ -31,15 +31,16 @@ class Corrections(NamedTuple):
     """What a robot corrects, as numbers for the kernel.
 
     light_ratio: rho, today's light over home's. seeing: (lights,) 1 where a light sensor works, 0 where it is dead.
-    sun_now, sun_home: (lights, HEADINGS + 2 * 8) readings under the sun alone, by its direction, today's and home's;
-    the last 16 are the first again. dead: numbers of the readings that are made up from others; others: of those.
-    regression: (dead, others + 1, others + 1) Q; place 0 is of the constant 1. left_loss, right_loss: of the wheels.
+    sun_now, sun_training: (lights, HEADINGS + 2 * 8) readings under the sun alone, by its direction, today's and
+    that of the training world; the last 16 are the first again. dead: numbers of the readings that are made up from
+    others; others: of those. regression: (dead, others + 1, others + 1) Q;
+    place 0 is of the constant 1. left_loss, right_loss: of the wheels.
     """
 
     light_ratio: float
     seeing: NDArray[np.float64]
     sun_now: NDArray[np.float64]
-    sun_home: NDArray[np.float64]
+    sun_training: NDArray[np.float64]
     dead: NDArray[np.int64]
     others: NDArray[np.int64]
     regression: NDArray[np.float64]
@@ -54,7 +55,7 @@ def no_corrections(robot: Robot) -> Corrections:
         light_ratio=1.0,
         seeing=np.ones(robot.light.count),
         sun_now=by_heading,
-        sun_home=by_heading,
+        sun_training=by_heading,
         dead=np.zeros(0, np.int64),
         others=np.arange(robot.inputs),
         regression=np.zeros((0, robot.inputs + 1, robot.inputs + 1)),
@@ -105,7 +106,7 @@ def sunlit(robot: Robot, level: float) -> NDArray[np.float64]:
     return by_heading
 
 
-class CorrectionRoom(NamedTuple):
+class CorrectionState(NamedTuple):
     """What corrections carry from step to step: smooth (lights,), nan before the first; and workspace."""
 
     smooth: NDArray[np.float64]
@@ -114,9 +115,9 @@ class CorrectionRoom(NamedTuple):
     weighted: NDArray[np.float64]
 
 
-def correction_room(robot: Robot) -> CorrectionRoom:
+def initial_correction_state(robot: Robot) -> CorrectionState:
     """Room for a robot at birth."""
-    return CorrectionRoom(
+    return CorrectionState(
         smooth=np.full(robot.light.count, np.nan),
         cost=np.zeros(2 * _COARSE),
         known=np.zeros(robot.inputs + 1),
@@ -154,7 +155,7 @@ def from_brighter(readings: NDArray[np.float64], by: Corrections, cost: NDArray[
         elif lamp:
             readings[i] = 0.0
         else:
-            readings[i] = by.sun_home[i, at]
+            readings[i] = by.sun_training[i, at]
 
 
 @compiled
@@ -189,7 +190,7 @@ def _least(cost: NDArray[np.float64]) -> int:
 
 
 @compiled
-def instead_of_dead(readings: NDArray[np.float64], by: Corrections, room: CorrectionRoom) -> None:
+def instead_of_dead(readings: NDArray[np.float64], by: Corrections, room: CorrectionState) -> None:
     """What dead sensors would read, by the others: a quadratic regression on readings at home.
 
     reading = clip(z Q z, 0, 1), z = (1, the other readings)
@@ -211,7 +212,7 @@ def instead_of_dead(readings: NDArray[np.float64], by: Corrections, room: Correc
 
 
 @compiled
-def corrected_readings(readings: NDArray[np.float64], by: Corrections, room: CorrectionRoom) -> None:
+def corrected_readings(readings: NDArray[np.float64], by: Corrections, room: CorrectionState) -> None:
     """Readings as they would be at home: first of the light, then of dead sensors, which follow from the others."""
     if by.light_ratio < 1.0:
         from_darker(readings, by.light_ratio, room.smooth)

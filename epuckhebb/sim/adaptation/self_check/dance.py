@@ -54,7 +54,7 @@ def dance(
     key: np.uint64,
     workspace: Workspace,
     tallies: NDArray[np.void],
-    danced: CalibrationRecord,
+    calibration: CalibrationRecord,
 ) -> None:
     """Let the robot that stands in `space` dance, sensing and moving as it does in its life.
 
@@ -62,21 +62,21 @@ def dance(
     """
     tally = tallies[0]
     x, y, heading = pose(space)
-    for step in range(danced.speeds.shape[0]):
-        danced.poses[step, 0], danced.poses[step, 1], danced.poses[step, 2] = x, y, heading
+    for step in range(calibration.speeds.shape[0]):
+        calibration.poses[step, 0], calibration.poses[step, 1], calibration.poses[step, 2] = x, y, heading
         cos, sin = math.cos(heading), math.sin(heading)
         if noise_level > 0.0:
             draw_noise(key, step, workspace.noise)
-        readings = danced.readings[step]
+        readings = calibration.readings[step]
         sense(x, y, cos, sin, space.walls, lit, workspace.noise, noise_level, workspace.senses, readings)
         apply_sensor_faults(readings, trial.faults)
         blind(readings, trial.faults.dead_sensors)
-        left, right = danced.speeds[step, 0], danced.speeds[step, 1]
+        left, right = calibration.speeds[step, 0], calibration.speeds[step, 1]
         left, right = turn_wheels(trial.faults, tally, left, right, 1.0, key, step)
         move(space, cos, sin, left, right)
         x, y, heading = pose(space)
-    last = danced.speeds.shape[0]
-    danced.poses[last, 0], danced.poses[last, 1], danced.poses[last, 2] = x, y, heading
+    last = calibration.speeds.shape[0]
+    calibration.poses[last, 0], calibration.poses[last, 1], calibration.poses[last, 2] = x, y, heading
 
 
 @cache
@@ -93,7 +93,7 @@ def _kernel_of(robot: Robot, more_faults: bool) -> Any:
     )
 
 
-def danced(
+def calibrate(
     world: Scenario, side: Side, key: np.uint64, noise: float = 1.0, start: Pose | None = None, *, walls: bool = True
 ) -> CalibrationRecord:
     """What a robot does and feels that dances in a world, as it is at birth.
@@ -134,23 +134,23 @@ def check_time(lifetime: Lifetime, world: Scenario) -> None:
     if lifetime.steps <= len(STEPS):
         raise ValueError(
             f"lifetime.duration_s must be more than {lasts:g} s, the time of the dance, with "
-            f"adaptation.dance_counts=true, got {lifetime.duration_s:g}"
+            f"adaptation.calibration_counts=true, got {lifetime.duration_s:g}"
         )
     if world.changes and world.changes[0]["at_s"] < lasts:
         raise ValueError(
-            f"scenario.changes[0].at_s must be {lasts:g} s or more with adaptation.dance_counts=true, got "
+            f"scenario.changes[0].at_s must be {lasts:g} s or more with adaptation.calibration_counts=true, got "
             f"{world.changes[0]['at_s']}: the world stays as it is while the robot dances"
         )
 
 
-def check_room(home: Scenario) -> None:
+def check_space(home: Scenario) -> None:
     """Refuse a world in which a sound robot would touch a wall while it dances.
 
     Raises:
         ValueError: it would; the message says how near it comes.
     """
     robot = home.robot
-    poses = danced(home, "left", np.uint64(0), noise=0.0, walls=False).poses
+    poses = calibrate(home, "left", np.uint64(0), noise=0.0, walls=False).poses
     placed = boxes(home.maze, home.obstacles, home.layout)
     nearest = min(gap(x, y, placed) for x, y, _ in poses.tolist()) - robot.radius_m
     if nearest < _CLEAR_M:

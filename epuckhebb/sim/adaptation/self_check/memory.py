@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim import random
-from epuckhebb.sim.adaptation.self_check.dance import check_room, danced
+from epuckhebb.sim.adaptation.self_check.dance import calibrate, check_space
 from epuckhebb.sim.maze import SIDES, Pose, Side
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.robot import Robot
@@ -65,7 +65,7 @@ def can_check_itself(home: Scenario) -> bool:
     """Whether the robot of a training world has the sensors to check itself, and room there to dance."""
     try:
         check_robot(home.robot)
-        check_room(home)
+        check_space(home)
     except ValueError:
         return False
     return True
@@ -80,15 +80,15 @@ def remember_self(home: Scenario, readings: Sequence[NDArray[np.float64]]) -> Se
         ValueError: the robot has not the sensors, or would touch a wall.
     """
     check_robot(home.robot)
-    check_room(home)
+    check_space(home)
     start = np.array(home.maze.start)
 
     def dances(
         kind: int, world: Scenario, side: Side = "left", beside: NDArray[np.float64] | float = 0.0
     ) -> NDArray[np.float64]:
         place = Pose(*(start + beside).tolist())
-        keys = [random.key(0, Stream.dance_noise, kind, SIDES.index(side), repeat) for repeat in range(REPEATS)]
-        return np.array([danced(world, side, key, start=place).readings for key in keys])
+        keys = [random.key(0, Stream.calibration_noise, kind, SIDES.index(side), repeat) for repeat in range(REPEATS)]
+        return np.array([calibrate(world, side, key, start=place).readings for key in keys])
 
     unlit, lit = (dances(0, home, side) for side in SIDES)
     mean = np.array([unlit.mean(axis=0), lit.mean(axis=0)])

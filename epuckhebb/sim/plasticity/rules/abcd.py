@@ -3,7 +3,7 @@
     D = eta (A x_j x_i + B x_j + C x_i + D0)    eta, A, B, C, D0 of each synapse
 
 Source: Najarro & Risi, Meta-learning through Hebbian plasticity in random networks, NeurIPS 2020, equation 1. As there,
-weights at birth are uniform in +-0.1, drawn anew for each lifetime, or evolved too (`births`). Theirs begins with
+initial weights are uniform in +-0.1, drawn anew for each lifetime, or evolved (`initial_weights`). Theirs begins with
 coefficients N(0, 1) and without bounds; here they begin uniform in +-1 and stay in +-2, as all genes do. Theirs divides
 the weights of a layer by the largest after each update in some tasks; here all are clipped, as in the paper.
 """
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.plasticity.four_terms import FourTerms
-from epuckhebb.sim.plasticity.rule import Births, Evolved
+from epuckhebb.sim.plasticity.rule import Evolved, InitialWeights
 
 _EACH = Evolved("synapse", start=1.0, limit=2.0)
 
@@ -27,7 +27,7 @@ class ABCD(FourTerms):
 
     evolved: ClassVar = dict.fromkeys(("A", "B", "C", "D", "eta"), _EACH)
 
-    births: Births = Births.random
+    initial_weights: InitialWeights = InitialWeights.random
 
     @classmethod
     def express(cls, parameters: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:

@@ -27,7 +27,7 @@ from epuckhebb.cli.options import (
     with_genomes_named,
 )
 from epuckhebb.cli.output import begin, open_in_browser, print_error, print_result, report_errors, unwritable
-from epuckhebb.runtime.console import Terminal, is_of_output, print_line, show_what_can_be_shown
+from epuckhebb.runtime.console import Terminal, is_of_output, print_line, replace_unencodable
 from epuckhebb.runtime.errors import JOB_FAILED, ConfigError, JobFailedError
 
 app = typer.Typer(
@@ -211,7 +211,7 @@ def sweep(
         f"{len(planned.jobs)} jobs in {planned.folder}/: {len(planned.jobs) - todo} done before, {todo} to do."
     )
     outcome = run(planned, fail_fast=fail_fast)
-    found = {"verb": "sweep", "folder": str(planned.folder), **outcome.as_json()}
+    found = {"command": "sweep", "folder": str(planned.folder), **outcome.as_json()}
     print_result(as_json, quiet, lambda: found, lambda console: show_study.print_sweep(planned.folder, console))
     if outcome.failures:
         raise JobFailedError(told(planned, outcome))
@@ -291,7 +291,7 @@ def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
     begin(quiet)
     run = run_folders.found(run, "evaluate", "evolve")
     new, difference = repeat(run)
-    found = {"verb": "rerun", "run": str(run), "new": str(new), "difference": difference}
+    found = {"command": "rerun", "run": str(run), "new": str(new), "difference": difference}
     hidden = quiet or bool(difference)
     print_result(as_json, hidden, lambda: found, lambda console: print_line(console, f"same bytes: {new}"))
     if difference:
@@ -320,7 +320,7 @@ def main() -> None:
     What the program loads at its start never becomes garbage, so it is not searched for any: not while it loads (see
     `begin`), and not at the end. That is half a second of the three that an evaluation would take.
     """
-    show_what_can_be_shown()
+    replace_unencodable()
     gc.disable()
     atexit.register(gc.freeze)
     try:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim import random
-from epuckhebb.sim.adaptation.change_signal import RECENT_S, BaselineOfSide
+from epuckhebb.sim.adaptation.change_signal import RECENT_S, NominalOfSide
 from epuckhebb.sim.adaptation.homeostasis import EVERY, lengths_of, remember_patterns
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.life import Lifetime, Outcome, Samples, sample_bytes
@@ -30,7 +30,7 @@ _MOST = {"time_to_goal_s": np.inf, "away_s": np.inf, **dict.fromkeys(_SHARES, 1)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Baseline:
+class Nominal:
     """What a champion remembers; axes of length 2: left (without the lamp), right (with it).
 
     experiment, scenario: where. gain_rad_s: at which pace. success: (2,) share of its lifetimes. time_to_goal_s: (2,)
@@ -69,10 +69,10 @@ class Baseline:
             if not (never | ((values >= 0) & (values <= most) & np.isfinite(values))).all():
                 raise ValueError(f"{name} must lie between 0 and {most:g}, got {values.min():g} to {values.max():g}")
 
-    def of(self, side: Side) -> BaselineOfSide:
+    def of(self, side: Side) -> NominalOfSide:
         """What is compared with on this side."""
         k = SIDES.index(side)
-        return BaselineOfSide(
+        return NominalOfSide(
             float(self.time_to_goal_s[k]),
             float(self.away_s[k]),
             self.fitness[k],
@@ -84,7 +84,7 @@ class Baseline:
         )
 
 
-def room_to_remember(paper_duration_s: float, gain_rad_s: float, network: Network) -> float:
+def memory_to_measure_nominal(paper_duration_s: float, gain_rad_s: float, network: Network) -> float:
     """How many bytes of memory `remember` takes, about."""
     samples = paper_duration_s / gain_rad_s / STEP_S / _RECORD_EVERY
     return 1.2 * len(SIDES) * REPEATS * samples * sample_bytes(network)
@@ -99,7 +99,7 @@ def remember(
     gain_rad_s: float = 1.0,
     threads: int = 1,
     network: Network = PAPER_NETWORK,
-) -> Baseline:
+) -> Nominal:
     """Live in the training world and remember it. The same genome always remembers the same.
 
     genes: weights of the network, (synapses,). scenario: the training world. gain_rad_s: the pace, wheel speed of a
@@ -108,10 +108,10 @@ def remember(
     Raises:
         LostRobotError: a pose stopped being finite.
     """
-    return baseline_of(live_at_home(genes, scenario, gain_rad_s, threads, network), scenario, gain_rad_s)
+    return nominal_of(live_in_training_world(genes, scenario, gain_rad_s, threads, network), scenario, gain_rad_s)
 
 
-def live_at_home(
+def live_in_training_world(
     genes: NDArray[np.float64],
     scenario: Scenario,
     gain_rad_s: float = 1.0,
@@ -128,7 +128,7 @@ def live_at_home(
             genes=genes,
             network=network,
             side=side,
-            key=random.key(0, Stream.baseline_noise, place, k, repeat),
+            key=random.key(0, Stream.nominal_noise, place, k, repeat),
             record=True,
         )
         for k, side in enumerate(SIDES)
@@ -138,13 +138,13 @@ def live_at_home(
     return [lived[:REPEATS], lived[REPEATS:]]
 
 
-def baseline_of(sides: list[Lived], scenario: Scenario, gain_rad_s: float) -> Baseline:
-    """What is remembered of these lifetimes, of `live_at_home`."""
+def nominal_of(sides: list[Lived], scenario: Scenario, gain_rad_s: float) -> Nominal:
+    """What is remembered of these lifetimes, of `live_in_training_world`."""
     arrivals = np.array([[outcome.time_to_goal for outcome, _ in side] for side in sides])
     readings = [np.concatenate([samples.sensors for _, samples in side]) for side in sides]
     lights = scenario.robot.inputs_of(scenario.robot.light)
     patterns, novelty = remember_patterns([1.0 - samples.sensors[:, lights] for side in sides for _, samples in side])
-    return Baseline(
+    return Nominal(
         experiment=scenario.experiment,
         scenario=scenario.name,
         gain_rad_s=gain_rad_s,
