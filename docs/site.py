@@ -1,20 +1,18 @@
 """What turns the pages, which are made to be read in the repository, into a site; see `mkdocs.yml`.
 
-The front page is README.md. Pictures from outside of this folder come along. Other links that leave it lead to the
-repository that CITATION.cff names.
+The front page is README.md. Pictures from outside of this folder come along. Other links that leave it become the
+text of the link and the path of the file in the repository.
 """
 
 import re
 from pathlib import Path
 from typing import Any
 
-import yaml
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[1]
-REPOSITORY = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["repository-code"]
-LINK = re.compile(r"(?<=\]\()([^)#]+)((?:#[^)]*)?\))")
+LINK = re.compile(r"(?P<text>\[[^]]*\])\((?P<target>[^)#]+)(?P<place>#[^)]*)?\)")
 API = """# Python reference
 
 ::: epuckhebb
@@ -54,20 +52,19 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Lead links that leave the pages to the pictures that came along, or to the repository."""
+    """Lead links that leave the pages to the pictures that came along; of other files give the path."""
     inside = Path(__file__).parent
+    folder = ROOT if page.file.src_uri == "index.md" else inside
 
-    def led(found: re.Match[str]) -> str:
-        target, rest = found.groups()
-        if "://" in target:
-            return found[0]
-        outside = ROOT / target if page.file.src_uri == "index.md" else inside / target
-        if page.file.src_uri == "index.md" and (inside / target).exists():
-            return found[0]
-        path = outside.resolve()
-        if not path.exists() or path.is_relative_to(inside):
+    def replaced(found: re.Match[str]) -> str:
+        text, target = found["text"], found["target"]
+        path = (folder / target).resolve()
+        if "://" in target or not path.exists() or path.is_relative_to(inside) or (inside / target).exists():
             return found[0]
         name = path.relative_to(ROOT).as_posix()
-        return f"{name}{rest}" if path.suffix == ".png" else f"{REPOSITORY}/blob/main/{name}{rest}"
+        if path.suffix == ".png":
+            return f"{text}({name})"
+        label = text[1:-1]
+        return label if label.strip("`").rstrip("/") == name else f"{label} (`{name}`)"
 
-    return LINK.sub(led, markdown)
+    return LINK.sub(replaced, markdown)
