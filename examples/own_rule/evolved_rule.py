@@ -1,4 +1,4 @@
-"""A rule of which a part is evolved: how fast each layer learns, and how much it forgets."""
+"""A rule with evolved parameters: the learning rate and the leak of each layer."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -9,7 +9,7 @@ from epuckhebb.sim.plasticity.rule import Evolved
 
 @dataclass(frozen=True, kw_only=True)
 class Layered(Rule):
-    """Hebb's rule with a leak. grow, leak: of each layer of synapses, evolved together with the weights."""
+    """Hebb's rule with a leak. grow, leak: one of each for a layer of synapses, evolved with the weights."""
 
     evolved: ClassVar = {"grow": Evolved(per="layer"), "leak": Evolved(per="layer")}
 

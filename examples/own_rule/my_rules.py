@@ -1,4 +1,4 @@
-"""A plasticity rule of one's own: a synapse learns, and loses some of its weight, only while its input is active."""
+"""A plasticity rule of your own: a synapse learns, and loses some of its weight, only while its input is active."""
 
 from dataclasses import dataclass
 
