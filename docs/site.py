@@ -59,8 +59,10 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     def replaced(found: re.Match[str]) -> str:
         text, target = found["text"], found["target"]
         path = (folder / target).resolve()
-        if "://" in target or not path.exists() or path.is_relative_to(inside) or (inside / target).exists():
+        if "://" in target or not path.exists() or path.is_relative_to(inside):
             return found[0]
+        if path == ROOT / "README.md":
+            return f"{text}(index.md)"
         name = path.relative_to(ROOT).as_posix()
         if path.suffix == ".png":
             return f"{text}({name})"

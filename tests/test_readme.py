@@ -47,7 +47,9 @@ def test_no_page_has_a_placeholder(page):
 def test_the_readme_shows_what_its_command_prints(generated, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     printed = done("evaluate", "scenario=lowlight").stdout.splitlines()
-    table = "\n".join(line.rstrip() for line in printed[: 1 + max(i for i, line in enumerate(printed) if "right" in line)])
+    table = "\n".join(
+        line.rstrip() for line in printed[: 1 + max(i for i, line in enumerate(printed) if "right" in line)]
+    )
     generated(README, "output", f"```\n{table}\n```\n")
 
 
