@@ -1,4 +1,4 @@
-"""The commands in sh blocks of the pages run, the rule shown is the example, and links lead somewhere."""
+"""The commands of the pages are understood and run, the rule shown is the example, and links lead somewhere."""
 
 import itertools
 import re
@@ -10,27 +10,42 @@ from pathlib import Path
 
 import pytest
 from cases import call, done
+from typer.main import get_command
 
+import epuckhebb
 from epuckhebb import api
+from epuckhebb.cli.verbs import app
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
-PAGES = [*ROOT.glob("*.md"), ROOT / "runs" / "README.md", *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
+RUNS = [ROOT / "runs" / "README.md", ROOT / "runs" / "reference" / "README.md"]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *RUNS, *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
+APART = ("tutorial", "clusters")  # the first has a test of its own below; the commands of the second fill a cluster
+LONG = [RUNS[1], ROOT / "docs" / "clusters.md"]  # with many large sweeps, and evolutions that go on
 WITH_COMMANDS = [ROOT / "README.md", *EXAMPLES]
-MORE_COMMANDS = [
-    ROOT / "docs" / f"{name}.md"
-    for name in ("parts", "changes", "clusters", "keys", "leaderboard", "results", "reversal", "rules", "webots")
-]
+PLACEHOLDER = re.compile(r"\b(RUN|NAME|FILE|KEY|GROUP|Best\.npy)\b|[<>…]|\.\.\.|~")
+NO_RAY = 'pip install "epuckhebb[ray]"'
 BRIEF = {
     # longer than until the changes of the worlds on the pages
     "evaluate": ["repeats=1", "lifetime.duration_s=SECONDS", "lifetime.record_every=0", "threads=1", "-q"],
     "evolve": ["lifetime.duration_s=1", "-q"],
     "sweep": ["--dry-run"],
     "leaderboard": ["--dry-run"],
+    "reproduce": [
+        "champions=1",
+        "repeats=1",
+        "rates=[0.002]",
+        "ga.population=4",
+        "ga.elites=1",
+        "ga.generations=1",
+        "-q",
+    ],
     "keys": [],
     "export": [],
+    "show": [],
+    "replay": [],
 }
-BRIEF_TASK = ["task.trials=2", "task.last_switch=2", "task.time_out_s=1"]  # these say how long a life is
+BRIEF_TASK = ["task.trials=2", "task.last_switch=2", "task.time_out_s=1"]  # these say how long a lifetime is
 BRIEF_GA = ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=1"]
 
 
@@ -50,7 +65,7 @@ def two_of_many(line):
     return re.sub(r"\bseed=range\((\d+),\d+\)", lambda found: f"seed={found[1]},{int(found[1]) + 1}", line)
 
 
-def told(page):
+def named(page):
     return str(page.relative_to(ROOT))
 
 
@@ -58,30 +73,109 @@ def blocks(page, language):
     return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL)
 
 
+def shown(page):
+    """The commands in the shell blocks of a page, without comments."""
+    lines = "".join([*blocks(page, "sh"), *blocks(page, "bash")]).splitlines()
+    return [line.partition(" #")[0].strip() for line in lines if line.startswith("epuckhebb ")]
+
+
+def mentioned(page):
+    """The commands in the sentences of a page which have no placeholder."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    found = (" ".join(line.split()) for line in re.findall(r"`(epuckhebb [a-z][^`]*)`", text))
+    return [line for line in found if not PLACEHOLDER.search(line)]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with what the pages speak of: the examples, a learner, an evolution and a sweep of one's own."""
+    folder = tmp_path_factory.mktemp("clone")
+    for name in ("examples", "runs/reference/reversal"):
+        shutil.copytree(ROOT / name, folder / name)
+    experiments = folder / "my_conf" / "experiment"
+    experiments.mkdir(parents=True)
+    for name in ("dim", "mine"):
+        (experiments / f"{name}.yaml").write_text(blocks(ROOT / "docs" / "tutorial.md", "yaml")[0])
+    (folder / "my_conf" / "method").mkdir()
+    for name, text in zip(("mine", "after", "fixed"), blocks(ROOT / "docs" / "leaderboard.md", "yaml"), strict=True):
+        (folder / "my_conf" / "method" / f"{name}.yaml").write_text(text)
+    done("evolve", *brief("evolve", []), f"hydra.run.dir={folder}/runs/evolve/RUN")
+    for name in ("0", "1"):
+        shutil.copytree(folder / "runs" / "evolve" / "RUN", folder / "evolved" / name)
+    return folder
+
+
 @pytest.fixture
-def checkout(tmp_path, monkeypatch):
-    """A folder with copies of the examples and of a learner, where the commands of a page are typed."""
-    for folder in ("examples", "runs/reference/reversal"):
-        shutil.copytree(ROOT / folder, tmp_path / folder)
+def checkout(folder, tmp_path, monkeypatch):
+    """A copy of that folder, where the commands of a page are typed."""
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+def one_job(words):
+    """The words of a command over many values, with the first of each, and without a page to open."""
+    firsts = (re.sub(r"=range\((\d+),.*", r"=\1", word) for word in words if word not in ("-m", "--multirun", "--open"))
+    return [word if re.search(r"[\[{]", word) else word.partition(",")[0] for word in firsts]
+
+
+def composed_only(command, words):
+    """What shows that the keys of a command are known, and starts no new lifetime; or nothing."""
+    if command in ("evaluate", "evolve") and not any(word.startswith("resume=") for word in words):
+        return [*one_job(words), *([] if "--cfg" in words else ["--cfg", "job"])]
+    if command == "sweep":
+        return [*words, *([] if "--dry-run" in words else ["--dry-run"])]
+    return words if command == "evolve" else []
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, marks=[pytest.mark.thorough] if page in LONG else [], id=named(page))
+        for page in PAGES
+        if shown(page) or mentioned(page)
+    ],
+)
+def test_the_commands_of_a_page_are_understood(page, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    for line in dict.fromkeys([*shown(page), *mentioned(page)]):
+        _, command, *words = shlex.split(line)
+        parser = get_command(app).commands[command]
+        if not words or "--help" in words:
+            continue
+        parser.make_context(command, list(words))  # an option that there is not ends this
+        if composed := composed_only(command, words):
+            result = call(command, *composed)
+            assert result.exit_code == 0 or ("ray_local" in line and NO_RAY in result.stderr), (line, result.output)
+
+
+@pytest.mark.thorough
+def test_the_methods_of_the_leaderboard_page_can_be_listed(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    done("leaderboard", "obstacles", "methods=mine,after,fixed", "champions=1", "--config-dir", "my_conf", "--dry-run")
 
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("checkout")
 @pytest.mark.parametrize(
     ("pages", "seconds"),
-    [pytest.param(WITH_COMMANDS, 64, id="most"), pytest.param(MORE_COMMANDS, 200, id="more", marks=pytest.mark.slow)],
+    [
+        pytest.param(WITH_COMMANDS, 64, id="most"),
+        pytest.param(
+            [page for page in PAGES if page not in WITH_COMMANDS and page.stem not in APART],
+            200,
+            id="more",
+            marks=pytest.mark.slow,
+        ),
+    ],
 )
 def test_the_commands_of_the_pages_run(pages, seconds, monkeypatch):
-    """In one folder, page after page; what stands on two of them runs once. Some want a champion to be there."""
+    """In one folder, page after page; what stands on two of them runs once."""
     monkeypatch.setattr(webbrowser, "open", lambda _: True)
-    shown = {page: "".join(blocks(page, "sh")).splitlines() for page in pages}
-    assert all(shown.values())
-    done("evolve", *brief("evolve", []))
-    for line in filter(None, dict.fromkeys(itertools.chain(*shown.values()))):
-        program, command, *words = shlex.split(two_of_many(line), comments=True)
-        assert program == "epuckhebb"
+    lines = list(dict.fromkeys(itertools.chain.from_iterable(map(shown, pages))))
+    assert lines
+    for line in lines:
+        _, command, *words = shlex.split(two_of_many(line))
         done(command, *words, *brief(command, words, seconds))
 
 
@@ -91,12 +185,9 @@ def test_the_tutorial(checkout, monkeypatch):
     page = ROOT / "docs" / "tutorial.md"
     monkeypatch.setattr(webbrowser, "open", lambda _: True)
     monkeypatch.setenv("MPLBACKEND", "agg")
-    (checkout / "my_conf" / "experiment").mkdir(parents=True)
-    (sweep,) = blocks(page, "yaml")
-    (checkout / "my_conf" / "experiment" / "dim.yaml").write_text(sweep)
     short = ["repeats=1", "lifetime.duration_s=64", "threads=1", "-q"]
     more = {"evaluate": short, "sweep": [*short, "hydra/launcher=basic"]}
-    for line in "".join(blocks(page, "sh")).splitlines():
+    for line in shown(page):
         _, command, *words = shlex.split(line)
         done(command, *words, *more.get(command, brief(command, words) if command == "evolve" else []))
     (plot,) = blocks(page, "python")
@@ -123,6 +214,23 @@ def test_the_python_page(monkeypatch):
 
 
 @pytest.mark.thorough
+@pytest.mark.usefixtures("checkout")
+def test_the_python_of_the_readme_runs(monkeypatch):
+    evolve = api.evolve
+    monkeypatch.setattr(epuckhebb, "evolve", lambda **more: evolve("lifetime.duration_s=1", *BRIEF_GA, **more))
+    (script,) = (block for block in blocks(ROOT / "README.md", "python") if block.startswith("import"))
+    names = {}
+    exec(script, names)
+    assert set(names["result"].metrics.controller) == {"GA", "Hebbian"}
+
+
+def test_the_python_of_the_page_of_the_inside_runs(capsys):
+    (script,) = blocks(ROOT / "docs" / "inside.md", "python")
+    exec(script, {})
+    assert float(capsys.readouterr().out) > 0
+
+
+@pytest.mark.thorough
 def test_the_python_of_the_parts_page_runs(checkout, monkeypatch):
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(checkout))
@@ -137,16 +245,17 @@ def test_the_python_of_the_parts_page_runs(checkout, monkeypatch):
 def test_the_rule_of_the_parts_page_is_that_of_the_example_and_short():
     text = (ROOT / "examples" / "own_rule" / "my_rules.py").read_text()
     assert len(text.splitlines()) <= 20
-    (shown,) = (block for block in blocks(ROOT / "docs" / "parts.md", "python") if "class" in block)
-    assert shown in text
+    for page in (ROOT / "docs" / "parts.md", ROOT / "README.md"):
+        (block,) = (block for block in blocks(page, "python") if "class" in block)
+        assert block in text
 
 
-@pytest.mark.parametrize("page", EXAMPLES, ids=told)
+@pytest.mark.parametrize("page", EXAMPLES, ids=named)
 def test_the_page_of_an_example_is_short(page):
     assert len(page.read_text().splitlines()) <= 25
 
 
-@pytest.mark.parametrize("page", PAGES, ids=told)
+@pytest.mark.parametrize("page", PAGES, ids=named)
 def test_commands_work_in_every_shell(page):
     """That of Windows, too, knows double quotes only."""
     assert not [line for block in blocks(page, "sh") for line in block.splitlines() if "'" in line.partition(" # ")[0]]
@@ -166,7 +275,7 @@ def anchors(page):
     return {re.sub(r"[^\w -]", "", heading).lower().replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=told)
+@pytest.mark.parametrize("page", PAGES, ids=named)
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)]+)\)", page.read_text()):
         if "://" not in target:
