@@ -14,14 +14,14 @@ from typer.main import get_command
 
 import epuckhebb
 from epuckhebb import api
-from epuckhebb.cli.verbs import app
+from epuckhebb.cli.commands import app
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
 RUNS = [ROOT / "runs" / "README.md", ROOT / "runs" / "reference" / "README.md"]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *RUNS, *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
 APART = ("tutorial", "clusters")  # the first has a test of its own below; the commands of the second fill a cluster
-LONG = [RUNS[1], ROOT / "docs" / "clusters.md"]  # with many large sweeps, and evolutions that go on
+LONG = [RUNS[1], ROOT / "docs" / "clusters.md", ROOT / "docs" / "results.md"]  # with many large sweeps, and evolutions that go on
 WITH_COMMANDS = [ROOT / "README.md", *EXAMPLES]
 PLACEHOLDER = re.compile(r"\b(RUN|NAME|FILE|KEY|GROUP|Best\.npy)\b|[<>…]|\.\.\.|~")
 NO_RAY = 'pip install "epuckhebb[ray]"'
