@@ -216,7 +216,7 @@ def test_the_python_page(monkeypatch):
 @pytest.mark.thorough
 @pytest.mark.usefixtures("checkout")
 def test_the_python_of_the_readme_runs(monkeypatch):
-    evolve = api.evolve
+    evolve = epuckhebb.evolve
     monkeypatch.setattr(epuckhebb, "evolve", lambda **more: evolve("lifetime.duration_s=1", *BRIEF_GA, **more))
     (script,) = (block for block in blocks(ROOT / "README.md", "python") if block.startswith("import"))
     names = {}
