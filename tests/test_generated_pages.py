@@ -26,7 +26,8 @@ from epuckhebb.store.genome import champion_file, load_genome
 from epuckhebb.store.traces import traces_file
 
 ROOT = Path(__file__).parents[1]
-FILES, KEYS = ROOT / "docs" / "files.md", ROOT / "docs" / "keys.md"
+FILES, KEYS, METHODS = (ROOT / "docs" / f"{name}.md" for name in ("files", "keys", "methods"))
+OF_THE_MODEL = ("hebbian", "lifetime", "ga")  # groups whose keys the page of methods lists
 REFERENCE = ROOT / "runs" / "reference"
 
 
@@ -48,10 +49,19 @@ def all_keys():
             rows = [[f"`{choice}`", plain(told)] for choice, told in group.choices.items()]
             parts.append(f"\n{markdown_table(['choice', 'what it is'], rows)}")
         for told, own in sections(group):
-            rows = [[f"`{key.name}`", f"`{key.default}`" if key.default else "", plain(key.told)] for key in own]
-            table = markdown_table(["key", "default", "what it is"], rows)
+            table = markdown_table(["key", "default", "what it is"], map(row_of, own))
             parts.append(f"\n{told}\n\n{table}" if told else f"\n{table}")
     return "".join(parts)
+
+
+def row_of(key):
+    return [f"`{key.name}`", f"`{key.default}`" if key.default else "", plain(key.told)]
+
+
+def parameters():
+    """The keys of the model with their defaults: those of the paper's rule, of an evaluation and of the GA."""
+    first = [next(sections(group)) for group in keys.all_groups() if group.name in OF_THE_MODEL]
+    return markdown_table(["key", "default", "what it is"], [row_of(key) for _, own in first for key in own])
 
 
 def arrays(told):
@@ -70,6 +80,10 @@ def test_the_page_of_files_tells_what_the_code_tells(generated):
 
 def test_the_page_of_keys_tells_what_the_files_of_conf_tell(generated):
     generated(KEYS, "keys", all_keys())
+
+
+def test_the_page_of_methods_has_the_parameters_of_conf(generated):
+    generated(METHODS, "parameters", parameters())
 
 
 @pytest.mark.parametrize("command", ["evaluate", "evolve", "reproduce", "leaderboard"])

@@ -21,7 +21,11 @@ EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
 RUNS = [ROOT / "runs" / "README.md", ROOT / "runs" / "reference" / "README.md"]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *RUNS, *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
 APART = ("tutorial", "clusters")  # the first has a test of its own below; the commands of the second fill a cluster
-LONG = [RUNS[1], ROOT / "docs" / "clusters.md", ROOT / "docs" / "results.md"]  # with many large sweeps, and evolutions that go on
+LONG = [
+    RUNS[1],
+    ROOT / "docs" / "clusters.md",
+    ROOT / "docs" / "results.md",
+]  # with many large sweeps, and evolutions that go on
 WITH_COMMANDS = [ROOT / "README.md", *EXAMPLES]
 PLACEHOLDER = re.compile(r"\b(RUN|NAME|FILE|KEY|GROUP|Best\.npy)\b|[<>…]|\.\.\.|~")
 NO_RAY = 'pip install "epuckhebb[ray]"'
@@ -107,8 +111,8 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def checkout(folder, tmp_path, monkeypatch):
-    """A copy of that folder, where the commands of a page are typed."""
-    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    """A copy of that folder, where the commands of a page are typed; one of them makes `evolved`."""
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("evolved"))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -228,6 +232,16 @@ def test_the_python_of_the_page_of_the_inside_runs(capsys):
     (script,) = blocks(ROOT / "docs" / "inside.md", "python")
     exec(script, {})
     assert float(capsys.readouterr().out) > 0
+
+
+def test_the_example_of_statistics_has_the_numbers_of_its_comments():
+    (script,) = blocks(ROOT / "docs" / "methods.md", "python")
+    names = {}
+    exec(script, names)
+    for name in ("share", "naive"):
+        low, high = names[name]
+        assert f"[{low:.2f}, {high:.2f}]" in script
+    assert names["p"] == 0.25
 
 
 @pytest.mark.thorough
