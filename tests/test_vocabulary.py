@@ -167,6 +167,12 @@ def test_sentences_are_short(path):
     assert [sentence for sentence in sentences(text_of(path)) if len(sentence.split()) > MOST_WORDS] == []
 
 
+@pytest.mark.parametrize("path", [path for path in files(PAGES) if path.suffix == ".md"], ids=named)
+def test_a_page_shows_its_first_command_soon(path):
+    before, _, after = text_of(path).partition("\n```")
+    assert not after or len(before.split()) <= 300
+
+
 def test_the_glossary_is_short():
     rows = re.findall(r"^\| (?!word |---)", (ROOT / "docs" / "glossary.md").read_text(), re.MULTILINE)
     assert 0 < len(rows) <= 35
