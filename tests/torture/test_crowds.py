@@ -54,7 +54,7 @@ def test_a_disk_that_is_full_sooner_or_later(disk, command, request):  # noqa: F
     chance = random.Random(f"{request.config.getoption('--torture-seed')} {command}")
     first, second = CALLS[command]
     for _ in range(FILLINGS):
-        done(first)
+        done(*first)
         before = contents("one")
         with full(disk, chance.randrange(60)):
             result = call(*second)
@@ -65,6 +65,6 @@ def test_a_disk_that_is_full_sooner_or_later(disk, command, request):  # noqa: F
         if command in ("evaluate", "evolve"):
             assert contents("one") == before
         else:  # there is room again: the same command goes on
-            done(second)
+            done(*second)
         for folder in ("one", "two"):
             shutil.rmtree(folder, ignore_errors=True)
