@@ -1,4 +1,8 @@
-"""Reads one choice of a group, with the files that it takes over from, as Hydra puts them together."""
+"""Reads one choice of a group, with the files that it takes over from, as Hydra puts them together.
+
+A change of the world is a row of `conf/changes.yaml`, or a file of the user's. A scenario with changes is called by
+their names: `base_slip_left` is the scenario `base` with the change `slip_left`, as if a file said so.
+"""
 
 import functools
 from collections.abc import Iterator, Sequence
@@ -9,16 +13,20 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import yaml_file
+from epuckhebb.config.conf import TABLES, flat, rows, table_file
 from epuckhebb.config.parts import NONE
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
 
 OURS = [data_folder("conf")]
+BRINGS_MAZE = "override /maze@_global_.maze"  # in the defaults of a scenario that has a maze of its own
 
 
-def choice_files(group: str, folders: Sequence[Path]) -> list[Path]:
-    """The files of a group, in all these folders."""
-    return [file for folder in folders for file in (folder / group).glob("*.yaml")]
+def choice_names(group: str, folders: Sequence[Path]) -> list[str]:
+    """The choices of a group in all these folders, the longest name first."""
+    files = {file.stem for folder in folders for file in (folder / group).glob("*.yaml")}
+    in_table = rows(group) if group in TABLES else ()
+    return sorted({*files, *in_table}, key=lambda name: (-len(name), name))
 
 
 def where_known(group: str, choice: str, folders: Sequence[Path]) -> Sequence[Path]:
@@ -27,7 +35,7 @@ def where_known(group: str, choice: str, folders: Sequence[Path]) -> Sequence[Pa
 
 
 def is_choice(group: str, choice: str, folders: Sequence[Path]) -> bool:
-    """Whether a group has a file of this name."""
+    """Whether a group has a choice of this name."""
     return _file(group, choice, folders) is not None
 
 
@@ -74,10 +82,90 @@ def _parts(group: str, choice: str, folders: Sequence[Path]) -> Iterator[DictCon
 
 
 def _file(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None:
-    """The file of a group that has this name, not to be changed."""
+    """The file of a group that has this name, or what stands for it; not to be changed."""
+    path = choice_file(group, choice, folders)
+    if path is not None:
+        return _read(path, path.read_bytes())
+    if group in TABLES:
+        return _table(group).get(choice)
+    return _changed_scenario(choice, folders) if group == "scenario" else None
+
+
+def choice_file(group: str, choice: str, folders: Sequence[Path]) -> Path | None:
+    """The file of a group that has this name, first found first taken."""
     name = f"{group}/{choice}.yaml"
-    path = next((folder / name for folder in folders if (folder / name).is_file()), None)
-    return None if path is None else _read(path, path.read_bytes())
+    return next((folder / name for folder in folders if (folder / name).is_file()), None)
+
+
+@functools.cache
+def _table(group: str) -> DictConfig:
+    table = OmegaConf.load(table_file(group))
+    assert isinstance(table, DictConfig)
+    return table
+
+
+def found_by_hydra(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None:
+    """A change of the world as Hydra is to compose it, or a scenario with changes; None for other choices."""
+    if group == "scenario" and choice_file(group, choice, folders) is None:
+        return _changed_scenario(choice, folders)
+    settings = choice_settings(group, choice, folders) if group == "change" else None
+    if settings is None:
+        return None
+    defaults = _with_maze(settings).pop("defaults")
+    return OmegaConf.create({"defaults": defaults, "scenario": settings, "change": {choice: None}})
+
+
+def _changed_scenario(name: str, folders: Sequence[Path]) -> DictConfig | None:
+    """What a file of this name would hold, if the name is made of a scenario and changes."""
+    scenario, *changes = scenario_and_changes(name, folders) or [""]
+    if not scenario:
+        return None
+    set_by: dict[str, str] = {}
+    settings = OmegaConf.create({})
+    for number, change in enumerate(changes):
+        own = choice_settings("change", change, folders)
+        assert own is not None  # its name was known
+        if change in changes[:number]:
+            raise ConfigError(f"scenario={name}: the change {change} is given twice")
+        for key, _ in flat(_plain(own)):
+            if key in set_by:
+                raise ConfigError(f"scenario={name}: {set_by[key]} and {change} both change {key}; give one of the two")
+            set_by[key] = change
+        settings.merge_with(own)
+    return _with_maze(settings, scenario, "_self_")
+
+
+def _with_maze(settings: DictConfig, *defaults: str) -> DictConfig:
+    """Settings of a scenario in which the maze that they name stands among the defaults, as Hydra wants it."""
+    maze = settings.pop("maze", None)
+    settings.defaults = [*defaults, *([] if maze is None else [{BRINGS_MAZE: maze}])]
+    return settings
+
+
+def _plain(settings: DictConfig) -> dict[Any, Any]:
+    values = OmegaConf.to_container(settings)
+    assert isinstance(values, dict)
+    return values
+
+
+def scenario_and_changes(name: str, folders: Sequence[Path]) -> list[str]:
+    """The scenario and the changes of which a name is made, as `base_slip_left` is; nothing if it is not made so."""
+    known = choice_names("change", folders)
+
+    def changes_in(text: str) -> list[str]:
+        for change in known:
+            if text == change:
+                return [change]
+            rest = changes_in(text.removeprefix(f"{change}_")) if text.startswith(f"{change}_") else []
+            if rest:
+                return [change, *rest]
+        return []
+
+    for scenario in choice_names("scenario", folders):
+        changes = changes_in(name.removeprefix(f"{scenario}_")) if name.startswith(f"{scenario}_") else []
+        if changes:
+            return [scenario, *changes]
+    return []
 
 
 @functools.lru_cache(maxsize=256)
