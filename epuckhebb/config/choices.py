@@ -87,7 +87,8 @@ def _file(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None
     if path is not None:
         return _read(path, path.read_bytes())
     if group in TABLES:
-        return _table(group).get(choice)
+        row: DictConfig | None = _table(group).get(choice)
+        return row
     return _changed_scenario(choice, folders) if group == "scenario" else None
 
 
@@ -117,17 +118,17 @@ def found_by_hydra(group: str, choice: str, folders: Sequence[Path]) -> DictConf
 
 def _changed_scenario(name: str, folders: Sequence[Path]) -> DictConfig | None:
     """What a file of this name would hold, if the name is made of a scenario and changes."""
-    scenario, *changes = scenario_and_changes(name, folders) or [""]
-    if not scenario:
+    known = choice_names("change", folders)
+    scenario, *changes = _names_in(name, choice_names("scenario", folders), known) or [""]
+    if not changes:
         return None
-    set_by: dict[str, str] = {}
     settings = OmegaConf.create({})
-    for number, change in enumerate(changes):
+    set_by: dict[str, str] = {}
+    for change in changes:
         own = choice_settings("change", change, folders)
-        assert own is not None  # its name was known
-        if change in changes[:number]:
-            raise ConfigError(f"scenario={name}: the change {change} is given twice")
-        for key, _ in flat(_plain(own)):
+        assert own is not None  # its name is known
+        held: Any = OmegaConf.to_container(own)
+        for key, _ in flat(held):
             if key in set_by:
                 raise ConfigError(f"scenario={name}: {set_by[key]} and {change} both change {key}; give one of the two")
             set_by[key] = change
@@ -142,29 +143,13 @@ def _with_maze(settings: DictConfig, *defaults: str) -> DictConfig:
     return settings
 
 
-def _plain(settings: DictConfig) -> dict[Any, Any]:
-    values = OmegaConf.to_container(settings)
-    assert isinstance(values, dict)
-    return values
-
-
-def scenario_and_changes(name: str, folders: Sequence[Path]) -> list[str]:
-    """The scenario and the changes of which a name is made, as `base_slip_left` is; nothing if it is not made so."""
-    known = choice_names("change", folders)
-
-    def changes_in(text: str) -> list[str]:
-        for change in known:
-            if text == change:
-                return [change]
-            rest = changes_in(text.removeprefix(f"{change}_")) if text.startswith(f"{change}_") else []
-            if rest:
-                return [change, *rest]
-        return []
-
-    for scenario in choice_names("scenario", folders):
-        changes = changes_in(name.removeprefix(f"{scenario}_")) if name.startswith(f"{scenario}_") else []
-        if changes:
-            return [scenario, *changes]
+def _names_in(text: str, first: Sequence[str], later: Sequence[str]) -> list[str]:
+    """The names that a text joins with `_`, one of the first and then later ones; nothing if it joins no names."""
+    for name in first:
+        rest = text.removeprefix(f"{name}_")
+        others = _names_in(rest, later, later) if rest != text else []
+        if others or text == name:
+            return [name, *others]
     return []
 
 

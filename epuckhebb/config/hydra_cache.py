@@ -68,7 +68,9 @@ class _Changes(ConfigSource):
     def load_config(self, config_path: str) -> ConfigResult:
         """See Hydra."""
         header = {"package": "_global_" if config_path.startswith(f"{_CHANGES}/") else None}
-        return ConfigResult(self.provider, self.path, self._found(config_path), header)
+        found = self._found(config_path)
+        assert found is not None  # Hydra asked `is_config`
+        return ConfigResult(self.provider, self.path, found, header)
 
     def available(self) -> bool:
         """See Hydra."""

@@ -91,9 +91,9 @@ def _group(name: str) -> Group:
 def _of_rows(name: str) -> Iterator[tuple[str, list[Key]]]:
     """The keys of each row of a table; those of a change are the keys of a scenario."""
     text = _text(table_file(name))
-    for row, settings in yaml.compose(text, Loader=yaml.SafeLoader).value:
-        is_method = name == "method"
-        keys = _below(settings, f"{name}.", Method, text.splitlines(), deep=True) if is_method else ()
+    root: Any = yaml.compose(text, Loader=yaml.SafeLoader)
+    for row, settings in root.value:
+        keys = _below(settings, f"{name}.", Method, text.splitlines(), deep=True) if name == "method" else ()
         yield row.value, list(keys)
 
 

@@ -71,7 +71,7 @@ def _check_choice(override: Override, choices: Mapping[str, Sequence[str]]) -> N
         if all(isinstance(name, str) for name in value):
             return
         quoted = ",".join(f"'{name}'" for name in value)
-        raise ConfigError(f"{override.input_line}: names that are numbers need quotes, \"{key}=[{quoted}]\"")
+        raise ConfigError(f'{override.input_line}: names that are numbers need quotes, "{key}=[{quoted}]"')
     raise ConfigError(f"{override.input_line}: {choices_of(key, choices.get(key, []))}")
 
 

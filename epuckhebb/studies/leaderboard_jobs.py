@@ -98,8 +98,8 @@ def _swept(name: str, config_dir: str | None) -> tuple[str, ...]:
     if not params or "scenario" not in params:
         raise ConfigError(f"tests={name}: this sweep of conf/experiment/ names no scenarios in hydra.sweeper.params")
     swept = alternatives([f"{key}={params[key]}" for key in ("scenario", "change") if key in params])
-    values = ([_NAMES.findall(word.partition("=")[2]) for word in words] for words in itertools.product(*swept.values()))
-    return tuple("_".join(itertools.chain(*names)) for names in values)
+    values = [[_NAMES.findall(word.partition("=")[2]) for word in words] for words in swept.values()]
+    return tuple("_".join(itertools.chain(*names)) for names in itertools.product(*values))
 
 
 def tests_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, dict[str, Scenario]]:
