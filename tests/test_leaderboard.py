@@ -42,7 +42,7 @@ METHODS = {
     "no_numbers": f"champions_of: tiny\nevolve: {{hebbian: oja, {EVOLVED}}}",
     "in_a_test": f"evolve: {{scenario: 4obstacles, {EVOLVED}}}",
     "light_of_a_test": f"evolve: {{training.light: [0.5, 0.5], {EVOLVED}}}",
-    "other_twin": f"evolve: {{hebbian: modulated, {EVOLVED}, optimizer.population: 6}}\nmatched_control: tiny",
+    "other_twin": f"evolve: {{hebbian: modulated, {EVOLVED.replace('population: 4', 'population: 6')}}}\nmatched_control: tiny",
     "plastic_twin": f"evolve: {{hebbian: modulated, {EVOLVED}}}\nmatched_control: learns",
     "no_twin": f"evolve: {{hebbian: modulated, {EVOLVED}}}",
     "wrong_key": "evolves: {optimizer: ga}",
