@@ -19,7 +19,7 @@ from epuckhebb.analysis.lifetimes import Evaluated, gather
 from epuckhebb.analysis.self_checks import Checks
 from epuckhebb.config.build import controller_of, network_for, with_controls
 from epuckhebb.config.compose import composed
-from epuckhebb.config.keywords import MASKED, check_keywords, overrides_of
+from epuckhebb.config.keywords import MASKED, check_keywords, overrides_of, value_text
 from epuckhebb.config.overrides import check_config_dir, quoted
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, say_unusual, typed
 from epuckhebb.evolution.evolve import history_row
@@ -249,7 +249,7 @@ def _label(key: str, value: Any) -> Any:
         return ", ".join([controller_of(value, Adaptation()).name, *facts])
     if key == "genome" and not isinstance(value, str | Path):
         return "array"
-    return value if isinstance(value, str | int | float) else str(value)
+    return value if isinstance(value, str | int | float) else value_text(value, key)
 
 
 def _folder(config_dir: str | Path | None) -> str | None:

@@ -128,16 +128,15 @@ def test_interrupting_evolve_leaves_a_whole_checkpoint(here, monkeypatch):
         assert checkpoint["population"].shape == (6, 234)
 
 
-def test_examples_stand_before_the_groups_and_of_many_choices_some_are_named(monkeypatch):
+def test_examples_stand_before_the_groups_and_all_choices_are_named(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     assert "as_coded" in done("evolve", "--help").stdout
     assert "..." not in done("--help").stdout.partition("Commands:")[2]
     told = done("evaluate", "--help").stdout
     assert told.index("Examples:") < told.index("Configuration groups")
-    choices = conf.groups("evaluate")["scenario"]
-    named = re.search(r"^  scenario +([^&]+?), and (\d+) more:\s+epuckhebb keys scenario$", told, re.MULTILINE)
-    assert len(named[1].split(", ")) + int(named[2]) == len(choices)
-    assert len(told.splitlines()) < 50
+    named = re.search(r"^  change +(.*?)^  experiment", told, re.MULTILINE | re.DOTALL)
+    assert named[1].split() == ", ".join(conf.groups("evaluate")["change"]).split()
+    assert len(told.splitlines()) < 60
 
 
 def test_help_imports_nothing_heavy():

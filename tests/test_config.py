@@ -7,7 +7,6 @@ import pytest
 import yaml
 from cases import done, first_of
 from hydra._internal.hydra import Hydra
-from test_new_worlds import NEW
 
 from epuckhebb.cli.options import with_genomes_named
 from epuckhebb.config.compose import combinations, composed
@@ -22,15 +21,15 @@ COMMAND = {
     group: command for command in reversed(SCHEMA) for group in groups(command)
 }  # evaluate, for the groups that it has
 ALONE = sorted(COMMAND.keys() - TOGETHER)
-CHOICES = [(group, choice) for group in ALONE for choice in groups(COMMAND[group])[group] if choice not in NEW]
+CHOICES = [(group, choice) for group in ALONE for choice in groups(COMMAND[group])[group]]
 
 
 @pytest.mark.parametrize(("group", "choice"), CHOICES)
 def test_every_choice_of_every_group_composes(group, choice):
-    cfg = composed(COMMAND[group], [f"{group}={choice}"])
+    cfg = composed(COMMAND[group], [f"{group}='{choice}'"])  # quoted: some names are numbers
     config = typed(cfg, SCHEMA[COMMAND[group]])
-    if group == "scenario":
-        assert (config.world.name, cfg.changed) == (choice, "")
+    if group in ("scenario", "change"):
+        assert (config.world.name, cfg.changed) == (choice if group == "scenario" else f"base_{choice}", "")
 
 
 def test_defaults_are_the_papers():

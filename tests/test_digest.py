@@ -12,7 +12,6 @@ import pytest
 
 from epuckhebb.analysis.evaluate import COLUMNS, evaluate
 from epuckhebb.config.compose import composed
-from epuckhebb.config.conf import groups
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.sim.controller import GA
@@ -58,7 +57,6 @@ def config(*overrides):
     ids=["paper", "others"],
 )
 def test_lifetimes_have_the_same_bits(treatments, file, golden):
-    assert set(PAPER_SCENARIOS) <= set(groups("evaluate")["scenario"])
     worlds = {name: config(f"scenario={name}") for name in PAPER_SCENARIOS}
     champions = {(one, where): load_genome(where, one) for one in TRAINED for where in CHAMPIONS}
     told = []

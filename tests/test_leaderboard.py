@@ -32,6 +32,7 @@ REFERENCES = [ROOT / "runs" / "reference" / name for name in ("leaderboard", "re
 TINY = "optimizer.population: 4, optimizer.starts: 3, optimizer.confirm: 2, optimizer.generations: 2"
 TINY += ", lifetime.duration_s: 3, scenario.paper_duration_s: 10"
 EVOLVED = f"optimizer: sep_cma_es, training: varied, {TINY}"
+LARGER = EVOLVED.replace("population: 4", "population: 6")
 METHODS = {
     "tiny": f"# Tiny.\nevolve: {{{EVOLVED}}}",
     "learns": f"evolve: {{hebbian: modulated, {EVOLVED}}}\nmatched_control: tiny",
@@ -42,7 +43,7 @@ METHODS = {
     "no_numbers": f"champions_of: tiny\nevolve: {{hebbian: oja, {EVOLVED}}}",
     "in_a_test": f"evolve: {{scenario: 4obstacles, {EVOLVED}}}",
     "light_of_a_test": f"evolve: {{training.light: [0.5, 0.5], {EVOLVED}}}",
-    "other_twin": f"evolve: {{hebbian: modulated, {EVOLVED}, optimizer.population: 6}}\nmatched_control: tiny",
+    "other_twin": f"evolve: {{hebbian: modulated, {LARGER}}}\nmatched_control: tiny",
     "plastic_twin": f"evolve: {{hebbian: modulated, {EVOLVED}}}\nmatched_control: learns",
     "no_twin": f"evolve: {{hebbian: modulated, {EVOLVED}}}",
     "wrong_key": "evolves: {optimizer: ga}",

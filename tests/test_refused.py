@@ -42,7 +42,8 @@ REFUSED = f"""
 evaluate scenrio=base                                   | scenrio | scenario
 evaluate scenario=5obstacles                            | 5obstacles | 4obstacles
 evaluate scenario=lowligth                              | lowlight
-evaluate scenario=murky                                 | epuckhebb keys scenario | --config-dir
+evaluate scenario=murky                                 | lowlight | --config-dir
+evaluate change=murky                                   | epuckhebb keys change | --config-dir
 evaluate hebian.N=0.002                                 | hebbian.N
 evaluate +hebian.N=0.9                                  | hebbian
 evaluate +hebbian.trace_decya=1                         | trace_decay
@@ -64,7 +65,7 @@ evolve task=reversal task.trails=3                      | task.trails
 evolve optimizer=sep_cma_es optimizer.elites=2          | optimizer.elites
 reproduce sound                                         | sound | light, obstacles, all
 sweep nope                                              | nope | n_sweep
-sweep light scenario=nope                               | epuckhebb keys scenario
+sweep light scenario=nope                               | scenario=nope | 4obstacles
 keys hebian                                             | hebbian
 # keys of another verb, and what does nothing
 evaluate training.light=1                               | training.light | epuckhebb evolve

@@ -26,7 +26,7 @@ from epuckhebb.runtime.resources import data_folder
 from epuckhebb.store import disk, provenance
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import status_of
-from epuckhebb.studies import identity, sweep
+from epuckhebb.studies import identity, leaderboard_jobs, sweep
 from epuckhebb.studies import jobs as study_jobs
 
 FAST = ["lifetime.duration_s=3", "repeats=2"]
@@ -74,9 +74,8 @@ def test_a_dry_run_lists_the_jobs_and_writes_nothing(here, name):
 
 def test_all_that_the_sweep_of_adaptations_names_is_there():
     swept = OmegaConf.load(data_folder("conf") / "experiment" / "adaptive.yaml").hydra.sweeper.params
-    scenarios, genomes = (value.replace(" ", "").split(",") for value in (swept.scenario, swept.genome))
-    assert set(scenarios) <= set(groups("evaluate")["scenario"])
-    for genome in genomes:
+    assert [len(worlds) for worlds in leaderboard_jobs.tests_of(["adaptive"], None).values()] == [8, 8]
+    for genome in swept.genome.replace(" ", "").split(","):
         load_genome(genome, "obstacles")
 
 

@@ -15,6 +15,7 @@ OWN_COLUMN = {  # keys that metrics.csv has a column for
     "genome": "genome",
     "seed": "seed",
     "scenario": "scenario",
+    "change": "scenario",
     "scenario.light": "light",
     "scenario.obstacles": "obstacles",
     "hebbian.N": "N",
@@ -72,7 +73,8 @@ def gather(evaluations: Sequence[Evaluated]) -> Gathered:
     whole = pd.concat(frames, ignore_index=True)
     again = whole.duplicated(_LIFETIME)
     rows = whole[~again].drop(columns=["_id", "_number"]).reset_index(drop=True)
-    return Gathered(rows, [OWN_COLUMN.get(key, key) for key in keys], _repeated(whole, again, evaluations))
+    settings = list(dict.fromkeys(OWN_COLUMN.get(key, key) for key in keys))
+    return Gathered(rows, settings, _repeated(whole, again, evaluations))
 
 
 def is_of_plasticity(key: str) -> bool:

@@ -10,6 +10,7 @@ from epuckhebb.config.conf import command_file, groups, keys_with_defaults
 from epuckhebb.runtime.resources import LATEST, data_folder
 
 _METHODS = "methods"  # the key of a leaderboard that names choices of the group method, one or more
+_LIST = re.compile(r"\[(.*,)?")  # what stands before the last of several names
 
 
 def complete_override(command: str, incomplete: str) -> list[str]:
@@ -18,7 +19,12 @@ def complete_override(command: str, incomplete: str) -> list[str]:
     key, equals, value = typed.partition("=")
     if not equals:
         return [offer for offer in _offers(command) if offer.startswith(key)]
-    found = [f"{key}={choice}" for choice in _choices(command, key) if choice.startswith(value)]
+    before = _LIST.match(value) if key in ("change", _METHODS) else None
+    names = before[0] if before else ""
+    choices = _choices(command, key)
+    if key == "scenario" and "_" in value:  # of a scenario with changes
+        choices = [f"{one}_{change}" for one in choices for change in groups(command)["change"]]
+    found = [f"{key}={names}{one}" for one in choices if one.startswith(value.removeprefix(names))]
     return [offer.partition("=")[2] for offer in found] if only_value else found
 
 

@@ -12,26 +12,16 @@ from rich.text import Text
 from epuckhebb.config.keys import Group, Key
 from epuckhebb.runtime.console import print_table
 
-_FEW = 40  # choices of a group
-
 
 def tell(wanted: Sequence[Group], console: Console) -> None:
-    """Print groups: their choices, then their keys; keys first where they would be lost below all choices."""
+    """Print groups: their choices, then their keys."""
     for group in wanted:
         console.print(Text(title(group), style="bold"))
-        few = len(group.choices) <= _FEW
-        if few:
-            _tell_choices(group, console)
+        if group.choices:
+            print_table(console, "", ("choice", "what it is"), group.choices.items(), text=2)
         for told, keys in sections(group):
             rows = ((key.name, key.default, key.told) for key in keys)
             print_table(console, told, ("key", "default", "what it is"), rows, text=3)
-        if not few:
-            _tell_choices(group, console)
-
-
-def _tell_choices(group: Group, console: Console) -> None:
-    if group.choices:
-        print_table(console, "", ("choice", "what it is"), group.choices.items(), text=2)
 
 
 def title(group: Group) -> str:

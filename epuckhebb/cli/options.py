@@ -26,18 +26,9 @@ class ConfiguredCommand(TyperCommand):
             for example in _EXAMPLES[command]:
                 formatter.write_text(f"epuckhebb {command} {example}")
         with formatter.section("Configuration groups (GROUP=CHOICE; any key: GROUP.KEY=VALUE, see epuckhebb keys)"):
-            formatter.write_dl([(name, _in_short(name, choices)) for name, choices in conf.groups(command).items()])
+            formatter.write_dl([(name, ", ".join(choices)) for name, choices in conf.groups(command).items()])
 
 
-def _in_short(group: str, choices: list[str]) -> str:
-    """The choices of a group; of many only those whose names begin no longer ones, and where the others are."""
-    if len(choices) <= _MANY:
-        return ", ".join(choices)
-    roots = [name for name in choices if not any(name.startswith(f"{other}_") for other in choices)]
-    return f"{', '.join(roots)}, and {len(choices) - len(roots)} more: epuckhebb keys {group}"
-
-
-_MANY = 40  # choices of a group
 _EXAMPLES = {
     "reproduce": ["--quick", "obstacles champions=40", "all genome=Best.npy signal=as_coded"],
     "leaderboard": [
@@ -50,6 +41,7 @@ _EXAMPLES = {
         "scenario=4obstacles",
         "scenario=lowlight hebbian.N=0.002 repeats=50",
         "genome=runs/evolve/RUN scenario=2obstacles",
+        '"change=[slip_left,ir_low]" scenario=highlight',
         '"compare=[late,none]" scenario=lowlight',
         "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles hydra/launcher=joblib",
     ],

@@ -1,4 +1,8 @@
-"""Reads one choice of a group, with the files that it takes over from, as Hydra puts them together."""
+"""Reads one choice of a group, with the files that it takes over from, as Hydra puts them together.
+
+A change of the world is a row of `conf/changes.yaml`, or a file of the user's. A scenario with changes is called by
+their names: `base_slip_left` is the scenario `base` with the change `slip_left`, as if a file said so.
+"""
 
 import functools
 from collections.abc import Iterator, Sequence
@@ -9,16 +13,20 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import yaml_file
+from epuckhebb.config.conf import TABLES, flat, rows, table_file
 from epuckhebb.config.parts import NONE
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
 
 OURS = [data_folder("conf")]
+BRINGS_MAZE = "override /maze@_global_.maze"  # in the defaults of a scenario that has a maze of its own
 
 
-def choice_files(group: str, folders: Sequence[Path]) -> list[Path]:
-    """The files of a group, in all these folders."""
-    return [file for folder in folders for file in (folder / group).glob("*.yaml")]
+def choice_names(group: str, folders: Sequence[Path]) -> list[str]:
+    """The choices of a group in all these folders, the longest name first."""
+    files = {file.stem for folder in folders for file in (folder / group).glob("*.yaml")}
+    in_table = rows(group) if group in TABLES else ()
+    return sorted({*files, *in_table}, key=lambda name: (-len(name), name))
 
 
 def where_known(group: str, choice: str, folders: Sequence[Path]) -> Sequence[Path]:
@@ -27,7 +35,7 @@ def where_known(group: str, choice: str, folders: Sequence[Path]) -> Sequence[Pa
 
 
 def is_choice(group: str, choice: str, folders: Sequence[Path]) -> bool:
-    """Whether a group has a file of this name."""
+    """Whether a group has a choice of this name."""
     return _file(group, choice, folders) is not None
 
 
@@ -74,10 +82,75 @@ def _parts(group: str, choice: str, folders: Sequence[Path]) -> Iterator[DictCon
 
 
 def _file(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None:
-    """The file of a group that has this name, not to be changed."""
+    """The file of a group that has this name, or what stands for it; not to be changed."""
+    path = choice_file(group, choice, folders)
+    if path is not None:
+        return _read(path, path.read_bytes())
+    if group in TABLES:
+        row: DictConfig | None = _table(group).get(choice)
+        return row
+    return _changed_scenario(choice, folders) if group == "scenario" else None
+
+
+def choice_file(group: str, choice: str, folders: Sequence[Path]) -> Path | None:
+    """The file of a group that has this name, first found first taken."""
     name = f"{group}/{choice}.yaml"
-    path = next((folder / name for folder in folders if (folder / name).is_file()), None)
-    return None if path is None else _read(path, path.read_bytes())
+    return next((folder / name for folder in folders if (folder / name).is_file()), None)
+
+
+@functools.cache
+def _table(group: str) -> DictConfig:
+    table = OmegaConf.load(table_file(group))
+    assert isinstance(table, DictConfig)
+    return table
+
+
+def found_by_hydra(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None:
+    """A change of the world as Hydra is to compose it, or a scenario with changes; None for other choices."""
+    if group == "scenario" and choice_file(group, choice, folders) is None:
+        return _changed_scenario(choice, folders)
+    settings = choice_settings(group, choice, folders) if group == "change" else None
+    if settings is None:
+        return None
+    defaults = _with_maze(settings).pop("defaults")
+    return OmegaConf.create({"defaults": defaults, "scenario": settings, "change": {choice: None}})
+
+
+def _changed_scenario(name: str, folders: Sequence[Path]) -> DictConfig | None:
+    """What a file of this name would hold, if the name is made of a scenario and changes."""
+    known = choice_names("change", folders)
+    scenario, *changes = _names_in(name, choice_names("scenario", folders), known) or [""]
+    if not changes:
+        return None
+    settings = OmegaConf.create({})
+    set_by: dict[str, str] = {}
+    for change in changes:
+        own = choice_settings("change", change, folders)
+        assert own is not None  # its name is known
+        held: Any = OmegaConf.to_container(own)
+        for key, _ in flat(held):
+            if key in set_by:
+                raise ConfigError(f"scenario={name}: {set_by[key]} and {change} both change {key}; give one of the two")
+            set_by[key] = change
+        settings.merge_with(own)
+    return _with_maze(settings, scenario, "_self_")
+
+
+def _with_maze(settings: DictConfig, *defaults: str) -> DictConfig:
+    """Settings of a scenario in which the maze that they name stands among the defaults, as Hydra wants it."""
+    maze = settings.pop("maze", None)
+    settings.defaults = [*defaults, *([] if maze is None else [{BRINGS_MAZE: maze}])]
+    return settings
+
+
+def _names_in(text: str, first: Sequence[str], later: Sequence[str]) -> list[str]:
+    """The names that a text joins with `_`, one of the first and then later ones; nothing if it joins no names."""
+    for name in first:
+        rest = text.removeprefix(f"{name}_")
+        others = _names_in(rest, later, later) if rest != text else []
+        if others or text == name:
+            return [name, *others]
+    return []
 
 
 @functools.lru_cache(maxsize=256)

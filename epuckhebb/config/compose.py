@@ -29,6 +29,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
 
 IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
+BRIGHT, DIM = 1.0, 0.1  # the light of the two experiments
 STAMP = "EPUCKHEBB_STAMP"  # environment variable that conf/ names run folders with
 _VALUE_KEY = re.compile(r"[\w.]+")  # of a plain override: nothing added, deleted, or put into another package
 _ALONE = ("genome", "seed", "repeats", "threads")  # keys on which nothing else in a configuration depends, unless:
@@ -107,6 +108,8 @@ def _environment(*_: Any, _node_: Any) -> None:
 _register: Any = OmegaConf.register_resolver if IS_HYDRA_1_4 else OmegaConf.register_new_resolver  # its name changed
 _register("epuckhebb.world", _world, replace=True)
 _register("epuckhebb.stamp", lambda: os.environ[STAMP], replace=True)
+_register("epuckhebb.by_experiment", lambda values, *, _root_: values[_root_.scenario.experiment], replace=True)
+_register("epuckhebb.other_light", lambda light: DIM if light > (BRIGHT + DIM) / 2 else BRIGHT, replace=True)
 _register("oc.env", _environment, replace=True)  # what is written down of a run would tell what its environment holds
 
 

@@ -1,33 +1,51 @@
 """Lists the groups of `conf/` and their choices. Completion and help need it, so it imports nothing heavy."""
 
-from collections.abc import Iterator
+import functools
+import itertools
+import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from epuckhebb.runtime.resources import data_folder
 
+TABLES = ("change", "method")  # groups whose choices are the rows of one file
 _PACKAGE_OF = "# @package"  # the first line of a file that also changes other groups
+_ROW = re.compile(r'^((?:# .*\n)+)"?(\w+)"?:', re.MULTILINE)  # comments, and the name of what they describe
 
 
 def groups(command: str) -> dict[str, list[str]]:
     """The configuration groups of a verb and their choices, as the names of the files say."""
     defaults = command_file(command).read_text(encoding="utf-8")
+    conf = data_folder("conf")
+    names = sorted({*TABLES, *(path.name for path in conf.iterdir() if path.is_dir())})
     return {
-        folder.name: sorted(file.stem for file in folder.glob("*.yaml"))
-        for folder in sorted(path for path in data_folder("conf").iterdir() if path.is_dir())
-        if f"- {folder.name}:" in defaults
+        name: sorted(rows(name) if name in TABLES else (file.stem for file in (conf / name).glob("*.yaml")))
+        for name in names
+        if f"- {name}:" in defaults
     }
+
+
+def table_file(group: str) -> Path:
+    """The file whose rows are the choices of a group of `TABLES`."""
+    return data_folder("conf") / f"{group}s.yaml"
+
+
+@functools.cache
+def rows(group: str) -> dict[str, str]:
+    """The choices of a group of `TABLES`, and what the comment above each says."""
+    found = _ROW.findall(table_file(group).read_text(encoding="utf-8"))
+    return {name: _comment(comment.splitlines()) for comment, name in found}
 
 
 def first_comment(file: Path) -> str:
     """What the comment at the top of a file of `conf/` says, up to its first line that is none."""
-    lines = []
-    for line in file.read_text(encoding="utf-8").splitlines():
-        if not line.startswith("# "):
-            break
-        if not line.startswith(_PACKAGE_OF):
-            lines.append(line.removeprefix("# ").strip())
-    return " ".join(lines)
+    return _comment(file.read_text(encoding="utf-8").splitlines())
+
+
+def _comment(lines: Sequence[str]) -> str:
+    comments = itertools.takewhile(lambda line: line.startswith("# "), lines)
+    return " ".join(line.removeprefix("# ").strip() for line in comments if not line.startswith(_PACKAGE_OF))
 
 
 def command_file(command: str) -> Path:

@@ -4,7 +4,7 @@ import re
 
 from hydra.errors import MissingConfigException, OverrideParseException
 
-from epuckhebb.config.conf import groups
+from epuckhebb.config.conf import groups, rows
 from epuckhebb.config.schema import said
 from epuckhebb.config.words import asked, choices_of, near_keys
 from epuckhebb.runtime.errors import near
@@ -57,12 +57,13 @@ def _missing(error: MissingConfigException, missing: str) -> str:
     if launcher:
         return f'there is no {group}={name}\nThis launcher is a plug-in: pip install "epuckhebb[{launcher}]"'
     file = re.match(r"In '(\w+/[^']+)': Could not load", str(error))
+    known = groups("evolve").get(group, groups("evaluate").get(group, []))
     if file:
-        known = groups("evolve").get(group, groups("evaluate").get(group, []))
         return f"{file[1]}.yaml: there is no {group}={name}, which its defaults name{asked(near(name, known))}"
-    options = list(error.options or [])
+    options = list(error.options or known)
+    changed = [f"{one}_{change}" for one in options for change in rows("change")] if group == "scenario" else []
     return (
-        f"there is no {group}={name}{asked(near(name, options))}\n{choices_of(group, options)}\n"
+        f"there is no {group}={name}{asked(near(name, [*options, *changed]))}\n{choices_of(group, options)}\n"
         f"Is it a file of yours, {group}/{name}.yaml? Then add --config-dir and the folder of {group}/"
     )
 

@@ -5,6 +5,7 @@ only an interpolation in a list of defaults needs. That is nearly half of the ti
 is parsed once by a process, and the list is made where it is needed. A Hydra whose insides are others is left as it is.
 
 The user's folder (`--config-dir`) comes before the program's, so a file of the user's wins over ours of the same name.
+Before both comes what is no file for Hydra: changes of the world, and scenarios that are named with their changes.
 """
 
 import copy
@@ -18,13 +19,16 @@ from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
 from hydra.core.object_type import ObjectType
 from hydra.core.override_parser import overrides_visitor
 from hydra.core.plugins import Plugins
+from hydra.plugins.config_source import ConfigResult, ConfigSource
 from hydra.plugins.search_path_plugin import SearchPathPlugin
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.config import yaml_file
+from epuckhebb.config.choices import OURS, choice_names, found_by_hydra
 from epuckhebb.runtime.errors import ConfigError
 
 _FILE, _PACKAGE = "file", "pkg"  # where files are: in a folder, or in an installed package, whose files do not change
+_CHANGES = "change"  # the scheme of what is no file for Hydra, and the group of changes
 _OURS = "main"  # who brings the program's folder
 USERS = "command-line"  # who brings the user's folder, as Hydra names it for its own --config-dir
 _parsed: dict[tuple[object, ...], Any] = {}
@@ -34,7 +38,7 @@ Choices = Callable[[Any, Any, bool], Any]
 
 
 class _UsersFirst(SearchPathPlugin):
-    """Puts the user's folder before the program's."""
+    """Puts the user's folder before the program's, and what is no file before both."""
 
     folder: Path | None = None
 
@@ -42,12 +46,55 @@ class _UsersFirst(SearchPathPlugin):
         """See Hydra."""
         if self.folder is not None:
             search_path.prepend(USERS, f"file://{self.folder}", SearchPathQuery(provider=_OURS))
+        search_path.prepend(_OURS, f"{_CHANGES}://{self.folder or ''}")
+
+
+class _Changes(ConfigSource):
+    """Has for Hydra the changes of the world, and the scenarios with changes; its path is the user's folder."""
+
+    @staticmethod
+    def scheme() -> str:
+        """See Hydra."""
+        return _CHANGES
+
+    @property
+    def _folders(self) -> list[Path]:
+        return [*([Path(self.path)] if self.path else []), *OURS]
+
+    def _found(self, config_path: str) -> DictConfig | None:
+        group, _, choice = config_path.removesuffix(".yaml").partition("/")
+        return found_by_hydra(group, choice, self._folders)
+
+    def load_config(self, config_path: str) -> ConfigResult:
+        """See Hydra."""
+        header = {"package": "_global_" if config_path.startswith(f"{_CHANGES}/") else None}
+        found = self._found(config_path)
+        assert found is not None  # Hydra asked `is_config`
+        return ConfigResult(self.provider, self.path, found, header)
+
+    def available(self) -> bool:
+        """See Hydra."""
+        return True
+
+    def is_group(self, config_path: str) -> bool:
+        """See Hydra."""
+        return config_path == _CHANGES
+
+    def is_config(self, config_path: str) -> bool:
+        """See Hydra."""
+        return self._found(config_path) is not None
+
+    def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
+        """See Hydra."""
+        is_here = config_path == _CHANGES and results_filter is not ObjectType.GROUP
+        return choice_names(_CHANGES, self._folders) if is_here else []
 
 
 @contextmanager
 def users_first(folder: str | None) -> Iterator[None]:
     """Time in which Hydra looks for files in this folder first."""
-    Plugins.instance().register(_UsersFirst)
+    for plugin in (_Changes, _UsersFirst):
+        Plugins.instance().register(plugin)
     before, _UsersFirst.folder = _UsersFirst.folder, None if folder is None else Path(folder).absolute()
     try:
         yield

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from epuckhebb.config.conf import first_comment, groups
+from epuckhebb.config.conf import TABLES, first_comment, groups, rows, table_file
 from epuckhebb.config.methods import Method
 from epuckhebb.config.parts import NONE, optimizer_class, rule_class, task_class
 from epuckhebb.config.schema import SCHEMAS
@@ -71,8 +71,12 @@ def _conf(name: str) -> Path:
 
 def _group(name: str) -> Group:
     """A group of `conf/`; its first choice is the one that a verb takes by itself and that has the most keys."""
-    files = {file.stem: file for file in sorted(_conf(name).glob("*.yaml"))}
-    found = {choice: list(_keys(file, name, _schema(name, file))) for choice, file in files.items()}
+    if name in TABLES:
+        choices, found = dict(sorted(rows(name).items())), dict(sorted(_of_rows(name)))
+    else:
+        files = {file.stem: file for file in sorted(_conf(name).glob("*.yaml"))}
+        choices = {choice: first_comment(file) for choice, file in files.items()}
+        found = {choice: list(_keys(file, name, _schema(name, file))) for choice, file in files.items()}
     usual = max([choice for choice in _usual(name) if choice in found] or found, key=lambda choice: len(found[choice]))
     seen = {key.name for key in found[usual]}
     more = {}
@@ -81,7 +85,16 @@ def _group(name: str) -> Group:
         seen |= {key.name for key in own}
         if own:
             more[choice] = own
-    return Group(name, {choice: first_comment(file) for choice, file in files.items()}, usual, found[usual], more)
+    return Group(name, choices, usual, found[usual], more)
+
+
+def _of_rows(name: str) -> Iterator[tuple[str, list[Key]]]:
+    """The keys of each row of a table; those of a change are the keys of a scenario."""
+    text = _text(table_file(name))
+    root: Any = yaml.compose(text, Loader=yaml.SafeLoader)
+    for row, settings in root.value:
+        keys = _below(settings, f"{name}.", Method, text.splitlines(), deep=True) if name == "method" else ()
+        yield row.value, list(keys)
 
 
 def _usual(name: str) -> list[str]:
@@ -97,8 +110,6 @@ def _schema(group: str, file: Path) -> Any:
         return rule_class(str(held["rule"]), group) if held.get("rule", NONE) != NONE else None
     if group == "task":
         return task_class(held.get(group, held)["kind"])
-    if group == "method":
-        return Method
     if group == "optimizer":
         return optimizer_class(held["algorithm"])
     kinds = [typing.get_type_hints(schema).get(group) for schema in SCHEMAS.values()]

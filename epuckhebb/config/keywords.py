@@ -29,7 +29,7 @@ def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]
             )
     check_keywords(keys)
     for key, value in keys.items():
-        if key in groups("evaluate") and isinstance(value, list | tuple | np.ndarray):
+        if key in groups("evaluate") and key != "change" and isinstance(value, list | tuple | np.ndarray):
             raise ConfigError(f"{key} must be one, got {value!r}; for several in turn: sweep(over={{{key!r}: [...]}})")
     words = [word for key, value in keys.items() for word in keyword_overrides(key, value)]
     return [*words, *overrides]

@@ -1,13 +1,14 @@
-"""The methods of the leaderboard: a file of `conf/method/` each, or a plasticity rule of the user's own."""
+"""The methods of the leaderboard: rows of `conf/methods.yaml`, files of the user's, or plasticity rules of theirs."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-import yaml
+from omegaconf import OmegaConf
 
-from epuckhebb.config.conf import first_comment
+from epuckhebb.config.choices import choice_file, choice_names, choice_settings
+from epuckhebb.config.conf import first_comment, rows, table_file
 from epuckhebb.config.keywords import value_text
 from epuckhebb.config.parts import rule_class
 from epuckhebb.runtime.errors import ConfigError, did_you_mean
@@ -64,25 +65,25 @@ def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]
     """The methods of these names, each after those that it needs: the one that it is compared with.
 
     Args:
-        names: Names of files of `method/`, `FILE.py:NAME` for a rule, or `all`.
+        names: Names of methods, `FILE.py:NAME` for a rule, or `all`.
         folders: Where to look for `method/`, first found first taken.
     """
-    files = {file.stem: file for folder in reversed(folders) for file in (folder / "method").glob("*.yaml")}
+    known = sorted(choice_names("method", folders))
     found: dict[str, Method] = {}
 
     def read(name: str, why: str, waiting: tuple[str, ...]) -> None:
-        method = _own(name, files) if ".py:" in name else _read(name, why, files)
+        method = _own(name, known) if ".py:" in name else _read(name, why, known, folders)
         if name in waiting:
-            raise ConfigError(f"{files[name]}: {' is compared with '.join((*waiting, name))}; that leads nowhere")
+            raise ConfigError(f"method {name}: {' is compared with '.join((*waiting, name))}; that leads nowhere")
         if method.name not in found:
             if method.compared_with:
                 key = "champions_of" if method.champions_of else "matched_control"
-                read(method.compared_with, f"{files.get(name, name)}: {key}", (*waiting, name))
+                read(method.compared_with, f"method {name}: {key}", (*waiting, name))
             found[method.name] = method
         elif found[method.name] != method:
             raise ConfigError(f"{why}={name}: another rule has the name {method.name}, too; give one of them another")
 
-    for name in _wanted(names, files):
+    for name in _wanted(names, known):
         read(name, "methods", ())
     return list(found.values())
 
@@ -92,27 +93,24 @@ def is_in_groups(key: str, groups: Sequence[str]) -> bool:
     return key.partition(".")[0] in groups
 
 
-def _wanted(names: Sequence[str], files: Mapping[str, Path]) -> Iterator[str]:
+def _wanted(names: Sequence[str], known: Sequence[str]) -> Iterator[str]:
     if not names:
-        raise ConfigError(f"methods must name one method or more: {', '.join([ALL, *sorted(files)])}, or FILE.py:NAME")
+        raise ConfigError(f"methods must name one method or more: {', '.join([ALL, *known])}, or FILE.py:NAME")
     for name in names:
-        yield from sorted(files) if name == ALL else [str(name)]
+        yield from known if name == ALL else [str(name)]
 
 
-def _read(name: str, why: str, files: Mapping[str, Path]) -> Method:
-    """The method of a file."""
-    if name not in files:
+def _read(name: str, why: str, known: Sequence[str], folders: Sequence[Path]) -> Method:
+    """The method of a row of the table, or of a file of the user's."""
+    settings = choice_settings("method", name, folders)
+    if settings is None:
         raise ConfigError(
-            f"{why}={name}: {did_you_mean(name, files)}a method is one of {', '.join(sorted(files))}, or FILE.py:NAME, "
+            f"{why}={name}: {did_you_mean(name, known)}a method is one of {', '.join(known)}, or FILE.py:NAME, "
             "a rule of your own"
         )
-    file = files[name]
-    try:
-        held = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, yaml.YAMLError) as error:
-        raise ConfigError(f"{file} cannot be read: {error}") from error
-    if not isinstance(held, dict):
-        raise ConfigError(f"{file} must hold keys of a method: {', '.join(_KEYS)}")
+    own = choice_file("method", name, folders)
+    file = own or f"{table_file('method')}: {name}"
+    held: Any = OmegaConf.to_container(settings)
     for key, value in held.items():
         if key not in _KEYS:
             asked = did_you_mean(str(key), _KEYS)
@@ -120,12 +118,12 @@ def _read(name: str, why: str, files: Mapping[str, Path]) -> Method:
         if not isinstance(value, str if _KEYS[key] is str else dict):
             wanted = "the name of a method" if _KEYS[key] is str else "settings, as {hebbian: abcd, training: varied}"
             raise ConfigError(f"{file}: {key} must be {wanted}, got {value!r}")
-    method = Method(name=name, told=first_comment(file), **held)
+    method = Method(name=name, told=rows("method")[name] if own is None else first_comment(own), **held)
     _check(method, file)
     return method
 
 
-def _check(method: Method, file: Path) -> None:
+def _check(method: Method, file: Path | str) -> None:
     """Refuse keys that do not go together."""
     if not method.champions_of and not method.evolve:
         raise ConfigError(
@@ -147,13 +145,13 @@ def _check(method: Method, file: Path) -> None:
         raise ConfigError(f"{file}: {taken.pop()} is filled in by the program; leave it out")
 
 
-def _own(where: str, files: Mapping[str, Path]) -> Method:
+def _own(where: str, known: Sequence[str]) -> Method:
     """A rule of the user's own: evolved with the weights if it has something to evolve, laid over champions if not."""
     file, _, name = where.rpartition(":")
     path = path_of(file, "methods").absolute()
     kind = rule_class(f"{path}:{name}", "hebbian")
-    if name in files:
-        raise ConfigError(f"methods={where}: the name {name} is taken by {files[name]}; give your rule another one")
+    if name in known:
+        raise ConfigError(f"methods={where}: the name {name} is taken by a method; give your rule another one")
     rule = {"hebbian.rule": f"{path}:{name}"}
     initial_weights = kind.__dataclass_fields__["initial_weights"].default
     if kind.evolved or initial_weights is InitialWeights.random:

@@ -17,7 +17,15 @@ from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config.build import scenario_from
-from epuckhebb.config.choices import OURS, choice_files, choice_settings, default_override, is_choice, where_known
+from epuckhebb.config.choices import (
+    BRINGS_MAZE,
+    OURS,
+    choice_names,
+    choice_settings,
+    default_override,
+    is_choice,
+    where_known,
+)
 from epuckhebb.config.overrides import literal
 from epuckhebb.config.parts import NONE, PAPER, rule_class, rule_file
 from epuckhebb.config.parts_from_yaml import maze_from
@@ -31,7 +39,6 @@ from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import Scenario
 
 _GROUPS = ("maze", "robot", "scenario", "hebbian", "training")
-_BRINGS_MAZE = "override /maze@_global_.maze"  # in the defaults of a scenario that has a maze of its own
 _BRINGS_RULE = "override /hebbian"  # in the defaults of an adaptation
 _BRINGS_LIFETIME = "override /lifetime"  # in the defaults of a task
 _RECORDING = "record_every"  # the setting of a lifetime that changes nothing in it
@@ -48,7 +55,14 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
     """
     if not {"scenario", "maze", "robot", "hebbian"} <= cfg.keys() or cfg.get("changed") is not None:
         return cfg
+    own = {name: settings for name, settings in cfg.change.items() if settings is not None}  # no choices of the group
+    known = [str(choices.get("scenario")), *(str(name) for name in cfg.change if name not in own)]
+    choices = {**choices, "scenario": "_".join(known)}
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
+        if own and not cfg.scenario.get("name"):
+            cfg.scenario.name = "_".join([*known, *map(str, own)])
+        for name, settings in own.items():
+            _make(f"change.{name}", settings, cfg.scenario)
         for group in _GROUPS:
             if group in cfg and not cfg[group].get("name"):
                 cfg[group].name = choices.get(group) or ""
@@ -65,9 +79,20 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
         try:
             told = [_changed(cfg, str(choices.get("scenario")), folders), *_changed_lifetime(cfg, choices, folders)]
             cfg.changed = literal(", ".join(filter(None, told)))
+            cfg.change = {}  # they are in the scenario, and in its name
         except (ValueError, OmegaConfBaseException) as error:
             raise ConfigError(said(error)) from error
     return cfg
+
+
+def _make(key: str, settings: Any, scenario: DictConfig) -> None:
+    """Make a change of the user's, whose settings stand below a key, in the scenario."""
+    if not isinstance(settings, DictConfig):
+        raise ConfigError(f"{key} must be settings of a scenario, for example {{light: 0.05}}, got {settings}")
+    try:
+        scenario.merge_with(settings)
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"{key}: {said(error)}") from error
 
 
 def _acts(adaptation: DictConfig) -> bool:
@@ -130,7 +155,7 @@ def _adaptation(choice: str, key: str, folders: Sequence[Path]) -> Any:
     """The settings of an adaptation that is named below `compare`."""
     found = choice_settings("adaptation", choice, folders)
     if found is None:
-        there = sorted({file.stem for file in choice_files("adaptation", folders)})
+        there = sorted(choice_names("adaptation", folders))
         raise ConfigError(f"{key} must be one of {', '.join(there)}, or its settings, got {choice!r}")
     return found.adaptation
 
@@ -145,7 +170,7 @@ def _compared(compare: DictConfig, folders: Sequence[Path]) -> dict[str, Any]:
             continue
         settings = _rule_brought(name, folders) if given is None else given
         if settings is None:
-            there = {file.stem for group in ("adaptation", "hebbian") for file in choice_files(group, folders)}
+            there = {name for group in ("adaptation", "hebbian") for name in choice_names(group, folders)}
             raise ConfigError(
                 f"compare=[{name}]: a name must be one of {', '.join(sorted(there))}; what has another is given with "
                 f"its settings, for example compare.{name}={{N: 0.002, sign: shuffled}}"
@@ -222,7 +247,7 @@ def maze_brought(choice: str, folders: Sequence[Path]) -> Maze | None:
 
 def _maze_settings(choice: str, folders: Sequence[Path]) -> dict[str, Any] | None:
     """The settings of that maze."""
-    brought = default_override("scenario", choice, _BRINGS_MAZE, folders)
+    brought = default_override("scenario", choice, BRINGS_MAZE, folders)
     found = None if brought is None else choice_settings("maze", brought, folders)
     return None if found is None else _plain(found)
 

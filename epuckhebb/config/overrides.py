@@ -12,6 +12,7 @@ from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from epuckhebb.config.conf import TABLES, rows
 from epuckhebb.config.explain import explain
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.progress import say
@@ -91,6 +92,8 @@ def check_config_dir(config_dir: str | None) -> None:
     both = (file.relative_to(ours) for file in sorted(ours.rglob("*.yaml")))
     there = (file for file in both if (mine / file).is_file())
     instead = [file for file in there if not filecmp.cmp(mine / file, ours / file, shallow=False)]
+    in_tables = (Path(group, f"{name}.yaml") for group in TABLES for name in sorted(rows(group)))
+    instead += [file for file in in_tables if (mine / file).is_file()]
     if instead:
         names = ", ".join("=".join(str(file.with_suffix("")).rsplit("/", 1)) for file in instead)
         say(f"Files of yours in {mine} replace the program's: {names}.")

@@ -82,12 +82,15 @@ class NetworkConfig:
 class WorldConfig:
     """The keys that `evaluate` and `evolve` have in common, and the world that comes of them.
 
-    world: the scenario, with its maze and robot. layers: of the network; None if they were left open.
+    change: the changes by name while they are composed into the scenario, empty then; those of the user's have their
+    settings. world: the scenario, with
+    its maze and robot. layers: of the network; None if they were left open.
     """
 
     seed: int = 1
     threads: int = 0
     scenario: ScenarioConfig = field(default_factory=ScenarioConfig)
+    change: dict[str, Any] = field(default_factory=dict)
     maze: dict[str, Any] = field(default_factory=dict)
     robot: dict[str, Any] = field(default_factory=dict)
     network: NetworkConfig = field(default_factory=NetworkConfig)
@@ -251,10 +254,10 @@ SCHEMAS = {
     "leaderboard": LeaderboardConfig,
 }
 # Below these, the schema does not know the keys.
-OPEN = ("hebbian", "compare", "maze", "robot", "optimizer", "task", "scenario.goals")
+OPEN = ("hebbian", "compare", "change", "maze", "robot", "optimizer", "task", "scenario.goals")
 for _command, _schema in SCHEMAS.items():
     _node = OmegaConf.structured(_schema)
-    for _key in ("hebbian", "compare", "optimizer", "task"):
+    for _key in ("hebbian", "compare", "change", "optimizer", "task"):
         if _key in _node:
             OmegaConf.set_struct(_node[_key], False)  # Hydra takes any key below them, without a +
     if _schema is EvolveConfig:

@@ -61,11 +61,17 @@ def check_words(command: str, words: list[str], config_dir: str | None = None) -
 
 
 def _check_choice(override: Override, choices: Mapping[str, Sequence[str]]) -> None:
-    """Refuse what is no name of a file of a group; nothing but a name can be deleted, either."""
+    """Refuse what is no name of a choice of a group, nor its settings; nothing but a name can be deleted, either."""
     key, value = override.key_or_group, override.value()
     whole = override.is_delete() and value is None
-    if whole or override.is_sweep_override() or isinstance(value, str if override.is_delete() else str | list):
+    settings = isinstance(value, dict) and key == "change"
+    if whole or settings or override.is_sweep_override() or isinstance(value, str):
         return
+    if isinstance(value, list) and not override.is_delete():
+        if all(isinstance(name, str) for name in value):
+            return
+        quoted = ",".join(f"'{name}'" for name in value)
+        raise ConfigError(f'{override.input_line}: names that are numbers need quotes, "{key}=[{quoted}]"')
     raise ConfigError(f"{override.input_line}: {choices_of(key, choices.get(key, []))}")
 
 

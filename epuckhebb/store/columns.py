@@ -45,7 +45,7 @@ _CONDITION: Columns = {
 METRICS: Columns = {
     "genome": text("the name of the genome: `reference`, a run folder, or a file without its ending"),
     "experiment": text("`light` or `obstacles`: to which of the paper's experiments the world belongs"),
-    "scenario": text("the name of the world; `changed` tells what differs from it"),
+    "scenario": text("the name of the world: of its scenario and its changes; `changed` tells what else differs"),
     "light": number("level of the sun at the start: 1 bright, 0.1 dim"),
     "obstacles": number("how many obstacles stand in the maze at the start"),
     "controller": _CONDITION["controller"],
@@ -245,7 +245,7 @@ _COMPARISON: Columns = {
 }
 _METHOD: Columns = {
     "experiment": _CONDITION["experiment"],
-    "method": text("a name of `conf/method/`, or of a rule of the user's own"),
+    "method": text("a name of `conf/methods.yaml`, or of a rule of the user's own"),
 }
 LEADERBOARD: Columns = {
     **_METHOD,

@@ -6,6 +6,8 @@ the user's own, the science.
 
 import copy
 import functools
+import itertools
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +21,7 @@ from epuckhebb.config.build import check_wheel_gain, network_for
 from epuckhebb.config.compose import Plain
 from epuckhebb.config.methods import REVERSAL_TASK, Method, typed_as
 from epuckhebb.config.names import world_of
+from epuckhebb.config.overrides import alternatives
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, LeaderboardConfig, typed
 from epuckhebb.runs import evaluate, evolve
 from epuckhebb.runtime.errors import ConfigError
@@ -31,6 +34,7 @@ from epuckhebb.studies.identity import NO_EFFECT
 from epuckhebb.studies.jobs import Job
 
 REVERSAL = board.REVERSAL
+_NAMES = re.compile(r"[^\[\],\s'\"]+")  # in a value of a sweep, one or a list of them
 _OF_RULES = ("merges", "merge_every")  # settings of optimizers that concern nothing but rules
 
 
@@ -93,7 +97,9 @@ def _swept(name: str, config_dir: str | None) -> tuple[str, ...]:
     params = compose.composed("evaluate", [f"experiment={name}"], config_dir, with_hydra=True).hydra.sweeper.params
     if not params or "scenario" not in params:
         raise ConfigError(f"tests={name}: this sweep of conf/experiment/ names no scenarios in hydra.sweeper.params")
-    return tuple(world.strip() for world in str(params["scenario"]).split(","))
+    swept = alternatives([f"{key}={params[key]}" for key in ("scenario", "change") if key in params])
+    values = [[_NAMES.findall(word.partition("=")[2]) for word in words] for words in swept.values()]
+    return tuple("_".join(itertools.chain(*names)) for names in itertools.product(*values))
 
 
 def tests_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, dict[str, Scenario]]:

@@ -1,0 +1,208 @@
+"""The group `change`: several at once in any scenario, the user's own too, and the names of worlds made of them."""
+
+import csv
+import json
+from dataclasses import asdict, fields
+from functools import cache
+from pathlib import Path
+
+import pytest
+from cases import contents, done, refused
+
+import epuckhebb
+from epuckhebb.cli import completion
+from epuckhebb.config.compose import composed, plain
+from epuckhebb.config.conf import groups, rows
+from epuckhebb.config.names import world_of
+from epuckhebb.runtime.resources import data_folder
+from epuckhebb.studies import leaderboard_jobs, sweep
+
+CONF = data_folder("conf")
+WORLDS = Path(__file__).parent / "golden" / "worlds.jsonl"
+NAMES = [json.loads(line)["name"] for line in WORLDS.read_text().splitlines()]
+BRIEF = ["repeats=1", "lifetime.duration_s=0.064", "lifetime.record_every=0"]
+OWN = {
+    "change/dusk.yaml": "# Dusk.\nlight: 0.05\n",
+    "change/dusk_and_slip.yaml": "# Both.\ndefaults: [dusk, _self_]\nleft_slip: 0.4\n",
+    "change/misspelt.yaml": "ligth: 0.05\n",
+    "change/in_words.yaml": "light: dim\n",
+    "change/slip.yaml": "left_slip: 0.1\n",
+    "scenario/late_dusk.yaml": "# A scenario with a change in its name.\ndefaults: [base_heavy, _self_]\nlight: 0.06\n",
+    "experiment/few.yaml": "# @package _global_\n# Two worlds, three changes.\nhydra:\n  sweeper:\n    params:\n"
+    "      scenario: base,4obstacles\n      change: '[],[slip_left],[dusk,heavy]'\n",
+}
+
+
+def world(*words, config_dir=None):
+    """The name of a world, what differs from it, and its settings."""
+    cfg = plain(composed("evaluate", list(words), config_dir))
+    settings = cfg["scenario"]
+    return settings.pop("name"), cfg["changed"], {**settings, "maze": cfg["maze"]["name"]}
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    """A folder with changes of the user's, as an option of the command line; the tests run beside it."""
+    monkeypatch.chdir(tmp_path)
+    for name, text in OWN.items():
+        file = tmp_path / "conf" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    return "--config-dir=conf"
+
+
+# The worlds of the committed tables
+
+
+@cache
+def robot():
+    return plain(composed("evaluate", []))["robot"]
+
+
+@cache
+def settings_of(name):
+    found = world_of(name, [CONF], robot())
+    values = {field.name: getattr(found, field.name) for field in fields(found)}
+    del values["robot"], values["task"]
+    return {**values, "name": name, "maze": found.maze.name, "lamp": asdict(found.lamp)}
+
+
+def test_worlds_are_those_of_the_committed_tables(golden):
+    """A line for each: what differs from `base`, to the bit, as the file of each had it that there was once."""
+    base = settings_of("base")
+    lines = []
+    for name in NAMES:
+        own = settings_of(name)
+        told = {key: value for key, value in own.items() if name == "base" or key == "name" or value != base[key]}
+        lines.append(json.dumps(told))
+    golden(WORLDS.name, "\n".join(lines) + "\n")
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", NAMES)
+def test_hydra_composes_the_same_worlds(name):
+    assert world(f"scenario={name}")[:2] == (name, "")
+
+
+# Composing
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (["change=slip_left"], "base_slip_left"),
+        (["change=[slip_left]"], "base_slip_left"),
+        (["change=[]"], "base"),
+        (["change=[ir_low,slip]"], "base_ir_low_slip"),
+        (["scenario=highlight", "change=[narrow,slip_left]"], "highlight_narrow_slip_left"),
+        (["scenario=base_two_dead_ahead", "change=[light_changes]"], "base_two_dead_ahead_light_changes"),
+        (["scenario=4obstacles", "change=[wide,lamp_ahead,heavy]"], "4obstacles_wide_lamp_ahead_heavy"),
+    ],
+)
+def test_changes_and_their_names_make_the_same_world(words, name):
+    assert world(*words) == world(f"scenario={name}")
+    assert world(*words)[:2] == (name, "")
+
+
+def test_what_is_given_beside_a_change_wins_and_is_reported():
+    name, changed, settings = world("change=[slip_left,narrow]", "scenario.left_slip=0.1", "maze=double_t")
+    assert (name, changed) == ("base_slip_left_narrow", "maze=double_t, left_slip=0.1")
+    assert (settings["left_slip"], settings["maze"]) == (0.1, "double_t")
+
+
+@pytest.mark.parametrize(("light", "other"), [(0.1, 1.0), (0.3, 1.0), (1.0, 0.1)])
+def test_light_that_changes_becomes_the_other_light(light, other):
+    _, _, settings = world("change=[light_flickers]", f"scenario.light={light}")
+    assert [change["light"] for change in settings["changes"]] == [other, light, other, light, other, light, other]
+
+
+def test_a_change_of_ones_own(own):
+    assert world("change=[dusk]", config_dir="conf")[:2] == ("base_dusk", "")
+    assert world("scenario=highlight_dusk_slip_left", config_dir="conf")[0] == "highlight_dusk_slip_left"
+    _, changed, both = world("change=[dusk_and_slip]", "scenario=late_dusk", config_dir="conf")
+    assert (changed, both["light"], both["left_slip"], both["mass_ratio"]) == ("", 0.05, 0.4, 2.0)
+    assert world("change=slip", config_dir="conf")[2]["left_slip"] == 0.1
+    assert "replace the program's: change=slip." in done("evaluate", "--cfg=job", own).stderr
+
+
+def test_settings_of_ones_own_are_a_change_too():
+    name, changed, settings = world("change={dusk: {light: 0.05}}")
+    assert (name, changed, settings["light"]) == ("base_dusk", "light=0.05", 0.05)
+    name, changed, settings = world("change=[slip_left]", "change.dusk={light: 0.05}", "scenario=highlight")
+    assert (name, changed, settings["left_slip"]) == ("highlight_slip_left_dusk", "light=0.05", 0.4)
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["change=[slip,slip_left]"], ["slip and slip_left both change left_slip"]),
+        (["change=[narrow,wide]"], ["narrow and wide both change maze"]),
+        (["scenario=base_slip_left", "change=[slip]"], ["slip_left and slip both"]),
+        (["scenario=base_slip_slip"], ["slip and slip both"]),
+        (["change=[slp_left]"], ["change=slp_left", "Did you mean: slip_left", "epuckhebb keys change"]),
+        (["scenario=base_slp_left"], ["Did you mean: base_slip_left"]),
+        (["change=[30]"], ["change=['30']"]),
+        (["change=3"], ["change=3"]),
+        (["change={light: 0.3}"], ["change.light", "settings of a scenario", "0.3"]),
+        (["change.dusk={ligth: 0.3}"], ["change.dusk", "ligth"]),
+        (["change=[misspelt]", "--config-dir=conf"], ["change/misspelt.yaml", "scenario.light"]),
+        (["change=[in_words]", "--config-dir=conf"], ["change/in_words.yaml", "scenario.light", "dim"]),
+        (["-m", "change=[slip],[slip,slip_left]"], ["slip and slip_left both"]),
+    ],
+)
+@pytest.mark.usefixtures("own")
+def test_what_cannot_be_is_refused(words, told):
+    before = contents()
+    message = refused("evaluate", *words)
+    assert [part for part in told if part not in message] == []
+    assert contents() == before
+
+
+# Who else has to know
+
+
+def test_a_run_has_the_name_and_can_be_done_again(own):
+    done("evaluate", "change=[dusk,ir_low]", *BRIEF, own, "hydra.run.dir=run")
+    header, *lines = Path("run/metrics.csv").read_text().splitlines()
+    columns = header.split(",")
+    for line in lines:
+        row = dict(zip(columns, line.split(","), strict=True))
+        assert (row["scenario"], row["changed"]) == ("base_dusk_ir_low", "lifetime.duration_s=0.064")
+    Path("conf/change/dusk.yaml").unlink()  # its values are in the folder of the run
+    done("rerun", "run")
+
+
+@pytest.mark.usefixtures("own")
+def test_a_multirun_and_a_sweep_have_a_job_for_each_change():
+    done("evaluate", "-m", "change=[],[slip_left]", *BRIEF, "hydra.sweep.dir=many", "hydra/launcher=basic")
+    with Path("many/summary.csv").open() as file:
+        assert [row["scenario"] for row in csv.DictReader(file)] == ["base"] * 4 + ["base_slip_left"] * 4
+    jobs = sweep.plan("few", [], "conf").jobs
+    ends = ("", "_slip_left", "_dusk_heavy")
+    names = [f"{scenario}{end}" for scenario in ("base", "4obstacles") for end in ends]
+    assert [job.config["scenario"]["name"] for job in jobs] == names
+    same = sweep.plan("few", ["scenario=base,base_slip_left", "change=[]"], "conf").jobs
+    assert [job.run for job in same] == [job.run for job in jobs[:2]]
+    tests = leaderboard_jobs.tests_of(["few"], "conf")["obstacles"]
+    assert list(tests) == names[1:]
+    assert (tests["base_dusk_heavy"].light, tests["base_dusk_heavy"].mass_ratio) == (0.05, 2.0)
+
+
+def test_python_has_changes():
+    rows = epuckhebb.evaluate("reference", *BRIEF, scenario="base", change=["slip_left"], progress=False).metrics
+    assert set(rows.scenario) == {"base_slip_left"}
+    over = {"change": [["ir_low", "slip"], [], {"dusk": {"light": 0.05}}]}
+    rows = epuckhebb.sweep("reference", *BRIEF, over=over, progress=False)
+    assert list(dict.fromkeys(rows.scenario)) == ["base_ir_low_slip", "base", "base_dusk"]
+
+
+def test_the_tab_key_and_the_keys_have_changes(monkeypatch):
+    monkeypatch.setenv("COMP_WORDS", "")
+    assert completion.complete_override("evaluate", "change=slip_l") == ["change=slip_left"]
+    assert completion.complete_override("evaluate", "change=[heavy,slip_l") == ["change=[heavy,slip_left"]
+    assert completion.complete_override("evaluate", "scenario=base_slip_l") == ["scenario=base_slip_left"]
+    assert groups("evaluate")["change"] == groups("evolve")["change"] == sorted(rows("change"))
+    assert "a worn tyre" in done("keys", "change").stdout
