@@ -43,10 +43,17 @@ def _address(pointer: object) -> int:
     return int(ffi.cast("uintptr_t", pointer))
 
 
-for _name in ("cpSpaceStep", "cpSpaceEachBody"):
-    llvmlite.binding.add_symbol(_name, _address(ffi.addressof(lib, _name)))
-_space_step: Any = types.ExternalFunction("cpSpaceStep", types.void(types.intp, types.float64))
-_for_each_body: Any = types.ExternalFunction("cpSpaceEachBody", types.void(types.intp, types.intp, types.intp))
+def _c_function(name: str, *arguments: types.Type) -> Any:
+    """A function of pymunk's C library, for compiled code."""
+    llvmlite.binding.add_symbol(name, _address(ffi.addressof(lib, name)))
+    return types.ExternalFunction(name, types.void(*arguments))
+
+
+_space_step = _c_function("cpSpaceStep", types.intp, types.float64)
+_for_each_body = _c_function("cpSpaceEachBody", types.intp, types.intp, types.intp)
+_remove_disc = _c_function("cpSpaceRemoveShape", types.intp, types.intp)
+_add_disc = _c_function("cpSpaceAddShape", types.intp, types.intp)
+_update_position = _c_function("cpBodyUpdatePosition", types.intp, types.float64)
 
 
 class Handles(NamedTuple):
@@ -58,6 +65,8 @@ class Handles(NamedTuple):
     state: NDArray[np.float64]
     walls: NDArray[np.float64]
     space: int
+    body: int
+    disc: int
     get: int
     put: int
     state_data: int
@@ -108,6 +117,8 @@ class PymunkSpace:
             state=state.values,
             walls=boxes,
             space=_address(self._space._space),
+            body=_address(self._body),
+            disc=_address(self._disc),
             get=_address(ffi.addressof(lib, "pmSpaceBodyGetIteratorFuncBatched")),
             put=_address(ffi.addressof(lib, "pmSpaceBodySetIteratorFuncBatched")),
             state_data=state.address,
@@ -152,13 +163,16 @@ def pose(space: Handles) -> tuple[float, float, float]:
 
 @compiled
 def put_back(space: Handles, x: float, y: float, heading: float) -> None:
-    """Put the robot at a place, at rest, in the midst of its life; pymunk goes on, so that it forgets old contacts."""
+    """Put the robot at a place, at rest, in the midst of its lifetime, as `PymunkSpace.place_robot` does before it."""
     state = space.state
     state[_X], state[_Y], state[_HEADING] = x, y, heading
     state[_V_X], state[_V_Y], state[_TURN] = 0.0, 0.0, 0.0
+    state[_CLEAR_FOR] = 0.0
+    _remove_disc(space.space, space.disc)
+    _update_position(space.body, 0.0)
     space.state_count[0] = 0
     _for_each_body(space.space, space.put, space.state_data)
-    state[_CLEAR_FOR] = 0.0
+    _add_disc(space.space, space.disc)
 
 
 Move = Callable[[Handles, float, float, float, float], None]
