@@ -2,8 +2,10 @@
 
 numba has no such type, so it is made here, with the few operations that the network and the plastic update need. In
 Python these are functions of arrays of four; a kernel has LLVM's own instruction for each. Each of the four numbers is
-the result of the same operations in the same order as alone, so the bits are the same. For a processor without vectors
-of four, LLVM splits them into vectors of two or into single numbers.
+the result of the same operations in the same order as alone, so results are bit-identical.
+
+On arm64, LLVM makes two vectors of two of each, and fuses no product with a sum: so it was in the code that LLVM 22
+wrote for three such processors. Results may still differ there, because the C compiler may fuse in pymunk and in libm.
 """
 
 import inspect
