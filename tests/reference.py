@@ -58,17 +58,13 @@ class Robot:
         self.key, self.step_number = np.uint64(key), 0
         self.space = pymunk.Space()
         self.space.damping, self.space.collision_slop, self.space.iterations = 0, 1e-4, 10
-        self.start = start = scenario.maze.start if start is None else start
-        self.body = pymunk.Body(self.kind.mass_kg, self.kind.inertia_kg_m2)
-        self.body.position, self.body.angle = (start.x, start.y), start.heading
-        disc = pymunk.Circle(self.body, self.kind.radius_m)
-        disc.friction, disc.filter = 1, ROBOT
+        self.start = scenario.maze.start if start is None else start
+        self.put_robot()
         self.changes = [(math.ceil(change["at_s"] / STEP - 1e-9), change) for change in scenario.changes]
         self.walls, self.wanted, self.placed_walls = None, None, []
         self.rubbing, self.speeds = None, [0.0, 0.0]
         self.be_in(scenario)
         self.put_walls()
-        self.space.add(self.body, disc)
 
         self.shapes = list(pairwise([*network.layers]))
         self.shapes[0] = (network.layers[0] + 1, network.layers[1])
@@ -92,6 +88,14 @@ class Robot:
         self.scale, self.novelty, self.brightness, self.used_scale = 1.0, None, None, 1.0
         if self.adaptation.self_check:
             self.check_itself(*home)
+
+    def put_robot(self):
+        """A robot at the start, at rest."""
+        self.body = pymunk.Body(self.kind.mass_kg, self.kind.inertia_kg_m2)
+        self.body.position, self.body.angle = (self.start.x, self.start.y), self.start.heading
+        disc = pymunk.Circle(self.body, self.kind.radius_m)
+        disc.friction, disc.filter = 1, ROBOT
+        self.space.add(self.body, disc)
 
     def by_layer(self, values):
         cuts = np.cumsum([n * m for n, m in self.shapes])[:-1]
@@ -230,8 +234,8 @@ class Robot:
         self.reward = 0.0
         self.over = len(self.trials) == self.task.trials or self.time_outs == self.task.time_outs
         if not self.over:
-            self.body.position, self.body.angle = (self.start.x, self.start.y), self.start.heading
-            self.body.velocity, self.body.angular_velocity = (0, 0), 0
+            self.space.remove(self.body, *self.body.shapes)
+            self.put_robot()
             self.speeds, self.undirected, self.before_trial = [0.0, 0.0], 0.0, self.step_number
             self.begin_trial()
 

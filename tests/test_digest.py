@@ -6,6 +6,7 @@ says in the changelog which results are others now.
 """
 
 import hashlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from epuckhebb.store.genome import load_genome
 
 METRICS = list(COLUMNS[COLUMNS.index("success") : COLUMNS.index("changed")])
 CHAMPIONS = ("reference_1", "reference_101")
+LEARNER = Path(__file__).parents[1] / "runs" / "reference" / "reversal" / "learner_210.npz"
 PAPER = {"paper": ["hebbian=paper"]}  # name, as it was when the digest was made -> overrides
 OTHERS = {
     "final": ["hebbian.signal=final"],
@@ -73,6 +75,19 @@ def test_lifetimes_have_the_same_bits(treatments, file, golden):
             told.append(f"GA {digest([r[r.controller == GA][METRICS].to_numpy(float) for r in rows])}")
         told.append(f"{name} {digest([r[r.controller != GA][METRICS].to_numpy(float) for r in rows])}")
     golden(f"{file}.digest", "\n".join(told) + "\n")
+
+
+@pytest.mark.thorough
+def test_lifetimes_of_many_trials_have_the_same_bits(golden):
+    asked = config("task=reversal", "hebbian=modulated")
+    genome = load_genome(str(LEARNER), asked.world.experiment)
+    live, parts = (asked.world, asked.controllers, asked.lifetime), {"network": genome.network, "plan": genome.plan}
+    lived, _ = evaluate(genome.genes, *live, repeats=2, seed=3, threads=2, **parts)
+    told = [
+        f"{name} {digest(rows[[*METRICS, 'rewarded_share']].to_numpy(float))}"
+        for name, rows in lived.groupby("controller")
+    ]
+    golden("reversal.digest", "\n".join(told) + "\n")
 
 
 @pytest.mark.parametrize("overrides", [["ga=textbook"], ["ga=as_coded", "scenario=highlight", "ga.start_noise=1"]])

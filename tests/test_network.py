@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer, forward_pass, initial_weights_of, tanh
+from epuckhebb.sim.vectors import whole
 
 NETWORKS = [PAPER_NETWORK, Network((16, 3, 2)), Network((32, 7, 5, 8, 4, 2)), Network((2, 2))]
 
@@ -29,7 +30,7 @@ def test_forward_is_tanh_of_x_times_w_layer_by_layer(network):
     rng, inputs = np.random.default_rng(1), network.inputs
     weights, activation = rng.uniform(-2, 2, network.synapses), np.zeros(network.neurons)
     activation[:inputs], activation[network.bias] = rng.random(inputs), 1.0
-    forward_pass(network)(weights, activation, np.empty(max(network.post)))
+    forward_pass(network)(weights, activation, np.empty(whole(max(network.post))))
     x = np.append(activation[:inputs], 1.0)
     for layer, shape in enumerate(network.shapes):
         gene = network.first_synapse[layer]

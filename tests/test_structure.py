@@ -16,6 +16,7 @@ INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
     "inlined": set(),
     "digest": set(),
     "compiled": {"digest", "inlined"},
+    "vectors": {"compiled"},
     "random": {"compiled"},
     "light": {"compiled"},
     "maze": {"random"},
@@ -23,7 +24,7 @@ INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
     "sensors": {"compiled", "light"},
     "robot": {"sensors"},
     "senses": {"compiled", "light", "robot", "sensors"},
-    "network": {"compiled"},
+    "network": {"compiled", "vectors"},
     "fitness": {"compiled", "robot"},
     "physics": {"compiled", "maze", "robot"},
     "task": {"compiled", "fitness", "maze", "sensors"},
@@ -31,7 +32,7 @@ INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
     "scenario": {"light", "maze", "reachable", "robot", "sensors", "task", "tasks"},
     "genome": {"network", "plasticity"},
     "controller": {"adaptation", "plasticity"},
-    "plasticity": {"compiled", "digest", "fitness", "network", "random", "robot"},
+    "plasticity": {"compiled", "digest", "fitness", "network", "random", "robot", "vectors"},
     "adaptation/change_signals": {"compiled"},
 }
 

@@ -36,7 +36,8 @@ if _settings.DISABLE_JIT:
     raise RuntimeError(
         "NUMBA_DISABLE_JIT is set, and without compiled code there is no physics here; unset it and start again"
     )
-_building_block: Any = register_jitable(forceinline=True, pipeline_class=InlinedCompiler, **_OPTIONS)
+BUILDING_BLOCK: dict[str, Any] = {"forceinline": True, "pipeline_class": InlinedCompiler, **_OPTIONS}
+_building_block: Any = register_jitable(**BUILDING_BLOCK)
 _njit: Any = numba.njit
 
 

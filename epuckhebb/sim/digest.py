@@ -16,13 +16,20 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+import llvmlite
 import numba
 import numpy as np
 
 _PLAIN = (type(None), bool, int, float, complex, str, bytes, range, slice, type(...), np.generic, np.dtype)
 _LIBRARIES = [
     Path(folder).resolve()
-    for folder in (sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib"), *np.__path__, *numba.__path__)
+    for folder in (
+        sysconfig.get_path("stdlib"),
+        sysconfig.get_path("platstdlib"),
+        *np.__path__,
+        *numba.__path__,
+        *llvmlite.__path__,
+    )
 ]
 _OURS = Path(__file__).resolve().parents[1]
 _INSTALLED = ("site-packages", "dist-packages")  # folders that may lie below that of the standard library
@@ -92,7 +99,7 @@ def digest(function: Callable[..., Any]) -> str:
 
     def take_function(python: types.FunctionType) -> None:
         take_code(python.__code__, python.__doc__)
-        take([python.__defaults__ or (), python.__kwdefaults__ or {}])
+        take([python.__defaults__ or (), python.__kwdefaults__ or {}, getattr(python, "in_kernels", ())])
         for value in _used(python):
             take(value)
 

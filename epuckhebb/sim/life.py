@@ -21,6 +21,7 @@ from epuckhebb.sim.random import noise_workspace_size
 from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.senses import SenseWorkspace, sense_workspace
 from epuckhebb.sim.task import NO_TRIALS
+from epuckhebb.sim.vectors import whole
 
 _LONGEST_S = 1e9  # 31 years: more is surely a slip
 
@@ -115,7 +116,7 @@ def workspace_for(network: Network, robot: Robot) -> Workspace:
     return Workspace(
         senses=sense_workspace(robot),
         noise=np.zeros(noise_workspace_size(robot.inputs)),
-        drive=np.empty(max(network.post)),
+        drive=np.empty(whole(max(network.post))),
         synapses=np.empty((3, network.synapses)),
         change=np.empty(weight_change_workspace(network)),
     )

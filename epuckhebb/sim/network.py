@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.compiled import compiled, in_turn
+from epuckhebb.sim.vectors import WIDTH, alike, plus, read, times, whole, write
 
 WEIGHT_LIMIT = 2.0  # weights are loaded clipped to +-2, the bound of plasticity in the paper
 HIDDEN = (7, 5, 8, 4)  # the paper's hidden layers
@@ -97,6 +98,20 @@ class Network:
         ]
 
     @cached_property
+    def vectors(self) -> list[tuple[int, ...]]:
+        """`connections`, and how many vectors of four the postsynaptic neurons of each layer are taken in.
+
+        The last vector may reach up to three numbers beyond the layer, into the next one's weights and neurons. Where
+        these are not as many, and in layers of one or two, what is left by whole vectors is taken one by one.
+        """
+        return [(*layer, self._vectors(*layer)) for layer in self.connections]
+
+    def _vectors(self, _pre: int, post: int, first: int, inputs: int, outputs: int) -> int:
+        end = whole(outputs)
+        fits = post + end <= self.neurons and first + (inputs - 1) * outputs + end <= self.synapses
+        return (end if fits and outputs > 2 else outputs) // WIDTH
+
+    @cached_property
     def neurons(self) -> int:
         """All activations, the readings and the bias among them."""
         return self.inputs + 1 + sum(self.layers[1:])
@@ -146,10 +161,10 @@ Pass = Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
 def forward_pass(network: Network) -> Pass:
     """The function `forward(weights, activation, drive)` that passes readings through this network: y = tanh(x W).
 
-    weights: (synapses,). activation: (neurons,), readings and bias given, the rest filled. drive: workspace of at
-    least the widest layer, a layer's x W. The sizes are constants in the machine code.
+    weights: (synapses,). activation: (neurons,), readings and bias given, the rest filled. drive: workspace, whole
+    vectors of four for the widest layer, a layer's x W. The sizes are constants in the machine code.
     """
-    forward: Pass = in_turn(_fire, network.connections, "weights, activation, drive")
+    forward: Pass = in_turn(_fire, network.vectors, "weights, activation, drive")
     return forward
 
 
@@ -159,12 +174,18 @@ def _fire(
     first: int,
     inputs: int,
     outputs: int,
+    vectors: int,
     weights: NDArray[np.float64],
     activation: NDArray[np.float64],
     drive: NDArray[np.float64],
 ) -> None:
     """Pass activations through one layer of connections: from neuron `pre` on to neuron `post` on."""
-    for j in range(outputs):
+    for j in range(0, vectors * WIDTH, WIDTH):
+        sums = alike(0.0)
+        for i in range(inputs):
+            sums = plus(sums, times(alike(activation[pre + i]), read(weights, first + i * outputs + j)))
+        write(drive, j, sums)
+    for j in range(vectors * WIDTH, outputs):
         summed = 0.0
         for i in range(inputs):
             summed += activation[pre + i] * weights[first + i * outputs + j]

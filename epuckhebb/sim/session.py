@@ -5,7 +5,9 @@ lifetimes; who wants to look at a robot, or to change its world, between two ste
 """
 
 import math
+from collections import namedtuple
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,7 @@ from epuckhebb.sim.adaptation.self_check.corrections import Corrections, check_c
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import WEIGHTS
 from epuckhebb.sim.life import (
+    TALLY,
     CalibrationRecord,
     Genotype,
     Lifetime,
@@ -46,7 +49,8 @@ from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.stage import Kind, Phase, Stage, have_more_faults, trial_of
 
-_SUMS = ("behaviour_sum", "weight_change_sum", "path_length", "goal_distance")  # of a tally, from which outcomes come
+_namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
+_Tally = _namedtuple("_Tally", TALLY.names)  # a whole tally is read in the time that four of its fields take
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,25 +176,27 @@ class Session:
 
     def outcome(self) -> Outcome:
         """The metrics of the lifetime so far, of one step or more."""
-        tally, world = self._tally, self.world
-        goal_distance, steps = float(tally["goal_distance"]), int(tally["step"])
-        behaviour, reward = float(tally["behaviour_sum"]) / steps, fitness.reward(goal_distance)
+        tally, world = self._read_tally(), self.world
+        behaviour, reward = tally.behaviour_sum / tally.step, fitness.reward(tally.goal_distance)
         nearest = min(math.dist(self._start[:2], goal) for goal in self._first.goals_now.values())
         outcome = Outcome(
-            float(tally["time_to_goal"]),
-            float(tally["path_length"]),
-            goal_distance,
+            tally.time_to_goal,
+            tally.path_length,
+            tally.goal_distance,
             behaviour,
             reward,
-            float(tally["weight_change_sum"]) / steps,
-            float(tally["weight_change"] + tally["scaling"]),
-            int(tally["contacts"]) / steps,
-            goal_distance < world.maze.goal_radius_m,
+            tally.weight_change_sum / tally.step,
+            tally.weight_change + tally.scaling,
+            tally.contacts / tally.step,
+            tally.goal_distance < world.maze.goal_radius_m,
             world.task.fitness(behaviour, reward, self.life.trials, nearest),
-            steps,
+            tally.step,
             saturated_fraction(self.life.weights, self.individual.controller.rule.w_max),
         )
         return OutcomeOfTrials.of(outcome, self.life.trials) if len(self.life.trials) else outcome
+
+    def _read_tally(self) -> Any:
+        return _Tally._make(self._tally.item())
 
     def _has_ended(self) -> bool:
         return len(self.life.trials) > 0 and bool(self._tally["over"])
@@ -235,15 +241,14 @@ class Session:
 
     def _check(self) -> None:
         """Refuse to go on with a lifetime that makes no sense any more."""
-        life, who, tally = self.life, self.individual, self._tally
-        lost = bool(tally["lost"])
-        sums = {name: float(tally[name]) for name in _SUMS}
+        life, who, tally = self.life, self.individual, self._read_tally()
         finite = bool(np.isfinite(life.weights).all() and np.isfinite(life.synapse_state.view(np.float64)).all())
-        finite = finite and math.isfinite(sums["weight_change_sum"])
-        if finite and not lost and all(map(math.isfinite, sums.values())):
+        finite = finite and math.isfinite(tally.weight_change_sum)
+        sums = tally.behaviour_sum + tally.path_length + tally.goal_distance
+        if finite and not tally.lost and math.isfinite(sums):
             return
         where = f"on a {who.side} trial of scenario {self.world.name}, controller {who.controller.name},"
-        when = f"at step {self.steps - lost} of {self.lifetime.steps}"
+        when = f"at step {tally.step - tally.lost} of {self.lifetime.steps}"
         if not finite:
             raise LostRobotError(
                 f"{where} the rule {type(who.controller.rule).__name__} made weights, their change, or what synapses "

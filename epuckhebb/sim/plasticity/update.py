@@ -26,6 +26,7 @@ from epuckhebb.sim.plasticity.rule import (
     receives_reward,
 )
 from epuckhebb.sim.plasticity.weight_change import total_of, weight_change
+from epuckhebb.sim.vectors import WIDTH, alike, read, times, write
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
 PRE, POST, CORRELATION = range(3)  # rows of the workspace of an update
@@ -51,59 +52,41 @@ def _pass(activation: NDArray[np.float64], room: NDArray[np.float64]) -> None:
     """Nothing to do."""
 
 
+_FOURS: dict[int, Any] = {  # of a presynaptic neuron i and four postsynaptic ones from j on
+    PRE: compiled(lambda activation, i, _: alike(activation[i])),
+    POST: compiled(lambda activation, _, j: read(activation, j)),
+    CORRELATION: compiled(lambda activation, i, j: times(alike(activation[i]), read(activation, j))),
+}
+_SINGLES: dict[int, Any] = {  # of one and one
+    PRE: compiled(lambda activation, i, _: activation[i]),
+    POST: compiled(lambda activation, _, j: activation[j]),
+    CORRELATION: compiled(lambda activation, i, j: activation[i] * activation[j]),
+}
+
+
 def _filled(network: Network, quantity: int) -> Fill:
     """The function that writes x_j, x_i or their product for every synapse into its row of the workspace."""
-    fill: Fill = in_turn(_FILLS[quantity], network.connections, "activation, room")
-    return fill
+    four, single = _FOURS[quantity], _SINGLES[quantity]
 
-
-def _fill_pre(
-    pre: int,
-    post: int,
-    first: int,
-    inputs: int,
-    outputs: int,
-    activation: NDArray[np.float64],
-    room: NDArray[np.float64],
-) -> None:
-    """Write x_j of one layer of connections."""
-    for i in range(inputs):
-        for j in range(outputs):
-            room[PRE, first + i * outputs + j] = activation[pre + i]
-
-
-def _fill_post(
-    pre: int,
-    post: int,
-    first: int,
-    inputs: int,
-    outputs: int,
-    activation: NDArray[np.float64],
-    room: NDArray[np.float64],
-) -> None:
-    """Write x_i of one layer of connections; neuron by neuron, as rows of it would be copied by calls of memcpy."""
-    for j in range(outputs):
-        value = activation[post + j]
+    def fill_layer(
+        pre: int,
+        post: int,
+        first: int,
+        inputs: int,
+        outputs: int,
+        vectors: int,
+        activation: NDArray[np.float64],
+        room: NDArray[np.float64],
+    ) -> None:
+        row = room[quantity]
         for i in range(inputs):
-            room[POST, first + i * outputs + j] = value
+            for j in range(0, vectors * WIDTH, WIDTH):  # what the last writes too much, the next i writes over
+                write(row, first + i * outputs + j, four(activation, pre + i, post + j))
+            for j in range(vectors * WIDTH, outputs):
+                row[first + i * outputs + j] = single(activation, pre + i, post + j)
 
-
-def _fill_correlation(
-    pre: int,
-    post: int,
-    first: int,
-    inputs: int,
-    outputs: int,
-    activation: NDArray[np.float64],
-    room: NDArray[np.float64],
-) -> None:
-    """Write x_j x_i of one layer of connections."""
-    for i in range(inputs):
-        for j in range(outputs):
-            room[CORRELATION, first + i * outputs + j] = activation[pre + i] * activation[post + j]
-
-
-_FILLS = {PRE: _fill_pre, POST: _fill_post, CORRELATION: _fill_correlation}
+    fill: Fill = in_turn(fill_layer, network.vectors, "activation, room")
+    return fill
 
 
 def _fill_scale(
