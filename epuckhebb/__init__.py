@@ -83,10 +83,10 @@ def load(where: str | Path = "reference", experiment: str = "obstacles") -> "NDA
     Raises:
         ValueError: There is no genome there; the message says why.
     """
-    from epuckhebb.store import run
     from epuckhebb.store.genome import load_genome
+    from epuckhebb.store.run import resolve_run
 
-    return load_genome(str(run.found(str(where), "evolve")), experiment).genes
+    return load_genome(str(resolve_run(str(where), "evolve")), experiment).genes
 
 
 def evaluate(

@@ -23,10 +23,9 @@ from epuckhebb.config.keywords import MASKED, check_keywords, overrides_of, valu
 from epuckhebb.config.overrides import check_config_dir, quoted
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, say_unusual, typed
 from epuckhebb.evolution.evolve import history_row
-from epuckhebb.runs.evaluate import caption, check_genome, check_memory, lifetime_ids, run_lifetimes, with_robot
-from epuckhebb.runs.evolve import EvolutionProgress, generations_of
-from epuckhebb.runs.evolve import check_memory as check_evolution_memory
-from epuckhebb.runs.nominal import nominal_for, self_checks_for
+from epuckhebb.runs.evaluate import Prepared, caption, prepare, with_robot
+from epuckhebb.runs.evolve import EvolutionProgress
+from epuckhebb.runs.evolve import prepare as prepare_evolution
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime import progress
 from epuckhebb.runtime.errors import ConfigError
@@ -36,8 +35,9 @@ from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.plasticity.rule import NoRule, Rule
 from epuckhebb.sim.tasks.reversal import Reversal
-from epuckhebb.store import disk, run, traces
-from epuckhebb.store.genome import Genome, checked_genes, load_genome
+from epuckhebb.store import disk, traces
+from epuckhebb.store.genome import Genome, checked_genes
+from epuckhebb.store.run import resolve_run
 
 _FRAME = '<iframe srcdoc="{}" width="100%" height="760" style="border:0" sandbox="allow-scripts"></iframe>'
 
@@ -83,15 +83,22 @@ class Evaluation:
 
     Attributes:
         metrics: A row a lifetime, with the columns of `metrics.csv`.
-        config: The settings.
-        genome: Who lived.
     """
 
     metrics: pd.DataFrame
-    config: EvaluateConfig
-    genome: Genome
+    prepared: Prepared
     recorded: Traces
     checks: Checks | None
+
+    @property
+    def config(self) -> EvaluateConfig:
+        """The settings."""
+        return self.prepared.config
+
+    @property
+    def genome(self) -> Genome:
+        """The genome that was evaluated."""
+        return self.prepared.genome
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -164,7 +171,7 @@ def evaluate(
     if isinstance(genome, str | Path):
         if "=" in str(genome) and not Path(genome).exists():
             raise ConfigError(f"{genome} is no genome; give that first: evaluate('reference', {str(genome)!r})")
-        path = run.found(genome, "evolve") if str(genome) == LATEST else genome
+        path = resolve_run(genome, "evolve") if str(genome) == LATEST else genome
         words = with_robot([*words, f"genome={quoted(str(path))}"], folder)
     config = typed(composed("evaluate", words, folder), EvaluateConfig)
     if rule is not None:
@@ -175,19 +182,12 @@ def evaluate(
             )
         own = with_controls(controller_of(rule, config.adaptation), config.world.task)
         config.controllers = [*own, *(other for other in config.controllers if other.name in config.compare)]
-    lived = (
-        load_genome(config.genome, config.world.experiment, config.layers)
-        if isinstance(genome, str | Path)
-        else _genome_of(genome, config)
-    )
-    check_genome(lived, config)
+    prepared = prepare(config, None if isinstance(genome, str | Path) else _genome_of(genome, config))
     say_unusual(config)
-    check_memory(config, lived)
     threads = thread_count(config.threads)
-    checks = self_checks_for(lived, config, threads, progress.say)
-    nominal = nominal_for(lived, config, threads, progress.say)
-    metrics, recorded = run_lifetimes(config, lived, nominal, checks, threads)
-    return Evaluation(metrics=metrics, config=config, genome=lived, recorded=recorded, checks=checks)
+    remembered = prepared.remember(threads, progress.say)
+    metrics, recorded = prepared.run(remembered, threads)
+    return Evaluation(metrics=metrics, prepared=prepared, recorded=recorded, checks=remembered.checks)
 
 
 def evolve(overrides: Sequence[Any], config_dir: str | Path | None, show: bool, keys: Mapping[str, Any]) -> Evolution:
@@ -195,10 +195,10 @@ def evolve(overrides: Sequence[Any], config_dir: str | Path | None, show: bool, 
     progress.be_quiet(not show)
     config = typed(composed("evolve", overrides_of(overrides, keys), _folder(config_dir)), EvolveConfig)
     say_unusual(config)
-    check_evolution_memory(config)
+    prepared = prepare_evolution(config)
     lived = []
     with EvolutionProgress(config.schedule.generations, quiet=not show, each=False) as bar:
-        for generation in generations_of(config, thread_count(config.threads)):
+        for generation in prepared.generations(thread_count(config.threads)):
             lived.append(generation)
             bar.show(generation)
     return Evolution(lived[-1].champion, pd.DataFrame(map(history_row, lived)))
@@ -232,7 +232,7 @@ def sweep(
             who = quick.pop("genome", genome)
             result = evaluate(who, overrides, config_dir, False, quick)
             where = str(who) if isinstance(who, str | Path) else ""
-            sha256, ids = result.genome.sha256, lifetime_ids(result.config, result.genome)
+            sha256, ids = result.genome.sha256, result.prepared.lifetime_ids
             found.append(Evaluated(settings=settings, where=where, sha256=sha256, ids=ids, rows=result.metrics))
     gathered = gather(found)
     progress.be_quiet(not show)

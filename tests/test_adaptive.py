@@ -65,9 +65,11 @@ def test_a_champion_keeps_what_it_remembers_and_show_tells():
 def test_older_champions_live_again_and_say_so():
     np.save("old.npy", load_genome("reference_20", "obstacles").genes)
     result = done("evaluate", "adaptation=late", "genome=old.npy", *BRIEF)
-    assert "genome=old has no baseline at 1 rad/s: it runs 10 lifetimes a side in base first." in result.stderr
+    assert (
+        "genome=old has no nominal statistics at 1 rad/s: it runs 10 lifetimes a side in base first." in result.stderr
+    )
     result = call("evaluate", "adaptation=late", "genome=reference_20", "lifetime.gain_rad_s=4", *BRIEF)
-    assert "has no baseline at 4 rad/s: it runs 10 lifetimes a side in base first." in result.stderr
+    assert "has no nominal statistics at 4 rad/s: it runs 10 lifetimes a side in base first." in result.stderr
     paper = call("evaluate", "genome=old.npy", *BRIEF)
     assert "baseline" not in paper.output  # the paper's rule asks for none
 

@@ -191,13 +191,13 @@ def test_ctrl_c_five_times_while_all_is_tidied_up():
 @pytest.mark.usefixtures("here")
 def test_an_error_that_a_library_makes_of_an_interruption_is_one(monkeypatch):
 
-    def spoilt(*_):
+    def spoilt(*_, **__):
         try:
             signal.raise_signal(signal.SIGINT)
         finally:
             raise AttributeError("'NoneType' object has no attribute '_invalidate_flags_cache'")
 
-    monkeypatch.setattr("epuckhebb.runs.evaluate.run_lifetimes", spoilt)
+    monkeypatch.setattr("epuckhebb.runs.evaluate.evaluate", spoilt)
     result = call("evaluate", "hydra.run.dir=run", "lifetime.record_every=0")
     assert result.exit_code == 130, result.output
     assert "interrupted" in result.stderr

@@ -113,7 +113,7 @@ def test_a_field_that_is_missing_is_named(evaluated):
 def test_tables_are_checked(tmp_path, text, told):
     columns = dict.fromkeys(("n", "success"), Column(NUMBER))
     with pytest.raises(ConfigError, match=r"mine\.csv") as error:
-        records.table(text.encode(), tmp_path / "mine.csv", columns)
+        records.checked_table(text.encode(), tmp_path / "mine.csv", columns)
     assert told in str(error.value)
 
 

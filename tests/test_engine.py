@@ -10,7 +10,7 @@ from epuckhebb.runtime import errors, progress
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import TaskProgress, be_quiet, counting
 from epuckhebb.store import disk
-from epuckhebb.studies.jobs import Task, at_work, is_whole, run_tasks
+from epuckhebb.studies.jobs import Task, is_whole, open_study, run_tasks
 
 CFG = OmegaConf.create({"seed": 1})
 
@@ -103,7 +103,7 @@ def test_how_it_ends_is_written_down_and_it_can_go_on(study, error, raised, stat
 
 def test_one_process_at_a_time(study):
     folder, done, task = study
-    with at_work(folder, "study", None, [], []):
+    with open_study(folder, "study", None, [], []):
         assert status(folder)["state"] == "running"
         with pytest.raises(ConfigError, match="another process is working on"):
             run_tasks(folder, "study", CFG, [], [task("one")])
@@ -120,7 +120,7 @@ def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work
         (folder / name / ".half.1.tmp").touch()
     (folder / ".mine.tmp").touch()
     held = disk.lock(folder / working)
-    with at_work(folder, "study", None, [], []):
+    with open_study(folder, "study", None, [], []):
         left = sorted(str(file.relative_to(folder)) for file in folder.rglob(".*.tmp"))
     disk.release(held)
     assert left == [".mine.tmp", f"{working}/.half.1.tmp", "unfinished/of_someone_else/.half.1.tmp"]

@@ -245,7 +245,7 @@ def test_what_was_damaged_or_lost_is_made_again_and_the_rest_is_kept(copy, conf)
 def test_interrupted_it_goes_on_to_the_same_bytes(copy, conf, made, monkeypatch):
     for run in copy.glob("test_*"):
         shutil.rmtree(run)
-    live, seen = leaderboard._live, []
+    live, seen = leaderboard._test, []
 
     def stop(*arguments):
         seen.append(1)
@@ -254,7 +254,7 @@ def test_interrupted_it_goes_on_to_the_same_bytes(copy, conf, made, monkeypatch)
         live(*arguments)
 
     with monkeypatch.context() as patch:
-        patch.setattr(leaderboard, "_live", stop)
+        patch.setattr(leaderboard, "_test", stop)
         result = call(*MADE, conf)
     assert result.exit_code == 130
     assert "8 of 14 jobs are done; the same command does the rest" in result.stderr

@@ -15,8 +15,8 @@ from epuckhebb.export.replay import recording, write_page
 from epuckhebb.runs.notes import notes_of, showcase
 from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.scenario import EXPERIMENTS
-from epuckhebb.store import run
 from epuckhebb.store.genome import load_genome
+from epuckhebb.store.run import Run
 
 REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
 SHORT = ("repeats=1", "lifetime.duration_s=1")
@@ -62,7 +62,7 @@ def test_a_champion_in_the_other_experiment_is_said_to_meet_another_lamp_rate_an
 @pytest.mark.usefixtures("here")
 def test_the_note_stands_in_the_terminal_in_the_table_and_on_the_page():
     result = call("evaluate", *SHORT, "hydra.run.dir=run")
-    (note,) = run.read(Path("run"))["notes"]
+    (note,) = Run(Path("run")).provenance["notes"]
     assert note in " ".join(result.stdout.split())
     assert note in repr(epuckhebb.evaluate("reference", *SHORT))
     assert tables.plain(note) in Path("run/table.md").read_text()

@@ -16,7 +16,7 @@ from epuckhebb.config.parts import rule_class
 from epuckhebb.runs.evaluate import with_robot
 from epuckhebb.sim import session
 from epuckhebb.store.genome import load_genome
-from epuckhebb.store.run import status_of
+from epuckhebb.store.run import Run
 
 BRIEF = ["lifetime.duration_s=2", "lifetime.record_every=0", "repeats=1"]
 SHORT = ["lifetime.duration_s=2", "repeats=1"]
@@ -270,7 +270,7 @@ def test_weights_that_are_nan_fail_loudly(own, monkeypatch):
     assert result.exit_code == 1, result.output
     for text in ("left trial", "scenario base", "controller GA", "nan", "step"):
         assert text in result.stderr
-    status = status_of(own / "out")
+    status = Run(own / "out").status
     assert status["state"] == "failed"
     assert "controller GA" in status["error"]
     assert not (own / "out" / "metrics.csv").exists()

@@ -11,7 +11,7 @@ from cases import call, done, refused
 
 from epuckhebb.analysis import findings, rescue
 from epuckhebb.runtime.progress import TaskProgress
-from epuckhebb.store.run import status_of
+from epuckhebb.store.run import Run
 from epuckhebb.studies import reproduce
 
 TINY = ["ga.population=4", "ga.generations=2", "ga.elites=1", "ga.loops=1"]
@@ -95,7 +95,7 @@ def test_interrupted_anywhere_it_goes_on_to_the_same_bytes(made, here, monkeypat
     assert result.exit_code == 130
     assert "interrupted: 5 of 8 jobs are done; the same command does the rest" in result.stderr
     folder = here / "runs" / "reproduce" / made[0].name
-    assert status_of(folder)["state"] == "interrupted"
+    assert Run(folder).status["state"] == "interrupted"
     shown = done("show", folder)
     assert "5 of 8 jobs" in " ".join(shown.stdout.split())
     assert not (folder / "claims.csv").exists()
@@ -106,8 +106,8 @@ def test_interrupted_anywhere_it_goes_on_to_the_same_bytes(made, here, monkeypat
     assert list(folder.rglob("*.tmp")) == []
     told = json.loads((folder / "provenance.json").read_text())
     assert len(told["resumed"]) == 1
-    assert status_of(folder)["state"] == "finished"
-    assert status_of(folder)["started"] < told["resumed"][0]["started"]
+    assert Run(folder).status["state"] == "finished"
+    assert Run(folder).status["started"] < told["resumed"][0]["started"]
 
 
 def test_a_failure_is_told_of_and_written_down(copy, monkeypatch):
@@ -116,7 +116,7 @@ def test_a_failure_is_told_of_and_written_down(copy, monkeypatch):
     result = call(*ALL)
     assert result.exit_code == 1
     assert "the robot is lost" in result.stderr
-    told = status_of(copy)
+    told = Run(copy).status
     assert told["state"] == "failed"
     assert "ArithmeticError" in told["traceback"]
 

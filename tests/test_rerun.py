@@ -12,7 +12,7 @@ import pytest
 from cases import call, done
 
 from epuckhebb.store import genome
-from epuckhebb.store.run import read
+from epuckhebb.store.run import Run
 from epuckhebb.studies import sweep
 
 EVALUATE = ["evaluate", "lifetime.duration_s=3", "lifetime.record_every=0", "repeats=1", "-q"]
@@ -141,7 +141,7 @@ def test_a_run_tells_where_its_own_files_were():
     assert whole in " ".join(call("show", "latest").stdout.split())
     again = " ".join(word for word in whole.split() if "record_every" not in word)
     assert f"{again} lifetime.record_every=8" in call("replay", str(run)).stderr
-    assert read(run)["overrides"] == asked[1:]
+    assert Run(run).provenance["overrides"] == asked[1:]
 
 
 @pytest.mark.usefixtures("_here")

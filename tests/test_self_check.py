@@ -39,7 +39,7 @@ from epuckhebb.sim.robot import EPUCK, STEP_S
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.sensors import DistanceSensors, LightSensors
 from epuckhebb.sim.session import Individual
-from epuckhebb.store import disk, genome
+from epuckhebb.store import genome
 from epuckhebb.store.columns import TABLES
 
 BRIGHT = Scenario(name="highlight", experiment="light", light=1.0)
@@ -346,7 +346,7 @@ def test_settings_that_do_nothing_are_refused(settings, message):
 def test_findings_are_a_table_and_words(memory):
     world = replace(BRIGHT, left_wheel=0.9, light=0.5, dead_sensors=(6,))
     table = findings(self_checks(memory, world, 1.0, repeats=2, seed=1))
-    assert list(table) == list(TABLES[disk.FINDINGS][1])
+    assert list(table) == list(TABLES["findings.csv"][1])
     assert table[["side", "repeat", "lamp"]].to_numpy().tolist() == [
         ["left", 0, "off"],
         ["left", 1, "off"],
@@ -365,7 +365,7 @@ def test_as_a_user_meets_it(here):
     brief = ["lifetime.duration_s=3", "lifetime.record_every=0", "repeats=1"]
     lived = done("evaluate", "adaptation=best", "scenario=lowlight", *brief, "hydra.run.dir=run")
     assert "has no memory for a self-check: it runs 10 lifetimes a side in highlight first" in lived.stderr
-    assert (here / "run" / disk.FINDINGS).read_text().count(",light\n") == 2
+    assert (here / "run" / "findings.csv").read_text().count(",light\n") == 2
     shown = call("show", "run").stdout
     assert "light 0.1 times home's" in " ".join(shown.split())
 
@@ -382,7 +382,7 @@ def test_a_champion_remembers_the_dance(memory, tmp_path, genomes):
 def test_the_page_of_a_replay_says_what_was_found(genomes, memory, tmp_path):
     weak = replace(BRIGHT, left_wheel=0.9)
     checks = self_checks(memory, weak, 1.0, repeats=1, seed=1)
-    findings(checks).to_csv(tmp_path / disk.FINDINGS, index=False)
+    findings(checks).to_csv(tmp_path / "findings.csv", index=False)
     config = typed(composed("evaluate", ["adaptation=self_check", "scenario=highlight_weak"]), EvaluateConfig)
     found = found_in(tmp_path, config)
     sentence = "Before its life, the robot with “self_check” found: left wheel 10 % slow."

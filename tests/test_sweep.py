@@ -25,7 +25,7 @@ from epuckhebb.runs import hydra
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.store import disk, provenance
 from epuckhebb.store.genome import load_genome
-from epuckhebb.store.run import status_of
+from epuckhebb.store.run import Run
 from epuckhebb.studies import identity, leaderboard_jobs, sweep
 from epuckhebb.studies import jobs as study_jobs
 
@@ -184,7 +184,7 @@ def test_a_failed_job_is_told_of_and_the_others_are_kept(here, monkeypatch):
     assert list(failed.job) == [0]
     assert "the robot is lost" in failed.error[0]
     assert set(pd.read_csv(folder / "sweep.csv").scenario) == {"4obstacles"}
-    told = status_of(folder)
+    told = Run(folder).status
     assert (told["state"], "the robot is lost" in told["error"]) == ("failed", True)
     monkeypatch.undo()
     os.chdir(here)
@@ -192,7 +192,7 @@ def test_a_failed_job_is_told_of_and_the_others_are_kept(here, monkeypatch):
     assert "1 done before, 1 to do" in again.stderr
     assert set(pd.read_csv(folder / "sweep.csv").scenario) == {"base", "4obstacles"}
     assert len(pd.read_csv(folder / "failed.csv")) == 0
-    assert (status_of(folder)["state"], "error" in status_of(folder)) == ("finished", False)
+    assert (Run(folder).status["state"], "error" in Run(folder).status) == ("finished", False)
     shown = done("show", folder).stdout
     assert "2 runs" in shown
     assert "95 % interval: noise only, this champion" in shown

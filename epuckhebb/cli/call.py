@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def run_command(
     command: str,
     job: Callable[..., None],
-    asked: Callable[..., Any],
+    prepare: Callable[..., Any],
     arguments: list[str],
     multirun: bool,
     cfg: Shown | None,
@@ -36,7 +36,7 @@ def run_command(
     overrides.check_config_dir(config_dir)
     check_words(command, arguments, config_dir)
     if not cfg:
-        hydra.check(command, arguments, config_dir, asked, multirun=multirun)
+        hydra.check(command, arguments, config_dir, prepare, multirun=multirun)
     runs = hydra.run(command, job, [*arguments, *flags], config_dir)
     if multirun and command == "evaluate" and runs:
         from epuckhebb.studies.sweep import write_summary_of_multirun

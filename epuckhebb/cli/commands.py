@@ -4,7 +4,7 @@ import atexit
 import gc
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -29,6 +29,9 @@ from epuckhebb.cli.options import (
 from epuckhebb.cli.output import begin, open_in_browser, print_error, print_result, report_errors, unwritable
 from epuckhebb.runtime.console import Terminal, is_of_output, print_line, replace_unencodable
 from epuckhebb.runtime.errors import JOB_FAILED, ConfigError, JobFailedError
+
+if TYPE_CHECKING:
+    from epuckhebb.config.schema import EvolveConfig
 
 app = typer.Typer(
     name="epuckhebb",
@@ -60,7 +63,11 @@ def evolve(
         begin(quiet)
         print_runs("evolve", [resume(words)], as_json, quiet)
         return
-    run_command("evolve", evolve_job, prepare, words, multirun, cfg, config_dir, quiet, as_json)
+
+    def check(config: "EvolveConfig") -> None:
+        prepare(config).compile()
+
+    run_command("evolve", evolve_job, check, words, multirun, cfg, config_dir, quiet, as_json)
 
 
 @app.command(cls=ConfiguredCommand)
@@ -109,11 +116,11 @@ def replay(
     """A page, or a film, to watch an evaluation's lifetimes."""
     from epuckhebb.analysis import movie
     from epuckhebb.export.replay import recording, require_video, write_movie, write_page
-    from epuckhebb.store import run as run_folders
+    from epuckhebb.store.run import resolve_run
 
     if mp4:
         require_video()
-    run = run_folders.found(run, "evaluate")
+    run = resolve_run(run, "evaluate")
     recorded = recording(run)
     written = []
     if output or open_page or not (gif or mp4):
@@ -169,7 +176,7 @@ def leaderboard(
     experiment, overrides = with_experiment(words, "obstacles" if quick else "all")
     planned = plan(experiment, overrides, quick=quick, config_dir=config_dir)
     if dry_run:
-        print_jobs("leaderboard", planned.folder, planned.jobs, as_json, quiet, planned.told)
+        print_jobs("leaderboard", planned.folder, planned.jobs, as_json, quiet, planned.purposes)
         return
     run(planned)
     print_study(planned.folder, as_json, quiet)
@@ -197,7 +204,7 @@ def sweep(
     from epuckhebb.runs.evaluate import with_robot
     from epuckhebb.runtime import progress
     from epuckhebb.studies import jobs
-    from epuckhebb.studies.sweep import plan, told
+    from epuckhebb.studies.sweep import failure_of, plan
     from epuckhebb.studies.sweep import sweep as run
 
     begin(quiet)
@@ -214,7 +221,7 @@ def sweep(
     found = {"command": "sweep", "folder": str(planned.folder), **outcome.as_json()}
     print_result(as_json, quiet, lambda: found, lambda console: show_study.print_sweep(planned.folder, console))
     if outcome.failures:
-        raise JobFailedError(told(planned, outcome))
+        raise JobFailedError(failure_of(planned, outcome))
 
 
 @app.command()
@@ -286,10 +293,10 @@ def export(
 def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
     """Repeat a run, and say whether its CSV files are the same bytes."""
     from epuckhebb.runs.rerun import rerun as repeat
-    from epuckhebb.store import run as run_folders
+    from epuckhebb.store.run import resolve_run
 
     begin(quiet)
-    run = run_folders.found(run, "evaluate", "evolve")
+    run = resolve_run(run, "evaluate", "evolve")
     new, difference = repeat(run)
     found = {"command": "rerun", "run": str(run), "new": str(new), "difference": difference}
     hidden = quiet or bool(difference)

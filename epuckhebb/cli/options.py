@@ -10,8 +10,7 @@ from typer.core import TyperCommand
 
 from epuckhebb.cli import completion
 from epuckhebb.config import conf
-from epuckhebb.runtime.resources import LATEST
-from epuckhebb.store.disk import REFERENCE
+from epuckhebb.runtime.resources import LATEST, REFERENCE
 
 _FROM_TO = re.compile(rf"{REFERENCE}_(\d+),\.\.\.,{REFERENCE}_(\d+)")
 
@@ -121,7 +120,7 @@ def with_genomes_named(overrides: list[str] | None) -> list[str]:
 
 def _with_genome_named(override: str) -> str:
     from epuckhebb.config.overrides import quoted
-    from epuckhebb.store import run
+    from epuckhebb.store.run import resolve_run
 
     key, _, value = override.partition("=")
     if key == "genome" and (ends := _FROM_TO.search(value)):
@@ -129,6 +128,6 @@ def _with_genome_named(override: str) -> str:
         return f"genome={value[: ends.start()]}{','.join(names)}{value[ends.end() :]}"
     if key not in ("genome", "resume") or LATEST not in value.split(","):
         return override
-    folder = str(run.found(LATEST, "evolve"))
+    folder = str(resolve_run(LATEST, "evolve"))
     named = folder if key == "resume" else quoted(folder)
     return f"{key}={','.join(named if word == LATEST else word for word in value.split(','))}"

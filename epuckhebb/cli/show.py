@@ -14,10 +14,8 @@ from epuckhebb.config.conf import flat
 from epuckhebb.config.stored import settings
 from epuckhebb.runtime.console import print_line
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.store import disk
-from epuckhebb.store import run as runs
-from epuckhebb.store.columns import HISTORY, LEADERBOARD, METRICS
 from epuckhebb.store.genome import load_genome
+from epuckhebb.store.run import Run, below_runs, of_multirun, resolve_run
 
 _LATEST = 10  # runs that are listed when none is named
 _CHANGED = {"light": "lowlight", "obstacles": "4obstacles"}  # a changed world of each experiment
@@ -27,8 +25,8 @@ _MANY = 6  # files of a folder that are counted and not named
 KINDS = {  # file of results -> what prints all of them, and what says them in short
     "claims.csv": (show_study.print_reproduction, show_study.reproduction_in_short),
     "leaderboard.csv": (show_study.print_leaderboard, show_study.leaderboard_in_short),
-    disk.SUMMARY: (show_study.print_sweep, show_study.sweep_in_short),
-    disk.REVERSAL: (show_run.print_reversal, show_run.reversal_in_short),  # it has metrics.csv, too
+    "summary.csv": (show_study.print_sweep, show_study.sweep_in_short),
+    "reversal.csv": (show_run.print_reversal, show_run.reversal_in_short),  # it has metrics.csv, too
     "metrics.csv": (show_run.print_evaluation, show_run.evaluation_in_short),
     "history.csv": (show_run.print_evolution, show_run.evolution_in_short),
 }
@@ -36,7 +34,7 @@ KINDS = {  # file of results -> what prints all of them, and what says them in s
 
 def print_results(path: Path, console: Console) -> None:
     """Print the results of a run; nothing of a study that has not written its tables yet."""
-    kind = next((file for file in KINDS if runs.has(path, file)), None)
+    kind = next((file for file in KINDS if Run(path).has(file)), None)
     if kind:
         KINDS[kind][0](path, console)
 
@@ -46,10 +44,10 @@ def print_finished(finished: list[Path], console: Console) -> None:
     if len(finished) == 1:
         print_results(finished[0], console)
         print_line(console, f"Run folder: {finished[0]}")
-        if runs.has(finished[0], disk.CHAMPION):
+        if Run(finished[0]).has("champion.npz"):
             _print_next_steps(finished[0], console)
     elif finished:
-        _print_multirun(finished, console, each=not runs.has(finished[0].parent, disk.SUMMARY))
+        _print_multirun(finished, console, each=not Run(finished[0].parent).has("summary.csv"))
 
 
 def _print_next_steps(run: Path, console: Console) -> None:
@@ -67,12 +65,11 @@ def _print_next_steps(run: Path, console: Console) -> None:
 def _print_multirun(finished: list[Path], console: Console, *, each: bool) -> None:
     """Print each run of a multirun if so wished, then the tables over all runs, and where they are."""
     for path in finished if each else ():
-        run = runs.read(path)
-        _print_in_short(console, f"{path.name}  {' '.join(run['overrides'])}", _in_short(path, run["status"]))
+        _print_in_short(console, f"{path.name}  {' '.join(Run(path).provenance['overrides'])}", _in_short(path))
     folder = finished[0].parent
-    if runs.has(folder, disk.SUMMARY):
+    if Run(folder).has("summary.csv"):
         show_study.print_summary(folder, console)
-    if runs.has(folder, disk.RESCUE_OVER_ALL):
+    if Run(folder).has("rescue_over_all.csv"):
         show_study.print_rescue(folder, console)
     print_line(console, f"Run folders: {folder}/{finished[0].name} to {folder}/{finished[-1].name}")
 
@@ -88,8 +85,8 @@ def show(what: str | None, console: Console) -> None:
         print_line(console, f"SHA-256 of its genes: {genome.sha256}")
         print_champion(genome, console)
     if not genomes:
-        path = runs.found(what)
-        many = runs.of_multirun(path)
+        path = resolve_run(what)
+        many = of_multirun(path)
         if many:
             _print_multirun(many, console, each=True)
         else:
@@ -99,35 +96,36 @@ def show(what: str | None, console: Console) -> None:
 def shown_as_json(what: str | None) -> dict[str, Any]:
     """What `show` prints, as JSON values."""
     if what is None:
-        return {"runs": [str(path) for path in runs.below_runs()]}
+        return {"runs": [str(path) for path in below_runs()]}
     genomes = genomes_named(what)
     if genomes:
         return {"genomes": [genome_as_json(genome, experiment) for genome, experiment in genomes]}
-    path = runs.found(what)
-    many = runs.of_multirun(path)
+    path = resolve_run(what)
+    many = of_multirun(path)
     return {"run": str(path), "runs": list(map(as_json, many))} if many else as_json(path)
 
 
 def as_json(path: Path) -> dict[str, Any]:
     """Provenance, status and results of a run, as JSON values."""
-    values = {"run": str(path), **runs.read(path)}
-    for name, columns in (("metrics", METRICS), ("history", HISTORY), ("leaderboard", LEADERBOARD)):
-        if runs.has(path, f"{name}.csv"):
-            frame = runs.table(path, f"{name}.csv", columns)
+    run = Run(path)
+    values = {"run": str(path), **run.provenance, "status": run.status}
+    for name in ("metrics", "history", "leaderboard"):
+        if run.has(f"{name}.csv"):
+            frame = run.table(f"{name}.csv")
             values[name] = frame.astype(object).where(frame.notna(), None).to_dict("records")
     return values
 
 
 def _print_latest(console: Console) -> None:
     """Print the results of the latest runs in short, the last one last."""
-    known = runs.below_runs()
+    known = below_runs()
     if not known:
         print_line(console, f"There are no runs in {Path('runs').absolute()} yet; begin with: epuckhebb evaluate")
     elif len(known) > _LATEST:
         print_line(console, f"The latest of {len(known)} runs:")
     for path in known[-_LATEST:]:
         try:
-            result = _in_short(path, runs.read(path)["status"])
+            result = _in_short(path)
         except ConfigError as error:
             result = str(error)
         _print_in_short(console, str(path), result)
@@ -140,16 +138,17 @@ def _print_in_short(console: Console, run: str, result: str) -> None:
         print_line(console, f"  {line}")
 
 
-def _in_short(path: Path, status: dict[str, Any]) -> str:
+def _in_short(path: Path) -> str:
+    status = Run(path).status
     if status["state"] != "finished":
         return ": ".join(filter(None, (status["state"], status.get("error", ""))))
-    return next(in_short for file, (_, in_short) in KINDS.items() if runs.has(path, file))(path)
+    return next(in_short for file, (_, in_short) in KINDS.items() if Run(path).has(file))(path)
 
 
 def _print_run(path: Path, console: Console) -> None:
     """Print all of a run: its command, settings, program and state, then its results."""
-    run = runs.read(path)
-    status, code = run["status"], run["code"]
+    run, status = Run(path).provenance, Run(path).status
+    code = run["code"]
     commit = f", commit {code['commit'][:10]}{' with changes' if code['dirty'] else ''}" if code["commit"] else ""
     science = f", science {code['science']}" if "science" in code else ""
     resumed = [
@@ -177,17 +176,16 @@ def _print_run(path: Path, console: Console) -> None:
         if value:
             facts.add_row(name, Text(value))
     console.print(facts)
-    if runs.has(path, disk.CHAMPION):
+    if Run(path).has("champion.npz"):
         print_champion(load_genome(str(path), ""), console)
     print_results(path, console)
 
 
 def _settings(path: Path) -> Iterator[str]:
     """The resolved configuration of a run, as it could be typed; of the maze and the robot, only their names."""
-    if not runs.has(path, disk.CONFIG):
+    if not Run(path).has_config:
         return
-    runs.content(path, disk.CONFIG)  # it is as it was written
-    config = settings(path / disk.CONFIG)
+    config = settings(Run(path).config_file)
     for key in ("maze", "robot"):
         if isinstance(config.get(key), dict):
             config[key] = config[key].get("name")

@@ -11,13 +11,13 @@ from epuckhebb.analysis import tables
 from epuckhebb.analysis.self_checks import in_words
 from epuckhebb.config.stored import settings
 from epuckhebb.runtime.console import print_line, print_table
-from epuckhebb.store import disk, run, traces
-from epuckhebb.store.columns import HISTORY, METRICS, REVERSAL
+from epuckhebb.store import traces
+from epuckhebb.store.run import Run
 
 
 def print_evaluation(path: Path, console: Console) -> None:
     """Print the paper's table of a run, and what belongs to it."""
-    print_metrics(run.table(path, "metrics.csv", METRICS), console)
+    print_metrics(Run(path).table("metrics.csv"), console)
     _print_notes_and_findings(path, console)
 
 
@@ -37,7 +37,7 @@ def print_metrics(metrics: pd.DataFrame, console: Console) -> None:
 
 def evaluation_in_short(path: Path) -> str:
     """The success of each controller on each side, a line each."""
-    metrics = run.table(path, "metrics.csv", METRICS)
+    metrics = Run(path).table("metrics.csv")
     success = metrics.groupby(["controller", "side"], sort=False).success.mean().unstack(sort=False)
     return "\n".join(
         f"{name} success {row.get('left', np.nan):.2f} left {row.get('right', np.nan):.2f} right"
@@ -49,22 +49,22 @@ def print_reversal(path: Path, console: Console) -> None:
     """Print the rewarded share of each controller, beside chance and the optimum."""
     rows = [
         (row.controller, f"{row.rewarded_share:.3f}", "" if pd.isna(row.low) else f"{row.low:.3f}–{row.high:.3f}")
-        for row in run.table(path, disk.REVERSAL, REVERSAL).itertuples()
+        for row in Run(path).table("reversal.csv").itertuples()
     ]
-    title = _title(run.table(path, "metrics.csv", METRICS))
+    title = _title(Run(path).table("metrics.csv"))
     print_table(console, title, ("controller", "rewarded share", "95 % interval"), rows)
     _print_notes_and_findings(path, console)
 
 
 def reversal_in_short(path: Path) -> str:
     """The rewarded share of each controller, in one line."""
-    shares = run.table(path, disk.REVERSAL, REVERSAL)
+    shares = Run(path).table("reversal.csv")
     return "rewarded share: " + ", ".join(f"{row.controller} {row.rewarded_share:.2f}" for row in shares.itertuples())
 
 
 def print_evolution(path: Path, console: Console) -> None:
     """Print how fitness rose, and how well the fittest of the last generation did."""
-    history = run.table(path, "history.csv", HISTORY)
+    history = Run(path).table("history.csv")
     last = history.iloc[-1]
     best = f"best fitness {history.best_fitness.iloc[0]:.3f} → {last.best_fitness:.3f}"
     mean = f"mean {history.mean_fitness.iloc[0]:.3f} → {last.mean_fitness:.3f}"
@@ -73,12 +73,12 @@ def print_evolution(path: Path, console: Console) -> None:
 
 def evolution_in_short(path: Path) -> str:
     """The best fitness of the last generation."""
-    return f"best fitness {run.table(path, 'history.csv', HISTORY).best_fitness.iloc[-1]:.3f}"
+    return f"best fitness {Run(path).table('history.csv').best_fitness.iloc[-1]:.3f}"
 
 
 def _fittest(path: Path, last: pd.Series) -> str:
     """How often the fittest of the last generation reached its goal, or was rewarded."""
-    config = settings(path / disk.CONFIG) if run.has(path, disk.CONFIG) else {}
+    config = settings(Run(path).config_file) if Run(path).has_config else {}
     task = config.get("task") or {}
     if task.get("kind") != "reversal":
         return f"the fittest reached its goal in {100 * last.best_success:.0f} % of its training lifetimes"
@@ -103,9 +103,9 @@ def _title(metrics: pd.DataFrame) -> str:
 
 def _print_notes_and_findings(path: Path, console: Console) -> None:
     """Print what a reader of the table must know, and what robots found in their self-checks."""
-    for note in run.read(path).get("notes", []):
+    for note in Run(path).provenance.get("notes", []):
         console.print(Text(note))
-    found = in_words(traces.read_findings(path))
+    found = in_words(traces.read_findings(Run(path)))
     if found:
         rows = [(side, text, count) for side, said in found.items() for text, count in said]
         print_table(console, "Found by the self-check", ("side", "it found", "lifetimes"), rows, text=2)

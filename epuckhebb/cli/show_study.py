@@ -13,7 +13,8 @@ from epuckhebb.runtime.console import print_line, print_table
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.scenario import EXPERIMENTS
-from epuckhebb.store import columns, disk, genome, run
+from epuckhebb.store import genome
+from epuckhebb.store.run import Run
 
 
 def print_jobs(folder: Path, listed: list[dict[str, Any]], console: Console) -> None:
@@ -26,7 +27,7 @@ def print_jobs(folder: Path, listed: list[dict[str, Any]], console: Console) -> 
 
 def print_reproduction(path: Path, console: Console) -> None:
     """Print which of the paper's claims hold, and where the report is."""
-    claims = run.table(path, "claims.csv", columns.CLAIMS)
+    claims = Run(path).table("claims.csv")
     rows = [(row.experiment, row.claim, row.verdict, f"{row.true} of {row.n}") for row in claims.itertuples()]
     print_table(console, "The paper's claims", ("experiment", "claim", "verdict", "true in"), rows, text=3)
     print_line(console, f"Report: {path}/report.html")
@@ -34,7 +35,7 @@ def print_reproduction(path: Path, console: Console) -> None:
 
 def reproduction_in_short(path: Path) -> str:
     """How many claims hold."""
-    claims = run.table(path, "claims.csv", columns.CLAIMS)
+    claims = Run(path).table("claims.csv")
     claims = claims[~claims.verdict.str.startswith("check")]
     return f"{(claims.verdict == 'holds').sum()} of {len(claims)} claims hold"
 
@@ -43,7 +44,7 @@ def print_leaderboard(path: Path, console: Console) -> None:
     """Print how well each method did, and where the page is."""
     from epuckhebb.analysis import leaderboard as board  # brings statistics
 
-    methods = run.table(path, "leaderboard.csv", columns.LEADERBOARD)
+    methods = Run(path).table("leaderboard.csv")
     for experiment, own in methods.groupby("experiment", sort=False):
         rows = []
         for row in own.itertuples():
@@ -61,13 +62,13 @@ def print_leaderboard(path: Path, console: Console) -> None:
 
 def leaderboard_in_short(path: Path) -> str:
     """The best method of each experiment."""
-    best = run.table(path, "leaderboard.csv", columns.LEADERBOARD).groupby("experiment", sort=False).first()
+    best = Run(path).table("leaderboard.csv").groupby("experiment", sort=False).first()
     return ", ".join(f"{row.Index}: {row.method} {row.success:.2f}" for row in best.itertuples())
 
 
 def print_sweep(folder: Path, console: Console) -> None:
     """Print the success of each condition, or rescue and harm, and where the tables are."""
-    if run.has(folder, disk.RESCUE_OVER_ALL):
+    if Run(folder).has("rescue_over_all.csv"):
         print_rescue(folder, console)
     else:
         print_summary(folder, console)
@@ -81,7 +82,7 @@ def sweep_in_short(folder: Path) -> str:
 
 def print_rescue(folder: Path, console: Console) -> None:
     """Print what each plasticity rescued and harmed."""
-    over_all = run.table(folder, disk.RESCUE_OVER_ALL, columns.RESCUE)
+    over_all = Run(folder).table("rescue_over_all.csv")
     rows = []
     for row in over_all.itertuples():
         cells = [rescue.count(row, "rescued", "broken"), rescue.count(row, "harmed", "intact")]
@@ -96,22 +97,22 @@ def print_rescue(folder: Path, console: Console) -> None:
 
 def print_summary(folder: Path, console: Console) -> None:
     """Print the success of each condition and controller on both sides; over champions if there are several."""
-    if run.has(folder, disk.OVER_CHAMPIONS):
-        table = run.table(folder, disk.OVER_CHAMPIONS, columns.OVER_CHAMPIONS)
+    if Run(folder).has("over_champions.csv"):
+        table = Run(folder).table("over_champions.csv")
         table = table.rename(columns={"champions": "n"})
         _print_success(table, "mean over {} champions", " over champions", console)
-        print_line(console, f"Over champions: {folder / disk.OVER_CHAMPIONS}; each champion: {folder / disk.SUMMARY}")
+        print_line(console, f"Over champions: {folder}/over_champions.csv; each champion: {folder}/summary.csv")
     else:
         table = _summary(folder)
         table = table.rename(columns={f"success_noise_{end}": f"success_{end}" for end in ("low", "high")})
         _print_success(table, "{} lifetimes each", ": noise only, this champion", console)
-        print_line(console, f"Means of all else: {folder / disk.SUMMARY}")
-    if run.has(folder, disk.DOSE_RESPONSE):
-        print_line(console, f"Success and weight change against N: {folder / disk.DOSE_RESPONSE}")
+        print_line(console, f"Means of all else: {folder}/summary.csv")
+    if Run(folder).has("figures/dose_response.png"):
+        print_line(console, f"Success and weight change against N: {folder}/figures/dose_response.png")
 
 
 def _summary(folder: Path) -> pd.DataFrame:
-    return run.table(folder, disk.SUMMARY, columns.SUMMARY, rows=False)
+    return Run(folder).table("summary.csv")
 
 
 def _print_success(summary: pd.DataFrame, of: str, interval_is: str, console: Console) -> None:

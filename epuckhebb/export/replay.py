@@ -13,15 +13,14 @@ from epuckhebb.analysis import movie, replay
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.self_checks import told
 from epuckhebb.config.schema import EvaluateConfig, typed
-from epuckhebb.config.stored import without_own_code
+from epuckhebb.config.stored import read_config, without_own_code
 from epuckhebb.runs.evaluate import caption
-from epuckhebb.runs.hydra import stored
 from epuckhebb.runtime.console import Terminal
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import Network
-from epuckhebb.store import columns, disk
-from epuckhebb.store.run import read, table
+from epuckhebb.store import disk
+from epuckhebb.store.run import Run
 from epuckhebb.store.traces import read_findings, read_traces
 
 
@@ -38,34 +37,35 @@ class Recording:
     notes: list[str]
 
 
-def recording(run: Path) -> Recording:
+def recording(path: Path) -> Recording:
     """The recorded lifetimes of a run folder."""
-    facts = read(run)
+    run = Run(path)
+    facts = run.provenance
     if facts["command"] == "evolve":
         raise ConfigError(
-            f"{run} is a run of `epuckhebb evolve`, which records no lifetimes; let its champion live first: "
-            f"epuckhebb evaluate genome={run}"
+            f"{path} is a run of `epuckhebb evolve`, which records no lifetimes; let its champion live first: "
+            f"epuckhebb evaluate genome={path}"
         )
     if facts["command"] != "evaluate":
-        raise ConfigError(f"{run} is of `epuckhebb {facts['command']}`; give a run folder of `epuckhebb evaluate`")
-    config = typed(without_own_code(stored(run, "evaluate")), EvaluateConfig)
+        raise ConfigError(f"{path} is of `epuckhebb {facts['command']}`; give a run folder of `epuckhebb evaluate`")
+    config = typed(without_own_code(read_config(run.config_file, "evaluate")), EvaluateConfig)
     if config.lifetime.record_every == 0:
         alone = facts["command_line"][1:2] == ["evaluate"]  # else a study's, of which it is one job
         asked = facts["command_line"] if alone else ["epuckhebb", "evaluate", *facts["overrides"]]
         kept = [word for word in asked if not word.startswith("lifetime.record_every=")]
         raise ConfigError(
-            f"{run} recorded nothing to replay, because it ran with lifetime.record_every=0; run it again with "
+            f"{path} recorded nothing to replay, because it ran with lifetime.record_every=0; run it again with "
             f"recording on: {' '.join([*kept, 'lifetime.record_every=8'])}"
         )
-    metrics = table(run, "metrics.csv", columns.METRICS)
+    metrics = run.table("metrics.csv")
     lifetimes = len(SIDES) * metrics.controller.nunique()
     samples = -(-config.lifetime.steps // config.lifetime.record_every)
-    traces, weights, network = read_traces(run, facts["status"]["state"], lifetimes, samples)
+    traces, weights, network = read_traces(run, lifetimes, samples)
     title = caption(config, facts.get("genome", "genome"), list(zip(metrics.controller, metrics.N, strict=True)))
     return Recording(traces, weights, network, config, title, found_in(run, config), facts.get("notes", []))
 
 
-def found_in(run: Path, config: EvaluateConfig) -> dict[str, str]:
+def found_in(run: Run, config: EvaluateConfig) -> dict[str, str]:
     """A sentence for each side on what the robots of the recorded lifetimes found in their self-check."""
     shown = [row for row in read_findings(run) if row["repeat"] == 0]
     who = " and ".join(f"“{one.name}”" for one in config.controllers if one.adaptation.self_check)

@@ -12,8 +12,7 @@ import numpy as np
 
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
-from epuckhebb.config.stored import without_own_code
-from epuckhebb.runs.hydra import stored
+from epuckhebb.config.stored import read_config, without_own_code
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.fitness import HISTORY_MEAN, HISTORY_STEPS
@@ -21,8 +20,9 @@ from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rule import InitialWeights
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK
-from epuckhebb.store import disk, run
+from epuckhebb.store import disk
 from epuckhebb.store.genome import Genome, load_genome
+from epuckhebb.store.run import Run, resolve_run
 
 _LIGHT_FULL_SCALE = 4095.0  # of Webots' e-puck in the dark, where our readings are 1
 _GPS_AXES = [[0, 1.0], [2, -1.0]]  # X and Y of a maze among the axes of a Webots world whose y points up
@@ -73,11 +73,12 @@ def next_step(controller: Path) -> str:
 
 def _genome_and_config(what: str) -> tuple[Genome, EvaluateConfig]:
     """The genome and the settings of a run; of a champion those of its experiment, without plasticity."""
-    path = run.found(what)
-    if path.is_dir() and run.read(path)["command"] == "evaluate":
-        config = typed(without_own_code(stored(path, "evaluate")), EvaluateConfig)
+    path = resolve_run(what)
+    run = Run(path)
+    if path.is_dir() and run.provenance["command"] == "evaluate":
+        config = typed(without_own_code(read_config(run.config_file, "evaluate")), EvaluateConfig)
         genome = load_genome(config.genome, config.world.experiment, config.layers)
-        if genome.sha256 != run.read(path)["genome_sha256"]:
+        if genome.sha256 != run.provenance["genome_sha256"]:
             raise ConfigError(f"genome={config.genome} is not the genome of {path}; its SHA-256 differs")
         return genome, config
     genome = load_genome(str(path), "obstacles")

@@ -1,13 +1,14 @@
-"""`epuckhebb evolve`: an evolution in its folder, from the beginning or, with `resume=RUN`, on from where it stopped.
+"""`epuckhebb evolve`: an evolution in its folder, from the beginning or resumed with `resume=RUN`.
 
-The checkpoint alone says how far an evolution has come. `history.csv` and `champion.npz` can be written anew from it,
-so it does not matter between which two files a run was killed: it goes on to the same bytes.
+The checkpoint alone says how far an evolution is. `history.csv` and `champion.npz` are written anew from it. A run may
+be killed between any two files: resumed, it ends with the same bytes.
 """
 
 import hashlib
 import io
 import json
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from epuckhebb.config.explain import explain
 from epuckhebb.config.schema import EvolveConfig, say_unusual, typed
 from epuckhebb.config.stored import read_config, settings
 from epuckhebb.evolution.evolve import Generation, evolve, memory_to_evolve
-from epuckhebb.runs import evaluate, hydra
+from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import compile_for
 from epuckhebb.runs.nominal import remember_training_world
 from epuckhebb.runtime.errors import ConfigError
@@ -32,213 +33,229 @@ from epuckhebb.runtime.progress import Bar, say
 from epuckhebb.runtime.resources import Need, path_of, require, thread_count
 from epuckhebb.sim.adaptation.nominal import Nominal, memory_to_measure_nominal
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
-from epuckhebb.sim.genome import WEIGHTS, plan_of
+from epuckhebb.sim.genome import WEIGHTS, GenomePlan, plan_of
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.rule import NoRule, name_of
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
-from epuckhebb.store import disk, provenance
+from epuckhebb.store import provenance
 from epuckhebb.store.checkpoint import Checkpoint
-from epuckhebb.store.disk import CHAMPION, CHECKPOINT
+from epuckhebb.store.disk import CHAMPION, CHECKPOINT, CONFIG
 from epuckhebb.store.folder import RunFolder
 from epuckhebb.store.genome import Genome, champion_file, load_genome
 from epuckhebb.store.records import OwnCode
-from epuckhebb.store.run import read
+from epuckhebb.store.run import Run
 
 RESUME = "resume="
-_HISTORY = "history.csv"
 
 
 def evolve_job(cfg: DictConfig) -> None:
     """Do one job of Hydra's: evolve into its folder."""
     with hydra.job_folder() as path:
         cfg = hydra.named(cfg)
-        config = prepare(cfg)
+        prepared = prepare(typed(cfg, EvolveConfig))
+        prepared.compile()
         facts = {"command_line": hydra.job_command("evolve")}
         run = new_run(path, cfg, hydra.job_overrides(), facts)
-    evolve_into(run, config, None, threads=hydra.threads_of_job(cfg.threads), quiet=hydra.in_multirun())
+    evolve_into(run, prepared, None, threads=hydra.threads_of_job(cfg.threads), quiet=hydra.in_multirun())
 
 
-def prepare(cfg: DictConfig) -> EvolveConfig:
-    """What a configuration asks for, checked."""
-    config = typed(cfg, EvolveConfig)
-    given_weights(config)
-    check_memory(config)
-    compile_for([config.controller], network_of(config), config.world)
-    return config
+@dataclass(frozen=True, kw_only=True)
+class Prepared:
+    """An evolution whose settings, memory and given weights are checked.
+
+    Attributes:
+        config: The settings.
+        network: The network that is evolved.
+        plan: The parts of a champion's genes.
+        weights: The weights that all individuals are given, (synapses,); None if weights evolve.
+    """
+
+    config: EvolveConfig
+    network: Network
+    plan: GenomePlan
+    weights: NDArray[np.float64] | None
+
+    def compile(self) -> None:
+        """Load or compile what the lifetimes need."""
+        compile_for([self.config.controller], self.network, self.config.world)
+
+    def generations(self, threads: int, after: Generation | None = None) -> Iterator[Generation]:
+        """The generations of the evolution, from the first one or after one that has ended."""
+        config = self.config
+        return evolve(
+            config.algorithm,
+            config.world,
+            config.lifetime,
+            config.seed,
+            threads,
+            after=after,
+            training=config.training,
+            network=self.network,
+            controller=config.controller,
+            weights=self.weights,
+        )
+
+    def remember(self, champion: NDArray[np.float64], threads: int) -> tuple[Nominal | None, SelfMemory | None]:
+        """What a champion remembers of its training world; nothing where its task has not one goal to compare with."""
+        world = self.config.world
+        if world.task.has_trials:
+            return None, None
+        return remember_training_world(self.plan.split(champion)[WEIGHTS], world, threads, self.network)
+
+    def champion(
+        self,
+        last: Generation,
+        seed: int,
+        nominal: Nominal | None = None,
+        self_memory: SelfMemory | None = None,
+    ) -> bytes:
+        """The `champion.npz` of a generation."""
+        config, rule = self.config, self.config.controller.rule
+        genome = Genome(
+            genes=last.champion,
+            name=CHAMPION,
+            network=self.network,
+            robot=config.world.robot.name,
+            lights=config.world.robot.light.count,
+            plan=self.plan,
+            optimizer=config.algorithm.name,
+            training=config.training.name,
+            rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
+            task="" if config.world.task == ONE_TRIAL else config.world.task.name,
+            nominal=nominal,
+            self_memory=self_memory,
+        )
+        return champion_file(genome, last.champion_fitness, config.world.experiment, seed, last.number)
 
 
-def check_memory(config: EvolveConfig) -> None:
-    """Refuse an evolution that takes more memory than there is."""
-    network, key, individuals = network_of(config), config.algorithm.key, config.algorithm.individuals
-    genes = plan_of(network, type(config.controller.rule)).genes
-    room = memory_to_evolve(individuals, config.schedule.loops, genes)
-    nominal = memory_to_measure_nominal(config.world.paper_duration_s, 1.0, network)
+def prepare(config: EvolveConfig, *, has_genome: bool = True) -> Prepared:
+    """Check that the given weights fit, and that there is memory for all individuals.
+
+    has_genome: whether the genome that the settings name exists yet; else nothing is read.
+
+    Raises:
+        ConfigError: The genome is for another robot or network, or memory is too small.
+    """
+    world, key, individuals = config.world, config.algorithm.key, config.algorithm.individuals
+    network = network_for(world, config.layers)
+    plan = plan_of(network, type(config.controller.rule))
+    weights = None
+    if has_genome and config.genome is not None:
+        genome = load_genome(config.genome, world.experiment, config.layers)
+        if genome.robot != world.robot.name or genome.network != network:
+            raise ConfigError(
+                f"genome={config.genome} is for robot {genome.robot} and a network of layers {genome.network}; this "
+                f"evolution is for robot {world.robot.name} and layers {network}. Give another genome, robot or "
+                "network.layers"
+            )
+        weights = genome.weights
+    generation = memory_to_evolve(individuals, config.schedule.loops, plan.genes)
+    nominal = memory_to_measure_nominal(world.paper_duration_s, 1.0, network)
     require(
         [
-            Need(room, f"{individuals} individuals", f"lower {key}.population or {key}.loops"),
+            Need(generation, f"{individuals} individuals", f"lower {key}.population or {key}.loops"),
             Need(nominal, "what the champion remembers", "lower scenario.paper_duration_s"),
         ]
     )
-
-
-def network_of(config: EvolveConfig) -> Network:
-    """The network that is evolved."""
-    return network_for(config.world, config.layers)
-
-
-def given_weights(config: EvolveConfig) -> NDArray[np.float64] | None:
-    """The weights that all individuals are given, (synapses,); None if weights evolve."""
-    if config.genome is None:
-        return None
-    robot, network = config.world.robot, network_of(config)
-    genome = load_genome(config.genome, config.world.experiment, config.layers)
-    if genome.robot != robot.name or genome.network != network:
-        raise ConfigError(
-            f"genome={config.genome} is for robot {genome.robot} and a network of layers {genome.network}; evolved is "
-            f"for robot {robot.name} and layers {network}. Give another genome, robot or network.layers"
-        )
-    return genome.weights
+    return Prepared(config=config, network=network, plan=plan, weights=weights)
 
 
 def new_run(path: Path, cfg: DictConfig, overrides: list[str], facts: dict[str, Any]) -> RunFolder:
-    """Claim the folder of an evolution; copies of the user's own files are kept in it."""
-    own = plugins.own_files(cfg)
-    run = RunFolder.new(path, "evolve", cfg, overrides, {**evaluate.own_code(own), **facts})
-    for place, content in plugins.copies(own).items():
-        run.write(place, content)
-    return run
+    """Claim the folder of an evolution."""
+    return RunFolder.new(path, "evolve", cfg, overrides, facts, plugins.own_files(cfg))
 
 
 def evolve_into(
-    run: RunFolder, config: EvolveConfig, after: Checkpoint | None, *, threads: int, quiet: bool = False
+    run: RunFolder, prepared: Prepared, after: Checkpoint | None, *, threads: int, quiet: bool = False
 ) -> None:
     """Evolve, from the beginning or after a checkpoint, and close the run; show no progress if `quiet`."""
+    config = prepared.config
 
     def left_behind() -> str:
         last = run.path / CHECKPOINT
         if not last.is_file():
             return "before the first generation"
-        return f"the last whole generation is in {last}; go on with: epuckhebb evolve {RESUME}{run.path}"
+        return f"the last whole generation is in {last}; resume with: epuckhebb evolve {RESUME}{run.path}"
 
     say_unusual(config)
     run.left_behind = left_behind
     with run, EvolutionProgress(config.schedule.generations, quiet=quiet) as progress:
         digest = _digest(run.path, _changeable(config))
-        if after is not None:  # a run may have been killed before these files were
-            _write_generation(run, after, config)
-        network = network_of(config)
-        for generation in generations_of(config, threads, after.generation if after else None):
+        if after is not None:  # a run may have been killed before these files were written
+            _write_generation(run, after, prepared)
+        for generation in prepared.generations(threads, after.generation if after else None):
             after = Checkpoint.following(after, generation)
             run.write(CHECKPOINT, after.as_bytes(digest))
-            _write_generation(run, after, config)
+            _write_generation(run, after, prepared)
             progress.show(generation)
         assert after is not None  # there is at least one generation
-        weights = plan_of(network, type(config.controller.rule)).split(after.generation.champion)[WEIGHTS]
-        # A task without one goal has nothing that an adaptation could compare with.
-        remembered = (
-            () if config.world.task.has_trials else remember_training_world(weights, config.world, threads, network)
-        )
-        run.write(CHAMPION, champion_of(after.generation, config, config.seed, *remembered))
-        from epuckhebb.analysis import charts  # matplotlib takes a while to load, and nothing else here needs it
+        last = after.generation
+        run.write(CHAMPION, prepared.champion(last, config.seed, *prepared.remember(last.champion, threads)))
+        from epuckhebb.analysis import charts  # matplotlib takes a while to load, and only this needs it
 
         history = pd.read_csv(io.StringIO(after.history))
         title = f"{config.world.name}, seed {config.seed}, {config.algorithm.name}"
         run.write("figures/learning.png", charts.learning_curves({title: [history]}))
 
 
-def generations_of(config: EvolveConfig, threads: int, after: Generation | None = None) -> Iterator[Generation]:
-    """The generations of an evolution, from the first one or after one that has ended."""
-    return evolve(
-        config.algorithm,
-        config.world,
-        config.lifetime,
-        config.seed,
-        threads,
-        after=after,
-        training=config.training,
-        network=network_of(config),
-        controller=config.controller,
-        weights=given_weights(config),
-    )
-
-
-def champion_of(
-    last: Generation,
-    config: EvolveConfig,
-    seed: int,
-    nominal: Nominal | None = None,
-    self_memory: SelfMemory | None = None,
-) -> bytes:
-    """The `champion.npz` of a generation of an evolution."""
-    network, rule = network_of(config), config.controller.rule
-    genome = Genome(
-        genes=last.champion,
-        name=CHAMPION,
-        network=network,
-        robot=config.world.robot.name,
-        lights=config.world.robot.light.count,
-        plan=plan_of(network, type(rule)),
-        optimizer=config.algorithm.name,
-        training=config.training.name,
-        rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
-        task="" if config.world.task == ONE_TRIAL else config.world.task.name,
-        nominal=nominal,
-        self_memory=self_memory,
-    )
-    return champion_file(genome, last.champion_fitness, config.world.experiment, seed, last.number)
-
-
-def _write_generation(run: RunFolder, state: Checkpoint, config: EvolveConfig) -> None:
+def _write_generation(run: RunFolder, state: Checkpoint, prepared: Prepared) -> None:
     """Bring the other files of an evolution to the state of its checkpoint."""
-    run.write(_HISTORY, state.history)
-    run.write(CHAMPION, champion_of(state.generation, config, config.seed))
+    run.write("history.csv", state.history)
+    run.write(CHAMPION, prepared.champion(state.generation, prepared.config.seed))
 
 
 def resume(arguments: list[str]) -> Path:
-    """Go on with the evolution that `resume=RUN` names; returns its folder."""
+    """Resume the evolution that `resume=RUN` names; returns its folder."""
     named = [argument.removeprefix(RESUME) for argument in arguments if argument.startswith(RESUME)]
     changes = [argument for argument in arguments if not argument.startswith(RESUME)]
     if len(named) != 1 or not named[0]:
         raise ConfigError("resume=RUN names one run folder of `epuckhebb evolve`")
     path = path_of(named[0], "resume")
-    told = read(path)
-    if told["command"] != "evolve":
-        raise ConfigError(f"resume={path} is a run of `epuckhebb {told['command']}`; only evolutions can be resumed")
-    cfg = read_config(path / disk.CONFIG, "evolve")  # the checkpoint knows whether it may go on with it
+    before = Run(path)
+    facts = before.provenance
+    if facts["command"] != "evolve":
+        raise ConfigError(f"resume={path} is a run of `epuckhebb {facts['command']}`; only evolutions can be resumed")
+    cfg = read_config(path / CONFIG, "evolve")  # the checkpoint knows whether it fits
     changeable = _changeable(typed(cfg, EvolveConfig))
     own = plugins.own_files(cfg)
-    _check_own_files(path, own, told.get("own_code", {}))
+    _check_own_files(path, own, facts.get("own_code", {}))
     _change(cfg, path, changes, changeable)
-    config = prepare(cfg)
-    network, rule, generations = network_of(config), config.controller.rule, config.schedule.generations
+    config = typed(cfg, EvolveConfig)
+    prepared = prepare(config)
+    prepared.compile()
+    generations = config.schedule.generations
     after = Checkpoint.read(
         path,
-        plan_of(network, type(rule)).genes,
+        prepared.plan.genes,
         lambda state: config.algorithm.search(config.plan, config.seed, state),
         _digest(path, changeable),
     )
-    given = given_weights(config)
-    if after and given is not None and not np.array_equal(after.generation.champion[: network.synapses], given):
-        raise ConfigError(f"genome={config.genome} is not whose weights {path} began with")
+    _check_weights(prepared, after, path)
     done = after.generation.number + 1 if after else 0
     key = changeable[0]
     if generations < done:
         raise ConfigError(f"{key} must be {done} or more, the generations that {path} has, got {generations}")
-    if generations == done and told["status"]["state"] == "finished":
+    if generations == done and before.status["state"] == "finished":
         say(f"{path} has all of its {done} generations; {key}={2 * done} would add {done}.")
         return path
-    if told["code"].get("science") != provenance.science_version():
+    if facts["code"].get("science") != provenance.science_version():
         say("The program has changed since this evolution began; it may end otherwise than one that never stopped.")
-    run = RunFolder.resume(path, "evolve", cfg, arguments, {"generations": done})
-    for place, content in plugins.copies(own).items():
-        run.write(place, content)
-    say(f"Going on after {done} of {generations} generations.")
-    evolve_into(run, config, after, threads=thread_count(config.threads))
+    run = RunFolder.resume(path, "evolve", cfg, arguments, {"generations": done}, own)
+    say(f"Resuming after {done} of {generations} generations.")
+    evolve_into(run, prepared, after, threads=thread_count(config.threads))
     return path
 
 
+def _check_weights(prepared: Prepared, after: Checkpoint | None, path: Path) -> None:
+    """Refuse to resume with other given weights than those with which the evolution began."""
+    if after is None or prepared.weights is None:
+        return
+    if not np.array_equal(prepared.plan.split(after.generation.champion)[WEIGHTS], prepared.weights):
+        raise ConfigError(f"genome={prepared.config.genome} does not hold the weights with which {path} began")
+
+
 def _check_own_files(path: Path, own: Mapping[Path, plugins.OwnFile], before: Mapping[str, OwnCode]) -> None:
-    """Refuse to go on with other files of the user's than an evolution began with."""
+    """Refuse to resume with other files of the user's than those with which the evolution began."""
     for file, now in own.items():
         if str(file) not in before or now.copy != before[str(file)]["copy"]:
             raise ConfigError(
@@ -248,13 +265,13 @@ def _check_own_files(path: Path, own: Mapping[Path, plugins.OwnFile], before: Ma
 
 
 def _changeable(config: EvolveConfig) -> tuple[str, str]:
-    """The keys that may be changed when an evolution goes on; the others would make it another one."""
+    """The keys that may be changed when an evolution is resumed; others would make it another evolution."""
     return f"{config.algorithm.key}.generations", "threads"
 
 
 def _digest(path: Path, changeable: tuple[str, ...]) -> str:
-    """A digest of the settings of a run that make it this evolution."""
-    kept = settings(path / disk.CONFIG)
+    """A digest of the settings that make a run this evolution."""
+    kept = settings(path / CONFIG)
     for dotted in changeable:
         group, _, key = dotted.rpartition(".")
         place = kept.get(group) if group else kept
@@ -264,12 +281,12 @@ def _digest(path: Path, changeable: tuple[str, ...]) -> str:
 
 
 def _change(cfg: DictConfig, path: Path, changes: list[str], changeable: tuple[str, ...]) -> None:
-    """Change what may be changed in the configuration of a run; all else would make it another evolution."""
+    """Change what may be changed in the configuration of a run."""
     for change in changes:
         key, _, value = change.partition("=")
         if key not in changeable:
             raise ConfigError(
-                f"{change} cannot be given with {RESUME}: the evolution goes on with the settings in "
+                f"{change} cannot be given with {RESUME}: the evolution is resumed with the settings in "
                 f"{path}/.hydra/config.yaml; only {' and '.join(changeable)} may be changed"
             )
         try:

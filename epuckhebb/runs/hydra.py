@@ -25,21 +25,14 @@ from epuckhebb.config.explain import explain
 from epuckhebb.config.hydra_cache import USERS, users_first
 from epuckhebb.config.names import resolve_names
 from epuckhebb.config.overrides import SWEEP_DIR, alternatives, check_folders, quoted, value_of, with_names_compared
-from epuckhebb.config.stored import read_config
+from epuckhebb.config.schema import SCHEMAS, typed
 from epuckhebb.runtime.errors import ConfigError, JobFailedError, end_with
 from epuckhebb.runtime.resources import data_folder, path_of, thread_count
-from epuckhebb.store import disk
 from epuckhebb.store.folder import check_folder_of_multirun
-from epuckhebb.store.run import content, of_multirun
+from epuckhebb.store.run import of_multirun
 
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _HYDRAS_WORDS = "Error executing job with overrides"  # before what a job raised
-
-
-def stored(run: Path, command: str) -> DictConfig:
-    """The configuration that a run of this verb wrote down."""
-    content(run, disk.CONFIG)  # it is as it was written
-    return read_config(run / disk.CONFIG, command)
 
 
 def named(cfg: DictConfig) -> DictConfig:
@@ -54,13 +47,13 @@ def output_folder() -> Path:
 
 
 def check(
-    command: str, overrides: list[str], config_dir: str | None, asked: Callable[[DictConfig], Any], *, multirun: bool
+    command: str, overrides: list[str], config_dir: str | None, prepare: Callable[[Any], Any], *, multirun: bool
 ) -> None:
-    """Refuse, before anything runs, a named sweep as one job, and a multirun of which a job would be refused.
+    """Refuse, before anything runs, a named sweep as one job, and a multirun with a job that would be refused.
 
     Every value of every swept key is tried once, with the first values of the others: a sum, not a product.
 
-    asked: a function that raises `ConfigError` if a composed configuration cannot be used.
+    prepare: a function that raises `ConfigError` if a checked configuration cannot be run.
     """
     if not multirun:
         named = [override for override in overrides if override.lstrip("+").startswith("experiment=")]
@@ -72,10 +65,12 @@ def check(
         return
     choices = list(alternatives(overrides).values())
     first = [values[0] for values in choices]
-    asked(composed(command, first, config_dir))
+    jobs = [first]
     for place, values in enumerate(choices):
-        for value in values[1:] if len(values) <= _CHECKED_IN_FULL else values[-1:]:
-            asked(composed(command, [*first[:place], value, *first[place + 1 :]], config_dir))
+        tried = values[1:] if len(values) <= _CHECKED_IN_FULL else values[-1:]
+        jobs += [[*first[:place], value, *first[place + 1 :]] for value in tried]
+    for job in jobs:
+        prepare(typed(composed(command, job, config_dir), SCHEMAS[command]))
 
 
 def run(

@@ -1,7 +1,7 @@
-"""Makes what a champion remembers of its training world: nominal statistics, and a memory for self-checks."""
+"""Measures what a champion remembers of its training world: nominal statistics, and a memory for self-checks."""
 
 from collections.abc import Callable
-from typing import TypeVar, cast
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +23,26 @@ _made: dict[tuple[object, ...], Nominal | SelfMemory] = {}
 _MOST_MADE = 256  # a self-check's memory takes 0.2 MB
 
 
-def nominal_for(
-    genome: Genome, config: EvaluateConfig, threads: int, report: Callable[[str], None] = lambda _: None
-) -> Nominal | None:
-    """The nominal statistics of a genome at the wheel gain of an evaluation; None if no adaptation needs them.
+class Remembered(NamedTuple):
+    """What the adaptations of an evaluation compare with; None where no adaptation needs it."""
 
-    They are in the champion's file, or are measured in the training world again; then `report` is given a sentence.
+    nominal: Nominal | None  # statistics at its wheel gain
+    checks: Checks | None  # self-checks of its lifetimes
+
+
+def remembered_for(genome: Genome, config: EvaluateConfig, threads: int, report: Callable[[str], None]) -> Remembered:
+    """What the adaptations of an evaluation compare with.
+
+    It is in the champion's file, or is measured in the training world again; then `report` is given a sentence.
+
+    Raises:
+        ConfigError: The champion remembers another experiment, never arrived, or cannot check itself.
     """
+    nominal = _nominal(genome, config, threads, report)
+    return Remembered(nominal, _self_checks(genome, config, threads, report))
+
+
+def _nominal(genome: Genome, config: EvaluateConfig, threads: int, report: Callable[[str], None]) -> Nominal | None:
     if not any(controller.adaptation.needs_nominal for controller in config.controllers):
         return None
     gain = config.lifetime.gain_rad_s
@@ -38,7 +51,7 @@ def nominal_for(
         config,
         genome.nominal,
         missing_nominal(config, genome.nominal),
-        lambda home: remember(genome.weights, home, gain, threads, genome.network),
+        lambda world: remember(genome.weights, world, gain, threads, genome.network),
         report,
     )
     was_known = genome.nominal is not None and genome.nominal.gain_rad_s == gain
@@ -58,23 +71,24 @@ def missing_nominal(config: EvaluateConfig, nominal: Nominal | None) -> str:
     gain = config.lifetime.gain_rad_s
     at_another = nominal is not None and nominal.gain_rad_s != gain and any(one.is_gated for one in adaptations)
     if any(one.needs_nominal for one in adaptations) and (nominal is None or at_another):
-        return f"has no baseline at {gain:g} rad/s"
+        return f"has no nominal statistics at {gain:g} rad/s"
     return ""
 
 
-def self_checks_for(
-    genome: Genome, config: EvaluateConfig, threads: int, report: Callable[[str], None] = lambda _: None
-) -> Checks | None:
-    """The self-checks of the lifetimes of an evaluation, like `nominal_for`; None if no adaptation needs them."""
+def _self_checks(genome: Genome, config: EvaluateConfig, threads: int, report: Callable[[str], None]) -> Checks | None:
     if not any(controller.adaptation.self_check for controller in config.controllers):
         return None
+
+    def measure(world: Scenario) -> SelfMemory:
+        return _self_memory(live_in_training_world(genome.weights, world, 1.0, threads, genome.network), world)
+
     try:
         memory = _remembered(
             genome,
             config,
             genome.self_memory,
             "has no memory for a self-check" if genome.self_memory is None else "",
-            lambda home: _self_memory(live_in_training_world(genome.weights, home, 1.0, threads, genome.network), home),
+            measure,
             report,
         )
         return self_checks(memory, config.world, config.lifetime.noise, repeats=config.repeats, seed=config.seed)
@@ -90,9 +104,9 @@ def _remembered(
     make: Callable[[Scenario], _Memory],
     report: Callable[[str], None],
 ) -> _Memory:
-    """What a champion's file remembers, or if something is missing, what is made in its training world.
+    """What a champion's file holds or, if something is missing, what is measured in its training world.
 
-    It is made once a process: the jobs of a sweep ask for the same again and again.
+    It is measured once a process: many jobs of a sweep need the same.
     """
     experiment = config.world.experiment
     if known is not None and known.experiment != experiment:
@@ -104,12 +118,12 @@ def _remembered(
     if known is not None and not missing:
         return known
     report(f"genome={genome.name} {missing}: it runs {REPEATS} lifetimes a side in {TRAINED[experiment]} first.")
-    home = training_world(config)
-    key = (missing, genome.sha256, genome.network, repr(home))
+    world = training_world(config)
+    key = (missing, genome.sha256, genome.network, repr(world))
     if key not in _made:
         if len(_made) >= _MOST_MADE:
             _made.clear()
-        _made[key] = make(home)
+        _made[key] = make(world)
     return cast(_Memory, _made[key])
 
 

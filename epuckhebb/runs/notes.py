@@ -1,4 +1,4 @@
-"""What a reader of an evaluation's table must know so as not to misread it: a line for each thing."""
+"""What a reader must know beside the table of an evaluation: a line for each note."""
 
 import functools
 from dataclasses import asdict
@@ -7,10 +7,9 @@ import pandas as pd
 
 from epuckhebb.config.names import scenario_of
 from epuckhebb.config.schema import EvaluateConfig
-from epuckhebb.runtime.resources import data_folder
+from epuckhebb.runtime.resources import REFERENCE, data_folder
 from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.scenario import EXPERIMENTS, TRAINED, Scenario
-from epuckhebb.store.disk import REFERENCE
 from epuckhebb.store.genome import Genome, load_genome
 
 
@@ -18,8 +17,8 @@ def notes_of(genome: Genome, config: EvaluateConfig) -> list[str]:
     """The notes on an evaluation of this genome; `provenance.json`, tables and the replay page have them."""
     here, named = config.scenario.name, config.changed
     rates = [float(one.rule.N) for one in config.controllers if one.name == HEBBIAN]
-    told = [showcase(genome, "" if named else here, rates[0] if rates else 0.0), _other_experiment(genome, config)]
-    return [note for note in told if note]
+    notes = [showcase(genome, "" if named else here, rates[0] if rates else 0.0), _other_experiment(genome, config)]
+    return [note for note in notes if note]
 
 
 def showcase(genome: Genome, scenario: str = "", rate: float = 0.0) -> str:

@@ -10,6 +10,7 @@ from epuckhebb.runtime.errors import ConfigError
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 LATEST = "latest"  # the word for the run of the last call
+REFERENCE = "reference"  # the word for the bundled champions
 
 _LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")  # of a container, in Linux
 

@@ -12,10 +12,9 @@ import pandas as pd
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.evolution.optimizer import State
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.store import columns, records
 from epuckhebb.store.disk import CHECKPOINT
 from epuckhebb.store.npz import Arrays, one_error
-from epuckhebb.store.run import content
+from epuckhebb.store.run import Run, read_table
 
 _OF_A_GENERATION = ("generation", "fitness", "success", "champion", "champion_fitness", "history", "settings")
 
@@ -54,20 +53,20 @@ class Checkpoint:
         return buffer.getvalue()
 
     @classmethod
-    def read(cls, run: Path, genes: int, go_on: Callable[[State], object], settings: str) -> "Checkpoint | None":
+    def read(cls, run: Path, genes: int, resume: Callable[[State], object], settings: str) -> "Checkpoint | None":
         """Read the checkpoint in a run folder; None if its first generation never ended.
 
         Args:
             run: The folder.
             genes: The number of genes that each individual must have.
-            go_on: A function that resumes a search from its state; a ValueError or KeyError says what is wrong with it.
+            resume: A function that resumes a search from its state; a ValueError or KeyError says what is wrong.
             settings: The digest that the checkpoint must have.
         """
         path = run / CHECKPOINT
         if not path.exists():
             return None
         with one_error(f"{path} cannot be read as a checkpoint of this run's configuration"):
-            held = Arrays(content(run, CHECKPOINT))
+            held = Arrays(Run(run).content(CHECKPOINT))
             known, history, fitness = held.text("settings"), held.text("history"), held.take("fitness", "f", (None,))
             generation = Generation(
                 number=int(held.take("generation", "iu", ())),
@@ -82,12 +81,12 @@ class Checkpoint:
             for name in ("fitness", "success", "champion", "champion_fitness"):
                 if not np.isfinite(getattr(generation, name)).all():
                     raise ValueError(f"{name} must hold finite numbers")
-            if len(records.table(history.encode(), path, columns.HISTORY)) != generation.number + 1:
+            if len(read_table(history.encode(), run, "history.csv")) != generation.number + 1:
                 raise ValueError(f"its history is not of {generation.number + 1} generations")
-            go_on(generation.state)
+            resume(generation.state)
         if known != settings:
             raise ConfigError(
-                f"{run}/.hydra/config.yaml is not what this evolution began with, and to go on with it would make a "
-                f"hybrid: put it back as it was. The number of generations and threads may be changed"
+                f"{run}/.hydra/config.yaml is not what this evolution began with, and to resume it would mix two "
+                f"evolutions: put it back as it was. The number of generations and threads may be changed"
             )
         return cls(generation, history)

@@ -11,21 +11,15 @@ from filelock import BaseFileLock, FileLock, Timeout
 
 from epuckhebb.runtime.errors import ConfigError
 
-REFERENCE = "reference"
 CHAMPION, CHECKPOINT, TRACES = "champion.npz", "checkpoint.npz", "traces.npz"
-FINDINGS, SUMMARY, OVER_CHAMPIONS = "findings.csv", "summary.csv", "over_champions.csv"
-RESCUE_OVER_ALL = "rescue_over_all.csv"
-DOSE_RESPONSE = "figures/dose_response.png"
-REVERSAL, REVERSAL_TRIALS = "reversal.csv", "reversal_trials.csv"
-
-SCHEMA = 1  # of provenance.json and status.json
+SCHEMA = 2  # of provenance.json and status.json
 STATUS, PROVENANCE = "status.json", "provenance.json"
-LOCK = ".epuckhebb.lock"  # there while a process is at work in the folder, or after one that was killed
+LOCK = ".epuckhebb.lock"  # exists while a process is at work in the folder, and after one that was killed
 OVERRIDES, CONFIG = ".hydra/overrides.yaml", ".hydra/config.yaml"
 
 
 def write_atomic(target: Path, content: bytes, *, lasting: bool = True) -> None:
-    """Write a file whole, or not at all, and its folder; if `lasting`, wait until it would outlast a power failure."""
+    """Write a file whole, or not at all, and make its folder; if `lasting`, wait until it is safe on the disk."""
     target.parent.mkdir(parents=True, exist_ok=True)
     beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
@@ -41,47 +35,47 @@ def write_atomic(target: Path, content: bytes, *, lasting: bool = True) -> None:
 
 
 def lock(folder: Path, patience_s: float = 0.0) -> BaseFileLock | None:
-    """Keep other processes of this program out of a folder; give the result to `release`, or just end.
+    """Lock a folder for this process; give the result to `release`, or just end.
 
-    The system lets go of a folder when the process ends, however it ends. None comes back where the file system knows
-    no such locks; then nothing is kept out.
+    The system releases a lock when its process ends, however that ends. On file systems without locks the result is
+    None, and no process is kept out.
 
-    folder: one that is there. patience_s: how long to try while another process holds it; one may just be looking.
+    folder: one that exists. patience_s: how long to try while another process has the lock, perhaps only to look.
 
     Raises:
-        BlockingIOError: Another process holds it.
-        OSError: It is not there, or cannot be written to.
+        BlockingIOError: Another process has the lock.
+        OSError: The folder does not exist, or cannot be written to.
     """
-    found = FileLock(folder / LOCK, timeout=patience_s, thread_local=False, fallback_to_soft=False)
+    file_lock = FileLock(folder / LOCK, timeout=patience_s, thread_local=False, fallback_to_soft=False)
     try:
-        found.acquire()
+        file_lock.acquire()
     except Timeout:
         raise BlockingIOError(errno.EWOULDBLOCK, "another process is at work in it", str(folder)) from None
     except (FileNotFoundError, PermissionError):
         raise
     except OSError:  # some network file systems
         return None
-    return found
+    return file_lock
 
 
-def release(held: BaseFileLock | None) -> None:
+def release(file_lock: BaseFileLock | None) -> None:
     """Let others in."""
-    if held is not None:
-        with suppress(OSError):  # Windows removes it itself, once nobody has it open
-            Path(held.lock_file).unlink()  # first: who has just opened it sees that it is gone, and does not hold it
-        held.release()
+    if file_lock is not None:
+        with suppress(OSError):  # Windows removes it itself, once no process has it open
+            Path(file_lock.lock_file).unlink()  # first: a process that has just opened it sees that it is gone
+        file_lock.release()
 
 
 def is_locked(folder: Path) -> bool:
-    """Whether a process is at work in a folder; yes, where that cannot be known. Looking leaves nothing there."""
+    """Whether a process is at work in a folder; also where that cannot be known. Looking leaves no file."""
     if not (folder / LOCK).exists():
         return False
     try:
-        held = lock(folder)
+        file_lock = lock(folder)
     except OSError:
         return True
-    release(held)
-    return held is None
+    release(file_lock)
+    return file_lock is None
 
 
 def bytes_of(file: Path) -> bytes:

@@ -1,21 +1,22 @@
 """Makes a run folder: claims it, writes into it, closes it.
 
-A run of its own belongs to the process that could create its `status.json`, and is never merged or overwritten. A
-folder in which work goes on, an evolution that is resumed or a study, belongs to the process that holds its lock.
+A new run belongs to the process that could create its `status.json`; it is never merged or overwritten. A resumed
+evolution, or a study, belongs to the process that has locked its folder.
 """
 
 import hashlib
 import re
 import shutil
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from secrets import token_hex
 from types import TracebackType
-from typing import Any
+from typing import Any, Protocol
 
+import pandas as pd
 from filelock import BaseFileLock
 from omegaconf import DictConfig, OmegaConf
 
@@ -25,11 +26,12 @@ from epuckhebb.runtime.progress import say
 from epuckhebb.store import columns, disk
 from epuckhebb.store.disk import CONFIG, LOCK, OVERRIDES, PROVENANCE, SCHEMA, STATUS, as_json, is_locked, release
 from epuckhebb.store.provenance import provenance
-from epuckhebb.store.run import of_multirun, read
+from epuckhebb.store.records import OwnCode
+from epuckhebb.store.run import Run, of_multirun
 
-UNFINISHED = "unfinished"  # folder of a study, in which each attempt at a run has a folder of its own
-SET_ASIDE = "set_aside"  # folder of a study for what was in the way, or not only of this program
-_PATIENCE_S = 1.0  # with who holds a folder for the moment in which it is looked whether it is held
+UNFINISHED = "unfinished"  # folder of a study, with a folder for each attempt at a run
+SET_ASIDE = "set_aside"  # folder of a study for what was in the way, or holds a user's files
+_PATIENCE_S = 1.0  # how long another process may lock a folder just to look whether it is locked
 _HALF = re.compile(r"\..+\.\d+\.tmp")  # what `write_atomic` writes beside a file
 _ATTEMPT = re.compile(r"\d{8}-\d{6}-[0-9a-f]{8}_\d+|stop")  # what `jobs.launch` leaves in `unfinished/`
 _OF_A_RUN = re.compile(  # the files that a run of a study leaves, but for its tables
@@ -38,35 +40,54 @@ _OF_A_RUN = re.compile(  # the files that a run of a study leaves, but for its t
 )
 
 
+class OwnFile(Protocol):
+    """A user's own Python file: the place of its copy, the SHA-256 of its sources, and all copies by their places."""
+
+    @property
+    def copy(self) -> str: ...  # noqa: D102
+    @property
+    def sha256(self) -> dict[str, str]: ...  # noqa: D102
+    @property
+    def copies(self) -> dict[str, bytes]: ...  # noqa: D102
+
+
 class RunFolder:
-    """A folder that this process owns; as a context manager it says in `status.json` how the work in it ended.
+    """A folder that this process owns; as a context manager it writes to `status.json` how the work ended.
 
     Attributes:
         path: The folder.
         command_line: The command that works in it.
-        failure: Why the work failed although no error left the block; nothing if it did not.
-        left_behind: A function that says what an interruption would leave behind, for who interrupts.
-        advanced: A function that is told how far the work at hand is, from 0 to 1 and in words, for who watches.
+        failure: Why the work failed although no error left the block; "" if it did not.
+        left_behind: A function that says what an interruption would leave behind.
+        advanced: A function that reports how far the current work is, from 0 to 1 and in words.
     """
 
     def __init__(self, path: Path, lock: BaseFileLock | None, facts: dict[str, Any]) -> None:
-        """Take what `new` or `resume` has claimed; `facts` is the provenance of this call."""
+        """Own what `new` or `resume` has claimed; `facts` is the provenance of this call."""
         self.path, self.command_line, self.failure = path, list(facts["command_line"]), ""
         self.left_behind: Callable[[], str] = lambda: ""
         self.advanced: Callable[[float, str], None] = lambda *_: None
         self._lock, self._started = lock, _now()
         self._kept: dict[str, str] = {}  # name -> SHA-256 of the results on which a later call relies
-        self._written: dict[str, str] = {}  # the same of all files written
-        self._earlier: dict[str, str] = {}  # the same of files that an earlier call wrote and this one has not yet
+        self._written: dict[str, str] = {}  # the same for all files written
+        self._earlier: dict[str, str] = {}  # the same for files that an earlier call wrote, and this one not yet
 
     @classmethod
-    def new(cls, path: Path, command: str, cfg: DictConfig, arguments: list[str], facts: dict[str, Any]) -> "RunFolder":
+    def new(
+        cls,
+        path: Path,
+        command: str,
+        cfg: DictConfig,
+        arguments: list[str],
+        facts: dict[str, Any],
+        own: Mapping[Path, OwnFile] | None = None,
+    ) -> "RunFolder":
         """Claim a folder that holds no run yet, and write down what is about to run.
 
-        path: the folder, which is made. verb, arguments: of the command line. facts: what else belongs into
-        `provenance.json`, for example the genome's SHA-256.
+        path: the folder, which is made. command, arguments: of the command line. facts: what else belongs into
+        `provenance.json`, for example the genome's SHA-256. own: the user's files, which the folder keeps as copies.
         """
-        facts = provenance(command, cfg, arguments) | facts
+        told = provenance(command, cfg, arguments) | _own_code(own) | facts
         try:
             path.mkdir(parents=True, exist_ok=True)
             if not (path / STATUS).exists():
@@ -77,19 +98,21 @@ class RunFolder:
                 f"{path} holds a run already; runs are never overwritten, choose another folder"
             ) from None
         except OSError as error:
-            raise ConfigError(f"cannot write to {path}: {error.strerror}") from error
-        run = cls(path, None, facts)
+            raise _cannot_write(path, error) from error
+        run = cls(path, None, told)
         try:
             with suppress(BlockingIOError):  # the claim is what counts
                 run._lock = disk.lock(path, _PATIENCE_S)
-            run._begin(facts, cfg, arguments)
+            run._begin(told, cfg, arguments, own)
         except OSError as error:
-            for name in (STATUS, OVERRIDES, CONFIG, PROVENANCE):
+            written = (STATUS, OVERRIDES, *run._written)
+            for name in written:
                 (path / name).unlink(missing_ok=True)
-            with suppress(OSError):
-                (path / ".hydra").rmdir()
+            for folder in sorted({folder for name in written for folder in Path(name).parents}, reverse=True)[:-1]:
+                with suppress(OSError):
+                    (path / folder).rmdir()
             release(run._lock)
-            raise ConfigError(f"cannot write to {path}: {error.strerror}") from error
+            raise _cannot_write(path, error) from error
         return run
 
     @classmethod
@@ -100,56 +123,59 @@ class RunFolder:
         cfg: DictConfig | None,
         arguments: list[str],
         facts: dict[str, Any],
+        own: Mapping[Path, OwnFile] | None = None,
         results: Sequence[Path] = (),
     ) -> "RunFolder":
         """Resume the work in a folder, or begin it there; one process at a time.
 
         What killed processes have left half done is removed. If the work was begun before, `provenance.json` keeps its
-        content and gets an entry with these facts. The arguments are those of `new`, but that there is no `cfg` where
-        each job has its own; `results` are files of earlier calls that stay.
+        content and gets an entry with these facts. The arguments are those of `new`, but `cfg` is None where each job
+        has its own; `results` are files of earlier calls that stay.
         """
-        lock, told = None, provenance(command, cfg, arguments) | facts
+        lock, told = None, provenance(command, cfg, arguments) | _own_code(own) | facts
         try:
             path.mkdir(parents=True, exist_ok=True)
+            before = Run(path)
+            before.check_version()
             _refuse_foreign(path, command)
             lock = disk.lock(path, _PATIENCE_S)
             run = cls(path, lock, told)
-            with suppress(ConfigError):  # it cannot be read back where nothing has begun
-                before = read(path)
-                status = before.pop("status")
+            with suppress(ConfigError):  # nothing can be read where nothing has begun
+                earlier, status = before.provenance, before.status
                 run._started = status.get("started", run._started)
                 names = {result.relative_to(path).as_posix() for result in results}
                 for name, sha256 in status.get("sha256", {}).items():
                     (run._kept if name in names else run._earlier)[name] = sha256
                 again = {"started": _now(), "command_line": told["command_line"], **facts, "code": told["code"]}
-                told = before | {"resumed": [*before.get("resumed", []), again]}
+                told = {**earlier, "resumed": [*earlier.get("resumed", []), again]}
             _remove_half_done(path)
-            run._begin(told, cfg, None)
+            run._begin(told, cfg, None, own)
         except BlockingIOError:
             raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
         except OSError as error:
             release(lock)
-            raise ConfigError(f"cannot write to {path}: {error.strerror}") from error
+            raise _cannot_write(path, error) from error
         return run
 
-    def write(self, name: str, content: bytes | str) -> None:
-        """Write a file in the folder: whole, or not at all; keep what its content was, but for `status.json` itself."""
-        content = content.encode() if isinstance(content, str) else content
-        self._written.pop(name, None)  # while it is being replaced, nothing is known of it
+    def write(self, name: str, content: bytes | str | pd.DataFrame) -> None:
+        """Write a file in the folder: whole, or not at all; keep the SHA-256 of its content. A table becomes CSV."""
+        content = as_bytes(content)
+        self._written.pop(name, None)  # nothing is known of a file while it is replaced
         if self._earlier.pop(name, None) is not None:
             self._write_status("running")
         disk.write_atomic(self.path / name, content)
         if name != STATUS:
             self._written[name] = hashlib.sha256(content).hexdigest()
 
-    def keep(self, name: str, content: bytes) -> None:
-        """Write a result on which a later call relies; what it must be is known before it is there."""
+    def keep(self, name: str, content: bytes | pd.DataFrame) -> None:
+        """Write a result on which a later call relies; its SHA-256 is written before it."""
+        content = as_bytes(content)
         self._kept[name] = hashlib.sha256(content).hexdigest()
         self._write_status("running")
         self.write(name, content)
 
     def remove_stale(self) -> None:
-        """Remove what an earlier call wrote and this one did not; a file that somebody has changed is set aside."""
+        """Remove what an earlier call wrote and this one did not; a file that was changed since is set aside."""
         while self._earlier:
             name, sha256 = self._earlier.popitem()
             file = self.path / name
@@ -166,7 +192,7 @@ class RunFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Write whether the work finished, was interrupted or failed, with the traceback; raise what is to be told."""
+        """Write whether the work finished, was interrupted or failed; raise what the user is told."""
         errors.at_work.remove(self._interrupted)
         try:
             if error is None:
@@ -177,7 +203,7 @@ class RunFolder:
             elif errors.is_interruption(error):
                 raise KeyboardInterrupt(self._interrupted()) from None
             elif isinstance(error, Exception):
-                with suppress(OSError):  # on a full disk the error itself is what there is to tell
+                with suppress(OSError):  # on a full disk the error itself is told
                     text = "".join(traceback.format_exception(error))
                     self._write_status("failed", error=str(error), traceback=text)
                 if not isinstance(error, (ConfigError, JobFailedError)):
@@ -185,8 +211,14 @@ class RunFolder:
         finally:
             release(self._lock)
 
-    def _begin(self, told: dict[str, Any], cfg: DictConfig | None, overrides: list[str] | None) -> None:
-        """Write down what runs here: its state first, and last the file by which a run that has begun is known."""
+    def _begin(
+        self,
+        told: dict[str, Any],
+        cfg: DictConfig | None,
+        overrides: list[str] | None,
+        own: Mapping[Path, OwnFile] | None,
+    ) -> None:
+        """Write down what runs here: its state first, and `provenance.json`, by which a run is known, after that."""
         self._earlier.pop(PROVENANCE, None)
         if cfg is not None:
             self._earlier.pop(CONFIG, None)
@@ -196,6 +228,9 @@ class RunFolder:
         if cfg is not None:
             self.write(CONFIG, OmegaConf.to_yaml(cfg, resolve=True))
         self.write(PROVENANCE, as_json(told))
+        for one in (own or {}).values():
+            for place, content in one.copies.items():
+                self.write(place, content)
 
     def _interrupted(self) -> str:
         """Close the folder as interrupted, if that can be written; returns what is left behind."""
@@ -205,30 +240,47 @@ class RunFolder:
         return left
 
     def _write_status(self, state: str, **more: str) -> None:
-        sha256, told = self._earlier | self._kept, {"schema": SCHEMA, "state": state, "started": self._started}
+        sha256, status = self._earlier | self._kept, {"schema": SCHEMA, "state": state, "started": self._started}
         if state != "running":
             sha256 |= self._written
-            told |= {"finished": _now()} | {key: value for key, value in more.items() if value}
-        self.write(STATUS, as_json(told | {"sha256": sha256}))
+            status |= {"finished": _now()} | {key: value for key, value in more.items() if value}
+        self.write(STATUS, as_json(status | {"sha256": sha256}))
+
+
+def as_bytes(content: bytes | str | pd.DataFrame) -> bytes:
+    """The content of a file; a table as CSV."""
+    if isinstance(content, pd.DataFrame):
+        content = str(content.to_csv(index=False, lineterminator="\n"))
+    return content.encode() if isinstance(content, str) else content
+
+
+def _own_code(own: Mapping[Path, OwnFile] | None) -> dict[str, Any]:
+    """What `provenance.json` says of the user's files; nothing if there are none."""
+    known = {str(file): OwnCode(copy=one.copy, sha256=one.sha256) for file, one in (own or {}).items()}
+    return {"own_code": known} if known else {}
+
+
+def _cannot_write(path: Path, error: OSError) -> ConfigError:
+    return ConfigError(f"cannot write to {path}: {error.strerror}")
 
 
 def _refuse_foreign(path: Path, command: str | None = None) -> None:
-    """Refuse a folder with anything in it that is not of this program; of a verb, if one is given."""
-    begun = (STATUS, PROVENANCE, LOCK, ".hydra", "multirun.yaml")  # with what a folder of this program begins
+    """Refuse a folder with files that are not of this program, or not of a command, if one is given."""
+    begun = (STATUS, PROVENANCE, LOCK, ".hydra", "multirun.yaml")  # the first files in a folder of this program
     names = (entry.name for entry in path.iterdir())
     foreign = sorted(name for name in names if name not in begun and not _HALF.fullmatch(name))
     if not foreign:
         return
     whose = None
     with suppress(ConfigError):
-        whose = read(path).get("command")
+        whose = Run(path).provenance["command"]
     if command is None or whose != command:
         what = f"a run of `epuckhebb {whose}`" if whose else f"files that are not of this program ({foreign[0]}, ...)"
         raise ConfigError(f"{path} holds {what}; nothing there is touched. Give a folder that is new or empty")
 
 
 def _remove_half_done(path: Path) -> None:
-    """Remove what killed processes left half done, if it bears a name of ours; attempts at work stay."""
+    """Remove what killed processes left half done, if its name is ours; attempts that still run stay."""
     for half in path.rglob(".*.tmp"):
         if not {UNFINISHED, SET_ASIDE} & {*half.relative_to(path).parts} and _HALF.fullmatch(half.name):
             half.unlink(missing_ok=True)
@@ -243,7 +295,7 @@ def _remove_half_done(path: Path) -> None:
 
 
 def discard(attempt: Path, study: Path) -> None:
-    """Remove an attempt at a run of a study; with a file in it that this program does not write, set it aside."""
+    """Remove an attempt at a run of a study; set it aside if it holds a file that this program does not write."""
     for file in attempt.rglob("*"):
         name = file.relative_to(attempt).as_posix()
         if not (file.is_dir() or name in columns.TABLES or _OF_A_RUN.fullmatch(name) or _HALF.fullmatch(file.name)):
@@ -252,17 +304,20 @@ def discard(attempt: Path, study: Path) -> None:
     shutil.rmtree(attempt)
 
 
-def set_aside(found: Path, study: Path, why: str) -> None:
-    """Move something out of the way of a study, with all that is in it, and report where it is now."""
-    place = study / SET_ASIDE / f"{found.name}_{datetime.now():%Y%m%d-%H%M%S}-{token_hex(4)}"
+def set_aside(entry: Path, study: Path, why: str) -> None:
+    """Move a file or folder out of the way of a study, whole, and report where it is now."""
+    place = study / SET_ASIDE / f"{entry.name}_{datetime.now():%Y%m%d-%H%M%S}-{token_hex(4)}"
     place.parent.mkdir(exist_ok=True)
-    found.rename(place)
-    say(f"{found} {why}; nothing in it was deleted, it is now {place}")
+    entry.rename(place)
+    say(f"{entry} {why}; nothing in it was deleted, it is now {place}")
 
 
 def check_folder_of_multirun(path: Path) -> None:
-    """Refuse a folder for a multirun with anything in it but the runs and the tables of an earlier one."""
-    if path.is_dir() and not of_multirun(path):
+    """Refuse a folder for a multirun that holds anything but runs and tables of an earlier one of this version."""
+    runs = of_multirun(path)
+    for run in runs:
+        Run(run).check_version()
+    if path.is_dir() and not runs:
         _refuse_foreign(path)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.resources import LATEST, data_folder, path_of
+from epuckhebb.runtime.resources import LATEST, REFERENCE, data_folder, path_of
 from epuckhebb.sim.adaptation.homeostasis import PATTERNS
 from epuckhebb.sim.adaptation.nominal import Nominal
 from epuckhebb.sim.adaptation.self_check.dance import STEPS
@@ -19,9 +19,9 @@ from epuckhebb.sim.adaptation.self_check.memory import EFFECTS, SelfMemory
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.robot import EPUCK
-from epuckhebb.store import run
-from epuckhebb.store.disk import CHAMPION, REFERENCE
+from epuckhebb.store.disk import CHAMPION
 from epuckhebb.store.npz import MOST, Arrays, Shape, compressed, one_error
+from epuckhebb.store.run import Run
 
 _NOMINAL = "memory_"  # how the names of a baseline's arrays begin
 _SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
@@ -178,7 +178,7 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
     with one_error(f"genome={path} cannot be read as .npz or .npy"):
         if path.stat().st_size > MOST:
             raise ValueError(f"it has {path.stat().st_size} bytes; at most {MOST} are read")
-        held = Arrays(run.content(path.parent, path.name))
+        held = Arrays(Run(path.parent).content(path.name))
         own = held.layers()
         texts = {name: held.text(name) for name in _TEXTS if name in held}
         lights = int(held.take("lights", "iu", ())) if "lights" in held else EPUCK.light.count

@@ -24,7 +24,7 @@ class Code(TypedDict):
 
 
 class Resumed(TypedDict):
-    """A call that went on with a run."""
+    """A call that resumed a run."""
 
     started: str
     command_line: list[str]
@@ -65,7 +65,7 @@ class Provenance(TypedDict):
 
 
 class Status(TypedDict):
-    """`status.json`: how a run goes, or ended; and of each file that it wrote the SHA-256, once it has ended."""
+    """`status.json`: how a run goes, or ended; once it has ended, the SHA-256 of each file that it wrote."""
 
     schema: NotRequired[int]
     state: Literal["running", "finished", "failed", "interrupted"]
@@ -77,7 +77,7 @@ class Status(TypedDict):
 
 
 class ListOfJobs(TypedDict):
-    """`sweep.json`: what the jobs of a sweep read, and how their folders are called."""
+    """`sweep.json`: what all jobs of a study read, and the names of their run folders."""
 
     schema: NotRequired[int]
     name: str
@@ -86,38 +86,38 @@ class ListOfJobs(TypedDict):
     jobs: list[str]
 
 
-class JobAsked(TypedDict):
-    """`jobs/RUN.json`: what a job of a sweep is to do."""
+class JobFile(TypedDict):
+    """`jobs/RUN.json`: what one job of a study does."""
 
     overrides: list[str]
     config: dict[str, Any]
 
 
 class Cost(TypedDict):
-    """`cost.json` of a job of a leaderboard: CPU seconds, which are never the same twice."""
+    """`cost.json` of a job of a leaderboard: CPU seconds, which differ each time."""
 
     cpu_s: float
 
 
-Record = TypeVar("Record", Provenance, Status, ListOfJobs, JobAsked, Cost)
+Record = TypeVar("Record", Provenance, Status, ListOfJobs, JobFile, Cost)
 
 
 def record(content: bytes, file: Path, kind: type[Record]) -> Record:
-    """The content of a JSON file, checked; keys that this program does not know stay. file: where, for the message."""
+    """The content of a JSON file, checked; unknown keys stay. file: its path, for messages."""
     try:
-        told: Record = json.loads(content)  # msgspec reads no NaN or infinity, which settings may hold
-        msgspec.convert(told, kind)
+        values: Record = json.loads(content)  # msgspec reads no NaN or infinity, which settings may hold
+        msgspec.convert(values, kind)
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{file} cannot be used: {error}") from error
-    return told
+    return values
 
 
-def table(content: bytes, file: Path, columns: Columns, *, rows: bool = True) -> pd.DataFrame:
-    """A table from the content of a CSV file, with these columns and maybe more. file: where, for the message."""
+def checked_table(content: bytes, file: Path, columns: Columns, *, rows: bool = True) -> pd.DataFrame:
+    """A table from the content of a CSV file, with these columns and maybe more. file: its path, for messages."""
     texts = [name for name, column in columns.items() if column.kind not in (NUMBER, NUMBER_OR_EMPTY)]
     try:
         with warnings.catch_warnings(action="error"):  # pandas warns where rows are longer than the header
-            found = pd.read_csv(
+            table = pd.read_csv(
                 io.BytesIO(content),
                 index_col=False,
                 keep_default_na=False,
@@ -128,13 +128,13 @@ def table(content: bytes, file: Path, columns: Columns, *, rows: bool = True) ->
     except Exception as error:  # what damaged bytes may raise has no end
         raise ConfigError(f"{file} cannot be read as a table: {error}") from error
     for name in columns:
-        if name not in found:
+        if name not in table:
             raise ConfigError(f"{file} has no column {name}")
-    if rows and found.empty:
+    if rows and table.empty:
         raise ConfigError(f"{file} has no rows")
-    for name in columns if len(found) else ():
-        _check_column(found[name], columns[name].kind, file)
-    return found
+    for name in columns if len(table) else ():
+        _check_column(table[name], columns[name].kind, file)
+    return table
 
 
 def _check_column(values: pd.Series, kind: str | tuple[str, ...], file: Path) -> None:

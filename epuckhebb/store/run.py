@@ -1,19 +1,176 @@
-"""Finds and reads run folders: status, provenance, tables, and whether every file is as it was written."""
+"""Reads run folders: provenance, status, tables, and whether every file is as the run wrote it."""
 
 import hashlib
+import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from epuckhebb import __version__
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import LATEST
-from epuckhebb.store import records
-from epuckhebb.store.columns import Columns
-from epuckhebb.store.disk import PROVENANCE, STATUS, bytes_of, is_locked
-from epuckhebb.store.records import Provenance, Status, record
+from epuckhebb.store import columns
+from epuckhebb.store.disk import CHAMPION, CONFIG, PROVENANCE, SCHEMA, STATUS, bytes_of, is_locked
+from epuckhebb.store.records import Provenance, Status, checked_table, record
 
-_RESULTS = (".csv", "champion.npz")  # how the names of files end on which other runs and tables rely
+_RESULTS = (".csv", "champion.npz")  # endings of the files on which other runs and tables rely
+_TABLE_OF_FOLDER = {"lifetimes": "metrics.csv", "history": "history.csv"}  # a reproduction keeps many of one kind
+_COLUMNS = {name: known for name, (_, known) in columns.TABLES.items()}
+# The other columns of these depend on what was swept, and on the task.
+_COLUMNS |= {"summary.csv": columns.SUMMARY, "sweep.csv": columns.METRICS}
+_MAY_BE_EMPTY = ("summary.csv", "sweep.csv")  # where no job has a result
+
+
+class Run:
+    """A run folder. Every property and method reads the files as they are now.
+
+    What cannot be read raises `ConfigError`, and so does a folder of another version of this program. Only `state`,
+    `error`, `has`, `is_as_written` and `is_whole` answer in any case.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Name a folder; nothing is read yet."""
+        self.path = path
+
+    @property
+    def provenance(self) -> Provenance:
+        """Who ran what, with what, where."""
+        self._check_files()
+        found = record(self.content(PROVENANCE), self.path / PROVENANCE, Provenance)
+        for name in ("genome", "genome_sha256") if found["command"] == "evaluate" else ():
+            if name not in found:
+                raise ConfigError(f"{self.path / PROVENANCE} cannot be used: it has no {name}")
+        return found
+
+    @property
+    def status(self) -> Status:
+        """How the run goes, or ended; a run whose process is gone is interrupted."""
+        self._check_files()
+        found = self._status()
+        if found["state"] == "running" and not is_locked(self.path):
+            found |= {"state": "interrupted", "error": "its process ended unexpectedly"}
+        return found
+
+    @property
+    def state(self) -> str:
+        """The state that the run wrote down; "" if it cannot be read."""
+        return str(self._known().get("state", ""))
+
+    @property
+    def error(self) -> str:
+        """Why the run failed, as it wrote down; "" if it wrote nothing."""
+        return str(self._known().get("error", ""))
+
+    @property
+    def config_file(self) -> Path:
+        """The file with the resolved configuration, which is as the run wrote it."""
+        self.content(CONFIG)
+        return self.path / CONFIG
+
+    @property
+    def has_config(self) -> bool:
+        """Whether there is, or should be, a resolved configuration; a sweep has one for each job instead."""
+        return self.has(CONFIG)
+
+    def content(self, name: str) -> bytes:
+        """The content of a file, which must be what the run wrote as far as its status tells."""
+        found = bytes_of(self.path / name)
+        sha256 = hashlib.sha256(found).hexdigest()
+        if self._known().get("sha256", {}).get(name, sha256) != sha256:
+            raise ConfigError(
+                f"{self.path / name} is not what this run wrote (its SHA-256 differs); put it back as it was, or run "
+                "it again"
+            )
+        return found
+
+    def check_folder(self, folder: str) -> None:
+        """Refuse a folder inside the run of which a file is not as the run wrote it."""
+        for name in self._known().get("sha256", {}):
+            if name.startswith(f"{folder}/"):
+                self.content(name)
+
+    def table(self, name: str) -> pd.DataFrame:
+        """A table; its columns, which follow from its name, are checked."""
+        return read_table(self.content(name), self.path, name)
+
+    def has(self, name: str) -> bool:
+        """Whether a file is there, or should be: then reading it says that it was lost."""
+        return (self.path / name).is_file() or name in self._known().get("sha256", {})
+
+    def is_as_written(self, name: str) -> bool:
+        """Whether a file is there and, as far as is known, what the run wrote."""
+        try:
+            self.content(name)
+        except ConfigError:
+            return False
+        return True
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the run is finished and its results are as they were then: not cut, changed or lost."""
+        known = self._known()
+        results = {name: sha256 for name, sha256 in known.get("sha256", {}).items() if name.endswith(_RESULTS)}
+        try:
+            return known.get("state") == "finished" and all(
+                hashlib.sha256((self.path / name).read_bytes()).hexdigest() == sha256
+                for name, sha256 in results.items()
+            )
+        except OSError:
+            return False
+
+    def check_version(self) -> None:
+        """Refuse a folder that another version of this program made, whose files differ from ours."""
+        written = [_json(self.path / name) for name in (PROVENANCE, STATUS)]
+        other = next((one["schema"] for one in written if one.get("schema", SCHEMA) != SCHEMA), SCHEMA)
+        if other == SCHEMA:
+            return
+        code = written[0].get("code")
+        code = code if isinstance(code, dict) else {}
+        commit = f" (commit {str(code['commit'])[:10]})" if code.get("commit") else ""
+        champion = f". Its champion can be used: genome={self.path}" if (self.path / CHAMPION).is_file() else ""
+        raise ConfigError(
+            f"{self.path} was made by epuckhebb {code.get('version', 'of an unknown version')}{commit}, in a format that "
+            f"this version does not read (schema {other}; ours is {SCHEMA}). Use that version for it, or run it again in "
+            f"a new folder{champion}"
+        )
+
+    def _check_files(self) -> None:
+        """Refuse what is no run folder of this version."""
+        if not self.path.is_dir():
+            raise ConfigError(f"{self.path} is not a folder; give a run folder, for example one below runs/evaluate/")
+        inside = next(self.path.glob(f"*/{STATUS}"), None)
+        if inside is not None and not (self.path / STATUS).exists():
+            raise ConfigError(f"{self.path} is a folder with runs in it; give one of them, for example {inside.parent}")
+        self.check_version()
+        for name in (PROVENANCE, STATUS):
+            if not (self.path / name).is_file():
+                raise ConfigError(f"{self.path} is not a run folder: it has no {name}")
+
+    def _status(self) -> Status:
+        return record(bytes_of(self.path / STATUS), self.path / STATUS, Status)
+
+    def _known(self) -> dict[str, Any]:
+        """The status that the run wrote down; nothing if it cannot be read."""
+        try:
+            return {**self._status()}
+        except ConfigError:
+            return {}
+
+
+def read_table(content: bytes, folder: Path, name: str) -> pd.DataFrame:
+    """The table in a CSV file of a run folder, checked. content: the file's."""
+    kind = _TABLE_OF_FOLDER.get(name.partition("/")[0], name)
+    return checked_table(content, folder / name, _COLUMNS[kind], rows=kind not in _MAY_BE_EMPTY)
+
+
+def _json(file: Path) -> dict[str, Any]:
+    """The content of a JSON file; nothing if it cannot be read."""
+    with suppress(OSError, ValueError, RecursionError):
+        found = json.loads(file.read_bytes())
+        return found if isinstance(found, dict) else {}
+    return {}
 
 
 def below_runs() -> list[Path]:
@@ -33,8 +190,8 @@ def of_multirun(path: Path) -> list[Path]:
     return sorted(inside, key=lambda run: (not run.name.isdigit(), int(run.name) if run.name.isdigit() else 0, run))
 
 
-def found(what: str | Path, *commands: str) -> Path:
-    """The folder of a run that a user names, or the latest one of these verbs (none: of any) if it is `latest`."""
+def resolve_run(what: str | Path, *commands: str) -> Path:
+    """The folder of a run that a user names; for `latest` the newest run of these commands (none: of any)."""
     if str(what) != LATEST:
         return Path(what)
     of_commands = [path for path in below_runs() if not commands or path.relative_to("runs").parts[0] in commands]
@@ -42,74 +199,3 @@ def found(what: str | Path, *commands: str) -> Path:
         whose = f" of `epuckhebb {'` or `epuckhebb '.join(commands)}`" if commands else ""
         raise ConfigError(f"{LATEST}: there is no run{whose} in {Path('runs').absolute()} yet; give a run folder")
     return of_commands[-1]
-
-
-def read(path: Path) -> dict[str, Any]:
-    """Provenance and status of a run folder, as one dictionary."""
-    if not path.is_dir():
-        raise ConfigError(f"{path} is not a folder; give a run folder, for example one below runs/evaluate/")
-    inside = next(path.glob(f"*/{STATUS}"), None)
-    if inside is not None and not (path / STATUS).exists():
-        raise ConfigError(f"{path} is a folder with runs in it; give one of them, for example {inside.parent}")
-    for name in (PROVENANCE, STATUS):
-        if not (path / name).is_file():
-            raise ConfigError(f"{path} is not a run folder: it has no {name}")
-    status = record(bytes_of(path / STATUS), path / STATUS, Status)
-    told = record(content(path, PROVENANCE), path / PROVENANCE, Provenance)
-    for name in ("genome", "genome_sha256") if told["command"] == "evaluate" else ():
-        if name not in told:
-            raise ConfigError(f"{path / PROVENANCE} cannot be used: it has no {name}")
-    if status["state"] == "running" and not is_locked(path):
-        status |= {"state": "interrupted", "error": "its process ended unexpectedly"}
-    return {**told, "status": status}
-
-
-def status_of(path: Path) -> dict[str, Any]:
-    """What a run says of its state; nothing if it cannot be read."""
-    try:
-        return {**record(bytes_of(path / STATUS), path / STATUS, Status)}
-    except ConfigError:
-        return {}
-
-
-def content(run: Path, name: str) -> bytes:
-    """The content of a file of a run, which must be what the run wrote as far as its `status.json` tells."""
-    found = bytes_of(run / name)
-    sha256 = hashlib.sha256(found).hexdigest()
-    if status_of(run).get("sha256", {}).get(name, sha256) != sha256:
-        raise ConfigError(
-            f"{run / name} is not what this run wrote (its SHA-256 differs); put it back as it was, or run it again"
-        )
-    return found
-
-
-def table(run: Path, name: str, columns: Columns, *, rows: bool = True) -> pd.DataFrame:
-    """A table of a run; see `content` and `records.table`."""
-    return records.table(content(run, name), run / name, columns, rows=rows)
-
-
-def has(run: Path, name: str) -> bool:
-    """Whether a file of a run is there, or should be: then who reads it tells that it was lost."""
-    return (run / name).is_file() or name in status_of(run).get("sha256", {})
-
-
-def is_as_written(run: Path, name: str) -> bool:
-    """Whether a file of a run is there and, as far as is known, what the run wrote."""
-    try:
-        content(run, name)
-    except ConfigError:
-        return False
-    return True
-
-
-def is_whole(path: Path) -> bool:
-    """Whether a run is finished and its results are what they were when it was: not cut, changed or lost since."""
-    status = status_of(path)
-    try:
-        return status.get("state") == "finished" and all(
-            hashlib.sha256((path / name).read_bytes()).hexdigest() == sha256
-            for name, sha256 in status.get("sha256", {}).items()
-            if name.endswith(_RESULTS)
-        )
-    except OSError:
-        return False

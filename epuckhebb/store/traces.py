@@ -1,6 +1,5 @@
-"""Writes and reads `traces.npz` and `findings.json`."""
+"""Writes and reads `traces.npz` and `findings.csv`."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,10 +11,10 @@ from epuckhebb.sim.life import Samples, empty_samples
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.store import columns
-from epuckhebb.store.disk import FINDINGS, TRACES
+from epuckhebb.store.disk import TRACES
 from epuckhebb.store.genome import checked_genes
 from epuckhebb.store.npz import Arrays, compressed, one_error
-from epuckhebb.store.run import content, has, table
+from epuckhebb.store.run import Run
 
 
 def traces_file(traces: Traces, weights: NDArray[np.float64], network: Network) -> bytes:
@@ -29,16 +28,15 @@ def traces_arrays(traces: Traces, weights: NDArray[np.float64], network: Network
     return lifetimes | {"genome": weights, "layers": np.array(network.layers)} | traces.samples._asdict()
 
 
-def read_traces(run: Path, state: str, lifetimes: int, samples: int) -> tuple[Traces, NDArray[np.float64], Network]:
+def read_traces(run: Run, lifetimes: int, samples: int) -> tuple[Traces, NDArray[np.float64], Network]:
     """Read the recorded lifetimes of a run folder, and the weights and the network that they began with.
 
-    state: what the run says of itself; it explains why there may be no traces. lifetimes: how many there must be.
-    samples: how many samples each must have.
+    lifetimes: how many there must be. samples: how many samples each must have.
     """
-    with one_error(f"{run / TRACES} cannot be read (the run is {state})"):
-        if not (run / TRACES).is_file():
+    with one_error(f"{run.path / TRACES} cannot be read (the run is {run.status['state']})"):
+        if not (run.path / TRACES).is_file():
             raise ValueError("there is no such file")
-        held = Arrays(content(run, TRACES))
+        held = Arrays(run.content(TRACES))
         network = Network(held.layers() or PAPER_NETWORK.layers)
         found = {}
         for name, empty in empty_samples(0, network)._asdict().items():
@@ -52,10 +50,10 @@ def read_traces(run: Path, state: str, lifetimes: int, samples: int) -> tuple[Tr
         return traces, checked_genes(held.take("genome", "f", (network.synapses,)), TRACES, plan_of(network)), network
 
 
-def read_findings(run: Path) -> list[dict[str, Any]]:
+def read_findings(run: Run) -> list[dict[str, Any]]:
     """What the robots of a run found in their self-checks, a row each; nothing if they made none."""
-    if not has(run, FINDINGS):
+    if not run.has("findings.csv"):
         return []
-    found = table(run, FINDINGS, columns.FOUND)
     texts = {name: "" for name, column in columns.FOUND.items() if column.kind == columns.TEXT_OR_EMPTY}
-    return [{str(name): value for name, value in row.items()} for row in found.fillna(texts).to_dict("records")]
+    rows = run.table("findings.csv").fillna(texts).to_dict("records")
+    return [{str(name): value for name, value in row.items()} for row in rows]

@@ -12,33 +12,33 @@ from epuckhebb.config.build import check_counts
 from epuckhebb.config.compose import Plain
 from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.config.stored import as_config
-from epuckhebb.runs.evaluate import check_genome
+from epuckhebb.runs.evaluate import prepare
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store import provenance
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.provenance import digest
+from epuckhebb.studies.jobs import NO_EFFECT
 
-NO_EFFECT = ("threads",)  # keys on which no result depends
 _APART = ("seed", "repeats", "threads")  # keys that are checked by `check_counts` alone
 
 
 class Identities:
-    """Names the runs that configurations lead to, and checks the configurations.
+    """Names the runs of configurations, and checks the configurations.
 
-    What many of them share is looked at once: so thousands of jobs can be named in seconds.
+    What many of them share is checked once, so thousands of jobs are named in seconds.
     """
 
     def __init__(self) -> None:
-        self._asked: dict[str, EvaluateConfig] = {}
+        self._shared: dict[str, EvaluateConfig] = {}
         self._more: dict[tuple[str, str], Plain] = {}
         self._load_genome = cache(load_genome)
-        self._texts: dict[int, tuple[Any, str]] = {}  # of parts that jobs share; each is kept, so its id stays its own
+        self._texts: dict[int, tuple[Any, str]] = {}  # of parts that jobs share; each is kept, so its id stays unique
 
     def of(self, config: Plain) -> str:
-        """The name of the run that a configuration leads to with all that its results depend on at this moment.
+        """The name of the run of a configuration, from all that its results depend on at this moment.
 
-        That is the genome, what it remembers if that is used, the user's own files, the science, and the packages that
-        compute.
+        Besides the settings these are the genome, what it remembers if that is used, the user's own files, the science,
+        and the numeric packages.
 
         Raises:
             ConfigError: A value or the genome cannot be used.
@@ -47,27 +47,27 @@ class Identities:
             check_counts(**{key: config[key] for key in _APART})
         except ValueError as error:
             raise ConfigError(str(error)) from error
-        shared = self.meet(config)
+        shared = self.validate_shared(config)
         if (shared, config["genome"]) not in self._more:
-            self._more[shared, config["genome"]] = self._depends_on(config, self._asked[shared])
+            self._more[shared, config["genome"]] = self._depends_on(config, self._shared[shared])
         return f"job_{digest([self.settings(config), self._more[shared, config['genome']]])[:12]}"
 
-    def meet(self, config: Plain, cfg: DictConfig | None = None) -> str:
-        """Check what many configurations share with this one, once; returns a digest of that.
+    def validate_shared(self, config: Plain, cfg: DictConfig | None = None) -> str:
+        """Check, once, what many configurations share with this one; returns a digest of that.
 
-        cfg: the same configuration as Hydra has it, if that has been made already.
+        cfg: the same configuration as Hydra has it, if that was composed already.
         """
         shared = digest(self._texts_of(config, (*_APART, "genome")))
-        if shared not in self._asked:
-            self._asked[shared] = typed(cfg or as_config(config, "evaluate"), EvaluateConfig)
+        if shared not in self._shared:
+            self._shared[shared] = typed(cfg or as_config(config, "evaluate"), EvaluateConfig)
         return shared
 
     def settings(self, config: Plain) -> str:
-        """A digest of a configuration, but for the keys on which no result depends."""
+        """A digest of a configuration without the keys on which no result depends."""
         return digest(self._texts_of(config, NO_EFFECT))
 
     def _texts_of(self, config: Plain, without: Sequence[str]) -> dict[str, str]:
-        """The values of a configuration as JSON; those that jobs share are written once."""
+        """The values of a configuration as JSON; those that jobs share are converted once."""
         return {key: self._text(value) for key, value in config.items() if key not in without}
 
     def _text(self, value: Any) -> str:
@@ -77,15 +77,15 @@ class Identities:
             self._texts[id(value)] = value, json.dumps(value, sort_keys=True)
         return self._texts[id(value)][1]
 
-    def _depends_on(self, config: Plain, asked: EvaluateConfig) -> Plain:
-        """On what else than its settings the results of a configuration depend."""
-        genome = self._load_genome(config["genome"], asked.world.experiment, asked.layers)
-        check_genome(genome, asked)
-        over = [controller.adaptation for controller in asked.controllers]
+    def _depends_on(self, config: Plain, shared: EvaluateConfig) -> Plain:
+        """What the results of a configuration depend on besides its settings."""
+        genome = self._load_genome(config["genome"], shared.world.experiment, shared.layers)
+        prepare(shared, genome)
+        adaptations = [controller.adaptation for controller in shared.controllers]
         return {
             "genome": genome.sha256,
-            "baseline": genome.nominal_sha256 if any(one.needs_nominal for one in over) else "",
-            "self_memory": genome.self_memory_sha256 if any(one.self_check for one in over) else "",
+            "baseline": genome.nominal_sha256 if any(one.needs_nominal for one in adaptations) else "",
+            "self_memory": genome.self_memory_sha256 if any(one.self_check for one in adaptations) else "",
             "own_code": plugins.sources(config),
             "science": provenance.science_version(),
             "packages": provenance.versions(provenance.NUMERIC),

@@ -1,18 +1,17 @@
-"""The engine of everything that is made of many tasks: sweeps, leaderboards, reproductions, and the studies to come.
+"""The engine of all studies: sweeps, leaderboards and reproductions. It knows no command.
 
-A study lives in a folder that is named by what is asked for, so that the same command finds it again and does only
-what is missing. One process at a time works in it. Results are whole or not there: a file is renamed into its place,
-and a run works in `unfinished/` until it is finished and is then renamed in one step. So a study may be killed at any
-moment, and the next call ends with the same bytes as one that was never stopped.
+The folder of a study is named by its settings, so the same command finds it again and does only what is missing. One
+process at a time works in it. Results are whole or absent: a file is renamed into its place. A run works in
+`unfinished/` until it is finished, and is then renamed in one step. A study may be killed at any moment: the next call
+ends with the same bytes as one that was never stopped.
 
-`Job`s are evaluations and evolutions that are spread over processes or a cluster: open the folder with `at_work` and
-hand them to `launch`. `Task`s run in this process, one after the other, and use threads themselves: `run_tasks` does
-them in the order in which they need each other.
+`Job`s run in many processes or on a cluster: open the folder with `open_study` and hand them to `launch`. `Task`s run
+in this process, one after the other, and use threads themselves: `run_tasks` does them in order.
 """
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,11 +25,11 @@ from epuckhebb.runs import hydra
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import TaskProgress, counting
 from epuckhebb.store import disk
-from epuckhebb.store import run as runs
-from epuckhebb.store.folder import UNFINISHED, RunFolder, discard, set_aside
-from epuckhebb.store.records import JobAsked, ListOfJobs, record
-from epuckhebb.studies.identity import NO_EFFECT
+from epuckhebb.store.folder import UNFINISHED, OwnFile, RunFolder, discard, set_aside
+from epuckhebb.store.records import JobFile, ListOfJobs, record
+from epuckhebb.store.run import Run
 
+NO_EFFECT = ("threads",)  # keys on which no result depends
 _LIST, _JOBS, _STOP = "sweep.json", "jobs", "stop"
 AT_ONCE = 1000  # jobs that a launcher gets at a time: as many as SLURM takes in one array (its MaxArraySize is 1001)
 
@@ -39,23 +38,26 @@ AT_ONCE = 1000  # jobs that a launcher gets at a time: as many as SLURM takes in
 class Task:
     """Something that a study does in its own process.
 
-    `do` writes the results with `keep` of the folder, so that one that is damaged later is made again; with `advanced`
-    it may say how far it is.
+    Attributes:
+        name: Shown while it is done.
+        results: The files that it leaves; none if it is done in every call.
+        do: A function that writes the results with `RunFolder.keep`, and reports with `RunFolder.advanced`.
+        size: How long it takes, in any unit, to estimate the time left.
     """
 
-    name: str  # shown while it is done
-    results: tuple[Path, ...]  # the files that it leaves; none if it is to be done in every call
+    name: str
+    results: tuple[Path, ...]
     do: Callable[[RunFolder], None]
-    size: float = 1.0  # how long it takes beside the others, in any unit, for the time that is told to be left
+    size: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """An evaluation, or something else, that a study has done by whatever launcher Hydra has.
+    """A part of a study that any launcher of Hydra's can do.
 
     Attributes:
         number: Its place, from 0.
-        overrides: What would be typed to get it.
+        overrides: The settings to type for it.
         run: The name of its run folder, which follows from all that its results depend on.
         config: Its configuration, as plain values.
     """
@@ -67,7 +69,7 @@ class Job:
 
     @property
     def settings(self) -> dict[str, str]:
-        """What was set for this job and may matter, by key."""
+        """The settings of this job on which results may depend, by key."""
         pairs = (override.lstrip("+").partition("=") for override in self.overrides)
         return {key: value for key, _, value in pairs if key not in ("experiment", *NO_EFFECT)}
 
@@ -76,8 +78,8 @@ class Job:
 class Outcome:
     """What a call did."""
 
-    done: list[Job]  # of which there is a run now
-    before: int  # how many of them there were before
+    done: list[Job]  # the jobs that have a run now
+    before: int  # how many of them had one before
     failures: list[tuple[Job, str]]  # the jobs that failed, and why
     left: int  # how many were left out because one failed
 
@@ -89,22 +91,28 @@ class Outcome:
 
 
 def is_whole(result: Path) -> bool:
-    """Whether a result is there: a file, or a run that is finished and whose tables are as they were then."""
-    return result.is_file() or runs.is_whole(result)
+    """Whether a result is there: a file, or a run that is finished and whole."""
+    return result.is_file() or Run(result).is_whole
 
 
 @contextmanager
-def at_work(
-    folder: Path, command: str, cfg: DictConfig | None, arguments: list[str], results: Sequence[tuple[Path, ...]]
+def open_study(
+    folder: Path,
+    command: str,
+    cfg: DictConfig | None,
+    arguments: list[str],
+    results: Sequence[tuple[Path, ...]],
+    own: Mapping[Path, OwnFile] | None = None,
 ) -> Iterator[RunFolder]:
-    """Work on a study in its folder, and say in its `status.json` how that ends.
+    """Work on a study in its folder, and write in its `status.json` how that ends.
 
     Args:
-        folder: The folder; it is made if it is not there, and what killed calls left half done is thrown away.
+        folder: The folder; it is made if it is missing, and what killed calls left half done is removed.
         command: The command of the command line.
-        cfg: The configuration, if there is one of the whole study.
-        arguments: What followed the verb.
-        results: What each of its jobs will leave; who interrupts it is told how many of them are done.
+        cfg: The configuration, if the whole study has one.
+        arguments: What followed the command.
+        results: What each of its jobs will leave; an interruption reports how many of them are done.
+        own: The user's files, which the folder keeps as copies.
 
     Raises:
         ConfigError: Another process works on this study, or its folder cannot be written to.
@@ -116,7 +124,7 @@ def at_work(
         return f"{done} of {len(results)} jobs are done; the same command does the rest"
 
     stay = [result for job in results for result in job]
-    with RunFolder.resume(folder, command, cfg, arguments, {}, stay) as study:
+    with RunFolder.resume(folder, command, cfg, arguments, {}, own, stay) as study:
         study.left_behind = left_behind
         try:
             yield study
@@ -125,13 +133,13 @@ def at_work(
 
 
 def run_tasks(folder: Path, command: str, cfg: DictConfig, arguments: list[str], tasks: Sequence[Task]) -> None:
-    """Do in this process, in their order, the tasks of a study that are not done; see `at_work`."""
+    """Do in this process, in order, the tasks of a study that are not done; see `open_study`."""
     results = [task.results for task in tasks if task.results]
-    with at_work(folder, command, cfg, arguments, results) as study:
+    with open_study(folder, command, cfg, arguments, results) as study:
         missing = {}
         for number, task in enumerate(tasks):
             names = [result.relative_to(folder).as_posix() for result in task.results]
-            if not names or not all(runs.is_as_written(folder, name) for name in names):
+            if not names or not all(map(Run(folder).is_as_written, names)):
                 missing[number] = task
         with TaskProgress([task.size if n in missing else 0.0 for n, task in enumerate(tasks)]) as progress:
             study.advanced = progress.within
@@ -141,20 +149,17 @@ def run_tasks(folder: Path, command: str, cfg: DictConfig, arguments: list[str],
 
 
 def todo(folder: Path, jobs: Sequence[Job]) -> list[Job]:
-    """The jobs of which there is no whole run in the folder yet."""
-    return [job for job in jobs if not runs.is_whole(folder / job.run)]
+    """The jobs that have no whole run in the folder yet."""
+    return [job for job in jobs if not Run(folder / job.run).is_whole]
 
 
 def for_hydra(command: str, arguments: Sequence[str]) -> list[str]:
-    """Those of the arguments that are Hydra's own; they choose joblib for a launcher if they choose none.
-
-    A sweeper, or an empty name for a folder, is refused.
-    """
+    """The arguments that are Hydra's own, with joblib for a launcher if they name none. A sweeper is refused."""
     hydras = [argument for argument in arguments if argument.lstrip("+~").startswith(("hydra.", "hydra/"))]
     for argument in hydras:
         if argument.startswith(("hydra/sweeper", "hydra.sweeper", "hydra.sweep.subdir")):
             raise ConfigError(
-                f"{argument}: `{command}` lists its jobs itself; for another sweeper: evaluate --multirun"
+                f"{argument}: `{command}` lists its jobs itself, and another sweeper has no use there; leave it out"
             )
     overrides.check_folders(hydras)
     if not any(argument.startswith("hydra/launcher=") for argument in hydras):
@@ -163,7 +168,7 @@ def for_hydra(command: str, arguments: Sequence[str]) -> list[str]:
 
 
 def folder_and_launcher(hydras: Sequence[str], usual: Path) -> tuple[Path, list[str]]:
-    """The folder of a study, the usual one unless Hydra's arguments name another, and those that are the launcher's."""
+    """The folder of a study, the usual one unless Hydra's arguments name another, and those for the launcher."""
     named = [overrides.value_of(argument) for argument in hydras if argument.startswith(overrides.SWEEP_DIR)]
     launcher = [argument for argument in hydras if not argument.startswith(overrides.SWEEP_DIR)]
     return Path(named[-1]) if named else usual, launcher
@@ -181,17 +186,17 @@ def launch(
     """Do the jobs that are not done, on any launcher of Hydra's.
 
     Args:
-        study: The folder, from `at_work`.
+        study: The folder, from `open_study`.
         name: The name of the study, for the provenance of its runs.
         jobs: All jobs of the study.
         launcher: The overrides that choose and set up the launcher.
-        do: A function of a module that calls `one_job`; `evaluate_job`, or that of another study.
+        do: A function at the top of a module, which calls `one_job`.
         fail_fast: Whether to start no job after one has failed.
     """
     folder = study.path
     missing = todo(folder, jobs)
     for job in missing:
-        if os.path.lexists(folder / job.run):  # a run gets there whole, so someone has been at it
+        if os.path.lexists(folder / job.run):  # a run gets there whole, so it was changed since
             set_aside(folder / job.run, folder, "is not a finished run, or was changed since")
     attempts: dict[str, Path] = {}
     trouble = ""
@@ -214,10 +219,10 @@ def launch(
         if job.run in remaining and fail_fast and not begun:
             left += 1
         elif job.run in remaining:
-            why = runs.status_of(attempts[job.run]).get("error") or trouble or "it ended unexpectedly"
-            failures.append((job, str(why)))
+            why = Run(attempts[job.run]).error or trouble or "it ended unexpectedly"
+            failures.append((job, why))
     with suppress(OSError):
-        (folder / UNFINISHED).rmdir()  # if nothing is left in it
+        (folder / UNFINISHED).rmdir()  # unless something is left in it
     done = [job for job in jobs if job.run not in remaining]
     return Outcome(done=done, before=len(jobs) - len(missing), failures=failures, left=left)
 
@@ -227,18 +232,18 @@ def count(folder: Path, jobs: Sequence[Job], attempts: Sequence[Path]) -> tuple[
     done = len({job.run for job in jobs} & {path.name for path in folder.iterdir()})
     unfinished = folder / UNFINISHED
     there = {path.name for path in unfinished.iterdir()} if unfinished.is_dir() else set()
-    return done, sum(runs.status_of(path).get("state") == "failed" for path in attempts if path.name in there)
+    return done, sum(Run(path).state == "failed" for path in attempts if path.name in there)
 
 
 def one_job(
-    cfg: DictConfig, name_of: Callable[[Plain], str], work: Callable[[Path, JobAsked, dict[str, Any]], None]
+    cfg: DictConfig, name_of: Callable[[Plain], str], work: Callable[[Path, JobFile, dict[str, Any]], None]
 ) -> None:
-    """Do one job of a study, in whatever process the launcher gives it.
+    """Do one job of a study, in the process that the launcher gives it.
 
     Args:
-        cfg: What Hydra was told of the job: its name.
-        name_of: The name of the run that a configuration leads to; it must still be that of the job.
-        work: A function that does it. It gets a folder, which is renamed when it has come back; what was asked; and
+        cfg: What Hydra knows of the job: its name.
+        name_of: A function from a configuration to the name of its run, which must still be that of the job.
+        work: A function that does the job. It gets a folder, which is renamed afterwards; the file of the job; and
             facts for `provenance.json`.
     """
     attempt = hydra.output_folder()
@@ -247,25 +252,25 @@ def one_job(
     if stop.exists():
         attempt.rmdir()
         return
-    told = record(runs.content(folder, _LIST), folder / _LIST, ListOfJobs)
+    listed = record(Run(folder).content(_LIST), folder / _LIST, ListOfJobs)
     try:
-        work(attempt, job_asked(folder, run, name_of), {"command_line": told["command_line"], "sweep": told["name"]})
+        work(attempt, read_job(folder, run, name_of), {"command_line": listed["command_line"], "sweep": listed["name"]})
     except Exception:
-        if told["fail_fast"]:
+        if listed["fail_fast"]:
             stop.touch()
         raise
     try:
         attempt.rename(folder / run)
     except OSError:
-        if not runs.is_whole(folder / run):  # else a worker of a call that was killed has just done the same
+        if not Run(folder / run).is_whole:  # else a worker of a killed call has just done the same
             raise
         discard(attempt, folder)
 
 
-def job_asked(folder: Path, run: str, name_of: Callable[[Plain], str]) -> JobAsked:
-    """What was asked of a job, which is refused if it would no longer lead to the run that it was listed as."""
+def read_job(folder: Path, run: str, name_of: Callable[[Plain], str]) -> JobFile:
+    """Read the file of a job; refuse one that would no longer lead to the run of this name."""
     name = f"{_JOBS}/{run}.json"
-    job = record(runs.content(folder, name), folder / name, JobAsked)
+    job = record(Run(folder).content(name), folder / name, JobFile)
     try:
         now = name_of(job["config"])
     except ConfigError:
@@ -277,12 +282,12 @@ def job_asked(folder: Path, run: str, name_of: Callable[[Plain], str]) -> JobAsk
     return job
 
 
-def _write_jobs(study: RunFolder, told: dict[str, Any], jobs: Sequence[Job], missing: Sequence[Job]) -> None:
+def _write_jobs(study: RunFolder, facts: dict[str, Any], jobs: Sequence[Job], missing: Sequence[Job]) -> None:
     """Write what the jobs read: a file for each that is missing, and a list of them all."""
     for job in missing:  # the next call would write them anew, so they need not last; there may be ten thousand
-        asked = json.dumps({"overrides": job.overrides, "config": job.config}).encode()
-        disk.write_atomic(study.path / _JOBS / f"{job.run}.json", asked, lasting=False)
-    study.write(_LIST, disk.as_json({"schema": disk.SCHEMA, **told, "jobs": [job.run for job in jobs]}))
+        content = json.dumps({"overrides": job.overrides, "config": job.config}).encode()
+        disk.write_atomic(study.path / _JOBS / f"{job.run}.json", content, lasting=False)
+    study.write(_LIST, disk.as_json({"schema": disk.SCHEMA, **facts, "jobs": [job.run for job in jobs]}))
 
 
 def _arguments(folder: Path, missing: Sequence[Job], launcher: list[str], stamp: str) -> list[str]:

@@ -1,10 +1,9 @@
 """Lists the jobs of one method on a leaderboard: its champions and their tests, each composed and checked.
 
-A job is known by all that its result depends on: its settings, the job that made its champion, the worlds, rules of
-the user's own, the science.
+A job is named by all that its result depends on: its settings, the job of its champion, the worlds, the user's own
+rules, the science.
 """
 
-import copy
 import functools
 import itertools
 import re
@@ -30,8 +29,7 @@ from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.task import Task
 from epuckhebb.store import provenance
-from epuckhebb.studies.identity import NO_EFFECT
-from epuckhebb.studies.jobs import Job
+from epuckhebb.studies.jobs import NO_EFFECT, Job
 
 REVERSAL = board.REVERSAL
 _NAMES = re.compile(r"[^\[\],\s'\"]+")  # in a value of a sweep, one or a list of them
@@ -40,27 +38,15 @@ _OF_RULES = ("merges", "merge_every")  # settings of optimizers that concern not
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A method in an experiment.
-
-    Its jobs are listed by seed.
-    """
+    """A method in an experiment, with its jobs by seed."""
 
     method: Method
     row: Row  # what the tables say of it
     champions: dict[int, Job]  # the jobs that evolve its champions, or the rules for them
-    lives: dict[int, Job]  # the jobs in which these are tested
+    tests: dict[int, Job]  # the jobs that test these
     before: dict[int, Job]  # the jobs that evolve the champions for which rules are evolved
     config: EvolveConfig | None  # how it is evolved, if it is
     task: Task  # what it is evolved for
-
-
-def in_world(config: EvaluateConfig, world: Scenario) -> EvaluateConfig:
-    """The same evaluation in a world of its experiment: at home as it is, elsewhere for as long as lives last there."""
-    if world.name == config.world.name:
-        return config
-    there = copy.copy(config)
-    there.world, there.lifetime = world, replace(config.lifetime, duration_s=world.paper_duration_s)
-    return there
 
 
 @functools.cache
@@ -77,13 +63,13 @@ def world_named(name: str, config_dir: str | None) -> Scenario:
 
 
 @functools.cache
-def _training_world_cfg(home: str, task: tuple[str, ...], config_dir: str | None) -> DictConfig:
-    """An evaluation of nothing but genes at home."""
-    return compose.composed("evaluate", _lives_in(home, *task, "hebbian=none"), config_dir)
+def _training_world_cfg(world: str, task: tuple[str, ...], config_dir: str | None) -> DictConfig:
+    """An evaluation of genes alone in the training world."""
+    return compose.composed("evaluate", _evaluation_in(world, *task, "hebbian=none"), config_dir)
 
 
-def _lives_in(home: str, *words: str) -> list[str]:
-    return [f"scenario={home}", "lifetime.record_every=0", *words]
+def _evaluation_in(world: str, *words: str) -> list[str]:
+    return [f"scenario={world}", "lifetime.record_every=0", *words]
 
 
 def search_folders(config_dir: str | None) -> list[Path]:
@@ -103,33 +89,33 @@ def _swept(name: str, config_dir: str | None) -> tuple[str, ...]:
 
 
 def tests_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, dict[str, Scenario]]:
-    """The test worlds of every experiment: those of these sweeps, but for the training world."""
-    found: dict[str, dict[str, Scenario]] = {one: {} for one in TRAINED}
+    """The test worlds of every experiment: those of these sweeps, without the training world."""
+    tests: dict[str, dict[str, Scenario]] = {one: {} for one in TRAINED}
     for name in (name for sweep in sweeps for name in _swept(sweep, config_dir)):
         world = world_named(name, config_dir)
         if name != TRAINED[world.experiment]:
-            found[world.experiment][name] = world
-    return found
+            tests[world.experiment][name] = world
+    return tests
 
 
 @functools.cache
 def worlds_digest(worlds: tuple[str, ...], config_dir: str | None) -> str:
-    """A digest of all that worlds are."""
+    """A digest of worlds: equal for equal worlds."""
     return provenance.digest({name: repr(world_named(name, config_dir)) for name in worlds})
 
 
-def identity(asked: Plain) -> str:
-    """The name of the run that a job leads to."""
-    config, own = dict(asked["config"]), plugins.own_files(asked["config"])
+def identity(job: Plain) -> str:
+    """The name of the run of a job."""
+    config, own = dict(job["config"]), plugins.own_files(job["config"])
     for key in (*NO_EFFECT, "genome"):
         config.pop(key)
     if own:  # wherever they are
         config["hebbian"] = {**config["hebbian"], "rule": str(config["hebbian"]["rule"]).rpartition(":")[2]}
-    worlds = tuple(asked.get("worlds", ()))
+    worlds = tuple(job.get("worlds", ()))
     depends = {
         "config": config,
-        "champion": asked["champion"],
-        "worlds": worlds_digest(worlds, asked["config_dir"]),
+        "champion": job["champion"],
+        "worlds": worlds_digest(worlds, job["config_dir"]),
         "own_code": [one.digest for one in own.values()],
         "science": provenance.science_version(),
         "packages": provenance.versions(provenance.NUMERIC),
@@ -144,14 +130,14 @@ class Planner:
         self, config: LeaderboardConfig, config_dir: str | None, experiment: str, tests: dict[str, Scenario]
     ) -> None:
         self._config, self._config_dir, self._experiment, self._tests = config, config_dir, experiment, tests
-        self._home = TRAINED.get(experiment, TRAINED["obstacles"])
+        self._training_world = TRAINED.get(experiment, TRAINED["obstacles"])
         self._task = tuple(typed_as(REVERSAL_TASK)) if experiment == REVERSAL else ()
         self._repeats = config.reversal_repeats if experiment == REVERSAL else config.repeats
         self._entries = dict[str, Entry]()
         self._seeds = range(config.first_seed, config.first_seed + config.champions)
 
     def entry(self, method: Method) -> Entry:
-        """The entry of a method; the message of an error begins with its name."""
+        """The entry of a method; an error message begins with its name."""
         try:
             made = self._entry(method)
         except ConfigError as error:
@@ -169,18 +155,18 @@ class Planner:
             )
         config, champions = None, over.champions if over else {}
         if method.evolve:
-            home = [] if "scenario" in method.evolve else [f"scenario={self._home}"]
+            world = [] if "scenario" in method.evolve else [f"scenario={self._training_world}"]
             given = ["genome=given"] if method.champions_of else []
-            cfg = compose.composed("evolve", [*home, *method.overrides("evolve"), *given], self._config_dir)
+            cfg = compose.composed("evolve", [*world, *method.overrides("evolve"), *given], self._config_dir)
             config = typed(cfg, EvolveConfig)
             self._check(method, config)
             settings = compose.plain(cfg)
             champions = {seed: self._evolution(method, settings, over, seed) for seed in self._seeds}
-            lived = compose.plain(_training_world_cfg(self._home, self._task, self._config_dir))
-            lived["hebbian"] = settings["hebbian"]
+            tested = compose.plain(_training_world_cfg(self._training_world, self._task, self._config_dir))
+            tested["hebbian"] = settings["hebbian"]
         else:
-            lived = self._post_hoc(method)
-        lived |= {"seed": self._config.seed, "repeats": self._repeats}
+            tested = self._post_hoc(method)
+        tested |= {"seed": self._config.seed, "repeats": self._repeats}
         is_plain = config is not None and isinstance(config.controller.rule, NoRule)
         if is_plain and (method.champions_of or method.matched_control):
             raise ConfigError(
@@ -203,32 +189,33 @@ class Planner:
             method=method,
             row=row,
             champions=champions,
-            lives={seed: self._test(method, lived, champion.run) for seed, champion in champions.items()},
+            tests={seed: self._test(method, tested, champion.run) for seed, champion in champions.items()},
             before=over.champions if over and method.evolve else {},
             config=config,
             task=evolved.world.task,
         )
 
     def _check(self, method: Method, config: EvolveConfig) -> None:
-        """Refuse what cannot be evolved here, and what could be trained in a test."""
+        """Refuse what cannot be evolved here, and training in a test world."""
         for name, world in self._tests.items():
             if board.can_be(config.world, config.training, world):
                 raise ConfigError(
                     f"its training world can be {name}, which is one of the tests' own "
-                    f"(tests={','.join(self._config.tests)}): champions must not know what they are tested in. Train "
+                    f"(tests={','.join(self._config.tests)}): champions must not be trained in it. Train "
                     "it elsewhere, or leave these tests out"
                 )
-        evolve.check_memory(config)
+        prepared = evolve.prepare(config, has_genome=False)
         if "hebbian.rule" in method.evolve:
-            evaluate.compile_for([config.controller], evolve.network_of(config), config.world)
+            prepared.compile()
 
     def _post_hoc(self, method: Method) -> Plain:
-        """How champions live with what is laid over them."""
-        cfg = compose.composed("evaluate", _lives_in(self._home, *method.overrides("evaluate")), self._config_dir)
+        """How champions are tested with what is added after evolution."""
+        words = _evaluation_in(self._training_world, *method.overrides("evaluate"))
+        cfg = compose.composed("evaluate", words, self._config_dir)
         config = typed(cfg, EvaluateConfig)
         for name, world in self._tests.items():
             try:
-                check_wheel_gain(in_world(config, world).lifetime, world)
+                check_wheel_gain(replace(config.lifetime, duration_s=world.paper_duration_s), world)
             except ValueError as error:
                 raise ConfigError(f"{name}: {error}") from error
         if "hebbian.rule" in method.evaluate:
@@ -241,11 +228,11 @@ class Planner:
 
     def _test(self, method: Method, config: Plain, champion: str) -> Job:
         words = [f"genome={champion}", *method.overrides("evaluate")]
-        return self._job(words, config, champion, worlds=[self._home, *self._tests])
+        return self._job(words, config, champion, worlds=[self._training_world, *self._tests])
 
     def _job(self, overrides: list[str], config: Plain, champion: str, **more: list[str]) -> Job:
-        asked = {"config": config, "champion": champion, "config_dir": self._config_dir, **more}
-        return Job(number=0, overrides=overrides, run=identity(asked), config=asked)
+        job = {"config": config, "champion": champion, "config_dir": self._config_dir, **more}
+        return Job(number=0, overrides=overrides, run=identity(job), config=job)
 
 
 def _check_control(config: EvolveConfig, matched_control: Entry) -> None:

@@ -25,16 +25,16 @@ _REVERSAL_GA = {"ga": "reversal"}
 
 @dataclass(frozen=True, kw_only=True)
 class Leaderboard:
-    """What was asked for."""
+    """What belongs to a leaderboard."""
 
     config: LeaderboardConfig
     cfg: DictConfig  # the same, as it was composed
     tests: dict[str, dict[str, Scenario]]  # of each experiment, by name; reversal learning has none but its own world
     entries: list[Entry]
     folder: Path
-    launcher: list[str]  # what was typed for Hydra's launcher
+    launcher: list[str]  # the arguments for Hydra's launcher
     own_files: dict[Path, plugins.OwnFile]
-    arguments: list[str]  # what was typed
+    arguments: list[str]  # of the command
 
     @property
     def jobs(self) -> list[Job]:
@@ -42,22 +42,22 @@ class Leaderboard:
         return [job for _, jobs in self.stages for job in jobs]
 
     @property
-    def told(self) -> dict[str, str]:
+    def purposes(self) -> dict[str, str]:
         """What each run is for."""
-        told: dict[str, str] = {}
+        purposes: dict[str, str] = {}
         for entry in self.entries:
-            for command, jobs in (("evolve", entry.champions), ("test", entry.lives)):
+            for command, jobs in (("evolve", entry.champions), ("test", entry.tests)):
                 for seed, job in jobs.items():
-                    told.setdefault(job.run, f"{command} {entry.method.name}, {entry.row.experiment}, seed {seed}")
-        return told
+                    purposes.setdefault(job.run, f"{command} {entry.method.name}, {entry.row.experiment}, seed {seed}")
+        return purposes
 
     @property
     def stages(self) -> list[tuple[str, list[Job]]]:
-        """What is done in turn: champions, rules for champions, tests."""
+        """What is done in order: champions, rules for champions, tests."""
         first = {job.run: job for entry in self.entries if not entry.before for job in entry.champions.values()}
         then = {job.run: job for entry in self.entries if entry.before for job in entry.champions.values()}
-        lives = {job.run: job for entry in self.entries for job in entry.lives.values()}
-        named = (("evolve champions", first), ("evolve rules for champions", then), ("test champions", lives))
+        tests = {job.run: job for entry in self.entries for job in entry.tests.values()}
+        named = (("evolve champions", first), ("evolve rules for champions", then), ("test champions", tests))
         return [(what, list(jobs.values())) for what, jobs in named if jobs]
 
 
@@ -86,8 +86,8 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
     if config_dir is not None:
         typed_words += ["--config-dir", config_dir]
         config_dir = str(Path(config_dir).absolute())
-    hydras = for_hydra("leaderboard", arguments)
-    own = [_as_list(argument) for argument in arguments if argument not in hydras]
+    of_hydra = for_hydra("leaderboard", arguments)
+    own = [_as_list(argument) for argument in arguments if argument not in of_hydra]
     cfg = compose.composed("leaderboard", [*(QUICK if quick else ()), *own], config_dir)
     config = typed(cfg, LeaderboardConfig)
     folders = search_folders(config_dir)
@@ -102,12 +102,12 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
         planned = Planner(config, config_dir, one, worlds)
         here = in_reversal(methods, folders) if one == REVERSAL else methods
         entries += [planned.entry(method) for method in here]
-    jobs = [job for entry in entries for job in entry.lives.values()]
+    jobs = [job for entry in entries for job in entry.tests.values()]
     tested = [name for worlds in all_tests.values() for name in worlds]
-    asked = [worlds_digest(tuple(tested), config_dir), config.first_seed, config.seed, config.repeats]
-    asked += [config.reversal_repeats, provenance.science_version()]
-    usual = Path("runs") / "leaderboard" / f"seed{config.first_seed}_{provenance.digest(asked)[:8]}"
-    folder, launcher = folder_and_launcher(hydras, usual)
+    depends = [worlds_digest(tuple(tested), config_dir), config.first_seed, config.seed, config.repeats]
+    depends += [config.reversal_repeats, provenance.science_version()]
+    usual = Path("runs") / "leaderboard" / f"seed{config.first_seed}_{provenance.digest(depends)[:8]}"
+    folder, launcher = folder_and_launcher(of_hydra, usual)
     return Leaderboard(
         config=config,
         cfg=cfg,
@@ -131,10 +131,10 @@ def _as_list(argument: str) -> str:
 
 
 def in_reversal(methods: Sequence[Method], folders: Sequence[Path]) -> list[Method]:
-    """These methods where reversal learning is asked for: their rules, evolved by the GA in the one world there is.
+    """These methods in reversal learning: their rules, evolved by the GA in its one world.
 
-    Training in other worlds, and optimizers for it, concern the paper's task alone, so that methods which differ in
-    nothing else are one here, and all without plasticity are the GA. What an adaptation does has no place.
+    Methods that differ in training or optimizer alone are one here. All without plasticity are the GA. Methods with an
+    adaptation are left out.
     """
     (plain,) = methods_named([_PLAIN], folders)
     found = [replace(plain, evolve={**known_methods.REVERSAL_TASK, **_REVERSAL_GA})]

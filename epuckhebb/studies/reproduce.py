@@ -1,8 +1,7 @@
-"""`epuckhebb reproduce`: a study of two stages, which evolves champions and evaluates each, and tells what came out.
+"""`epuckhebb reproduce`: a study that evolves champions, evaluates each, and reports which of the paper's claims hold.
 
-The folder is named by what is asked for, so that the same command goes on where it was interrupted; see
-`epuckhebb.studies.jobs`. All conditions of a champion are one task, so that its lifetimes share the threads of one
-process.
+The folder is named by the settings, so the same command resumes it; see `epuckhebb.studies.jobs`. All conditions of a
+champion are one task, so its lifetimes share the threads of one process.
 """
 
 import hashlib
@@ -23,21 +22,18 @@ from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, ReproduceConfig, typed
 from epuckhebb.evolution.evolve import Generation, evolve, history_row, memory_to_evolve
 from epuckhebb.runs.evaluate import compile_for
-from epuckhebb.runs.evolve import champion_of
-from epuckhebb.runs.nominal import remember_training_world
+from epuckhebb.runs.evolve import prepare
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import Need, data_folder, require, thread_count
-from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.store import provenance
-from epuckhebb.store import run as runs
-from epuckhebb.store.columns import HISTORY, METRICS, Columns
 from epuckhebb.store.folder import RunFolder
 from epuckhebb.store.genome import Genome, load_genome
+from epuckhebb.store.run import Run
 from epuckhebb.studies import jobs
 from epuckhebb.studies.jobs import Task
 
@@ -72,15 +68,15 @@ class _Champion:
 
 @dataclass(frozen=True, kw_only=True)
 class _Study:
-    """What was asked for."""
+    """A reproduction: its settings, folder and champions."""
 
     experiments: tuple[str, ...]
     config: ReproduceConfig
     folder: Path
     champions: list[_Champion]  # in the order of the tables
-    given: Genome | None  # takes the place of champions
+    given: Genome | None  # used in place of champions
     paper: Mapping[str, Any]  # the published tables
-    changed: list[str] = field(default_factory=list)  # for each champion whose genome changed in life, its experiment
+    changed: list[str] = field(default_factory=list)  # the experiment of each champion whose genome changed
 
 
 def reproduce(experiment: str, overrides: list[str], *, quick: bool) -> Path:
@@ -106,7 +102,7 @@ def reproduce(experiment: str, overrides: list[str], *, quick: bool) -> Path:
     ]
     study = _Study(experiments=experiments, config=config, folder=folder, champions=champions, given=given, paper=paper)
     for champion in champions:
-        if not given and runs.is_as_written(folder, champion.file):
+        if not given and Run(folder).is_as_written(champion.file):
             champion.genome(folder)  # one that cannot be read is found before the others are evolved
     steps = {one: _robot_steps(config, one) for one in experiments}
     tasks = []
@@ -114,10 +110,10 @@ def reproduce(experiment: str, overrides: list[str], *, quick: bool) -> Path:
         made = (folder / one.history, folder / one.file)
         tasks.append(Task(f"evolve {one.name}", made, partial(_evolve, study, one), steps[one.experiment][0]))
     for one in champions:
-        lived = (folder / one.lifetimes,)
-        tasks.append(Task(f"evaluate {one.name}", lived, partial(_evaluate, study, one), steps[one.experiment][1]))
+        lifetimes = (folder / one.lifetimes,)
+        tasks.append(Task(f"evaluate {one.name}", lifetimes, partial(_evaluate, study, one), steps[one.experiment][1]))
     tasks += [
-        Task("tables, figures and report", (), partial(_tell, study), sum(living for _, living in steps.values()))
+        Task("tables, figures and report", (), partial(_report, study), sum(living for _, living in steps.values()))
     ]
     jobs.run_tasks(folder, "reproduce", cfg, [experiment, *(["--quick"] if quick else []), *overrides], tasks)
     return folder
@@ -144,7 +140,7 @@ def _robot_steps(config: ReproduceConfig, experiment: str) -> tuple[float, float
 
 
 def _given(where: str) -> Genome:
-    """The genome that takes the place of champions; it must be for the paper's robot and network."""
+    """The genome in place of champions; it must be for the paper's robot and network."""
     genome = load_genome(where, "obstacles")
     if (genome.network, genome.robot) != (PAPER_NETWORK, EPUCK.name):
         raise ConfigError(
@@ -155,35 +151,35 @@ def _given(where: str) -> Genome:
 
 
 def _folder(experiment: str, cfg: DictConfig, given: Genome | None) -> Path:
-    """A name that says what was asked for: another question, or another version of the science, gets another folder."""
-    asked = OmegaConf.to_container(cfg)
-    assert isinstance(asked, dict)
-    asked = {key: value for key, value in asked.items() if key not in ("threads", "genome")}
-    asked |= {"experiment": experiment, "science": provenance.science_version()}
-    asked["genome"] = given.sha256 if given else None
-    digest = hashlib.sha256(repr(sorted(asked.items())).encode()).hexdigest()[:8]
+    """The folder of these settings; other settings, or another version of the science, have another folder."""
+    settings = OmegaConf.to_container(cfg)
+    assert isinstance(settings, dict)
+    depends = {key: value for key, value in settings.items() if key not in ("threads", "genome")}
+    depends |= {"experiment": experiment, "science": provenance.science_version()}
+    depends["genome"] = given.sha256 if given else None
+    digest = hashlib.sha256(repr(sorted(depends.items())).encode()).hexdigest()[:8]
     who = given.name if given else f"champions{cfg.champions}"
     return Path("runs") / "reproduce" / f"{experiment}_{who}_seed{cfg.first_seed}_{digest}"
 
 
 def _evolve(study: _Study, champion: _Champion, run: RunFolder) -> None:
     """Evolve a champion from its seed."""
-    world = _training(champion.experiment)
-    threads, ga = thread_count(study.config.threads), study.config.ga
+    prepared, threads, ga = prepare(_training(champion.experiment)), thread_count(study.config.threads), study.config.ga
+    world, lifetime = prepared.config.world, prepared.config.lifetime
     run.advanced(0.0, "compiling …")
-    compile_for([GA_ALONE], PAPER_NETWORK, world.world)
+    prepared.compile()
     generations: list[Generation] = []
-    for generation in evolve(ga, world.world, world.lifetime, champion.seed, threads):
+    for generation in evolve(ga, world, lifetime, champion.seed, threads):
         generations.append(generation)
         run.advanced(len(generations) / ga.generations, f"generation {len(generations)} of {ga.generations}")
     history, last = pd.DataFrame(map(history_row, generations)), generations[-1]
-    remembered = remember_training_world(last.champion, world.world, threads, PAPER_NETWORK)
-    run.keep(champion.history, history.to_csv(index=False).encode())
-    run.keep(champion.file, champion_of(last, world, champion.seed, *remembered))
+    remembered = prepared.remember(last.champion, threads)
+    run.keep(champion.history, history)
+    run.keep(champion.file, prepared.champion(last, champion.seed, *remembered))
 
 
 def _evaluate(study: _Study, champion: _Champion, run: RunFolder) -> None:
-    """Let a champion live in every scenario of its experiment, with every rate and control."""
+    """Evaluate a champion in every scenario of its experiment, with every rate and control."""
     genome, config, one = champion.genome(study.folder), study.config, champion.experiment
     before, rows = genome.sha256, []
     worlds, controllers = reproduction.worlds(one), reproduction.controllers(one, config.rates, config.signal.of(one))
@@ -198,13 +194,13 @@ def _evaluate(study: _Study, champion: _Champion, run: RunFolder) -> None:
         rows.append(metrics)
     if genome.sha256 != before:
         study.changed.append(champion.experiment)
-    run.keep(champion.lifetimes, pd.concat(rows).to_csv(index=False).encode())
+    run.keep(champion.lifetimes, pd.concat(rows))
 
 
-def _tell(study: _Study, run: RunFolder) -> None:
+def _report(study: _Study, run: RunFolder) -> None:
     """Write the tables, the figures and the report over all lifetimes."""
     found = _findings(study, run)
-    pictures = {name: (told, figures.small(png)) for name, (told, png) in _figures(study, found).items()}
+    pictures = {name: (caption, figures.small(png)) for name, (caption, png) in _figures(study, found).items()}
     text = report.markdown(found, {name: caption for name, (caption, _) in pictures.items()})
     for name, (_, png) in pictures.items():
         run.write(f"figures/{name}", png)
@@ -212,16 +208,16 @@ def _tell(study: _Study, run: RunFolder) -> None:
     run.write("report.html", report.html(text, lambda name: pictures[name][1]))
 
 
-def _table(study: _Study, file: str, columns: Columns) -> pd.DataFrame:
-    """A table that is perhaps of an earlier call."""
+def _table(study: _Study, file: str) -> pd.DataFrame:
+    """A table that may be of an earlier call."""
     try:
-        return runs.table(study.folder, file, columns)
+        return Run(study.folder).table(file)
     except ConfigError as error:
         raise ConfigError(f"{error}; remove it and start again") from error
 
 
 def _findings(study: _Study, run: RunFolder) -> report.Findings:
-    """What came out; its tables are written."""
+    """The findings; their tables are written."""
     config, given = study.config, study.given
     count = 1 if given else config.champions
     last = config.first_seed + config.champions - 1
@@ -229,7 +225,7 @@ def _findings(study: _Study, run: RunFolder) -> report.Findings:
     if given:
         who = f"genome {code(given.name)} (SHA-256 {given.sha256[:16]}…)"
     found, tables = reproduction.findings_of(
-        pd.concat([_table(study, one.lifetimes, METRICS) for one in study.champions], ignore_index=True),
+        pd.concat([_table(study, one.lifetimes) for one in study.champions], ignore_index=True),
         study.paper,
         {one: count - study.changed.count(one) for one in study.experiments},
         champions=count,
@@ -239,7 +235,7 @@ def _findings(study: _Study, run: RunFolder) -> report.Findings:
         f"(seed {config.seed}); live fitness: {config.signal.value}.",
     )
     for name, table in tables.items():
-        run.write(f"{name}.csv", table.to_csv(index=False))
+        run.write(f"{name}.csv", table)
     return found
 
 
@@ -251,7 +247,7 @@ def _figures(study: _Study, found: report.Findings) -> dict[str, tuple[str, byte
         best = next(champion for champion in own if champion.name == found.showcase[one][0])
         shown[one] = best.genome(study.folder).genes
         if not study.given:
-            histories[one] = [_table(study, champion.history, HISTORY) for champion in own]
+            histories[one] = [_table(study, champion.history) for champion in own]
     signals = {one: study.config.signal.of(one) for one in study.experiments}
     return reproduction.figures_of(found, shown, signals, _world, histories, study.config.seed)
 

@@ -1,8 +1,7 @@
 """`epuckhebb sweep NAME`: the jobs that `conf/experiment/NAME.yaml` and the command line make, and tables over all.
 
-A job is known by a digest of its resolved configuration, its genome and the version of the science; what is in the run
-folder of that name is its result, whenever it was made. The folder of a sweep is named by its jobs, so that the same
-command finds it again.
+A job is named by a digest of its resolved configuration, its genome and the version of the science. A whole run in the
+folder of that name is its result. The folder of a sweep is named by its jobs, so the same command finds it again.
 """
 
 import csv
@@ -24,14 +23,12 @@ from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import evaluate_into
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.progress import say
-from epuckhebb.store import columns, disk, provenance, records
-from epuckhebb.store import run as runs
-from epuckhebb.store.folder import RunFolder
-from epuckhebb.store.records import JobAsked
+from epuckhebb.store import disk, provenance
+from epuckhebb.store.folder import RunFolder, as_bytes
+from epuckhebb.store.records import JobFile
+from epuckhebb.store.run import Run, read_table
 from epuckhebb.studies import identity
-from epuckhebb.studies.jobs import Job, Outcome, at_work, folder_and_launcher, for_hydra, launch, one_job
-
-_SWEEP = "sweep.csv"
+from epuckhebb.studies.jobs import Job, Outcome, folder_and_launcher, for_hydra, launch, one_job, open_study
 
 
 def evaluate_job(cfg: DictConfig) -> None:
@@ -39,14 +36,14 @@ def evaluate_job(cfg: DictConfig) -> None:
     one_job(cfg, identity.Identities().of, _evaluate)
 
 
-def _evaluate(path: Path, job: JobAsked, facts: dict[str, Any]) -> None:
+def _evaluate(path: Path, job: JobFile, facts: dict[str, Any]) -> None:
     config = as_config(job["config"], "evaluate")
     evaluate_into(path, config, job["overrides"], facts, threads=hydra.threads_of_job(config.threads))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
-    """A named sweep: its jobs, its folder, what was typed to ask for it, and what of that is for Hydra's launcher."""
+    """A named sweep: its jobs, its folder, the arguments of its command, and those for Hydra's launcher."""
 
     name: str
     jobs: list[Job]
@@ -61,18 +58,18 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     Raises:
         ConfigError: There is no such sweep, or a key, a value or the genome cannot be used.
     """
-    hydras = for_hydra("sweep", arguments)
+    of_hydra = for_hydra("sweep", arguments)
     words.check_words("evaluate", arguments, config_dir)
     named = [f"experiment={name}"]
-    params = compose.composed("evaluate", [*named, *hydras], config_dir, with_hydra=True).hydra.sweeper.params
+    params = compose.composed("evaluate", [*named, *of_hydra], config_dir, with_hydra=True).hydra.sweeper.params
     if not params:
         raise ConfigError(f"experiment={name} has no hydra.sweeper.params: it is one job, for `epuckhebb evaluate`")
     swept = [f"{key}={values}" for key, values in params.items()]
-    choices = alternatives([*swept, *(argument for argument in arguments if argument not in hydras)])
+    choices = alternatives([*swept, *(argument for argument in arguments if argument not in of_hydra)])
     listed: dict[str, Job] = {}
     again: list[Job] = []
     identities = identity.Identities()
-    for overrides, config in compose.combinations("evaluate", named, choices, config_dir, identities.meet):
+    for overrides, config in compose.combinations("evaluate", named, choices, config_dir, identities.validate_shared):
         run = identities.of(config)
         job = Job(number=len(listed), overrides=[*named, *overrides], run=run, config=config)
         if listed.setdefault(run, job) is not job:
@@ -82,24 +79,24 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
         say(repeated(len(again), again[0].settings, listed[again[0].run].settings))
     settings = provenance.digest([identities.settings(job.config) for job in jobs])
     usual = Path("runs") / "sweep" / f"{name}_{settings[:8]}"
-    folder, launcher = folder_and_launcher(hydras, usual)
-    asked = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]
-    return Sweep(name=name, jobs=jobs, folder=folder, arguments=asked, launcher=launcher)
+    folder, launcher = folder_and_launcher(of_hydra, usual)
+    words_typed = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]
+    return Sweep(name=name, jobs=jobs, folder=folder, arguments=words_typed, launcher=launcher)
 
 
 def sweep(planned: Sweep, *, fail_fast: bool) -> Outcome:
     """Do the jobs that are not done, then write the tables over all that are."""
     results = [(planned.folder / job.run,) for job in planned.jobs]
-    with at_work(planned.folder, "sweep", None, planned.arguments, results) as study:
+    with open_study(planned.folder, "sweep", None, planned.arguments, results) as study:
         outcome = launch(study, planned.name, planned.jobs, planned.launcher, evaluate_job, fail_fast=fail_fast)
         _write_tables(study, outcome.done, outcome.failures)
-        study.remove_stale()  # the folder may have been given to a sweep of other jobs before
-        study.failure = told(planned, outcome)
+        study.remove_stale()  # an earlier sweep of other jobs may have used the folder
+        study.failure = failure_of(planned, outcome)
     return outcome
 
 
-def told(planned: Sweep, outcome: Outcome) -> str:
-    """What failed, in short; nothing if nothing did."""
+def failure_of(planned: Sweep, outcome: Outcome) -> str:
+    """What failed, in short; "" if nothing did."""
     if not outcome.failures:
         return ""
     left = f", {outcome.left} left out" if outcome.left else ""
@@ -110,43 +107,43 @@ def _write_tables(study: RunFolder, done: Sequence[Job], failures: Sequence[tupl
     """Write `sweep.csv`, `summary.csv` and `failed.csv`; the same jobs give the same bytes."""
     failed = [{**_place(job), **job.settings, "error": error} for job, error in failures]
     failed_columns = list(failed[0]) if failed else ["job", "run", "error"]
-    study.write("failed.csv", _csv(pd.DataFrame(failed, columns=failed_columns)))
+    study.write("failed.csv", pd.DataFrame(failed, columns=failed_columns))
     gathered = gather([_evaluated(study.path / job.run, job.settings, _place(job)) for job in done])
-    content = _csv(gathered.rows)
-    records.table(content, study.path / _SWEEP, columns.METRICS, rows=False)
-    study.write(_SWEEP, content)
+    content = as_bytes(gathered.rows)
+    read_table(content, study.path, "sweep.csv")  # the numbers are text as it stands in the tables of the jobs
+    study.write("sweep.csv", content)
     _write_over_all(study.write, gathered)
 
 
 def write_summary_of_multirun(folder: Path, finished: Sequence[Path]) -> None:
     """Write the tables over all runs of a multirun of `evaluate`, as of a sweep, into its folder."""
     jobs = [
-        Job(number=number, overrides=runs.read(path)["overrides"], run=path.name, config={})
+        Job(number=number, overrides=Run(path).provenance["overrides"], run=path.name, config={})
         for number, path in enumerate(finished)
     ]
     gathered = gather([_evaluated(folder / job.run, job.settings, {}) for job in jobs])
-    _write_over_all(lambda name, content: disk.write_atomic(folder / name, content), gathered)
+    _write_over_all(lambda name, content: disk.write_atomic(folder / name, as_bytes(content)), gathered)
 
 
-def _write_over_all(write: Callable[[str, bytes], None], gathered: Gathered) -> None:
-    """Write the tables, the page and the figures over all lifetimes, and say what else is to know of them."""
+def _write_over_all(write: Callable[[str, bytes | str | pd.DataFrame], None], gathered: Gathered) -> None:
+    """Write the tables, the page and the figures over all lifetimes, and say what else a reader must know."""
     rows, settings = gathered.rows, gathered.settings
-    write(disk.SUMMARY, _csv(summary.summary(rows, settings)))
+    write("summary.csv", summary.summary(rows, settings))
     if gathered.repeated:
         say(gathered.repeated)
     if rows.empty:
         return
     if summary.has_champions(rows):
-        write(disk.OVER_CHAMPIONS, _csv(summary.over_champions(rows, settings)))
+        write("over_champions.csv", summary.over_champions(rows, settings))
     doses = summary.dose_response(rows, settings)
     if doses:
-        write(disk.DOSE_RESPONSE, doses)
+        write("figures/dose_response.png", doses)
     found = summary.rescue_and_harm(rows)
     if found is not None:
         tables, page, figure = found
         for name, table in tables.items():
-            write(f"{name}.csv", _csv(table))
-        write("report.md", page.encode())
+            write(f"{name}.csv", table)
+        write("report.md", page)
         write(f"figures/{rescue.FIGURE}", figure)
     elif missing := summary.no_rescue(rows, settings):
         say(missing)
@@ -154,13 +151,14 @@ def _write_over_all(write: Callable[[str, bytes], None], gathered: Gathered) -> 
 
 def _evaluated(path: Path, settings: Mapping[str, str], place: Mapping[str, str]) -> Evaluated:
     """A run and its lifetimes, whose numbers stay as text."""
-    run = runs.read(path)
-    rows = csv.DictReader(io.StringIO(runs.content(path, "metrics.csv").decode(), newline=""))
+    run = Run(path)
+    facts = run.provenance
+    rows = csv.DictReader(io.StringIO(run.content("metrics.csv").decode(), newline=""))
     return Evaluated(
         settings=settings,
-        where=settings.get("genome", run["genome"]),
-        sha256=run["genome_sha256"],
-        ids=run["lifetimes"],
+        where=settings.get("genome", facts["genome"]),
+        sha256=facts["genome_sha256"],
+        ids=facts["lifetimes"],
         rows=pd.DataFrame(list(rows), dtype=str),
         place=place,
     )
@@ -169,7 +167,3 @@ def _evaluated(path: Path, settings: Mapping[str, str], place: Mapping[str, str]
 def _place(job: Job) -> dict[str, str]:
     """The first columns: which job, and which run folder."""
     return {"job": str(job.number), "run": job.run}
-
-
-def _csv(frame: pd.DataFrame) -> bytes:
-    return str(frame.to_csv(index=False, lineterminator="\n")).encode()

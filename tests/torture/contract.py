@@ -9,7 +9,7 @@ import pytest
 from cases import call
 
 from epuckhebb.runtime.errors import JOB_FAILED, USAGE
-from epuckhebb.store import run
+from epuckhebb.store.run import Run
 
 BOUND_S = 60  # of one command line; the slowest compiles a kernel, perhaps on a busy machine
 
@@ -33,7 +33,7 @@ def bounded(what, seconds=BOUND_S):
 
 def half_written(folder):
     """Runs that were begun and neither finished nor closed, and files beside their places."""
-    states = [run.status_of(status.parent).get("state") for status in folder.rglob("status.json")]
+    states = [Run(status.parent).state for status in folder.rglob("status.json")]
     return [state for state in states if state not in ("finished", "failed")], list(folder.rglob(".*.tmp"))
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from epuckhebb.store.run import status_of
+from epuckhebb.store.run import Run
 
 pytestmark = pytest.mark.torture
 
@@ -123,4 +123,4 @@ def test_killed_twice_it_goes_on_to_the_same_bytes(command, tmp_path, request):
 
 def is_finished(folder: Path, command):
     statuses = list(folder.glob("run/status.json" if command != "reproduce" else "runs/reproduce/*/status.json"))
-    return bool(statuses) and status_of(statuses[0].parent).get("state") == "finished"
+    return bool(statuses) and Run(statuses[0].parent).state == "finished"

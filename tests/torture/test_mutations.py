@@ -25,9 +25,9 @@ from epuckhebb.config.stored import read_config
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.sim.compiled import kernel
 from epuckhebb.store import disk, records
-from epuckhebb.store import run as runs
 from epuckhebb.store.folder import RunFolder
 from epuckhebb.store.genome import load_genome
+from epuckhebb.store.run import Run
 from epuckhebb.studies import identity, jobs
 
 pytestmark = pytest.mark.torture
@@ -232,8 +232,8 @@ def loaded(folder):
 def job_read(folder):
     """What a job of a sweep reads."""
     try:
-        told = records.record(runs.content(folder, "sweep.json"), folder / "sweep.json", records.ListOfJobs)
-        job = jobs.job_asked(folder, min(told["jobs"]), identity.Identities().of)
+        told = records.record(Run(folder).content("sweep.json"), folder / "sweep.json", records.ListOfJobs)
+        job = jobs.read_job(folder, min(told["jobs"]), identity.Identities().of)
     except (ConfigError, JobFailedError) as error:
         return 2, str(error)
     return 0, (told, job["config"])
