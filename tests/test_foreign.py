@@ -1,6 +1,7 @@
 """Files of others are never touched, and files of ours that somebody has touched are not believed."""
 
 import importlib
+from pathlib import Path
 
 import pytest
 from cases import call, contents, done, first_of, refused
@@ -153,3 +154,49 @@ def test_a_job_is_known_by_all_that_its_results_depend_on(monkeypatch):
         assert [now == then for now, then in zip(names(), before, strict=True)] == [False, True]
     monkeypatch.setattr(provenance, "versions", lambda packages: dict.fromkeys(packages, "another"))
     assert all(now != then for now, then in zip(names(), before, strict=True))
+
+
+@pytest.fixture
+def older(here):
+    """The folders of a run, an evolution, a sweep and a multirun that an earlier version left; schema 1."""
+    code = {"version": "0.0.9", "science": "0123", "commit": "b900df8118d5", "dirty": False}
+    for name, command in (("run", "evaluate"), ("evolution", "evolve"), ("study", "sweep"), ("many/0", "evaluate")):
+        told = {"schema": 1, "verb": command, "command": ["epuckhebb", command], "overrides": [], "code": code}
+        disk.write_atomic(here / name / "provenance.json", disk.as_json(told))
+        disk.write_atomic(here / name / "status.json", disk.as_json({"schema": 1, "state": "finished", "sha256": {}}))
+    champion = genome.champion_file(genome.load_genome("reference", "obstacles"), 0.5, "obstacles", 1, 2)
+    disk.write_atomic(here / "evolution" / "champion.npz", champion)
+    return here
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["show", "run"],
+        ["show", "run", "--json"],
+        ["show", "many"],
+        ["replay", "run"],
+        ["rerun", "run"],
+        ["rerun", "evolution"],
+        ["export", "run", "--webots"],
+        ["evolve", "resume=evolution"],
+        [*SWEEP, "hydra.sweep.dir=study"],
+        ["reproduce", "--quick"],
+        ["leaderboard", "--quick", "hydra.sweep.dir=study"],
+        ["evaluate", "-m", "seed=1,2", *SMALL, "hydra.sweep.dir=many"],
+    ],
+)
+def test_a_folder_of_an_earlier_version_is_refused_in_one_message_and_left_as_it_is(older, words, monkeypatch):
+    if words[0] == "reproduce":
+        monkeypatch.setattr("epuckhebb.studies.reproduce._folder", lambda *_: Path("study"))
+    before = contents(older)
+    told = refused(*words)
+    assert "was made by epuckhebb 0.0.9 (commit b900df8118)" in told
+    assert "Use that version for it, or run it again" in told
+    assert contents(older) == before
+
+
+def test_the_champion_of_an_earlier_version_can_be_used(older):
+    assert "genome=evolution" in refused("show", "evolution")
+    assert genome.load_genome("evolution", "obstacles").sha256 == genome.load_genome("reference", "obstacles").sha256
+    assert "Genome: 234 weights" in done("show", older / "evolution" / "champion.npz").stdout

@@ -41,6 +41,7 @@ from epuckhebb.sim.sensors import DistanceSensors, LightSensors
 from epuckhebb.sim.session import Individual
 from epuckhebb.store import genome
 from epuckhebb.store.columns import TABLES
+from epuckhebb.store.run import Run
 
 BRIGHT = Scenario(name="highlight", experiment="light", light=1.0)
 KEY = np.uint64(4)
@@ -384,7 +385,7 @@ def test_the_page_of_a_replay_says_what_was_found(genomes, memory, tmp_path):
     checks = self_checks(memory, weak, 1.0, repeats=1, seed=1)
     findings(checks).to_csv(tmp_path / "findings.csv", index=False)
     config = typed(composed("evaluate", ["adaptation=self_check", "scenario=highlight_weak"]), EvaluateConfig)
-    found = found_in(tmp_path, config)
+    found = found_in(Run(tmp_path), config)
     sentence = "Before its life, the robot with “self_check” found: left wheel 10 % slow."
     assert found == {"left": sentence, "right": sentence}
     lifetime = Lifetime(duration_s=1, gain_rad_s=4, record_every=8)

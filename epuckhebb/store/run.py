@@ -8,7 +8,6 @@ from typing import Any
 
 import pandas as pd
 
-from epuckhebb import __version__
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import LATEST
 from epuckhebb.store import columns
@@ -128,12 +127,12 @@ class Run:
             return
         code = written[0].get("code")
         code = code if isinstance(code, dict) else {}
+        version = f"epuckhebb {code.get('version', 'of an unknown version')}"
         commit = f" (commit {str(code['commit'])[:10]})" if code.get("commit") else ""
         champion = f". Its champion can be used: genome={self.path}" if (self.path / CHAMPION).is_file() else ""
         raise ConfigError(
-            f"{self.path} was made by epuckhebb {code.get('version', 'of an unknown version')}{commit}, in a format that "
-            f"this version does not read (schema {other}; ours is {SCHEMA}). Use that version for it, or run it again in "
-            f"a new folder{champion}"
+            f"{self.path} was made by {version}{commit}, in a format that this version does not read (schema {other}; "
+            f"ours is {SCHEMA}). Use that version for it, or run it again in a new folder{champion}"
         )
 
     def _check_files(self) -> None:
