@@ -85,7 +85,7 @@ def print_rescue(folder: Path, console: Console) -> None:
     rows = []
     for row in over_all.itertuples():
         plasticity = rescue.label(str(row.controller), float(row.N))
-        rows.append((row.experiment, plasticity, *rescue.counts(row), f"{row.training_harmed} of {row.training_solved}"))
+        rows.append((row.experiment, plasticity, *rescue.counts(row), rescue.in_training(row)))
     headings = ("experiment", "plasticity", rescue.RESCUED, rescue.HARMED, rescue.IN_TRAINING)
     print_table(console, "Rescue and harm (95 % interval over champions)", headings, rows, text=2)
     print_line(
