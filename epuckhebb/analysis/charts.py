@@ -59,7 +59,7 @@ def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, cham
     present = [name for name in _SCENARIO_STYLE if name in set(own.scenario)]
     for axes, column, label in (
         (top_left, "success", "success (share of lifetimes)"),
-        (top_right, "time_to_goal_s", "time to goal (s), of lifetimes that reach it"),
+        (top_right, "time_to_goal_s", "time to goal (s), where it is reached"),
         (low_left, "weight_change_mean", _WEIGHT_CHANGE),
     ):
         for number, scenario in enumerate(present):
@@ -95,7 +95,7 @@ def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) ->
             axes.plot(x, own.rescued / own.broken, style, color="#009E73", label=f"rescued, {kind}")
             axes.plot(x, own.harmed / own.intact, style, color="#CC79A7", label=f"harmed, {kind}")
     broken, intact = int(totals.broken.max()), int(totals.intact.max())
-    axes.set(ylabel=f"share of the broken ({broken}), of the intact trials ({intact})", xlabel="base Hebbian rate N")
+    axes.set(ylabel=f"rescued of {broken}, harmed of {intact} trials", xlabel="base Hebbian rate N")
     axes.set_ylim(-0.04, 1.04)
     _name_rates(axes, at.values(), at)
     _tidy(axes)

@@ -227,12 +227,12 @@ def markdown(
     costs: CPU seconds, a row for each method and experiment. methods: each with its description. tests: the test worlds
     of each experiment. provenance: lines on who made this and how.
     """
-    parts = ["# Leaderboard\n", f"{provenance}\n", f"{_TERMS}"]
+    parts = ["# Leaderboard\n", f"{provenance}\n", _TERMS]
     for experiment, own in board.groupby("experiment", sort=False):
-        worlds = tests[str(experiment)]
-        names = ", ".join(map(code, worlds))
-        training_world = f"Training world: {code(TRAINED[str(experiment)])}. {len(worlds)} test worlds: {names}.\n"
-        where = training_world if worlds else _TERMS_REVERSAL
+        worlds, where = tests[str(experiment)], _TERMS_REVERSAL
+        if worlds:
+            names = ", ".join(map(code, worlds))
+            where = f"Training world: {code(TRAINED[str(experiment)])}. {len(worlds)} test worlds: {names}.\n"
         parts += [f"## {title(str(experiment))}\n", where, markdown_of(own, costs)]
     parts += [
         "## Figure\n",
