@@ -154,26 +154,26 @@ def test_changes_are_marked_on_the_path(drawn):
     changes = [{"at_s": 30.0, "light": 1.0}, {"at_s": 60.0, "left_wheel": 0.5}, {"at_s": 200.0, "light": 0.1}]
     figures.trajectories(at_rest((0.007, -0.35)), Scenario(changes=changes), "")
     marks = [line for line in drawn[0].axes[0].lines if line.get_marker() == "D"]
-    assert len(marks) == 4  # two on each side; nobody lives to see the third
+    assert len(marks) == 4  # two on each side; the third is after the end
     assert marks[0].get_xydata().tolist() == [[0.007, -0.35]]
     assert texts(drawn[0]).count("1, 2") == 2  # at the same place
     assert any("◆3 200 s: light=0.1" in text for text in texts(drawn[0]))
 
 
 @pytest.mark.parametrize(
-    ("end", "drives_on", "told"),
+    ("end", "drives_on", "label"),
     [
         ((-0.36, 0.155), False, "left: at the goal"),
         ((-0.36, 0.155), True, "left: was at the goal, drove on"),
         ((0.0, 0.16), False, "left: did not arrive"),
     ],
 )
-def test_legend_says_how_it_ended(drawn, end, drives_on, told):
+def test_legend_says_how_it_ended(drawn, end, drives_on, label):
     traces = at_rest(end)
     if drives_on:
         traces.samples.pose[:, 50:, 0] = 0.0
     figures.trajectories(traces, Scenario(), "")
-    assert told in texts(drawn[0])
+    assert label in texts(drawn[0])
     assert "● start    ○ the robot at the end    ◌ goal    ★ lamp\ngrey: walls" in texts(drawn[0])
 
 
@@ -183,13 +183,13 @@ def test_legend_goes_by_the_goal_of_the_moment(drawn):
     assert {"left: was at the goal, drove on", "right: at the goal"} <= set(texts(drawn[0]))
 
 
-def test_what_is_brown_is_told_where_it_is(drawn):
+def test_the_legend_has_the_obstacles_that_are_there(drawn):
     for scenario in (Scenario(obstacles=2), Scenario(changes=({"at_s": 1.0, "obstacles": 2},))):
         figures.trajectories(at_rest((0.3, 0.1)), scenario, "title")
     there, later = (figure.texts[0].get_text() for figure in drawn)
     assert "grey: walls    brown: obstacles" in there
     assert "dashed" not in there
-    assert "grey: walls\ndashed brown: obstacles for a part of the life" in later
+    assert "grey: walls\ndashed brown: obstacles for a part of the lifetime" in later
 
 
 @pytest.mark.thorough
@@ -240,7 +240,7 @@ def test_network_of_any_layers(drawn, layers):
     assert len(segments) == network.synapses
     neurons = [len(found.get_offsets()) for found in axes.collections if found is not lines]
     assert neurons == [layers[0] + 1, *layers[1:]]
-    assert axes.get_title() == "left: stronger (orange) or weaker (blue) by up to 0.5"
+    assert axes.get_title() == "left: weight higher (orange) or lower (blue) by up to 0.5"
     strongest = segments[-1]  # on top: from the last neuron before the wheels to the right wheel
     assert strongest[:, 0].tolist() == [len(layers) - 2, len(layers) - 1]
     assert len([text for text in axes.texts if text.get_text()]) == layers[0] + 1

@@ -224,7 +224,7 @@ def test_rescue_over_all_changed_worlds_by_hand():
 
 
 def one_sided():
-    """Champion l always turns left: it masters the left everywhere. Champion m masters both, and less when changed."""
+    """Champion l always turns left and solves the left everywhere. Champion m solves both, and fewer when changed."""
     outcomes = {}
     for scenario, m in (("base", (3, 3)), ("2obstacles", (3, 0)), ("4obstacles", (0, 0))):
         outcomes |= {("l", scenario, GA, 0.0): (3, 0), ("m", scenario, GA, 0.0): m}
@@ -232,7 +232,7 @@ def one_sided():
     return findings.trials(lifetimes(outcomes))
 
 
-def test_retention_tells_one_sided_champions_apart():
+def test_retention_counts_one_sided_champions_apart():
     found = findings.retention(one_sided()).set_index(["controller", "solves"])
     columns = ["champions", "trials", "retained"]
     assert found.loc[(GA, "any"), columns].tolist() == [2, 6, 3]  # l: 2 of 2, m: 1 of 4
@@ -246,7 +246,7 @@ def test_retention_tells_one_sided_champions_apart():
     assert "| GA | 3 of 6: 0.50 [0.25, 1.00], 2 champions | 1 of 4: 0.25 [0.05, 0.85], 1 champion |" in page
 
 
-def test_retention_where_nothing_is_mastered():
+def test_retention_where_nothing_is_solved():
     each = one_sided()
     found = findings.retention(each[each.genome == "l"]).set_index(["controller", "solves"])
     assert found.trials[GA, "both"] == 0
@@ -283,10 +283,10 @@ def test_claims_by_hand():
 
 
 def test_sides_of_a_champion_are_one_piece_of_evidence():
-    claim = findings.Claim("light", "", "", np.array([2, 2, 0]), np.array([2, 2, 1]))
-    row = claim.row()
+    part, whole = np.array([2, 2, 0]), np.array([2, 2, 1])
+    row = findings.claim("", "", part, whole)
     assert (row["true"], row["n"], row["champions"]) == (4, 5, 3)
-    assert (row["low"], row["high"]) == wilson_by_champion(claim.part, claim.whole)
+    assert (row["low"], row["high"]) == wilson_by_champion(part, whole)
     assert width((row["low"], row["high"])) > width(wilson(4, 5))
 
 
@@ -304,7 +304,7 @@ def test_sides_of_a_champion_are_one_piece_of_evidence():
     ],
 )
 def test_verdicts(part, whole, verdict):
-    assert findings.Claim("light", "", "", np.array(part, int), np.array(whole, int)).row()["verdict"] == verdict
+    assert findings.claim("", "", np.array(part, int), np.array(whole, int))["verdict"] == verdict
 
 
 @pytest.mark.parametrize(

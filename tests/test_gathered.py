@@ -42,18 +42,18 @@ def evaluated(genome="g", sha="0", rate="0.1", seed="1", scenario="base", where=
 
 
 @pytest.mark.parametrize(
-    ("other", "told"),
+    ("other", "line"),
     [
         ({}, "hebbian.N=0.1, seed=1, scenario=base, genome=g is given twice"),
         ({"rate": "1e-1"}, "hebbian.N=1e-1 repeats hebbian.N=0.1"),
         ({"genome": "reference_20"}, "genome=reference_20 repeats genome=g"),
     ],
 )
-def test_a_lifetime_that_was_asked_for_twice_counts_once(other, told):
+def test_a_lifetime_in_two_evaluations_counts_once(other, line):
     found = gather([evaluated(), evaluated(**other), evaluated(**other)])
     assert len(found.rows) == 8
     assert set(found.rows.genome) == {"g"}
-    assert found.repeated == f"{told}, and 1 more like it; each lifetime counts once."
+    assert found.repeated == f"{line}, and 1 more like it; each lifetime counts once."
     assert set(summary.summary(found.rows, found.settings).n) == {2}
 
 
@@ -89,7 +89,7 @@ def test_intervals_are_over_champions():
 
 
 @pytest.mark.parametrize(
-    ("scenarios", "more", "told"),
+    ("scenarios", "more", "missing"),
     [
         (["4obstacles"], {}, "add the training world: scenario=base,4obstacles"),
         (["base"], {}, "add changed worlds: scenario=base,..."),
@@ -97,7 +97,7 @@ def test_intervals_are_over_champions():
         (["base", "4obstacles"], {"lifetime.noise": "01"}, "lifetime.noise differs too"),
     ],
 )
-def test_rescue_and_harm_are_there_or_it_is_said_what_to_add(scenarios, more, told):
+def test_rescue_and_harm_are_there_or_a_line_says_what_to_add(scenarios, more, missing):
     each = [
         evaluated(name, f"{name}{value}", scenario=scenario, rate=rate, **({key: value} if key else {}))
         for name in "ab"
@@ -109,8 +109,8 @@ def test_rescue_and_harm_are_there_or_it_is_said_what_to_add(scenarios, more, to
     rows, settings, _ = gather(each)
     if more:
         rows["genome"] = rows.genome.str[0]
-    assert told in summary.no_rescue(rows, settings)
-    assert bool(told) == bool(summary.no_rescue(rows, settings)) == (summary.rescue_and_harm(rows) is None)
+    assert missing in summary.no_rescue(rows, settings)
+    assert bool(missing) == bool(summary.no_rescue(rows, settings)) == (summary.rescue_and_harm(rows) is None)
 
 
 def ids(*words, genome="reference"):
@@ -144,7 +144,7 @@ def test_a_rule_of_which_a_part_cannot_be_read_has_lifetimes_that_are_known():
     assert list(found) == ["GA", "odd"]
 
 
-def test_of_reversal_learning_the_rewarded_share_is_told_and_no_success():
+def test_reversal_learning_has_a_rewarded_share_and_no_success():
     each = [
         evaluated(name, name, scenario=scenario, rate=rate)
         for name in "ab"
@@ -172,15 +172,15 @@ def test_python_and_the_command_line_make_the_same_columns(here):
     assert list(table) == ["hebbian.floor", *COLUMNS]
     assert len(table) == 2 * 2 * (1 + 2)  # champions, sides; the GA once, the rule with both floors
     assert list(table.genome.unique()) == ["x1/champion", "x2/champion"]
-    told = pd.read_csv(here / "out" / "summary.csv")
-    assert set(told.n) == {1}
+    written = pd.read_csv(here / "out" / "summary.csv")
+    assert set(written.n) == {1}
     by = ["genome", "scenario", "controller", "hebbian.floor", "side"]
     ours = table.astype({"hebbian.floor": str}).groupby(by).size()
-    assert ours.to_dict() == told.groupby(by).size().to_dict()
+    assert ours.to_dict() == written.groupby(by).size().to_dict()
     assert set(pd.read_csv(here / "out" / "over_champions.csv").champions) == {2}
 
 
-def test_repeated_values_of_a_sweep_are_told(capfd):
+def test_a_line_says_which_values_of_a_sweep_are_repeated(capfd):
     arrays = [epuckhebb.load("reference_1"), epuckhebb.load("reference_2")]
     table = epuckhebb.sweep(over={"genome": arrays, "hebbian.N": [0.001, 1e-3]}, **{**BRIEF, "progress": True})
     assert len(table) == 2 * 2 * 2

@@ -34,9 +34,9 @@ REFERENCE = ROOT / "runs" / "reference"
 def tables():
     """The columns of every table, as sections of a page."""
     parts = []
-    for name, (told, columns) in TABLES.items():
-        rows = [[f"`{column}`", meaning.told] for column, meaning in columns.items()]
-        parts.append(f"\n## Columns of {name}\n\n{told}\n\n{markdown_table(['column', 'what it is'], rows)}")
+    for name, (meaning, columns) in TABLES.items():
+        rows = [[f"`{column}`", described.meaning] for column, described in columns.items()]
+        parts.append(f"\n## Columns of {name}\n\n{meaning}\n\n{markdown_table(['column', 'what it is'], rows)}")
     return "".join(parts)
 
 
@@ -64,10 +64,10 @@ def parameters():
     return markdown_table(["key", "default", "what it is"], [row_of(key) for _, own in first for key in own])
 
 
-def arrays(told):
+def arrays(described):
     rows = [
-        [f"`{name}`", " x ".join(map(str, array.shape)) or "one value", array.unit, array.told]
-        for name, array in told.items()
+        [f"`{name}`", " x ".join(map(str, array.shape)) or "one value", array.unit, array.meaning]
+        for name, array in described.items()
     ]
     return markdown_table(["array", "shape", "unit", "what it is"], rows)
 
@@ -114,7 +114,7 @@ def test_an_unknown_group_is_refused():
 
 def test_every_column_is_told_once():
     told = {name: list(columns) for name, (_, columns) in TABLES.items()}
-    assert all(column.told for _, columns in TABLES.values() for column in columns.values())
+    assert all(column.meaning for _, columns in TABLES.values() for column in columns.values())
     assert told["metrics.csv"] == list(evaluate.COLUMNS)
     assert told["metrics.csv with task=reversal"] == list(evaluate.REWARDED)
     assert told["reversal_trials.csv"] == list(evaluate.TRIALS)

@@ -12,7 +12,7 @@ import pytest
 
 from epuckhebb.analysis import movie, replay
 from epuckhebb.analysis.evaluate import Traces, evaluate
-from epuckhebb.analysis.moments import Arrival, arrival, begins, told_when
+from epuckhebb.analysis.moments import Arrival, arrival, begins, timed_change_text
 from epuckhebb.sim.controller import GA, HEBBIAN, Controller
 from epuckhebb.sim.life import Lifetime, Samples, empty_samples
 from epuckhebb.sim.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
@@ -86,7 +86,7 @@ def test_page_allows_only_its_own_style_and_script(page):
 
 def test_page_holds_the_traces_to_within_half_a_step_of_quantisation(run, page, genes):
     _, traces = run
-    lives = content(page)["lives"]
+    lives = content(page)["lifetimes"]
     for k, (controller, side) in enumerate(zip(traces.controller, traces.side, strict=True)):
         life = lives[side][[GA, HEBBIAN].index(controller)]
         expected = {name: getattr(traces.samples, array)[k][:, column] for name, (array, column) in COLUMNS.items()}
@@ -102,7 +102,7 @@ def test_page_holds_the_traces_to_within_half_a_step_of_quantisation(run, page, 
 
 def test_weights_of_the_robot_that_does_not_learn_take_no_room(page):
     for side in ("left", "right"):
-        assert content(page)["lives"][side][0]["change"]["numbers"] == ""
+        assert content(page)["lifetimes"][side][0]["change"]["numbers"] == ""
 
 
 def test_long_recordings_are_thinned_out():
@@ -111,7 +111,7 @@ def test_long_recordings_are_thinned_out():
     _, traces = evaluate(genome, Scenario(), [hebbian(1e-3)], lifetime, repeats=1, seed=1)
     held = content(replay.page(traces, genome, Scenario(), "title", gain_rad_s=1.0))
     assert (held["samples"], held["steps"], held["interval"]) == (834, 3, pytest.approx(0.096))
-    x = held["lives"]["right"][1]["x"]
+    x = held["lifetimes"]["right"][1]["x"]
     np.testing.assert_allclose(unpacked(x), traces.samples.pose[3, ::3, 0], atol=x["step"])
 
 
@@ -124,7 +124,7 @@ def test_a_title_cannot_become_markup():
 
 def test_arrival_is_the_time_to_goal_of_the_metrics(run, page):
     metrics = run[0].set_index(["controller", "side"])
-    for side, lives in content(page)["lives"].items():
+    for side, lives in content(page)["lifetimes"].items():
         for controller, life in zip((GA, HEBBIAN), lives, strict=True):
             assert life["arrival"] == pytest.approx(metrics.time_to_goal_s[controller, side], abs=0.033)
 
@@ -176,7 +176,7 @@ def test_a_world_without_changes_has_one_world(page):
     assert len(data["worlds"]) == 1
     assert data["changes"] == []
     assert len(data["worlds"][0]["obstacles"]) == 4
-    assert all(life["begins"] == [0.0] for lives in data["lives"].values() for life in lives)
+    assert all(life["begins"] == [0.0] for lives in data["lifetimes"].values() for life in lives)
 
 
 def test_page_holds_the_world_of_each_moment(genes):
@@ -194,7 +194,7 @@ def test_page_holds_the_world_of_each_moment(genes):
         ]
     )
     data = filled(genes, world)
-    assert [change["told"] for change in data["changes"]] == [
+    assert [change["text"] for change in data["changes"]] == [
         "light=1, dead_sensors=[3]",
         "obstacles=2, lamp.towards_x=0, lamp.towards_y=1, left_wheel=0.7, left_slip=0.2",
         "goals.left=[-0.25,0.155], goals.right=[0.1,0.155], distance_gain=0.75, mass_ratio=2, wall_friction=0.3",
@@ -204,16 +204,19 @@ def test_page_holds_the_world_of_each_moment(genes):
     assert [held["dead"] for held in worlds] == [[], [3], [3], [3]]
     assert [len(held["obstacles"]) for held in worlds] == [0, 0, 2, 2]
     assert [held["lamp"]["towards"] for held in worlds] == pytest.approx([math.pi, math.pi, math.pi / 2, math.pi / 2])
-    assert worlds[2]["faults"] == "sensor 3 blind, left wheel at 70 %, left wheel slips 20 % of the time"
+    assert worlds[2]["faults"] == "sensor 3 dead, left wheel at 70 %, left wheel slips 20 % of the time"
     more = "distance readings times 0.75 plus 0, 2 times as heavy, wall friction 0.3"
     assert worlds[3]["faults"] == f"{worlds[2]['faults']}, {more}"
     assert [held["goals"]["right"] for held in worlds] == [[0.36, 0.155]] * 3 + [[0.1, 0.155]]
-    assert data["lives"]["left"][0]["begins"] == pytest.approx([0, 1.024, 2.016, 3.008])
+    assert data["lifetimes"]["left"][0]["begins"] == pytest.approx([0, 1.024, 2.016, 3.008])
 
 
-def test_a_change_is_told_as_it_would_be_typed():
-    assert told_when({"at_s": 60, "light": 0.1}) == "60 s: light=0.1"
-    assert told_when({"at_s": 7.5, "dead_sensors": [0, 7], "obstacles": 4}) == "7.5 s: dead_sensors=[0,7], obstacles=4"
+def test_a_change_is_shown_as_it_is_typed():
+    assert timed_change_text({"at_s": 60, "light": 0.1}) == "60 s: light=0.1"
+    assert (
+        timed_change_text({"at_s": 7.5, "dead_sensors": [0, 7], "obstacles": 4})
+        == "7.5 s: dead_sensors=[0,7], obstacles=4"
+    )
 
 
 CORRIDOR = Maze(  # from the start up, then to the right
@@ -255,8 +258,8 @@ def test_any_maze_robot_and_network():
     world = Scenario(maze=CORRIDOR, robot=RAYS)
     data = content(replay.page(traces, genes, world, "title", gain_rad_s=1.0, network=network))
     assert data["layers"] == [25, 7, 5, 8, 4, 2]
-    assert len(data["birth"]) == network.synapses
-    assert len(unpacked(data["lives"]["left"][1]["change"])) == data["samples"] * network.synapses
+    assert len(data["initial"]) == network.synapses
+    assert len(unpacked(data["lifetimes"]["left"][1]["change"])) == data["samples"] * network.synapses
     robot, maze = data["robot"], data["maze"]
     assert (robot["radius"], len(robot["lights"]), len(robot["distances"])) == (0.05, 1, 24)
     assert robot["reach"] == pytest.approx(0.14)  # where its curve ends
@@ -279,11 +282,11 @@ def test_sensors_of_the_epuck_have_the_names_of_their_places(page):
 
 
 def test_nothing_of_the_network_is_taken_from_genes_of_the_rule(genes):
-    assert len(filled(genes, seconds=1.0)["birth"]) == 234
+    assert len(filled(genes, seconds=1.0)["initial"]) == 234
     world, net = Scenario(), Network()
     _, traces = evaluate(genes, world, [], Lifetime(duration_s=1.0, record_every=8), repeats=1, seed=1)
     longer = np.append(genes, [9.0, 9.0])
-    assert len(content(replay.page(traces, longer, world, "", gain_rad_s=1.0, network=net))["birth"]) == 234
+    assert len(content(replay.page(traces, longer, world, "", gain_rad_s=1.0, network=net))["initial"]) == 234
 
 
 ARRIVED, LATE = Arrival(50.2, 0.03, stayed=True), Arrival(61.0, 0.04, stayed=True)
@@ -313,7 +316,7 @@ WITHOUT_AWAY, WITH_AWAY = (f"{how} plasticity it ended 26 cm away" for how in ("
         ),
     ],
 )
-def test_outcome_is_one_plain_sentence(arrivals, sentence):
+def test_outcome_is_one_sentence(arrivals, sentence):
     expected = sentence.format("the goal on the left")
     assert replay.outcome("left", [GA, HEBBIAN][: len(arrivals)], arrivals) == expected
 

@@ -12,7 +12,7 @@ from cases import call, done, first_of
 
 from epuckhebb.analysis.evaluate import evaluate
 from epuckhebb.analysis.replay import page
-from epuckhebb.analysis.self_checks import findings, in_words, self_checks, told
+from epuckhebb.analysis.self_checks import findings, in_words, self_checks, text
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.export.replay import found_in
@@ -354,11 +354,11 @@ def test_findings_are_a_table_and_words(memory):
         ["right", 0, "on"],
         ["right", 1, "on"],
     ]
-    words = "left wheel 10 % slow, light 0.5 times home's, sensor 6 dead"
+    words = "left wheel 10 % slow, light 0.5 times that in training, sensor 6 dead"
     assert in_words(table.to_dict("records")) == {"left": [(words, 2)], "right": [(words, 2)]}
     nothing = {"corrected": "", "unexplained": "", "dead_sensors": ""}
-    assert told(nothing) == "nothing that has changed"
-    assert told({**nothing, "unexplained": "light"}) == "light readings that nothing known explains"
+    assert text(nothing) == "no change"
+    assert text({**nothing, "unexplained": "light"}) == "light readings unexplained"
 
 
 @pytest.mark.thorough
@@ -368,7 +368,7 @@ def test_as_a_user_meets_it(here):
     assert "has no memory for a self-check: it runs 10 lifetimes a side in highlight first" in lived.stderr
     assert (here / "run" / "findings.csv").read_text().count(",light\n") == 2
     shown = call("show", "run").stdout
-    assert "light 0.1 times home's" in " ".join(shown.split())
+    assert "light 0.1 times that in training" in " ".join(shown.split())
 
 
 def test_a_champion_remembers_the_dance(memory, tmp_path, genomes):
@@ -394,4 +394,4 @@ def test_the_page_of_a_replay_says_what_was_found(genomes, memory, tmp_path):
     shown = page(traces, genomes[0], weak, "title", gain_rad_s=4, found=found)
     content = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', shown, re.DOTALL)[1])
     assert content["outcomes"]["left"].endswith(sentence)
-    assert {one["note"] for one in content["controllers"]} == {"its connections stay as they were at birth"}
+    assert {one["note"] for one in content["controllers"]} == {"its weights stay at their initial values"}

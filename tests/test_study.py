@@ -40,7 +40,7 @@ def test_paired_controls_hear_the_same_noise(genomes):
     np.testing.assert_array_equal(ga, paired)
 
 
-def test_controllers_of_the_same_name_are_told_apart_by_their_rate_or_refused(genomes):
+def test_controllers_of_the_same_name_need_different_rates(genomes):
     rows, _ = evaluate(genomes[1], Scenario(), [hebbian(0.001), hebbian(0.002)], BRIEF, repeats=1, seed=4)
     assert list(rows.groupby(["controller", "N"]).size()) == [2, 2, 2]
     with pytest.raises(ValueError, match="the same name and N"):
@@ -86,7 +86,7 @@ def test_time_to_goal_is_the_mean_of_those_that_arrived(evaluated):
     assert list(text.loc["Time-to-Goal (s)"]) == ["12.50", "–", "–", "–"]
 
 
-def test_saturated_weights_are_counted_and_told():
+def test_saturated_weights_are_counted():
     bound = 2.0
     assert saturated_fraction(np.array([0.0, 1.98, 1.991, -2.0]), bound) == 0.5
     rows = pd.DataFrame({"controller": ["GA", "Hebbian", "mild"], "saturated_fraction": [0.9, 0.872, 0.5]})
@@ -132,15 +132,15 @@ def test_one_rate_has_no_dose_response(rates):
 
 def test_the_dose_response_has_each_condition_and_the_genes_alone_beside_it(monkeypatch):
     drawn = []
-    monkeypatch.setattr(charts, "rates", lambda doses, told: drawn.append((doses, told)))
+    monkeypatch.setattr(charts, "rates", lambda doses, mean_over: drawn.append((doses, mean_over)))
     rows = [
         lives(controller, rate, n + (controller == "GA"), **{"lifetime.noise": noise})
         for n, noise in enumerate("01")
         for controller, rate in (("GA", "0"), ("Hebbian", "0.1"), ("Hebbian", "0.2"))
     ]
     summary.dose_response(pd.concat(rows), ["N", "lifetime.noise"])
-    ((doses, told),) = drawn
-    assert told == "mean of 4 lifetimes of g on each side (95 % intervals: noise only)"
+    ((doses, mean_over),) = drawn
+    assert mean_over == "4 lifetimes of g on each side (95 % intervals: noise only)"
     assert [name for name, _ in doses.groupby("condition", sort=False)] == [
         "base, lifetime.noise=0: Hebbian",
         "base, lifetime.noise=1: Hebbian",
@@ -154,7 +154,7 @@ def test_the_dose_response_has_each_condition_and_the_genes_alone_beside_it(monk
 
 def test_the_dose_response_of_champions_is_one_panel_a_world_over_all_of_them(monkeypatch):
     drawn = []
-    monkeypatch.setattr(charts, "rates", lambda doses, told: drawn.append((doses, told)))
+    monkeypatch.setattr(charts, "rates", lambda doses, mean_over: drawn.append((doses, mean_over)))
     rows = [
         lives(controller, rate, n).assign(genome=genome, scenario=scenario)
         for n, genome in enumerate("abc", start=1)
@@ -162,23 +162,23 @@ def test_the_dose_response_of_champions_is_one_panel_a_world_over_all_of_them(mo
         for controller, rate in (("GA", "0"), ("Hebbian", "0.1"), ("Hebbian", "0.2"))
     ]
     summary.dose_response(pd.concat(rows), ["genome", "N", "scenario"])
-    ((doses, told),) = drawn
-    assert told == "mean of 3 champions on each side (95 % intervals over champions)"
+    ((doses, mean_over),) = drawn
+    assert mean_over == "3 champions on each side (95 % intervals over champions)"
     assert list(doses.condition.unique()) == ["base: Hebbian", "4obstacles: Hebbian"]
     assert set(doses.success) == {0.5}
     assert set(doses.success_low) == {0.25}  # of the champion that does worst
 
 
 @pytest.mark.parametrize(
-    ("of", "told"),
+    ("of", "text"),
     [
         ([("GA", 0.0)], ""),
         ([("GA", 0.0), ("Hebbian", 0.002), ("Hebbian", 0.002), ("anti", 0.002)], "N = 0.002"),
         ([("Hebbian", 1.5e-5), ("anti", 2e-4), ("oja", 1.5e-5)], "N = 1.5e-05 (Hebbian, oja), 0.0002 (anti)"),
     ],
 )
-def test_rates_are_told_with_whose_they_are(of, told):
-    assert tables.rates(of) == told
+def test_rates_come_with_their_controllers(of, text):
+    assert tables.rates(of) == text
 
 
 def test_rates_at_which_no_weight_changes_are_drawn_too():
@@ -188,7 +188,7 @@ def test_rates_at_which_no_weight_changes_are_drawn_too():
     assert charts.rates(pd.DataFrame(doses), "one lifetime").startswith(b"\x89PNG")
 
 
-def test_weight_change_is_told_in_plain_numbers_on_one_scale(monkeypatch):
+def test_weight_change_has_plain_numbers_on_one_scale(monkeypatch):
     drawn = []
     monkeypatch.setattr(charts, "to_png", lambda figure: figure.draw_without_rendering() or drawn.append(figure))
     row = {"controller": "Hebbian", "success_low": 0.5, "success_high": 1.0, "success": 0.9}
@@ -203,4 +203,4 @@ def test_weight_change_is_told_in_plain_numbers_on_one_scale(monkeypatch):
     upper, lower = drawn[0].axes[1::2]
     assert upper.get_ylim() == lower.get_ylim()
     assert {"20", "50", "100"} <= {label.get_text() for label in upper.get_yticklabels()}
-    assert "its interval as a band" in drawn[0].get_suptitle()
+    assert "band: GA" in drawn[0].get_suptitle()

@@ -1,6 +1,6 @@
-"""Figures of results: dose-response, learning curves, weight change against what the robot felt, the changed network.
+"""Figures of results: dose-response, learning curves, weight change, the network, rescue and harm, the leaderboard.
 
-Colours are Okabe and Ito's, apart for the colour-blind; every figure also differs by line style, marker or position.
+Colours are Okabe and Ito's, which colour-blind readers can distinguish; line styles, markers or positions differ too.
 """
 
 from collections.abc import Iterable, Mapping
@@ -55,11 +55,11 @@ def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, cham
     (top_left, top_right), (low_left, low_right) = figure.subplots(2, 2)
     own = doses[(doses.experiment == experiment) & doses.controller.isin([GA, "Hebbian"])]
     rates = sorted(own.N.unique())
-    at = {rate: place for place, rate in enumerate(rates)}  # 0 has no place on a log axis: rates stand side by side
+    at = {rate: place for place, rate in enumerate(rates)}  # equal distances, since a log axis has no 0
     present = [name for name in _SCENARIO_STYLE if name in set(own.scenario)]
     for axes, column, label in (
-        (top_left, "success", "success (mean of lifetimes)"),
-        (top_right, "time_to_goal_s", "time to goal (s), of those that arrive"),
+        (top_left, "success", "success (share of lifetimes)"),
+        (top_right, "time_to_goal_s", "time to goal (s), where it is reached"),
         (low_left, "weight_change_mean", _WEIGHT_CHANGE),
     ):
         for number, scenario in enumerate(present):
@@ -78,7 +78,7 @@ def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, cham
     low_left.yaxis.set_major_formatter(_AS_NUMBER)
     _rescue_and_harm(low_right, harm[harm.experiment == experiment], at)
     figure.suptitle(
-        f"{experiment}: what each rate does, mean over {champions} champions with 95 % bootstrap intervals", fontsize=11
+        f"{experiment}: dose-response, mean over n = {champions} champions with 95 % bootstrap intervals", fontsize=11
     )
     return to_png(figure)
 
@@ -95,18 +95,18 @@ def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) ->
             axes.plot(x, own.rescued / own.broken, style, color="#009E73", label=f"rescued, {kind}")
             axes.plot(x, own.harmed / own.intact, style, color="#CC79A7", label=f"harmed, {kind}")
     broken, intact = int(totals.broken.max()), int(totals.intact.max())
-    axes.set(ylabel=f"share of trials (broken {broken}, sound {intact})", xlabel="base Hebbian rate N")
+    axes.set(ylabel=f"rescued of {broken}, harmed of {intact} trials", xlabel="base Hebbian rate N")
     axes.set_ylim(-0.04, 1.04)
     _name_rates(axes, at.values(), at)
     _tidy(axes)
     axes.legend(frameon=False, fontsize=8)
 
 
-def rates(doses: pd.DataFrame, told: str) -> bytes:
+def rates(doses: pd.DataFrame, mean_over: str) -> bytes:
     """A PNG: success and weight change against the base rate, a row of panels for each condition.
 
-    doses: a row for each condition, controller, N and side, with the means and the ends of their intervals; the genes
-    alone are the rows of `GA`. told: what the means are over.
+    doses: a row for each condition, controller, N and side, with means and intervals; the rows of `GA` are without
+    plasticity. mean_over: in words.
     """
     conditions = list(doses.groupby("condition", sort=False))
     figure = Figure(figsize=(9, 2.9 * len(conditions) + 0.6), layout="constrained")
@@ -125,7 +125,7 @@ def rates(doses: pd.DataFrame, told: str) -> bytes:
                 colour = SIDE_COLOUR[side]
                 axes.errorbar(plastic.N * shift, y, away, color=colour, marker=marker, capsize=2, label=side)
                 for row in alone.itertuples() if column == "success" else ():
-                    dashes = (0 if side == "left" else 4, (4, 4))  # of equal lines both are seen
+                    dashes = (0 if side == "left" else 4, (4, 4))  # two equal lines are both visible
                     axes.axhline(row.success, color=colour, linestyle=dashes, linewidth=1.2, label=f"GA, {side}")
                     axes.axhspan(row.success_low, row.success_high, color=colour, alpha=0.1, linewidth=0)
             axes.set(xscale="log", xlabel="base rate N", ylabel=label)
@@ -135,21 +135,20 @@ def rates(doses: pd.DataFrame, told: str) -> bytes:
             _tidy(axes, "y")
         panels[0].set_title(plain(condition), fontsize=10, loc="left")
         panels[0].set_ylim(-0.04, 1.04)
-        if (own.weight_change_mean > 0).any():  # an adaptation that is never needed changes none
+        if (own.weight_change_mean > 0).any():  # an adaptation may never act
             panels[1].set_yscale("log")
             panels[1].yaxis.set(major_locator=LogLocator(subs=(1, 2, 5)), major_formatter=_AS_NUMBER)
             panels[1].yaxis.set(minor_locator=NullLocator())
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
     figure.suptitle(
-        f"What each rate does: {told}\n"
-        "Dashed, with its interval as a band: GA, without plasticity, where no weight changes",
+        f"Dose-response, mean over {mean_over}\nDashed line and band: GA, without plasticity, with its interval",
         fontsize=10,
     )
     return to_png(figure)
 
 
 def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> bytes:
-    """A PNG: best and mean fitness over the generations; of many evolutions of an experiment, median and quartiles."""
+    """A PNG: best and mean fitness over the generations; for many evolutions, median and quartiles."""
     figure = Figure(figsize=(5 * len(histories), 3.6), layout="constrained")
     for axes, (experiment, runs) in zip(
         figure.subplots(1, len(histories), squeeze=False)[0], histories.items(), strict=True
@@ -163,7 +162,7 @@ def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> bytes:
         title = f"{experiment}, {len(runs)} evolutions" if len(runs) > 1 else experiment
         axes.set(title=plain(title), xlabel="generation", ylabel="fitness")
         least, most = axes.dataLim.intervaly
-        axes.set_ylim(min(0.0, least), max(1.0, 1.02 * most))  # with bonuses fitness may be more than 1
+        axes.set_ylim(min(0.0, least), max(1.0, 1.02 * most))  # a bonus can bring fitness above 1
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         _tidy(axes)
         axes.legend(frameon=False, fontsize=9, loc="lower right")
@@ -175,10 +174,9 @@ def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> bytes:
 def weight_change(
     conditions: Mapping[str, Mapping[str, Samples]], against: str, title: str, robot: Robot = EPUCK
 ) -> bytes:
-    """A PNG, a panel for each condition: change of the weights between samples against what was felt.
+    """A PNG, a panel for each condition: weight change between samples against fitness or a sensor reading.
 
-    conditions: name -> side -> samples of one lifetime. against: `fitness`, `light` or `proximity` (mean readings).
-    robot: who felt it.
+    conditions: name -> side -> samples of one lifetime. against: `fitness`, `light` (mean) or `proximity` (largest).
     """
     figure = Figure(figsize=(4.4 * len(conditions), 3.8), layout="constrained")
     panels = figure.subplots(1, len(conditions), squeeze=False, sharey=True)[0]
@@ -186,9 +184,9 @@ def weight_change(
         for (side, samples), marker in zip(sides.items(), ("o", "^"), strict=True):
             look = {"color": SIDE_COLOUR[side], "marker": marker, "s": 9, "alpha": 0.35, "linewidths": 0}
             change = np.abs(np.diff(samples.weights, axis=0)).sum(axis=1)
-            axes.scatter(_felt(samples, against, robot)[1:], change, label=side, **look)
+            axes.scatter(_readings(samples, against, robot)[1:], change, label=side, **look)
         axes.set(
-            title=plain(f"{name} (n = {len(samples.time) - 1} samples a side)"), xlabel=_FELT[against], yscale="log"
+            title=plain(f"{name} (n = {len(samples.time) - 1} samples a side)"), xlabel=_AGAINST[against], yscale="log"
         )
         axes.title.set_fontsize(10)
         _tidy(axes)
@@ -199,19 +197,19 @@ def weight_change(
     return to_png(figure)
 
 
-_FELT = {
+_AGAINST = {
     "fitness": "live fitness F",
-    "light": "mean light reading (1 = dark)",
-    "proximity": "largest proximity reading (1 = touching)",
+    "light": "mean light sensor reading (1 = dark)",
+    "proximity": "largest proximity sensor reading (1 = touching)",
 }
 
 
-def _felt(samples: Samples, against: str, robot: Robot) -> NDArray[np.float64]:
+def _readings(samples: Samples, against: str, robot: Robot) -> NDArray[np.float64]:
     if against == "fitness":
         return samples.fitness
     readings = samples.sensors[:, robot.inputs_of(robot.light if against == "light" else robot.distance)]
-    felt: NDArray[np.float64] = readings.mean(axis=1) if against == "light" else readings.max(axis=1)
-    return felt
+    values: NDArray[np.float64] = readings.mean(axis=1) if against == "light" else readings.max(axis=1)
+    return values
 
 
 def network(
@@ -221,13 +219,13 @@ def network(
     network: Network = PAPER_NETWORK,
     robot: Robot = EPUCK,
 ) -> bytes:
-    """A PNG: the network at the end of each lifetime, its connections coloured by how much plasticity changed them.
+    """A PNG: the network at the end of each lifetime, connections coloured by the change of their weight.
 
-    genes: the network's weights come first. samples: side -> lifetime. robot: whose sensors name the inputs; they are
-    numbered if it has not as many.
+    genes: the weights first. samples: side -> lifetime. robot: its sensors name the inputs; they are numbered where the
+    counts differ.
     """
-    birth = initial_weights_of(genes[: network.synapses])
-    changes = {side: own.weights[-1].astype(float) - birth for side, own in samples.items()}
+    initial = initial_weights_of(genes[: network.synapses])
+    changes = {side: own.weights[-1].astype(float) - initial for side, own in samples.items()}
     scale = max(float(np.abs(change).max()) for change in changes.values()) or 1.0
     rows = network.inputs + 1
     most = max(rows, *network.post)
@@ -251,7 +249,7 @@ def network(
         axes.set_xticks(range(len(network.layers)), ["sensors\nand bias", *hidden, "wheels"], fontsize=8)
         axes.yaxis.set_major_locator(FixedLocator([]))
         axes.spines[:].set_visible(False)
-        axes.set_title(f"{side}: stronger (orange) or weaker (blue) by up to {scale:.2g}", fontsize=10)
+        axes.set_title(f"{side}: weight higher (orange) or lower (blue) by up to {scale:.2g}", fontsize=10)
         for name, height in zip(names, _heights(rows, most), strict=True):
             axes.annotate(name, (0, height), (-10, 0), textcoords="offset points", ha="right", va="center", fontsize=7)
     figure.suptitle(plain(title), fontsize=10)
@@ -269,14 +267,14 @@ def rescue_over_all(over_all: pd.DataFrame) -> bytes:
     panels = drawn.subplots(1, len(groups), squeeze=False)[0]
     for axes, (experiment, own) in zip(panels, groups, strict=True):
         places = -np.arange(len(own), dtype=float)
-        for what, of, colour, marker, shift in (
-            ("rescued", "broken", _RESCUED, "o", 0.13),
-            ("harmed", "intact", _HARMED, "s", -0.13),
+        for what, name, colour, marker, shift in (
+            ("rescued", rescue.RESCUED, _RESCUED, "o", 0.13),
+            ("harmed", rescue.HARMED, _HARMED, "s", -0.13),
         ):
             share = own[f"{what}_share"].to_numpy()
             away = np.abs(own[[f"{what}_low", f"{what}_high"]].to_numpy().T - share)
             look = {"color": colour, "fmt": marker, "markersize": 5, "elinewidth": 1.2}
-            axes.errorbar(share, places + shift, xerr=away, label=f"{what} of {of}", **look)
+            axes.errorbar(share, places + shift, xerr=away, label=name, **look)
         axes.axvline(0.05, color=_HARMED, linewidth=0.8, linestyle=":")
         axes.annotate("5 %", (0.05, 0.6), (2, -8), textcoords="offset points", fontsize=7, color=_HARMED)
         names = [plain(rescue.label(row.controller, row.N)) for row in own.itertuples()]
@@ -293,10 +291,10 @@ _KIND_COLOUR = {leaderboard.PLAIN: "#555555", leaderboard.EVOLVED: "#0072B2", le
 
 
 def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, Mapping[str, float]]) -> bytes:
-    """A PNG, a line of two panels for each experiment: success of each method, and the difference to its control.
+    """A PNG, two panels for each experiment: success of each method, and the difference to its matched control.
 
-    board: of `study.leaderboard.table`. champions: the rows that it was made of. limits: for some experiments lines
-    with their names, what luck gives and what nobody beats.
+    board, champions: the two tables of `analysis.leaderboard`. limits: for some experiments lines with their names,
+    such as chance and the optimum.
     """
     groups = list(board.groupby("experiment", sort=False))
     heights = [0.27 * len(own) + 0.9 for _, own in groups]
@@ -344,13 +342,13 @@ def _interval(axes: Axes, place: int, colour: str, value: float, low: float, hig
 
 
 def _heights(count: int, most: int) -> NDArray[np.float64]:
-    """Where the neurons of a layer stand: small layers twice as far apart as the largest, of `most` neurons."""
+    """Heights of the neurons of a layer: in small layers twice as far apart as in the largest, of `most` neurons."""
     heights: NDArray[np.float64] = -(np.arange(count, dtype=np.float64) - (count - 1) / 2)
     return heights * ((most - 1) / max(count, (most + 1) // 2))
 
 
 def _synapse_ends(network: Network) -> NDArray[np.float64]:
-    """Where each connection begins and ends in the drawing: (synapses, 2 ends, x and y)."""
+    """Both ends of each connection in the drawing, (synapses, 2 ends, x and y)."""
     most = max(network.inputs + 1, *network.post)
     of_layers = []
     for layer, places in enumerate(by_layer(network, np.zeros(network.synapses))):

@@ -1,7 +1,6 @@
-"""Evaluate a genome: lifetimes in a scenario with and without plasticity, one row of metrics for each.
+"""Evaluates a genome: lifetimes in a scenario with and without plasticity, one row of metrics for each.
 
-Every lifetime with plasticity has a paired control without it (GA) with the same sensor noise, that is with common
-random numbers, so that all comparisons are paired.
+Every lifetime with plasticity has a paired control (GA): the same lifetime without it, on the same random numbers.
 """
 
 import math
@@ -30,14 +29,14 @@ from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual
 from epuckhebb.sim.task import rewarded
 
-_LIFE_BYTES = 2000.0  # of one who shall live, and of the row that tells how it went
-_COPIES = 2.5  # of what is recorded: as it was lived, stacked, and in the files
+_LIFETIME_BYTES = 2000.0  # of an individual and of its row of metrics
+_COPIES = 2.5  # of the samples: of each lifetime, stacked, and in the files
 _CONDITION = ("genome", "experiment", "scenario", "light", "obstacles", "controller", "N", "signal")
 _REPEAT = ("side", "repeat", "seed")
 _PATH = ("time_to_goal_s", "path_length_m", "average_speed_m_s", "final_position_error_m")
 MEANS = (*_PATH, "weight_change_mean", "weight_change_final", "fitness", "contact_fraction", "saturated_fraction")
 COLUMNS = (*_CONDITION, *_REPEAT, "success", *MEANS[:-1], "changed", MEANS[-1])
-REWARDED = ("rewarded_share", "switch_trial")  # more columns, where a life is many trials
+REWARDED = ("rewarded_share", "switch_trial")  # more columns, where a lifetime is many trials
 _TRIAL_OF = ("genome", "controller", *_REPEAT)
 TRIALS = (*_TRIAL_OF, "trial", "rewarded_side", "reached_side", "rewarded", "time_s")
 
@@ -46,9 +45,9 @@ TRIALS = (*_TRIAL_OF, "trial", "rewarded_side", "reached_side", "rewarded", "tim
 class Traces:
     """Recorded lifetimes, all of equal length; first axis: lifetimes.
 
-    controller, side: which lifetime. samples: as in `epuckhebb.sim.life.Samples`, each with the axis of lifetimes
-    in front. trials: a row for each trial of all lifetimes, recorded or not, with the columns `TRIALS`; none where a
-    life is one trial.
+    controller, side: of each lifetime. samples: as in `epuckhebb.sim.life.Samples`, each with the axis of lifetimes
+    in front. trials: a row for each trial of all lifetimes, recorded or not, with the columns `TRIALS`; empty where a
+    lifetime is one trial.
     """
 
     controller: list[str]
@@ -73,27 +72,26 @@ def evaluate(
     plan: GenomePlan | None = None,
     checks: Checks | None = None,
 ) -> tuple[pd.DataFrame, Traces]:
-    """Live `repeats` lifetimes a side without plasticity, and as many with each of `controllers`.
+    """Run `repeats` lifetimes a side without plasticity, and as many with each of `controllers`.
 
-    genes: (genes,). baseline: what it remembers, for adaptations that compare with it. name, changed: what the columns
-    `genome` and `changed` say. network: what the genes are for. plan: their parts, weights alone unless given; each
-    controller takes those that its rule evolves. checks: the self-checks of `study.self_checks`, for adaptations that
-    begin with one. Returns one row a lifetime, with the columns
-    `COLUMNS` (and `REWARDED` in a life of many trials), and the traces of the first repeat (empty if
-    `lifetime.record_every` is 0).
+    genes: (genes,). nominal: statistics of the training world, for adaptations that compare with them. name, changed:
+    values of the columns `genome` and `changed`. network: of these genes. plan: the parts of the genes, weights alone
+    unless given; each controller takes the parts of its rule. checks: of `analysis.self_checks`, for adaptations with a
+    self-check. Returns one row a lifetime, with the columns `COLUMNS` (and `REWARDED`, where a lifetime is many
+    trials), and the traces of the first repeat (empty if `lifetime.record_every` is 0).
 
     Raises:
-        ValueError: an adaptation needs a baseline or a self-check and there is none; two controllers have one name.
-        LostRobotError: a pose or a weight stopped being finite.
+        ValueError: an adaptation lacks its nominal statistics or self-checks; two controllers have one name and N.
+        LostRobotError: a pose or a weight is no longer finite.
     """
     everyone = [GA_ALONE, *controllers]
-    told = [f"{controller.name}, N = {controller.rule.N:g}" for controller in everyone]
-    if len(set(told)) < len(told):
-        raise ValueError(f"two controllers have the same name and N, of {'; '.join(told)}")
+    names = [f"{controller.name}, N = {controller.rule.N:g}" for controller in everyone]
+    if len(set(names)) < len(names):
+        raise ValueError(f"two controllers have the same name and N, of {'; '.join(names)}")
     if nominal is None and any(controller.adaptation.needs_nominal for controller in controllers):
-        raise ValueError("an adaptation with a signal of change needs a baseline of the training world")
+        raise ValueError("an adaptation with a change signal needs the nominal statistics of the training world")
     if checks is None and any(controller.adaptation.self_check for controller in controllers):
-        raise ValueError("an adaptation with a self-check needs those of study.self_checks")
+        raise ValueError("an adaptation with a self-check needs those of analysis.self_checks")
     whole = plan or plan_of(network)
     taken = [whole.pick(genes, plan_of(network, type(controller.rule))) for controller in everyone]
     place = zlib.crc32(taken[0].tobytes())
@@ -129,7 +127,7 @@ def evaluate(
         )
         for number, side, repeat in wanted
     ]
-    lived = live_block(individuals, scenario, lifetime, threads)
+    outcomes = live_block(individuals, scenario, lifetime, threads)
     rows = [
         {
             "genome": name,
@@ -148,9 +146,9 @@ def evaluate(
             "saturated_fraction": outcome.saturated_fraction,
             **(_of_trials(outcome.trials) if scenario.task.has_trials else {}),
         }
-        for (number, side, repeat), (outcome, _) in zip(wanted, lived, strict=True)
+        for (number, side, repeat), (outcome, _) in zip(wanted, outcomes, strict=True)
     ]
-    recorded = [(w, samples) for w, (_, samples) in zip(wanted, lived, strict=True) if w[2] == 0]
+    recorded = [(w, samples) for w, (_, samples) in zip(wanted, outcomes, strict=True) if w[2] == 0]
     traces = Traces(
         controller=[everyone[number].name for (number, *_), _ in recorded],
         side=[side for (_, side, _), _ in recorded],
@@ -158,7 +156,7 @@ def evaluate(
         trials=pd.DataFrame(
             [
                 {**{key: row[key] for key in _TRIAL_OF}, **trial}
-                for row, (outcome, _) in zip(rows, lived, strict=True)
+                for row, (outcome, _) in zip(rows, outcomes, strict=True)
                 for trial in _trials(outcome.trials)
             ],
             columns=list(TRIALS),
@@ -168,7 +166,7 @@ def evaluate(
 
 
 def _of_trials(trials: NDArray[np.void]) -> dict[str, Any]:
-    """What metrics tell of the trials of a life."""
+    """The metrics of a lifetime of many trials."""
     switches = np.flatnonzero(np.diff(trials["good"]))
     return {
         "rewarded_share": float(rewarded(trials).mean()),
@@ -177,7 +175,7 @@ def _of_trials(trials: NDArray[np.void]) -> dict[str, Any]:
 
 
 def _trials(trials: NDArray[np.void]) -> Iterator[dict[str, Any]]:
-    """The trials of a life, a row each."""
+    """The trials of a lifetime, a row each."""
     sides = {-1: "left", 0: "", 1: "right"}
     for number, (good, reached, steps, _) in enumerate(trials.tolist(), start=1):
         yield {
@@ -190,19 +188,19 @@ def _trials(trials: NDArray[np.void]) -> Iterator[dict[str, Any]]:
 
 
 def memory_to_evaluate(controllers: int, lifetime: Lifetime, repeats: int, network: Network) -> tuple[float, float]:
-    """How many bytes of memory `evaluate` takes, about: for the lifetimes, and for what is recorded of the first."""
+    """About how many bytes of memory `evaluate` takes: for all lifetimes, and for the recorded samples."""
     kinds = len(SIDES) * (1 + controllers)
     samples = lifetime.steps / lifetime.record_every if lifetime.record_every else 0.0
-    return kinds * repeats * _LIFE_BYTES, _COPIES * kinds * samples * sample_bytes(network)
+    return kinds * repeats * _LIFETIME_BYTES, _COPIES * kinds * samples * sample_bytes(network)
 
 
 def _metrics(outcome: Outcome, lifetime: Lifetime) -> dict[str, float]:
-    lasted_s = lifetime.duration_s if outcome.steps == lifetime.steps else outcome.steps * STEP_S
+    seconds = lifetime.duration_s if outcome.steps == lifetime.steps else outcome.steps * STEP_S
     return {
         "success": int(outcome.success),
         "time_to_goal_s": outcome.time_to_goal,
         "path_length_m": outcome.path_length,
-        "average_speed_m_s": outcome.path_length / lasted_s,
+        "average_speed_m_s": outcome.path_length / seconds,
         "final_position_error_m": outcome.final_distance,
         "weight_change_mean": outcome.weight_change_mean,
         "weight_change_final": outcome.weight_change_final,

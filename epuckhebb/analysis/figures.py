@@ -1,4 +1,4 @@
-"""Figures of the maze and of what robots did in it."""
+"""Figures of the maze and of trajectories in it."""
 
 import io
 import textwrap
@@ -20,13 +20,13 @@ from PIL import Image
 
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.floor import view
-from epuckhebb.analysis.moments import arrival, begins, told_when, with_gaps
+from epuckhebb.analysis.moments import arrival, begins, timed_change_text, with_gaps
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
 from epuckhebb.sim.maze import SIDES, Side, boxes
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.scenario import Scenario
 
-# Blue and orange (the paper: red), apart for the colour-blind too.
+# Blue and orange (the paper: red), which colour-blind readers can distinguish.
 SIDE_COLOUR = {"left": "#0072B2", "right": "#D55E00"}
 _WALL, _OBSTACLE, _LAMP, _CHANGE = "#4d4d4d", "#b07d62", "#E69F00", "#222222"
 _TITLES = {
@@ -35,18 +35,18 @@ _TITLES = {
     CONTROLS[Sign.anti]: "GA with anti-Hebbian plasticity",
     CONTROLS[Sign.shuffled]: "GA with Hebbian plasticity, shuffled signs",
 }
-_GAP = "    "  # between two signs that are explained
+_GAP = "    "  # between two entries of a legend
 _T = TypeVar("_T")
 _PANEL, _HIGH, _LOW = 4.8, 5.6, 1.6  # inches: width of a panel, greatest and least height of its axes
 _TOP, _BOTTOM, _LINE = 0.6, 0.78, 0.19  # inches: above the axes, below them, and a line of text
 
 
 def trajectories(traces: Traces, scenario: Scenario, title: str) -> bytes:
-    """A PNG with one maze for each controller: both trials' paths, where they began, and how they ended."""
+    """A PNG with one maze for each controller: the paths on both sides, their start and their end."""
     controllers = list(dict.fromkeys(traces.controller))
     axes_height = _axes_height(scenario)
     wide = max(_PANEL * len(controllers), 6.4 if scenario.changes else _PANEL)
-    lines = [*_lines(scenario, wide), *_filled(_signs_told(scenario), wide)]
+    lines = [*_lines(scenario, wide), *_filled(_legend(scenario), wide)]
     height, below = axes_height + _TOP + _BOTTOM + _LINE * len(lines), _BOTTOM + _LINE * len(lines)
     figure = Figure(figsize=(wide, height))
     figure.subplots_adjust(left=0.65 / wide, right=0.985, bottom=below / height, top=1 - _TOP / height, wspace=0.16)
@@ -58,7 +58,7 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> bytes:
                 time, pose = traces.samples.time[lifetime], traces.samples.pose[lifetime]
                 _draw_path(axes, time, pose, scenario, "left" if side == "left" else "right")
         axes.set_title(plain(controller_title(controller)), fontsize=11)
-    size = 7.5 if any(len(told) > 24 for axes in panels for told in axes.get_legend_handles_labels()[1]) else 9
+    size = 7.5 if any(len(label) > 24 for axes in panels for label in axes.get_legend_handles_labels()[1]) else 9
     for axes in panels:
         below_axes = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.44 / axes_height)}
         axes.legend(ncols=2, fontsize=size, frameon=False, columnspacing=1.5, **below_axes)
@@ -91,12 +91,12 @@ def _axes_height(scenario: Scenario) -> float:
 
 
 def controller_title(controller: str) -> str:
-    """What stands above a controller's panel."""
+    """The title of the panel of a controller."""
     return _TITLES.get(controller, f"GA with “{controller}”")
 
 
 def plain(text: str) -> str:
-    """The text as matplotlib shows it to the letter, not as mathematics; a `?` for each sign that its font lacks."""
+    """The text as matplotlib shows it unchanged, not as mathematics; `?` for each sign that its font lacks."""
     there = _signs()
     return "".join(sign if sign == "\n" or ord(sign) in there else "?" for sign in text).replace("$", r"\$")
 
@@ -110,8 +110,8 @@ def _signs() -> frozenset[int]:
 def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
     """Walls, obstacles, lamp and goals, to scale [m]; returns them.
 
-    Obstacles that come or go in mid-life are lighter, with a dashed edge; goals and lamps that come have the number
-    of the change.
+    Obstacles that are there for a part of the lifetime are lighter, with a dashed edge. A new place of a goal or a
+    lamp has the number of the change.
     """
     worlds = [world for _, world in scenario.phases]
     drawn: list[Artist] = [_box(axes, box, _WALL, 1.5) for box in boxes(scenario.maze).tolist()]
@@ -130,12 +130,14 @@ def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
                 drawn.append(_label(axes, f"◆{number}", place, (0, -3), SIDE_COLOUR[side], "center"))
     edges = view(scenario)
     lamps = _numbered((world.lamp.x_m, world.lamp.y_m, world.lamp.towards_x, world.lamp.towards_y) for world in worlds)
-    for number, (x, y, towards_x, towards_y) in () if scenario.task.has_trials else lamps:  # there it says nothing
+    for number, (x, y, towards_x, towards_y) in (
+        () if scenario.task.has_trials else lamps
+    ):  # there the lamp has no meaning
         drawn += axes.plot(x, y, marker="*", markersize=11, color=_LAMP, markeredgewidth=0)
         shines = np.array([towards_x, towards_y]) / np.hypot(towards_x, towards_y)
         from_it, to = (np.array([x, y]) + share * (edges[1] - edges[0]) * shines for share in (0.018, 0.04))
         drawn += axes.plot([from_it[0], to[0]], [from_it[1], to[1]], color=_LAMP, linewidth=1.6)
-        on_the_right = shines[0] < 0.1 and x < edges[0] + 0.7 * (edges[1] - edges[0])  # where there is more room
+        on_the_right = shines[0] < 0.1 and x < edges[0] + 0.7 * (edges[1] - edges[0])  # the side with more space
         name = f"◆{number} lamp" if number else "lamp (on: go right)"
         drawn.append(
             _label(axes, name, (x, y), (9 if on_the_right else -9, -3), "black", "left" if on_the_right else "right")
@@ -146,7 +148,7 @@ def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
 
 
 def _obstacles(worlds: list[Scenario]) -> dict[tuple[float, ...], bool]:
-    """The edges of all obstacles that ever are in these worlds, and whether they are in all of them."""
+    """The edges of all obstacles of these worlds, and whether they are in every world."""
     there = []
     for world in worlds:
         walls = len(world.maze.walls)
@@ -155,7 +157,7 @@ def _obstacles(worlds: list[Scenario]) -> dict[tuple[float, ...], bool]:
 
 
 def _numbered(values: Iterable[_T]) -> list[tuple[int, _T]]:
-    """Each value that differs from those before it, with the number of the change that brought it; 0 for the first."""
+    """Each new value with the number of its change; 0 for the first."""
     first: dict[_T, int] = {}
     for number, value in enumerate(values):
         first.setdefault(value, number)
@@ -177,13 +179,13 @@ def _label(
 def _draw_path(
     axes: Axes, time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario, side: Side
 ) -> None:
-    told = "is rewarded first" if scenario.task.has_trials else arrival(time, pose, scenario, side).told
+    end = "is rewarded first" if scenario.task.has_trials else arrival(time, pose, scenario, side).text
     radius, start = scenario.robot.radius_m, scenario.maze.start
     _, path = with_gaps(time, pose, scenario)
-    axes.plot(path[:, 0], path[:, 1], color=SIDE_COLOUR[side], linewidth=1.4, label=f"{side}: {told}")
+    axes.plot(path[:, 0], path[:, 1], color=SIDE_COLOUR[side], linewidth=1.4, label=f"{side}: {end}")
     axes.add_patch(Circle((pose[-1, 0], pose[-1, 1]), radius, fill=False, edgecolor=SIDE_COLOUR[side], linewidth=1.2))
     axes.plot(start.x, start.y, marker="o", markersize=4, color="black")
-    near: list[tuple[float, float, list[str]]] = []  # changes that found the robot at about the same place
+    near: list[tuple[float, float, list[str]]] = []  # changes at about the same place of the robot
     for number, (since, _) in enumerate(begins(scenario, time, pose)):
         if number and since is not None:
             x, y = (float(np.interp(since, time, pose[:, axis])) for axis in (0, 1))
@@ -200,32 +202,34 @@ def _draw_path(
 
 
 def _lines(scenario: Scenario, inches: float) -> list[str]:
-    """What changes in mid-life, in lines that fit so many inches."""
-    return _filled((f"◆{number} {told_when(change)}" for number, change in enumerate(scenario.changes, 1)), inches)
+    """The changes during the lifetime, in lines of so many inches."""
+    return _filled(
+        (f"◆{number} {timed_change_text(change)}" for number, change in enumerate(scenario.changes, 1)), inches
+    )
 
 
 def _filled(parts: Iterable[str], inches: float) -> list[str]:
-    """The parts one after the other, in lines that fit so many inches."""
+    """The parts one after the other, in lines of so many inches."""
     lines: list[str] = []
-    for told in parts:
-        if lines and len(lines[-1]) + len(told) < 13 * inches:
-            lines[-1] += f"{_GAP}{told}"
+    for part in parts:
+        if lines and len(lines[-1]) + len(part) < 13 * inches:
+            lines[-1] += f"{_GAP}{part}"
         else:
-            lines += textwrap.wrap(told, round(13 * inches))
+            lines += textwrap.wrap(part, round(13 * inches))
     return lines
 
 
-def _signs_told(scenario: Scenario) -> list[str]:
-    """What the signs and the colours of a figure of paths mean, those that are in it."""
+def _legend(scenario: Scenario) -> list[str]:
+    """The meaning of the signs and the colours in a figure of trajectories."""
     signs = ["● start", "○ the robot at the end", "◌ goal"]
-    if not scenario.task.has_trials:  # there the lamp says nothing, and is not drawn
+    if not scenario.task.has_trials:
         signs.append("★ lamp")
     obstacles = _obstacles([world for _, world in scenario.phases])
     signs.append("grey: walls")
     if any(obstacles.values()):
         signs.append("brown: obstacles")
     if not all(obstacles.values()):
-        signs.append("dashed brown: obstacles for a part of the life")
+        signs.append("dashed brown: obstacles for a part of the lifetime")
     return signs
 
 
@@ -236,14 +240,14 @@ def _write(figure: Figure, lines: list[str]) -> None:
 
 
 def to_png(figure: Figure) -> bytes:
-    """The figure as PNG, without the program's name, so that the same figure gives the same bytes."""
+    """The figure as PNG, without the program's name: the same figure gives the same bytes."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120, metadata={"Software": None})
     return buffer.getvalue()
 
 
 def small(png: bytes) -> bytes:
-    """The same picture in 256 colours, a third of the size: for a report that holds many."""
+    """The same picture in 256 colours, a third of the size, for a report."""
     buffer = io.BytesIO()
     Image.open(io.BytesIO(png)).convert("RGB").quantize(256).save(buffer, format="png", optimize=True)
     return buffer.getvalue()

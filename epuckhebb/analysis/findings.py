@@ -1,12 +1,10 @@
-"""What many champions tell: success, rescue and harm, dose-response, and the paper's claims with a verdict.
+"""Findings over many champions: success, rescue and harm, retention, dose-response, and the paper's claims.
 
-`metrics` is the table of all lifetimes (columns of `epuckhebb.analysis.evaluate`, `genome` being the champion).
-Everything here is computed from it and returned as tables whose rows can be traced back to it. Intervals and p values
-take champions for the independent unit, as `epuckhebb.analysis.statistics` says.
+`metrics` is the table of all lifetimes, with the columns of `epuckhebb.analysis.evaluate`; `genome` is the champion.
+All intervals and p values take champions as the independent unit: see `epuckhebb.analysis.statistics`.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -25,7 +23,10 @@ _CELL = ["experiment", "scenario", "controller", "N"]
 
 
 def trials(metrics: pd.DataFrame) -> pd.DataFrame:
-    """One row a trial (champion, side) and condition: `succeeds` if most of its repeats do; means of the rest."""
+    """One row for each trial (champion, side) and condition; the other columns are means over the repeats.
+
+    `succeeds`: whether more than half of the repeats succeed.
+    """
     grouped = metrics.groupby([*_CELL, *TRIAL], sort=False)
     means = grouped[
         ["success", "time_to_goal_s", "path_length_m", "final_position_error_m", "weight_change_mean"]
@@ -35,10 +36,10 @@ def trials(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def success(each: pd.DataFrame) -> pd.DataFrame:
-    """Success of every condition over the champions, left, right and on both sides.
+    """Success of every condition over the champions: on the left, on the right, and on both sides.
 
-    Each champion counts once in a row, so the intervals are Wilson's, with champions for cases. `gained` counts the
-    champions that succeed here and fail there without plasticity.
+    A champion is one case in each row. The intervals are therefore Wilson's. `gained`: champions that succeed here and
+    fail in the same world without plasticity.
     """
     both = each.groupby([*_CELL, "genome"], sort=False, as_index=False).succeeds.all().assign(side="both")
     outcomes = pd.concat([each, both], ignore_index=True)
@@ -55,13 +56,12 @@ def success(each: pd.DataFrame) -> pd.DataFrame:
 
 
 def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
-    """For each kind and rate of plasticity: what becomes of the trials that the GA masters in its training world.
+    """For each plasticity, rate and world: what happens to the trials that the GA solves in its training world.
 
-    broken: fail in the changed world without plasticity. rescued: of these, succeed with it. harmed: of the others,
-    fail with it. In the training world nothing is broken, and harm is all there is. The intervals of the shares
-    rescued and harmed are from `wilson_by_champion`. `difference` is the success with plasticity minus the success
-    without, over all trials of the scenario, solved or not, with a bootstrap interval over champions; `sign_flip_p`
-    is the exact p value of it, also by champion.
+    broken: fail in the changed world without plasticity; rescued: of these, succeed with it. intact: succeed in the
+    changed world without plasticity; harmed: of these, fail with it. No trial is broken in the training world. The
+    intervals of the shares are from `wilson_by_champion`. `difference` is success with plasticity minus success
+    without, over all trials of the world, solved or not, with a bootstrap interval; `sign_flip_p` is its exact p value.
     """
     rows: list[dict[str, Any]] = []
     for experiment, kind, rate in _plasticities(each):
@@ -80,19 +80,19 @@ def rescue_and_harm(each: pd.DataFrame) -> pd.DataFrame:
 
 
 def _fates(each: pd.DataFrame, experiment: str, scenario: str, kind: str, rate: float) -> pd.DataFrame:
-    """For each trial of a scenario whether it is broken, rescued, sound and harmed: a column each, indexed by trial.
+    """Whether each trial is broken, rescued, intact, harmed: a column each, indexed by trial.
 
-    A trial that the GA does not master in its training world is none of these.
+    A trial that the GA does not solve in its training world is none of these.
     """
     without = _outcomes(each, experiment, scenario, GA, 0.0)
     plastic = _outcomes(each, experiment, scenario, kind, rate)
-    solved = without.index.isin(_succeeding(each, experiment, TRAINED[experiment]))
+    solved = without.index.isin(_solved(each, experiment))
     broken, intact = solved & ~without, solved & without
     return pd.DataFrame({"broken": broken, "rescued": broken & plastic, "intact": intact, "harmed": intact & ~plastic})
 
 
 def _counts(fates: pd.DataFrame, interval: Callable[..., tuple[float, float]]) -> dict[str, Any]:
-    """How many trials have each fate, and the shares rescued and harmed with intervals over champions."""
+    """How many trials are broken, rescued, intact and harmed, and the two shares with intervals over champions."""
     by_champion = fates.groupby("genome", sort=False).sum()
     row: dict[str, Any] = by_champion.sum().to_dict()
     for part, whole in (("rescued", "broken"), ("harmed", "intact")):
@@ -102,46 +102,44 @@ def _counts(fates: pd.DataFrame, interval: Callable[..., tuple[float, float]]) -
 
 
 def changed(each: pd.DataFrame, experiment: str) -> list[str]:
-    """The scenarios of an experiment other than the one in which its champions were evolved, as they come."""
+    """The changed scenarios of an experiment, in the order of the table."""
     there = each[each.experiment == experiment].scenario.unique()
     return [scenario for scenario in there if scenario != TRAINED[experiment]]
 
 
 def rescue_over_all(each: pd.DataFrame) -> pd.DataFrame:
-    """Rescue and harm over all changed scenarios of an experiment, and harm in its training world.
+    """Rescue and harm over all changed worlds of an experiment together, and harm in the training world.
 
-    A champion that a change breaks on a side may be broken there by others too, so its trials are no independent
-    evidence: intervals are from a bootstrap over champions. Columns as in `rescue_and_harm`, with `_low` and `_high`.
+    Trials of one champion in many worlds are not independent. The intervals are therefore from a bootstrap over
+    champions. Columns as in `rescue_and_harm`.
     """
     rows = []
     for experiment, kind, rate in _plasticities(each):
         fates = pd.concat(_fates(each, experiment, scenario, kind, rate) for scenario in changed(each, experiment))
         counts = _counts(fates[fates.broken | fates.intact], partial(bootstrap_ratio, seed=0))
-        home = _fates(each, experiment, TRAINED[experiment], kind, rate).sum()
+        trained = _fates(each, experiment, TRAINED[experiment], kind, rate).sum()
         row = {"experiment": experiment, "controller": kind, "N": rate, **counts}
-        rows.append(row | {"training_harmed": int(home.harmed), "training_solved": int(home.intact)})
+        rows.append(row | {"training_harmed": int(trained.harmed), "training_solved": int(trained.intact)})
     return pd.DataFrame(rows)
 
 
 def retention(each: pd.DataFrame) -> pd.DataFrame:
-    """How much of what is solved at home succeeds in the changed worlds, for the GA and for each plasticity.
+    """How many of the trials solved in training succeed in the changed worlds, for the GA and for each plasticity.
 
-    What is solved at home is what the GA masters in its training world without plasticity; a trial here is a
-    champion, a side and a changed world. A champion that always turns left masters one side at home and keeps it in
-    nearly every world, though it has learnt nothing that a change could break. So there are two rows for each
-    plasticity: `masters` is "any" for all trials solved at home, and "both" for those of champions that master both
-    sides there. The intervals are from a bootstrap over champions.
+    A trial here is a champion, a side and a changed world; it is solved in training if the GA solves that side in the
+    training world. A champion that always turns left keeps its one side in nearly every world, though it has learned
+    nothing that a change could break. There are therefore two rows for each plasticity: `solves` is "any" for all
+    these trials, and "both" for those of champions that solve both sides in training.
 
-    Columns: experiment, controller, N, masters, champions (how many have such trials), trials, retained, share, low,
-    high.
+    Columns: experiment, controller, N, solves, champions (that have such trials), trials, retained, share, low, high.
     """
     rows = []
     conditions = each[["experiment", "controller", "N"]].drop_duplicates().itertuples(index=False, name=None)
     for experiment, kind, rate in conditions:
-        solved = _succeeding(each, experiment, TRAINED[experiment])
+        solved = _solved(each, experiment)
         sides = solved.to_frame(index=False).groupby("genome", sort=False).side.nunique()
-        away = [_outcomes(each, experiment, scenario, kind, rate) for scenario in changed(each, experiment)]
-        trial = pd.concat(away) if away else pd.Series(dtype=bool, index=solved[:0])
+        tests = [_outcomes(each, experiment, scenario, kind, rate) for scenario in changed(each, experiment)]
+        trial = pd.concat(tests) if tests else pd.Series(dtype=bool, index=solved[:0])
         trial = trial[trial.index.isin(solved)]
         for solves, least in (("any", 1), ("both", 2)):
             among = trial[trial.index.get_level_values("genome").isin(sides[sides >= least].index)]
@@ -156,9 +154,9 @@ def retention(each: pd.DataFrame) -> pd.DataFrame:
 
 
 def dose_response(each: pd.DataFrame) -> pd.DataFrame:
-    """Success, time to goal and weight change against N: means over champions, bootstrap intervals; N = 0: the GA.
+    """Success, time to goal and weight change for each rate: means over champions; N = 0 is the GA.
 
-    A mean of one champion has no interval, but for success, which has bounds.
+    Intervals are from a bootstrap. The mean of one champion has none, except for success, which has bounds.
     """
     rows = []
     shown = each[each.controller.isin([GA, *CONTROLS.values()])]
@@ -178,35 +176,26 @@ RULE = (
     "where the interval lies below. It is *mixed* where the interval contains one half and lies between one quarter "
     "and three quarters, and *inconclusive* otherwise. A *check* has no interval: it passes or fails."
 )
-_MIXED = (0.25, 0.75)  # an interval that reaches farther says too little
+_MIXED = (0.25, 0.75)  # a wider interval is inconclusive
 
 
-@dataclass(frozen=True, eq=False)
-class Claim:
-    """A claim of the paper as a question to every trial: in how many that could show it does it come true?
+def claim(text: str, counted: str, part: NDArray[np.int64], whole: NDArray[np.int64]) -> dict[str, str | int | float]:
+    """A claim of the paper as a question to every trial that could show it: its counts, interval and verdict.
 
-    part, whole: for each champion, in how many trials it comes true, of how many that could show it, (champions,).
+    counted: which trials these are, and what counts as true. part, whole: for each champion, in how many trials the
+    claim is true, of how many, (champions,).
     """
-
-    experiment: str
-    text: str
-    counted: str
-    part: NDArray[np.int64]
-    whole: NDArray[np.int64]
-
-    def row(self) -> dict[str, str | int | float]:
-        """The claim with its figures, interval and verdict: a row of `claims`."""
-        true, n = int(self.part.sum()), int(self.whole.sum())
-        low, high = wilson_by_champion(self.part, self.whole)
-        return (
-            {"experiment": self.experiment, "claim": self.text, "counted": self.counted}
-            | {"true": true, "n": n, "champions": int((self.whole > 0).sum()), "share": _ratio(true, n)}
-            | {"low": low, "high": high, "verdict": verdict(low, high, n)}
-        )
+    true, n = int(part.sum()), int(whole.sum())
+    low, high = wilson_by_champion(part, whole)
+    return (
+        {"claim": text, "counted": counted, "true": true, "n": n, "champions": int((whole > 0).sum())}
+        | {"share": _ratio(true, n), "low": low, "high": high}
+        | {"verdict": verdict(low, high, n)}
+    )
 
 
 def verdict(low: float, high: float, n: int) -> str:
-    """What `RULE` says of a claim whose share, among n trials, has this interval; (nan, nan): there are no trials.
+    """The verdict of `RULE` on a claim whose share, among n trials, has this interval; (nan, nan): no trials.
 
     The interval alone decides: 3 of 3 is not enough for any claim.
     """
@@ -220,90 +209,75 @@ def verdict(low: float, high: float, n: int) -> str:
 
 
 def claims(each: pd.DataFrame, genomes_unchanged: dict[str, int]) -> pd.DataFrame:
-    """The paper's claims, one row each, with the figures they are judged by.
+    """The paper's claims, one row each.
 
-    genomes_unchanged: for each experiment, how many champions had a genome of the same bytes after all lifetimes.
-    The column `champions` has how many had a trial that could show the claim.
+    genomes_unchanged: for each experiment, how many champions have a bit-identical genome after all lifetimes. Column
+    `champions`: how many champions have a trial that could show the claim.
     """
     present = set(each.experiment)
     return pd.DataFrame(
-        row
-        for experiment, ask in (("light", _light_claims), ("obstacles", _obstacle_claims))
+        {"experiment": experiment} | row
+        for experiment, rows in (("light", _light_claims), ("obstacles", _obstacle_claims))
         if experiment in present
-        for row in (*(claim.row() for claim in ask(each)), _forgetting(each, experiment, genomes_unchanged[experiment]))
+        for row in (*rows(each), _unchanged(each, experiment, genomes_unchanged[experiment]))
     )
 
 
-def _light_claims(each: pd.DataFrame) -> Iterator[Claim]:
-    bright, dim = (_outcomes(each, "light", scenario, GA, 0.0) for scenario in ("highlight", "lowlight"))
-    rate = PAPER_N["light"]
-    bright_plastic, dim_plastic = (
-        _outcomes(each, "light", scenario, HEBBIAN, rate) for scenario in ("highlight", "lowlight")
-    )
+def _light_claims(each: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    of, rate = partial(_outcomes, each, "light"), PAPER_N["light"]
+    bright, dim = of("highlight", GA, 0.0), of("lowlight", GA, 0.0)
+    bright_plastic, dim_plastic = of("highlight", HEBBIAN, rate), of("lowlight", HEBBIAN, rate)
     broken = bright & ~dim
-    yield _count("light", "The GA fails in low light", "trials solved in high light: fail in low light", ~dim, bright)
-    yield _count("light", f"N = {rate:g} rescues it", "trials broken by low light: succeed", dim_plastic, broken)
-    yield _count(
-        "light", "The same N harms in high light", "trials solved in high light: fail", ~bright_plastic, bright
-    )
-    small = _outcomes(each, "light", "lowlight", HEBBIAN, PAPER_N["obstacles"])
-    yield _either("light", "A large change needs a large rate", broken, dim_plastic, small)
+    yield _count("The GA fails in low light", "trials solved in high light: fail in low light", ~dim, bright)
+    yield _count(f"N = {rate:g} rescues it", "trials broken by low light: succeed", dim_plastic, broken)
+    yield _count("The same N harms in high light", "trials solved in high light: fail", ~bright_plastic, bright)
+    small = of("lowlight", HEBBIAN, PAPER_N["obstacles"])
+    yield _either("A large change needs a large rate", broken, dim_plastic, small)
 
 
-def _obstacle_claims(each: pd.DataFrame) -> Iterator[Claim]:
-    rate = PAPER_N["obstacles"]
-    base = _outcomes(each, "obstacles", "base", GA, 0.0)
+def _obstacle_claims(each: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    of, rate = partial(_outcomes, each, "obstacles"), PAPER_N["obstacles"]
+    base = of("base", GA, 0.0)
     any_broken, any_small, any_large = [], [], []
     for scenario, count in (("2obstacles", 2), ("4obstacles", 4)):
-        alone = _outcomes(each, "obstacles", scenario, GA, 0.0)
-        plastic = _outcomes(each, "obstacles", scenario, HEBBIAN, rate)
+        alone, plastic = of(scenario, GA, 0.0), of(scenario, HEBBIAN, rate)
         broken = base & ~alone
-        yield _count("obstacles", f"{count} obstacles defeat the GA", "trials solved in base: fail", ~alone, base)
-        yield _count(
-            "obstacles", f"N = {rate:g} rescues it at {count}", "trials broken by them: succeed", plastic, broken
-        )
+        yield _count(f"{count} obstacles defeat the GA", "trials solved in base: fail", ~alone, base)
+        yield _count(f"N = {rate:g} rescues it at {count}", "trials broken by them: succeed", plastic, broken)
         any_broken.append(broken)
         any_small.append(plastic)
-        any_large.append(_outcomes(each, "obstacles", scenario, HEBBIAN, PAPER_N["light"]))
-    yield _either("obstacles", "A small change needs a small rate", *map(pd.concat, (any_broken, any_small, any_large)))
-    change = {
-        scenario: _values(each, "obstacles", scenario, HEBBIAN, rate, "weight_change_mean")
-        for scenario in ("base", "2obstacles", "4obstacles")
-    }
-    grows = (change["base"] < change["2obstacles"]) & (change["2obstacles"] < change["4obstacles"])
-    yield _count("obstacles", "Weight change grows with obstacles", "all trials: base < 2 < 4", grows, grows | ~grows)
-    time = [_values(each, "obstacles", "base", *how, "time_to_goal_s") for how in ((GA, 0.0), (HEBBIAN, rate))]
-    both = time[0].notna() & time[1].notna()
-    yield _count(
-        "obstacles",
-        "Plasticity reaches the goal sooner",
-        "trials of base in which both arrive",
-        time[1] < time[0],
-        both,
+        any_large.append(of(scenario, HEBBIAN, PAPER_N["light"]))
+    yield _either("A small change needs a small rate", *map(pd.concat, (any_broken, any_small, any_large)))
+    none, two, four = (
+        of(scenario, HEBBIAN, rate, "weight_change_mean") for scenario in ("base", "2obstacles", "4obstacles")
     )
+    grows = (none < two) & (two < four)
+    yield _count("Weight change grows with obstacles", "all trials: base < 2 < 4", grows, grows | ~grows)
+    alone, plastic = of("base", GA, 0.0, "time_to_goal_s"), of("base", HEBBIAN, rate, "time_to_goal_s")
+    both = alone.notna() & plastic.notna()
+    yield _count("Plasticity reaches the goal sooner", "trials of base in which both arrive", plastic < alone, both)
 
 
-def _forgetting(each: pd.DataFrame, experiment: str, unchanged: int) -> dict[str, str | int | float]:
-    """The row of a check: the program itself decides it, not a sample of champions, so it has no interval."""
+def _unchanged(each: pd.DataFrame, experiment: str, unchanged: int) -> dict[str, str | int | float]:
+    """The row of a check. It has no interval: the program decides it, not a sample of champions."""
     n = each[each.experiment == experiment].genome.nunique()
     return (
-        {"experiment": experiment, "claim": "The genome is unchanged after a lifetime"}
-        | {"counted": "champions: same bytes after all lifetimes", "true": unchanged, "n": n, "champions": n}
-        | {"share": _ratio(unchanged, n), "low": np.nan, "high": np.nan}
+        {"claim": "The genome is unchanged after a lifetime", "counted": "champions: same bytes after all lifetimes"}
+        | {"true": unchanged, "n": n, "champions": n, "share": _ratio(unchanged, n), "low": np.nan, "high": np.nan}
         | {"verdict": "check passed" if unchanged == n else "check failed"}
     )
 
 
 def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tuple[str, int, int]:
-    """The champion whose pattern of successes is most like the paper's, and in how many cells of how many.
+    """The champion whose successes and failures agree most with the paper's, in how many cells, of how many.
 
-    Only champions that succeed on both sides in their training world without plasticity are considered (all, if none
-    does); of equals the first is taken. Chosen *for* its likeness, it says that the pattern exists, not how often.
+    Only champions that solve both sides in training without plasticity are considered, or all if none does. Of equals
+    the first is taken. It is chosen *for* its likeness: it shows that the pattern exists, not how often.
     """
     ours = each[(each.experiment == experiment) & each.N.isin([0.0, PAPER_N[experiment]])]
     ours = ours[ours.controller.isin([GA, HEBBIAN])]
     paper = published[published.experiment == experiment].set_index(["scenario", "controller", "side"]).success
-    solved = _succeeding(each, experiment, TRAINED[experiment])
+    solved = _solved(each, experiment)
     names = list(dict.fromkeys(ours.genome))
     solves = [name for name in names if all((name, side) in solved for side in ("left", "right"))]
     agreement = {}
@@ -321,35 +295,34 @@ def _plasticities(each: pd.DataFrame) -> Iterator[tuple[str, str, float]]:
         yield key
 
 
-def _values(each: pd.DataFrame, experiment: str, scenario: str, controller: str, rate: float, column: str) -> pd.Series:
+def _outcomes(
+    each: pd.DataFrame, experiment: str, scenario: str, controller: str, rate: float, column: str = "succeeds"
+) -> pd.Series:
     """A column of one condition, indexed by trial."""
     here = (each.experiment == experiment) & (each.scenario == scenario)
     return each[here & (each.controller == controller) & (rate == each.N)].set_index(TRIAL)[column]
 
 
-def _outcomes(each: pd.DataFrame, experiment: str, scenario: str, controller: str, rate: float) -> pd.Series:
-    return _values(each, experiment, scenario, controller, rate, "succeeds")
-
-
-def _succeeding(each: pd.DataFrame, experiment: str, scenario: str) -> pd.Index:
-    alone = _outcomes(each, experiment, scenario, GA, 0.0)
+def _solved(each: pd.DataFrame, experiment: str) -> pd.Index:
+    """The trials that the GA solves in its training world."""
+    alone = _outcomes(each, experiment, TRAINED[experiment], GA, 0.0)
     return alone[alone].index
 
 
-def _count(experiment: str, text: str, counted: str, true: pd.Series, among: pd.Series) -> Claim:
-    return Claim(experiment, text, counted, *_by_champion(true, among))
+def _count(text: str, counted: str, true: pd.Series, among: pd.Series) -> dict[str, Any]:
+    return claim(text, counted, *_by_champion(true, among))
 
 
-def _either(experiment: str, text: str, broken: pd.Series, own: pd.Series, other: pd.Series) -> Claim:
-    """Whether the experiment's own rate rescues rather than the other's, where just one of the two does."""
+def _either(text: str, broken: pd.Series, own: pd.Series, other: pd.Series) -> dict[str, Any]:
+    """Whether the experiment's own rate rescues, in the trials where just one of the two rates does."""
     if not len(other):
-        return Claim(experiment, text, "not run", np.zeros(0, np.int64), np.zeros(0, np.int64))
+        return claim(text, "not run", np.zeros(0, np.int64), np.zeros(0, np.int64))
     counted = "broken trials that one of N = 0.000015 and 0.002 rescues and the other does not"
-    return _count(experiment, text, counted, own & ~other, broken & (own ^ other))
+    return _count(text, counted, own & ~other, broken & (own ^ other))
 
 
 def _by_champion(true: pd.Series, among: pd.Series) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """For each champion: how many of the trials `among` come true, and how many there are; both (champions,)."""
+    """For each champion: in how many trials it is true, and how many trials `among` holds; both (champions,)."""
     counts = pd.DataFrame({"part": true & among, "whole": among}).groupby("genome", sort=False).sum()
     return counts.part.to_numpy(np.int64), counts.whole.to_numpy(np.int64)
 

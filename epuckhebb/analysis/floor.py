@@ -1,4 +1,4 @@
-"""What of a maze a picture has to show: the floor that a robot can stand on, and the walls around it."""
+"""The part of a maze that a picture shows: the floor that a robot can cover, and the walls around it."""
 
 import math
 from functools import cache
@@ -17,7 +17,7 @@ _THICK_PART = 0.08  # this share of the floor's size
 
 
 def floor(scenario: Scenario) -> NDArray[np.float64]:
-    """The floor of a maze without obstacles, that is all that a robot's body can cover, as boxes.
+    """The floor of a maze without obstacles, as boxes: all that a robot's body can cover.
 
     Returns (boxes, 4): left, right, bottom and top edge [m]. They meet without gaps, and reach up to 1 mm into walls.
     """
@@ -42,7 +42,7 @@ def _floor(maze: Maze, radius: float) -> NDArray[np.float64]:
 
 
 def _widened(marks: NDArray[np.bool_], by: int) -> NDArray[np.bool_]:
-    """Marks and all that are no farther than so many places from one, along the first axis."""
+    """Marks and all places at most `by` from one, along the first axis."""
     counted = np.pad(np.cumsum(marks, axis=0), ((by + 1, by), (0, 0)), mode="edge")
     counted[: by + 1] = 0
     widened: NDArray[np.bool_] = counted[2 * by + 1 :] > counted[: -2 * by - 1]
@@ -50,7 +50,7 @@ def _widened(marks: NDArray[np.bool_], by: int) -> NDArray[np.bool_]:
 
 
 def _columns(covered: NDArray[np.bool_]) -> list[tuple[int, int, tuple[tuple[int, int], ...]]]:
-    """Neighbouring columns that are covered alike: the first, the last, and where runs along Y begin and end."""
+    """Neighbouring columns with equal cover: the first, the last, and where runs along Y begin and end."""
     ends = np.diff(np.pad(covered, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     runs = [tuple(pairwise(np.flatnonzero(column).tolist()))[::2] for column in ends]
     alike = [[place for place, _ in group] for _, group in groupby(enumerate(runs), key=lambda column: column[1])]

@@ -1,10 +1,9 @@
-"""The leaderboard: how well controllers of many methods cope with worlds that none of them was trained in.
+"""The leaderboard: success of the champions of many methods in worlds that none of them was trained in.
 
-A *trial* is one champion, one side and one test world; it succeeds if more than half of its noise repeats do. Champions
-are the independent unit: those of a method and of its matched control were evolved from the same seeds, and compared
-seed by seed. In reversal learning, the positive control, there are no test worlds: a trial is one of the many of a new
-life, and succeeds if it is rewarded. Everything is computed from the lifetimes, first a row for each champion, then a
-row for each method from these.
+A *trial* is one champion, one side and one test world; it succeeds if more than half of its repeats do. Champions are
+the independent unit. Those of a method and of its matched control are evolved from the same seeds, and compared seed by
+seed. Reversal learning, the positive control, has no test worlds: there a trial is one of the many of a lifetime, and
+succeeds if it is rewarded. A first table has a row for each champion; the leaderboard is computed from it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,12 +25,8 @@ from epuckhebb.sim.tasks.reversal import Reversal
 FIGURE = "leaderboard.png"
 REVERSAL = "reversal"  # the experiment that is not one of the paper's
 PLAIN, EVOLVED, POST_HOC = "plain", "evolved", "post_hoc"  # the kinds of methods
-KINDS = {
-    PLAIN: "no plasticity",
-    EVOLVED: "plasticity that acts, or is evolved, during evolution",
-    POST_HOC: "laid over champions of another method",
-}
-_NOT_LIVED = ("name", "experiment", "paper_N", "paper_duration_s")  # of a scenario: what no robot can tell
+KINDS = {PLAIN: "no plasticity", EVOLVED: "plasticity during evolution", POST_HOC: "added after evolution"}
+_NO_WORLD = ("name", "experiment", "paper_N", "paper_duration_s")  # fields of a scenario that change no lifetime
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,55 +37,55 @@ class Row:
     method: str
     kind: str  # one of `KINDS`
     matched_control: str  # the method that it is compared with; empty for plain ones
-    evolved_parameters: int  # how many numbers are evolved
+    evolved_parameters: int
 
 
-def can_be(home: Scenario, training: Training, world: Scenario) -> bool:
-    """Whether a world of training can be just this world, and not only one that is like it.
+def can_be(trained: Scenario, training: Training, world: Scenario) -> bool:
+    """Whether a training can draw exactly this world. trained: the world that the training varies.
 
-    Numbers that are drawn from a range never are those of a test; what is drawn from a few values can be.
+    A number that is drawn from a range is never that of a test; one that is drawn from a few values can be.
     """
     drawn: dict[str, Any] = {}
     if training.light_share > 0 and training.light[0] == training.light[1]:
         drawn["light"] = training.light[:1]
     if training.obstacles_share > 0:
         layouts = range(training.layouts[0], training.layouts[1] + 1)
-        drawn |= {"layout": layouts, "obstacles": home.maze.obstacle_counts if world.layout in layouts else ()}
+        drawn |= {"layout": layouts, "obstacles": trained.maze.obstacle_counts if world.layout in layouts else ()}
     if training.dead_sensor_share > 0:
-        drawn["dead_sensors"] = [(number,) for number in range(1, home.robot.sensor_numbers)]
+        drawn["dead_sensors"] = [(number,) for number in range(1, trained.robot.sensor_numbers)]
     if training.wheel_share > 0 and training.wheel[0] == training.wheel[1]:
         drawn |= dict.fromkeys(("left_wheel", "right_wheel"), training.wheel[:1])
-    ours, theirs = (replace(one, dead_sensors=tuple(one.dead_sensors)) for one in (home, world))
-    names = [field.name for field in fields(Scenario) if field.name not in _NOT_LIVED]
+    ours, theirs = (replace(one, dead_sensors=tuple(one.dead_sensors)) for one in (trained, world))
+    names = [field.name for field in fields(Scenario) if field.name not in _NO_WORLD]
     differing = [name for name in names if getattr(ours, name) != getattr(theirs, name)]
     return all(getattr(theirs, name) in drawn.get(name, ()) for name in differing)
 
 
-def of_champion(metrics: pd.DataFrame, home: str) -> tuple[dict[str, int | None], pd.DataFrame]:
-    """How a champion fared: a row for it, and one for each test world.
+def of_champion(metrics: pd.DataFrame, training_world: str) -> tuple[dict[str, int | None], pd.DataFrame]:
+    """The counts of a champion: a row for it, and a row for each test world.
 
-    metrics: its lifetimes, without plasticity and, if it has any, with it. home: its training world.
+    metrics: its lifetimes, without plasticity and, if it has any, with it.
     """
     each = findings.trials(metrics)
     plastic = [name for name in each.controller.unique() if name != GA]
     alone = each[each.controller == GA]
     own = each[each.controller == plastic[0]] if plastic else alone
-    in_training, away, off = own[own.scenario == home], own[own.scenario != home], alone[alone.scenario != home]
+    in_training, tests = own[own.scenario == training_world], own[own.scenario != training_world]
     count: dict[str, int | None] = {
         "solves": int(in_training.succeeds.all()),
-        "trials": len(away),
-        "successes": int(away.succeeds.sum()),
-        "successes_off": int(off.succeeds.sum()) if plastic else None,
+        "trials": len(tests),
+        "successes": int(tests.succeeds.sum()),
+        "successes_off": int(alone.succeeds[alone.scenario != training_world].sum()) if plastic else None,
         "successes_inverted": None,
     }
-    worlds = away.groupby("scenario", sort=False).succeeds.agg(trials="size", successes="sum").reset_index()
+    worlds = tests.groupby("scenario", sort=False).succeeds.agg(trials="size", successes="sum").reset_index()
     return count, worlds
 
 
 def of_learner(metrics: pd.DataFrame, task: Reversal) -> tuple[dict[str, int | None], pd.DataFrame]:
-    """How a champion fared in reversal learning: a row for it, and one for its world.
+    """The counts of a champion in reversal learning: a row for it, and a row for its world.
 
-    It masters the task if its share of rewarded trials lies nearer to the optimum than to chance. metrics: its lives,
+    It solves the task if its share of rewarded trials is nearer to the optimum than to chance. metrics: its lifetimes
     without plasticity and, if it has any, with it and with the reward inverted.
     """
     each = metrics.groupby("controller", sort=False).rewarded_share.agg(["sum", "size"])
@@ -109,9 +104,9 @@ def of_learner(metrics: pd.DataFrame, task: Reversal) -> tuple[dict[str, int | N
 
 
 def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
-    """The leaderboard: a row for each method and experiment, the one with most success first.
+    """The leaderboard: a row for each method and experiment, in order of success.
 
-    champions: a row for each, with the columns of `of_champion` or `of_learner`, and whose it is.
+    champions: a row for each, with its method and the columns of `of_champion` or `of_learner`.
     """
     found = []
     for row in rows:
@@ -143,7 +138,7 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
 
 
 def _success_of(champions: pd.DataFrame, name: str) -> dict[str, float]:
-    """The success of champions with its interval; nan without any."""
+    """The success of these champions with its interval; nan without champions."""
     trials, successes = champions.trials.to_numpy(np.int64), champions.successes.to_numpy(np.int64)
     low, high = bootstrap_ratio(successes, trials, seed=0)
     share = successes.sum() / trials.sum() if len(trials) else np.nan
@@ -151,7 +146,7 @@ def _success_of(champions: pd.DataFrame, name: str) -> dict[str, float]:
 
 
 def _share(successes: "pd.Series[Any]", trials: "pd.Series[Any]") -> float:
-    """Successes of all trials; nan where there is no such control."""
+    """The share of successes; nan without such a control."""
     return np.nan if successes.isna().any() else successes.sum() / trials.sum()
 
 
@@ -160,23 +155,19 @@ def _of(champions: pd.DataFrame, experiment: str, method: str) -> pd.DataFrame:
 
 
 def _against_control(own: pd.DataFrame, matched_control: pd.DataFrame) -> dict[str, float]:
-    """The difference in success to the matched control, champion by champion of the same seed."""
+    """The difference in success to the matched control, paired by the seed of the champions."""
     if matched_control.empty:
         return dict.fromkeys(("difference", "difference_low", "difference_high", "sign_flip_p"), np.nan)
     both = own.merge(matched_control, on="seed", suffixes=("", "_control"), validate="one_to_one")
     more = (both.successes - both.successes_control).to_numpy(np.int64)
     shares = more / both.trials.to_numpy(np.int64)
     low, high = bootstrap_mean(shares, seed=0, bounds=(-1, 1))
-    return {
-        "difference": float(shares.mean()),
-        "difference_low": low,
-        "difference_high": high,
-        "sign_flip_p": sign_flip(more),
-    }
+    means = {"difference": float(shares.mean()), "difference_low": low, "difference_high": high}
+    return means | {"sign_flip_p": sign_flip(more)}
 
 
 def cells(row: Any) -> list[str]:
-    """The cells of a row of the table, as the pages show them; `row` is one of `table`."""
+    """The cells of a row of `table`, below `head`."""
     matched_control = (
         f"{rescue.difference(row)}, p = {row.sign_flip_p:.2g}, to {code(row.matched_control)}"
         if row.matched_control
@@ -202,19 +193,19 @@ def _or_dash(share: float) -> str:
 
 
 def head(experiment: str) -> list[str]:
-    """What stands above the cells of the rows of an experiment."""
+    """The headings of the table of an experiment."""
     if experiment == REVERSAL:
         success, controls = ["learn", "rewarded share", "of those that learn"], ["rule off", "reward inverted"]
     else:
-        success, controls = ["both sides at home", "success over the test worlds", "retention"], ["rule off"]
+        success, controls = ["solves both sides in training", "success over the test worlds", "retention"], ["rule off"]
     return [
         *("method", "kind", *success, "best champion", "difference to the matched control", *controls),
-        *("numbers evolved", "M robot-steps"),
+        *("evolved parameters", "million robot-steps"),
     ]
 
 
 def markdown_of(own: pd.DataFrame, costs: pd.DataFrame | None = None) -> str:
-    """The rows of an experiment in Markdown; with CPU seconds, if these are given (of `costs`)."""
+    """The rows of an experiment in Markdown; costs: CPU seconds, for two more columns."""
     headings, rows = head(str(own.experiment.iloc[0])), [cells(row) for row in own.itertuples()]
     if costs is not None:
         headings += ["CPU s to evolve", "CPU s to test"]
@@ -227,63 +218,65 @@ def markdown_of(own: pd.DataFrame, costs: pd.DataFrame | None = None) -> str:
 def markdown(
     board: pd.DataFrame,
     costs: pd.DataFrame,
-    told: Mapping[str, str],
+    methods: Mapping[str, str],
     tests: Mapping[str, Sequence[str]],
     provenance: str,
 ) -> str:
     """The page.
 
-    costs: CPU seconds, a row for each method and experiment. told: what each method is. tests: the test worlds of each
-    experiment. provenance: lines on who made this and how.
+    costs: CPU seconds, a row for each method and experiment. methods: each with its description. tests: the test worlds
+    of each experiment. provenance: lines on who made this and how.
     """
-    parts = ["# Leaderboard\n", f"{provenance}\n", f"{_HOW}\n"]
+    parts = ["# Leaderboard\n", f"{provenance}\n", _TERMS]
     for experiment, own in board.groupby("experiment", sort=False):
-        worlds = tests[str(experiment)]
-        where = (
-            f"Home: {code(TRAINED[str(experiment)])}. {len(worlds)} test worlds: {', '.join(map(code, worlds))}.\n"
-            if worlds
-            else f"{_HOW_REVERSAL}\n"
-        )
+        worlds, where = tests[str(experiment)], _TERMS_REVERSAL
+        if worlds:
+            names = ", ".join(map(code, worlds))
+            where = f"Training world: {code(TRAINED[str(experiment)])}. {len(worlds)} test worlds: {names}.\n"
         parts += [f"## {title(str(experiment))}\n", where, markdown_of(own, costs)]
     parts += [
-        "## The figure\n",
+        "## Figure\n",
         f"![{CAPTION}](figures/{FIGURE})\n\n*{CAPTION}*\n",
-        "## The methods\n",
-        markdown_table(["method", "what it is"], [[code(name), what] for name, what in told.items()]),
+        "## Methods\n",
+        markdown_table(["method", "description"], [[code(name), text] for name, text in methods.items()]),
     ]
     return "\n".join(parts)
 
 
 def title(experiment: str) -> str:
-    """What an experiment is called above its table."""
+    """The heading of the table of an experiment."""
     return "Reversal learning" if experiment == REVERSAL else f"The {experiment} experiment"
 
 
-_HOW_REVERSAL = (
-    "The positive control: a task that cannot be done without plasticity. A *trial* is one of the many of a new life, "
-    "and succeeds if the robot comes to the rewarded end; the other end becomes the rewarded one at a trial that is "
-    "drawn, or never. All methods are evolved by the GA with `ga=reversal` in the one world that there is, so that "
-    "only their rules are compared; what differs in training, optimizer or adaptation alone has no row. *Learn*: "
-    "champions whose share of rewarded trials lies nearer to the optimum than to chance. *Reward inverted*: the same "
-    "champions on the same noise, the modulatory neuron hearing the reward with the other sign; a robot that learns "
-    "from it now comes to the wrong end."
-)
-_HOW = (
-    "A *trial* is one champion, one side and one test world; it succeeds if more than half of its noise repeats do. "
-    "*Both sides at home*: champions that succeed on the left and on the right in the world that they were evolved in. "
-    "*Retention*: success over the test worlds of these champions alone; one that always turns to one side masters "
-    "half of everything for nothing. *Best champion*: the success of the one that does best in these trials; chosen "
-    "by what it is told for, so it flatters a little. *Twin*: the same without plasticity, that is the same optimizer, "
-    "training worlds, fitness and robot-steps, or the champions that something is laid over; the difference is paired "
-    "by the seed of the champions, and p is from an exact sign-flip test of it. *Rule off*: the same champions on the "
-    "same noise without plasticity. *Numbers evolved* and *robot-steps* are of one champion; what is laid over costs "
-    "none of its own. Intervals are 95 %, by champion; with fewer than eight champions a difference between methods "
-    "means nothing. CPU seconds, of one champion too, depend on the machine, on what else runs there, and on whether "
-    "anything had to be compiled: they are in `cost.csv` and on this page, and in no other table, because all others "
-    "come out the same to the byte when they are made again."
-)
+_TERMS_REVERSAL = """\
+The positive control: a task that cannot be solved without plasticity.
+
+- A *trial* is one of the many of a lifetime. It succeeds if the robot reaches the rewarded end. At a trial that is
+  drawn, or never, the other end becomes the rewarded one.
+- All methods are evolved by the GA with `ga=reversal`, in one world. Only their rules differ. A method that differs
+  in training, optimizer or adaptation alone has no row.
+- *Learn*: champions with a share of rewarded trials nearer to the optimum than to chance.
+- *Reward inverted*: the same champions on the same random numbers; the modulatory neuron receives the reward with the
+  opposite sign. A robot that learns from the reward now goes to the wrong end.
+"""
+_TERMS = """\
+- A *trial* is one champion, one side and one test world. It succeeds if more than half of its repeats do.
+- *Solves both sides in training*: champions that succeed on the left and on the right in their training world.
+- *Retention*: success over the test worlds of these champions alone. A champion that always turns to one side solves
+  half of all trials and has learned nothing.
+- *Best champion*: the success of the champion that does best in these trials. It is chosen by this number, which is
+  therefore a little too high.
+- *Matched control*: the same optimizer, training worlds, fitness and robot-steps, without plasticity. For a method
+  added after evolution: the same champions without it. The difference is paired by seed; p is from an exact sign-flip
+  test.
+- *Rule off*: the same champions on the same random numbers, without plasticity.
+- *Evolved parameters*, *robot-steps* and CPU seconds are of one champion, with the evolution of the champion that a
+  method is added to. CPU seconds depend on the machine: they are on this page and in `cost.csv` alone. All other
+  tables are bit-identical when they are made again.
+- Intervals are 95 %, by champion. With fewer than eight champions a difference between methods means nothing.
+"""
 CAPTION = (
-    "Left: success over the test worlds, or share of rewarded trials, of each method, with its 95 % interval; small "
-    "dots are single champions, the cross is the same with the rule off, the triangle with the reward inverted. Right: "
-    "the difference to its matched control without plasticity, paired by champion."
+    "Left: success over the test worlds, or share of rewarded trials, of each method, with its 95 % interval. Small "
+    "dots are single champions. A cross is the same with the rule off, a triangle with the reward inverted. Right: the "
+    "difference to the matched control, paired by champion."
 )

@@ -1,4 +1,4 @@
-"""The lifetimes of many evaluations in one table, each of them once, each genome under one name of its own."""
+"""The lifetimes of many evaluations in one table: each lifetime once, each genome with a name of its own."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ import pandas as pd
 from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.sim.controller import GA
 
-ANY = "any"  # the value of a setting of plasticity in the rows of the GA, which no such setting changes
+ANY = "any"  # the value of a setting of plasticity in the rows of the GA
 OWN_COLUMN = {  # keys that metrics.csv has a column for
     "genome": "genome",
     "seed": "seed",
@@ -29,10 +29,10 @@ _LIFETIME = ["_id", "side", "repeat", "seed"]
 class Evaluated:
     """One evaluation of many."""
 
-    settings: Mapping[str, Any]  # what was set for it, by key
-    where: str  # where its genome was found; nothing for an array
+    settings: Mapping[str, Any]  # by key
+    where: str  # path of its genome; empty for an array
     sha256: str  # of its genes
-    ids: Mapping[str, str]  # for each controller, a digest of what its lifetimes depend on besides side, repeat, seed
+    ids: Mapping[str, str]  # for each controller, a digest of all that its lifetimes depend on but side, repeat, seed
     rows: pd.DataFrame  # its lifetimes, with the columns of `metrics.csv`
     place: Mapping[str, str] = field(default_factory=dict)  # more columns, before all others
 
@@ -41,8 +41,8 @@ class Gathered(NamedTuple):
     """The lifetimes of many evaluations.
 
     rows: one row a lifetime: `Evaluated.place`, a column for each key without a column of its own, `COLUMNS`.
-    settings: the columns that say which condition a row belongs to. repeated: a line on evaluations that repeat others;
-    empty if there are none.
+    settings: the columns that name the condition of a row. repeated: a line on evaluations that repeat others, or
+    empty.
     """
 
     rows: pd.DataFrame
@@ -51,18 +51,18 @@ class Gathered(NamedTuple):
 
 
 def gather(evaluations: Sequence[Evaluated]) -> Gathered:
-    """Put the lifetimes of many evaluations together; each lifetime counts once, however often it was asked for.
+    """Put the lifetimes of many evaluations together; a lifetime in several evaluations counts once.
 
     Two lifetimes are the same if genes, world, controller, side, repeat and seed are the same. The GA has the same
-    lifetimes beside every plasticity, so it comes once, with `ANY` for the settings of plasticity.
+    lifetimes beside every plasticity: they have one row each, with `ANY` for the settings of plasticity.
     """
     keys = list(dict.fromkeys(key for one in evaluations for key in one.settings if key not in _NO_CONDITION))
     more = [key for key in keys if key not in OWN_COLUMN]
     place = list(evaluations[0].place) if evaluations else []
     names, frames = _names(evaluations), []
     for number, one in enumerate(evaluations):
-        told = {**one.place, **{key: one.settings.get(key, "") for key in more}}
-        frame = pd.concat([pd.DataFrame(told, index=one.rows.index), one.rows], axis=1)
+        first = {**one.place, **{key: one.settings.get(key, "") for key in more}}
+        frame = pd.concat([pd.DataFrame(first, index=one.rows.index), one.rows], axis=1)
         frame["genome"] = names[frame.experiment.iloc[0], one.sha256]
         for column in (OWN_COLUMN.get(key, key) for key in keys if is_of_plasticity(key) and key != "hebbian.N"):
             alone = frame.controller == GA
@@ -78,12 +78,12 @@ def gather(evaluations: Sequence[Evaluated]) -> Gathered:
 
 
 def is_of_plasticity(key: str) -> bool:
-    """Whether a key, or a column, is a setting of plasticity, which the GA does not have."""
+    """Whether a key, or a column, is a setting of plasticity; the GA has none."""
     return key == "signal" or key.partition(".")[0] in ("hebbian", "adaptation", "compare")
 
 
 def _names(evaluations: Sequence[Evaluated]) -> dict[tuple[str, str], str]:
-    """A name for each genome, by experiment and SHA-256: its first one, or a longer one if others have that too."""
+    """A name for each genome, by experiment and SHA-256: its first name, or a longer one if two share it."""
     found: dict[tuple[str, str], dict[str, str]] = {}  # experiment and name -> SHA-256 -> where
     known: set[tuple[str, str]] = set()
     for one in evaluations:
@@ -99,7 +99,7 @@ def _names(evaluations: Sequence[Evaluated]) -> dict[tuple[str, str], str]:
 
 
 def _distinct(name: str, genomes: Mapping[str, str]) -> list[str]:
-    """Names for genomes that have the same name: the shortest ends of their paths that differ, else digests."""
+    """Names for genomes of the same name: the shortest ends of their paths that differ, else digests."""
     if len(genomes) == 1:
         return [name]
     paths = [Path(where) for where in genomes.values()]
@@ -112,7 +112,7 @@ def _distinct(name: str, genomes: Mapping[str, str]) -> list[str]:
 
 
 def _repeated(whole: pd.DataFrame, again: pd.Series, evaluations: Sequence[Evaluated]) -> str:
-    """A line on evaluations of which no lifetime is new."""
+    """A line on evaluations without a new lifetime."""
     without = sorted(set(whole._number) - set(whole._number[~again]))
     if not without:
         return ""
@@ -124,7 +124,7 @@ def _repeated(whole: pd.DataFrame, again: pd.Series, evaluations: Sequence[Evalu
 def repeated(count: int, later: Mapping[str, Any], before: Mapping[str, Any]) -> str:
     """A line on evaluations that repeat others; later, before: the settings of the first one and of what it repeats."""
     differ = [key for key in later if later[key] != before.get(key, "")] or list(later)
-    told, first = (", ".join(f"{key}={of.get(key, '')}" for key in differ) for of in (later, before))
-    which = f"{told} is given twice" if told == first else f"{told} repeats {first}"
+    given, first = (", ".join(f"{key}={of.get(key, '')}" for key in differ) for of in (later, before))
+    which = f"{given} is given twice" if given == first else f"{given} repeats {first}"
     more = f", and {count - 1} more like it" if count > 1 else ""
     return f"{which}{more}; each lifetime counts once."

@@ -1,14 +1,14 @@
-"""Between what the share of rewarded trials lies in reversal learning: what luck gives, and what nobody beats."""
+"""Limits of the share of rewarded trials in reversal learning: chance, and the optimum."""
 
 from epuckhebb.sim.tasks.reversal import Reversal
 
-CHANCE, OPTIMUM = "chance", "optimum"  # what rows and lines are called that no robot lived
+CHANCE, OPTIMUM = "chance", "optimum"  # names of their rows and lines
 
 
 def limits(task: Reversal) -> dict[str, float]:
-    """The share of a robot that goes any fixed sequence of ways, and the best that can be, by name.
+    """The share of a robot that does not learn, and the best possible share, by name.
 
-    Lives come in pairs, one with each end rewarded first and the switch at the same trial, so what is right in one of
-    the two is wrong in the other.
+    Lifetimes come in pairs: one with each end rewarded first, and the switch at the same trial. A fixed sequence of
+    choices is therefore right in one lifetime wherever it is wrong in the other.
     """
     return {CHANCE: 0.5, OPTIMUM: task.optimum()}

@@ -1,4 +1,4 @@
-"""When things came about for a recorded robot: its world changed, it arrived at its goal."""
+"""Moments of a recorded lifetime: when the world changed, and when the robot arrived at its goal."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,9 +13,9 @@ from epuckhebb.sim.scenario import Scenario
 
 
 class Arrival(NamedTuple):
-    """How a lifetime went, as to the goal, which is the goal of the moment if goals move.
+    """Whether and when a robot reached its goal; if goals move, the goal of that moment.
 
-    time: when the robot was at the goal first [s], None if never. final_distance: from the goal at the end [m].
+    time: when the robot was first at the goal [s], None if never. final_distance: to the goal at the end [m].
     stayed: whether it was at the goal at the last sample.
     """
 
@@ -24,19 +24,19 @@ class Arrival(NamedTuple):
     stayed: bool
 
     @property
-    def told(self) -> str:
+    def text(self) -> str:
         """In a few words."""
         return "at the goal" if self.stayed else "did not arrive" if self.time is None else "was at the goal, drove on"
 
 
-def told(change: Mapping[str, Any]) -> str:
-    """What a change of a scenario changes, as it would be typed: `light=1, obstacles=4`."""
+def change_text(change: Mapping[str, Any]) -> str:
+    """A change of a scenario as a user types it: `light=1, obstacles=4`."""
     return ", ".join(part for key, value in change.items() if key != "at_s" for part in _parts(key, value))
 
 
-def told_when(change: Mapping[str, Any]) -> str:
-    """What a change of a scenario changes, and when: `60 s: light=1`."""
-    return f"{change['at_s']:g} s: {told(change)}"
+def timed_change_text(change: Mapping[str, Any]) -> str:
+    """A change of a scenario with its time: `60 s: light=1`."""
+    return f"{change['at_s']:g} s: {change_text(change)}"
 
 
 def _parts(key: str, value: Any) -> list[str]:
@@ -56,22 +56,22 @@ def begins(
 ) -> list[tuple[float | None, Scenario]]:
     """When each phase of a scenario began for one robot [s], None if not before its record ends, and its world.
 
-    time: (samples,) [s]. pose: (samples, 3) x, y [m], heading [rad]. Walls that would come where the robot stands wait
-    until it has gone, and all later changes wait for them.
+    time: (samples,) [s]. pose: (samples, 3) x, y [m], heading [rad]. New walls wait until the robot has left their
+    place, and all later changes wait for them.
     """
-    told: list[tuple[float | None, Scenario]] = []
+    phases: list[tuple[float | None, Scenario]] = []
     walls, last = np.empty((0, 4)), 0.0
     for step, world in scenario.phases:
         before, walls = walls, boxes(world.maze, world.obstacles, world.layout)
         since = max(step * STEP_S, last)
-        if told and not np.array_equal(before, walls):
+        if phases and not np.array_equal(before, walls):
             moments = np.arange(round(since / STEP_S), round(float(time[-1]) / STEP_S) + 1) * STEP_S
             x, y = (np.interp(moments, time, pose[:, axis]) for axis in (0, 1))
             free = moments[_gaps(x, y, added(before, walls)) >= world.robot.radius_m]
             since = float(free[0]) if len(free) else math.inf
         last = since
-        told.append((since if since <= time[-1] else None, world))
-    return told
+        phases.append((since if since <= time[-1] else None, world))
+    return phases
 
 
 def _gaps(x: NDArray[np.float64], y: NDArray[np.float64], walls: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -83,7 +83,7 @@ def _gaps(x: NDArray[np.float64], y: NDArray[np.float64], walls: NDArray[np.floa
 
 
 def put_back(time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario) -> NDArray[np.intp]:
-    """The samples before which a robot was put back to the start: it cannot have driven there. (times,).
+    """The samples at which a robot was back at the start without driving there, (times,).
 
     time: (samples,) [s]. pose: (samples, 3) x, y [m], heading [rad].
     """
@@ -97,7 +97,7 @@ def put_back(time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Sce
 def with_gaps(
     time: NDArray[np.float64], pose: NDArray[np.float64], scenario: Scenario
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The same record with a gap, nan, where the robot was put back, so that no line is drawn there."""
+    """The same record with nan where the robot was put back to the start: no line is drawn there."""
     places = put_back(time, pose, scenario)
     return np.insert(time, places, time[places]), np.insert(pose, places, np.nan, axis=0)
 

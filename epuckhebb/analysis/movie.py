@@ -1,4 +1,4 @@
-"""Recorded lifetimes as a GIF or an MP4 for slides: all trials at once, eight times as fast as they were."""
+"""Recorded lifetimes as a GIF or an MP4: all trials at once, at eight times their speed."""
 
 import importlib.util
 import io
@@ -18,13 +18,13 @@ from PIL import Image
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.figures import SIDE_COLOUR, controller_title, draw_maze, plain
 from epuckhebb.analysis.floor import view
-from epuckhebb.analysis.moments import told_when, with_gaps
+from epuckhebb.analysis.moments import timed_change_text, with_gaps
 from epuckhebb.sim.maze import Side
 from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario
 
 _SPEED = 8  # s of a lifetime in a second of film
-_REST_S = 10.0  # s of lifetime shown after the last change and the last robot came to rest
+_REST_S = 10.0  # s of lifetime shown after the last change and after the last robot stops
 _HEIGHT, _PANEL_WIDTH, _LEAST_WIDTH, _DPI = 448, 480, 640, 100  # pixels; multiples of 16, as video codecs want
 
 Track = Callable[[Sequence[float]], Iterable[float]]
@@ -48,17 +48,17 @@ def gif(traces: Traces, scenario: Scenario, title: str, track: Track = iter) -> 
 
 
 def _palette(frame: NDArray[np.uint8]) -> Image.Image:
-    """One palette for all frames: the commonest colours of the last ones of each world, which have them all.
+    """One palette for all frames: the commonest colours of the last frame of each world, which has them all.
 
-    They keep a distance of 8 levels, because Pillow looks colours up no finer than that; so white stays white.
+    Colours keep a distance of 8 levels: Pillow looks them up no finer than that. White therefore stays white.
     """
     colours, counts = np.unique(frame.reshape(-1, 3).astype(int), axis=0, return_counts=True)
-    kept = np.empty((0, 3), int)
+    chosen = np.empty((0, 3), int)
     for colour in colours[np.argsort(-counts)]:
-        if len(kept) < 256 and (np.abs(kept - colour).max(axis=1) >= 8).all():
-            kept = np.vstack([kept, colour])
+        if len(chosen) < 256 and (np.abs(chosen - colour).max(axis=1) >= 8).all():
+            chosen = np.vstack([chosen, colour])
     palette = Image.new("P", (1, 1))
-    palette.putpalette(kept.ravel().tolist())
+    palette.putpalette(chosen.ravel().tolist())
     return palette
 
 
@@ -68,7 +68,7 @@ def can_make_mp4() -> bool:
 
 
 def mp4(traces: Traces, scenario: Scenario, title: str, track: Track = iter) -> bytes:
-    """An MP4 film, where imageio-ffmpeg is installed. track: wraps the moments to be drawn, to show progress."""
+    """An MP4 film; needs imageio-ffmpeg. track: as of `gif`."""
     import imageio_ffmpeg
 
     frames_per_second = 25
@@ -86,7 +86,7 @@ def mp4(traces: Traces, scenario: Scenario, title: str, track: Track = iter) -> 
 def _frames(
     traces: Traces, scenario: Scenario, title: str, track: Track, frames_per_second: float
 ) -> Iterator[NDArray[np.uint8]]:
-    """The pictures, (height, width, 3), one after the other."""
+    """The pictures, (height, width, 3)."""
     controllers = list(dict.fromkeys(traces.controller))
     figure = Figure(figsize=(_width(traces) / _DPI, _HEIGHT / _DPI), dpi=_DPI, layout="constrained")
     canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
@@ -113,13 +113,13 @@ def _frames(
     end = _end(time, pose, phases[-1][0])
     for now in track(np.arange(0.0, end, _SPEED / frames_per_second).tolist()):
         phase = sum(since <= now for since, _ in phases) - 1
-        if phase != shown:  # what does not move is drawn once for each world
+        if phase != shown:  # walls, obstacles and goals are drawn once for each world
             for artist in drawn:
                 artist.remove()
             drawn = [artist for axes in panels.values() for artist in draw_maze(axes, phases[phase][1])]
             for axes in panels.values():
                 axes.set(xlim=(left, right), ylim=(bottom, top))
-            changed = f"   ◆{phase} {told_when(scenario.changes[phase - 1])}" if phase else ""
+            changed = f"   ◆{phase} {timed_change_text(scenario.changes[phase - 1])}" if phase else ""
             heading.set_text(plain(f"{title}\n0 s"))
             canvas.draw()
             still, shown = canvas.copy_from_bbox(figure.bbox), phase
@@ -143,7 +143,7 @@ def _width(traces: Traces) -> int:
 
 
 def _end(time: NDArray[np.float64], pose: NDArray[np.float64], last_change: float) -> float:
-    """A while after the last change and after the last robot came to rest, that is within 2 cm of where it ends [s]."""
+    """The end of the film [s]: `_REST_S` after the last change and after the last robot is within 2 cm of its end."""
     away = np.hypot(*np.moveaxis(pose[:, :, :2] - pose[:, -1:, :2], -1, 0)).max(axis=0) > 0.02
     rest = time[np.flatnonzero(away)[-1]] if away.any() else time[0]
     return float(min(time[-1], max(rest, last_change) + _REST_S)) + 1e-9

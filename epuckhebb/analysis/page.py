@@ -1,13 +1,13 @@
-"""What all pages that we write have in common: they ask nothing of any network, and do only what we wrote."""
+"""The content security policy of all HTML pages that are written."""
 
 import base64
 import hashlib
 
 
 def policy(*, style: str, script: str | None = None) -> str:
-    """The content security policy of a page with this style and this script, whatever a title or a name in it says.
+    """The policy of a page with this style and this script, whatever a title or a name in it says.
 
-    Nothing may be fetched, and only this very style and script may act; the pictures are in the page.
+    The page may load nothing; only this style and this script act; pictures are in the page.
     """
     acts = f"script-src '{_hash(script)}'; " if script is not None else ""
     return f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; {acts}base-uri 'none'; form-action 'none'"

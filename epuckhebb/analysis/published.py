@@ -1,4 +1,4 @@
-"""Ours beside theirs: the paper's Tables 1 to 3, cell by cell."""
+"""The paper's Tables 1 to 3, cell by cell, beside the values of this program."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -32,7 +32,7 @@ def published_values(tables: Mapping[str, Any]) -> pd.DataFrame:
 
 
 def published_success(tables: Mapping[str, Any]) -> pd.DataFrame:
-    """What the paper says of success in every cell: experiment, scenario, controller, side, success (0, 1 or nan)."""
+    """The paper's success in every cell: experiment, scenario, controller, side, success (0, 1 or nan)."""
     values = published_values(tables)
     values = values[values.metric == "success"].rename(columns={"published": "success"})
     elsewhere = {
@@ -45,7 +45,7 @@ def published_success(tables: Mapping[str, Any]) -> pd.DataFrame:
 
 
 def compare(published: pd.DataFrame, each: pd.DataFrame, showcase: Mapping[str, str]) -> pd.DataFrame:
-    """For every number of the paper: the showcase's, its relative deviation, and median and quartiles of all champions.
+    """For every number of the paper: that of the showcase, its relative deviation, and the quartiles of all champions.
 
     each: `epuckhebb.analysis.findings.trials`. showcase: the champion to put beside the paper, for each experiment.
     """

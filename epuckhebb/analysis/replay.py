@@ -1,8 +1,8 @@
-"""A page to watch: recorded lifetimes side by side in the maze, and their networks as they adapt.
+"""The replay page: recorded lifetimes side by side in the maze, and their networks as weights change.
 
-`page` fills the template `replay.html` beside this file with what was recorded. The page is one file that asks nothing
-of any network; its policy forbids it to. All numbers are embedded as 16-bit integers times a step, at most 1000
-samples of a lifetime, so that the four lifetimes of an evaluation take about 1.5 MB.
+`page` fills the template `replay.html` beside this file with the record. The page is one file that loads nothing; its
+policy forbids it. Numbers are embedded as 16-bit integers times a step, at most 1000 samples of a lifetime. The four
+lifetimes of an evaluation take about 1.5 MB.
 """
 
 import base64
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.figures import controller_title
 from epuckhebb.analysis.floor import floor, view
-from epuckhebb.analysis.moments import Arrival, arrival, begins, put_back, told
+from epuckhebb.analysis.moments import Arrival, arrival, begins, change_text, put_back
 from epuckhebb.analysis.page import policy
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
 from epuckhebb.sim.life import Samples
@@ -33,11 +33,11 @@ from epuckhebb.sim.sensors import Place, SensorGroup
 
 __all__ = ["Arrival", "arrival", "outcome", "page"]
 
-_MOST_SAMPLES = 1000  # of a lifetime; more are thinned out, and the page draws straight lines between them
+_MOST_SAMPLES = 1000  # of a lifetime; of more, every so many-th is kept
 _LARGEST = 32767  # of a 16-bit integer
-_WHO = {GA: "without plasticity", HEBBIAN: "with plasticity"}
-_STAYS = "its connections stay as they were at birth"
-_LEARNS = "its connections change while it drives"
+_WITH = {GA: "without plasticity", HEBBIAN: "with plasticity"}
+_CONSTANT = "its weights stay at their initial values"
+_CHANGING = "its weights change during the lifetime"
 _WAYS = ((8, "front"), (31, "front {}"), (68, "{}, ahead"), (112, "{}"), (172, "back {}"), (180, "back"))  # degrees
 
 
@@ -54,9 +54,9 @@ def page(
 ) -> str:
     """The HTML text of the page.
 
-    genes: what the lifetimes began with; the network's weights come first. title: a line that says which run this is.
-    gain_rad_s: wheel speed [rad/s] of a network output of 1. network: what the genes are for. found: a sentence for
-    each side on what a self-check found, if there was one. notes: lines that a reader must know beside the outcome.
+    genes: of these lifetimes, the weights first. title: a line that names the run. gain_rad_s: wheel gain, the wheel
+    speed [rad/s] at a network output of 1. network: of these genes. found: for each side a sentence on the findings of
+    a self-check, if any. notes: lines beside the outcome.
     """
     template = Path(__file__).with_suffix(".html").read_text(encoding="utf-8")
     style, script = (
@@ -74,50 +74,50 @@ def page(
 
 
 def outcome(side: Side, controllers: Sequence[str], arrivals: Sequence[Arrival]) -> str:
-    """One plain sentence: who reached the goal of this side, and when."""
+    """One sentence: which robots reached the goal of this side, and when."""
     goal = f"the goal on the {side}"
-    lived = list(zip(controllers, arrivals, strict=True))
-    stayed = [one for one in lived if one[1].stayed]
-    others = [one for one in lived if not one[1].stayed]
-    alone, both = len(lived) == 1, len(lived) == 2
+    robots = list(zip(controllers, arrivals, strict=True))
+    stayed = [one for one in robots if one[1].stayed]
+    others = [one for one in robots if not one[1].stayed]
+    alone, both = len(robots) == 1, len(robots) == 2
     if alone and stayed:
         return f"The robot reached {goal} after {arrivals[0].time:.1f} s."
     if not others:
-        told = f"{'Both' if both else 'All'} robots reached {goal}: "
+        first = f"{'Both' if both else 'All'} robots reached {goal}: "
     elif stayed:
-        whom = " and the one ".join(_who(controller) for controller, _ in stayed)
+        names = " and the one ".join(_with(controller) for controller, _ in stayed)
         times = " and ".join(f"{arrived.time:.1f} s" for _, arrived in stayed)
-        told = f"Only the robot {whom} reached {goal} and stayed there, after {times}; "
+        first = f"Only the robot {names} reached {goal} and stayed there, after {times}; "
     else:
         passed = any(arrived.time is not None for arrived in arrivals)
-        robots = "The robot never" if alone else "Neither robot" if both else "No robot"
-        told = f"{robots} {'stayed at' if passed else 'reached'} {goal}: "
-    who = [""] if alone else [f"{_who(controller)} " for controller, _ in others or stayed]
-    return f"{told}{', '.join(map(_told, who, [arrived for _, arrived in others or stayed]))}."
+        none = "The robot never" if alone else "Neither robot" if both else "No robot"
+        first = f"{none} {'stayed at' if passed else 'reached'} {goal}: "
+    ends = (_end("" if alone else f"{_with(controller)} ", arrived) for controller, arrived in others or stayed)
+    return f"{first}{', '.join(ends)}."
 
 
-def reversal_outcome(side: Side, controllers: Sequence[str], lives: Sequence[Samples]) -> str:
-    """In plain sentences: which end was rewarded first, and how often each robot came to the rewarded one."""
-    told = []
-    for controller, samples in zip(controllers, lives, strict=True):
+def reversal_outcome(side: Side, controllers: Sequence[str], lifetimes: Sequence[Samples]) -> str:
+    """One sentence: which end was rewarded first, and how often each robot reached the rewarded end."""
+    counts = []
+    for controller, samples in zip(controllers, lifetimes, strict=True):
         begins = np.diff(samples.sensors[:, -1], prepend=0.0) * samples.sensors[:, -1] > 0
         good, all_ = (int(begins[samples.sensors[:, -1] > least].sum()) for least in (0, -2))
-        told.append(f"the robot {_who(controller)} came to an end {all_} times, {good} of them to the rewarded one")
-    return f"The end on the {side} is rewarded first; {'; '.join(told)}."
+        counts.append(f"the robot {_with(controller)} reached an end {all_} times, {good} times the rewarded end")
+    return f"The end on the {side} is rewarded first; {'; '.join(counts)}."
 
 
-def _who(controller: str) -> str:
+def _with(controller: str) -> str:
     known = controller if controller in CONTROLS.values() else f"“{controller}”"
-    return _WHO.get(controller, f"with {known}")
+    return _WITH.get(controller, f"with {known}")
 
 
-def _told(who: str, arrived: Arrival) -> str:
+def _end(name: str, arrived: Arrival) -> str:
     away = f"ended {100 * arrived.final_distance:.0f} cm away"
     if arrived.time is None:
-        return f"{who}it {away}"
+        return f"{name}it {away}"
     if arrived.stayed:
-        return f"{who}after {arrived.time:.1f} s"
-    return f"{who}it was there after {arrived.time:.1f} s but drove on and {away}"
+        return f"{name}after {arrived.time:.1f} s"
+    return f"{name}it was there after {arrived.time:.1f} s but drove on and {away}"
 
 
 def _content(
@@ -129,37 +129,38 @@ def _content(
     found: Mapping[str, str],
 ) -> dict[str, Any]:
     controllers = list(dict.fromkeys(traces.controller))
-    lifetime = {of: k for k, of in reversed(list(enumerate(zip(traces.controller, traces.side, strict=True))))}
+    place = {of: k for k, of in reversed(list(enumerate(zip(traces.controller, traces.side, strict=True))))}
     sides = [side for side in SIDES if side in traces.side]
     time = traces.samples.time[0]
     every = math.ceil(len(time) / _MOST_SAMPLES)
     interval = float(time[1] - time[0]) * every if len(time) > 1 else STEP_S
-    birth = initial_weights_of(genes[: network.synapses]).astype(np.float32)
+    initial = initial_weights_of(genes[: network.synapses]).astype(np.float32)
     named = zip(traces.controller, traces.samples.weight_change, strict=True)
     changed = {name for name, weight_change in named if weight_change.any()}
-    lives, outcomes = {}, {}
+    lifetimes, outcomes = {}, {}
     has_trials = scenario.task.has_trials
     for side in sides:
-        of_side = [Samples(*(array[lifetime[name, side]] for array in traces.samples)) for name in controllers]
+        of_side = [Samples(*(array[place[name, side]] for array in traces.samples)) for name in controllers]
         arrivals = [arrival(samples.time, samples.pose, scenario, side) for samples in of_side]
-        said = reversal_outcome(side, controllers, of_side) if has_trials else outcome(side, controllers, arrivals)
-        outcomes[side] = " ".join(filter(None, [said, found.get(side)]))
-        lives[side] = [
+        sentence = reversal_outcome(side, controllers, of_side) if has_trials else outcome(side, controllers, arrivals)
+        outcomes[side] = " ".join(filter(None, [sentence, found.get(side)]))
+        lifetimes[side] = [
             {
                 "arrival": None if has_trials else arrived.time,
                 "stayed": arrived.stayed and not has_trials,
-                "putBack": np.ceil(put_back(samples.time, samples.pose, scenario) / every).astype(int).tolist(),
+                "resets": np.ceil(put_back(samples.time, samples.pose, scenario) / every).astype(int).tolist(),
                 "begins": [since for since, _ in begins(scenario, samples.time, samples.pose)],
-                **_embedded(samples, birth, every),
+                **_embedded(samples, initial, every),
             }
             for samples, arrived in zip(of_side, arrivals, strict=True)
         ]
-    robot, maze, felt = scenario.robot, scenario.maze, scenario.robot.distance
+    robot, maze, distance = scenario.robot, scenario.maze, scenario.robot.distance
     hebbian = {HEBBIAN, *CONTROLS.values()}
     return {
         "sides": sides,
         "controllers": [
-            {"title": controller_title(name), "note": _LEARNS if name in changed else _STAYS} for name in controllers
+            {"title": controller_title(name), "note": _CHANGING if name in changed else _CONSTANT}
+            for name in controllers
         ],
         "hebbian": all(name in hebbian for name in controllers if name != GA),
         "outcomes": outcomes,
@@ -170,13 +171,13 @@ def _content(
         "layers": network.layers,
         "inputs": _inputs(scenario),
         "hasTrials": has_trials,
-        "birth": [round(weight, 7) for weight in birth.tolist()],
+        "initial": [round(weight, 7) for weight in initial.tolist()],
         "robot": {
             "radius": robot.radius_m,
-            "reach": min(felt.reach_m, felt.curve[-1].distance / felt.stretch),
+            "reach": min(distance.reach_m, distance.curve[-1].distance / distance.stretch),
             "contact": CONTACT,
             "lights": _placed(robot.light.places),
-            "distances": _placed(felt.places),
+            "distances": _placed(distance.places),
         },
         "maze": {
             "view": view(scenario),
@@ -186,16 +187,16 @@ def _content(
             "goalRadius": maze.goal_radius_m,
         },
         "worlds": [_world(world) for _, world in scenario.phases],
-        "changes": [{"at": float(change["at_s"]), "told": told(change)} for change in scenario.changes],
-        "lives": lives,
+        "changes": [{"at": float(change["at_s"]), "text": change_text(change)} for change in scenario.changes],
+        "lifetimes": lifetimes,
     }
 
 
 def _world(world: Scenario) -> dict[str, Any]:
-    """What can change in mid-life, as it is in this world."""
+    """All of a world that can change during a lifetime."""
     lamp = world.lamp
     dead = " and ".join(map(str, world.dead_sensors))
-    faults = [f"sensor{'s' if len(world.dead_sensors) > 1 else ''} {dead} blind"] if dead else []
+    faults = [f"sensor{'s' if len(world.dead_sensors) > 1 else ''} {dead} dead"] if dead else []
     turning = (("left", world.left_wheel), ("right", world.right_wheel))
     slipping = (("left", world.left_slip), ("right", world.right_slip))
     faults += [f"{side} wheel at {100 * turns:g} %" for side, turns in turning if turns < 1]
@@ -228,7 +229,7 @@ def _placed(places: Sequence[Place]) -> list[list[float]]:
 
 
 def _inputs(scenario: Scenario) -> list[str]:
-    """What the network's inputs are, in words: sensors by the way they look."""
+    """The names of the network's inputs: sensors by their direction."""
     names = []
     for group in scenario.groups:
         ways = _ways(group.places) if isinstance(group, SensorGroup) else []
@@ -237,7 +238,7 @@ def _inputs(scenario: Scenario) -> list[str]:
 
 
 def _ways(places: Sequence[Place]) -> list[str]:
-    """The ways in which sensors look, in words; in degrees too if words alone do not tell them apart."""
+    """The directions of sensors in words; with number and degrees too where two sensors have the same words."""
     ways = []
     for place in places:
         azimuth = (place.azimuth + 180) % 360 - 180
@@ -249,8 +250,8 @@ def _ways(places: Sequence[Place]) -> list[str]:
     return [f"number {number}, {way} ({place.azimuth:.0f}°)" for number, (way, place) in numbered]
 
 
-def _embedded(samples: Samples, birth: NDArray[np.float32], every: int) -> dict[str, Any]:
-    """A lifetime as packed arrays, one sample in `every`; weights as their change since birth, which is far smaller."""
+def _embedded(samples: Samples, initial: NDArray[np.float32], every: int) -> dict[str, Any]:
+    """A lifetime as packed arrays, one sample in `every`; weights as their change."""
     columns = {
         "x": samples.pose[:, 0],
         "y": samples.pose[:, 1],
@@ -262,7 +263,7 @@ def _embedded(samples: Samples, birth: NDArray[np.float32], every: int) -> dict[
         "changeSignal": np.nan_to_num(samples.change_signal),
         "rate": samples.rate,
         "weightChange": samples.weight_change,
-        "change": samples.weights - birth,
+        "change": samples.weights - initial,
     }
     return {name: _packed(values[::every]) for name, values in columns.items()}
 

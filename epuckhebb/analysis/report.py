@@ -1,6 +1,6 @@
-"""One page to read: claims, tables, how often, dose-response, figures, method; as Markdown and as self-contained HTML.
+"""The report of a reproduction: claims, tables, success, rescue and harm, figures; as Markdown and as one HTML page.
 
-Every number comes from a table that is also written as CSV; nothing is computed here.
+Every number is from a table that is also a CSV file; nothing is computed here.
 """
 
 import base64
@@ -18,7 +18,7 @@ from markdown_it.token import Token
 from epuckhebb.analysis import page, published, rescue
 from epuckhebb.analysis.findings import PAPER_N, RULE
 from epuckhebb.analysis.tables import code, markdown_table
-from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
+from epuckhebb.sim.controller import CONTROLS, GA
 
 _STYLE = """
 :root { color-scheme: light dark; }
@@ -31,9 +31,13 @@ th { vertical-align: bottom; } .number { text-align: right; }
 img { max-width: 100%; height: auto; background: #fff; border-radius: 4px; } code { font-size: .9em; }
 """
 _SHOWCASE = (
-    "It is the champion whose successes and failures agree with the paper's in most cells, among those that reach both "
-    "goals in their training world (of all, if none does); of equals the one with the lowest seed. Chosen for its "
-    "likeness, it shows that the pattern exists, not how often."
+    "Among the champions that solve both sides in training (among all, if none does), it agrees with the paper in most "
+    "cells. Of equals it has the lowest seed. It shows that the pattern exists, not how often."
+)
+_CLAIMS = f"Each claim is a question to every trial that could show it. {RULE}\n\n"
+RESCUE_TEXT = (
+    f"{rescue.COUNTED} The difference is success with plasticity minus success without, over all trials. Its p is from "
+    "an exact sign-flip test by champion. The controls change the weights by as much, in other directions."
 )
 _NUMBER = re.compile(r"\**([+−-]?[\d.]+[*%]*([ \[(,]|$)|–|$)")  # how a cell with a number begins: 2, not 2obstacles
 
@@ -42,9 +46,9 @@ _NUMBER = re.compile(r"\**([+−-]?[\d.]+[*%]*([ \[(,]|$)|–|$)")  # how a cell
 class Findings:
     """All tables of a reproduction; each is also a CSV file of that name. See `epuckhebb.analysis.findings`.
 
-    showcase: for each experiment the champion shown, in how many cells it agrees with the paper, of how many.
-    champions: how many there are of each experiment. given: one given genome takes their place. repeats: of every
-    condition, with other noise. provenance: a line on who made this and how.
+    showcase: for each experiment the champion that is shown, in how many cells it agrees with the paper, of how many.
+    champions: how many of each experiment. given: whether one given genome takes their place. repeats: of every
+    condition. provenance: a line on who made this and how.
     """
 
     claims: pd.DataFrame
@@ -61,27 +65,23 @@ class Findings:
 
 
 def markdown(found: Findings, figures: Mapping[str, str]) -> str:
-    """The report as Markdown. figures: file name -> caption, in order; the files lie in `figures/` beside it."""
+    """The report as Markdown. figures: file name -> caption, in order; the files are in `figures/` beside it."""
     parts = [
         "# The paper's experiment, reproduced\n",
         f"{found.provenance}\n",
-        "A *trial* is one champion on one side. It succeeds if the robot ends within 5 cm of its goal in more than "
-        f"half of its {found.repeats} noise repeats. Intervals are 95 %. They and the p values take champions for "
-        "the independent unit: the two sides of a champion count as two trials only as far as they differ.\n",
+        f"{rescue.trial(found.repeats)} Intervals are 95 %. Intervals and p values take champions as the independent "
+        "unit, not trials.\n",
     ]
     if not found.given:
-        parts += ["## The paper's claims\n", _claims(found.claims)]
-    parts += ["## Tables 1 to 3, ours and (the paper's)\n", _tables(found)]
+        parts += ["## The paper's claims\n", claims_table(found.claims)]
+    parts += ["## Tables 1 to 3: ours (the paper's)\n", _tables(found)]
     if not found.given:
         parts += [
-            "## How often\n",
+            "## Over all champions\n",
             "### Success\n",
             success_table(found.success),
             "### Rescue and harm\n",
-            "Of the trials that the GA masters in its training world, *broken* ones fail in the changed world without "
-            "plasticity; plasticity *rescues* some of them. Of the *sound* ones it *harms* some. Difference: success "
-            "with plasticity minus without, over all trials; p: exact sign-flip test of it, by champion. The controls "
-            "change the weights as much, but not as Hebb said.\n",
+            f"{RESCUE_TEXT}\n",
             rescue_table(found.rescue_and_harm),
             "### Retention\n",
             f"{rescue.RETENTION}\n",
@@ -92,50 +92,10 @@ def markdown(found: Findings, figures: Mapping[str, str]) -> str:
     return "\n".join(parts)
 
 
-def summary(claims: pd.DataFrame, success: pd.DataFrame, harm: pd.DataFrame, provenance: str) -> str:
-    """The tables of `docs/results.md`: claims, success, rescue and harm."""
-    return "\n".join(
-        [
-            f"{provenance} A *trial* is one champion on one side; it succeeds if most of its noise repeats do. "
-            "Intervals and p values take champions, not trials, for the independent unit.\n",
-            _claims(claims, of_what=False),
-            "Success, with 95 % intervals:\n",
-            success_table(success, (GA, HEBBIAN)),
-            "Of the trials solved in the training world, what the change breaks and plasticity rescues, and what it "
-            "harms of the rest; the controls make changes of equal size that are not Hebb's. p is from an exact "
-            "sign-flip test by champion:\n",
-            rescue_table(harm),
-        ]
-    )
-
-
-def answer(harm: pd.DataFrame, over_all: pd.DataFrame) -> str:
-    """Whether plasticity helps, in five rows: the paper's rule in three worlds, and what was found since.
-
-    harm: of `findings.rescue_and_harm`, with the paper's rule. over_all: of `findings.rescue_over_all`, with the
-    adaptations `homeostasis` and `best`.
-    """
-    worlds = {"highlight": "nothing", "lowlight": "light dimmed to a tenth", "4obstacles": "four obstacles"}
-    paper = harm[harm.controller == HEBBIAN].set_index("scenario")
-    own = [row for row in paper.loc[list(worlds)].itertuples() if PAPER_N[row.experiment] == row.N]
-    rows = [[worlds[row.Index], f"the paper's, N = {row.N:g}", *_rescued_and_harmed(row)] for row in own]
-    for experiment, controller, told in (
-        ("light", "homeostasis", "`adaptation=homeostasis`: light synapses are scaled"),
-        ("obstacles", "best", "none; `adaptation=best`: it checks itself, and follows walls while late"),
-    ):
-        row = next(over_all[(over_all.experiment == experiment) & (over_all.controller == controller)].itertuples())
-        rows.append([f"eight changes of the {experiment} experiment", told, *_rescued_and_harmed(row)])
-    return markdown_table(["what changed", "plasticity", "rescued of broken", "harmed of sound"], rows)
-
-
-def _rescued_and_harmed(row: Any) -> list[str]:
-    return [rescue.count(row, "rescued", "broken"), rescue.count(row, "harmed", "intact")]
-
-
 def html(
     text: str, picture: Callable[[str], bytes], title: str = "epuckhebb: the paper's experiment, reproduced"
 ) -> str:
-    """A report as one HTML page without links to anything; `picture` gives a figure's PNG by its file name."""
+    """A report as one HTML page that loads nothing; `picture` gives a figure's PNG by its file name."""
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(text)
     _align(tokens)
@@ -155,7 +115,7 @@ def html(
 
 
 def _align(tokens: Sequence[Token]) -> None:
-    """Give the cells of columns of numbers a class, in place of a style of their own, which the policy forbids."""
+    """Give the cells of columns of numbers a class; the policy forbids a style of their own."""
     columns: dict[int, list[Token]] = {}
     numbers: dict[int, bool] = {}
     for place, token in enumerate(tokens):
@@ -173,15 +133,15 @@ def _align(tokens: Sequence[Token]) -> None:
             columns, numbers = {}, {}
 
 
-def _claims(claims: pd.DataFrame, *, of_what: bool = True) -> str:
+def claims_table(claims: pd.DataFrame, *, counted: bool = True) -> str:
+    """The claims with their verdicts and the rule that decides. counted: with a column on which trials count."""
     rows = [
         [row.experiment, row.claim, f"**{row.verdict}**", f"{row.true} of {row.n}", _interval(row)]
-        + ([row.counted] if of_what else [])
+        + ([row.counted] if counted else [])
         for row in claims.itertuples()
     ]
-    rule = f"A claim is put to every trial that could show it. {RULE}\n\n"
-    head = ["experiment", "claim", "verdict", "true in", "share", *(["of what"] if of_what else [])]
-    return rule + markdown_table(head, rows)
+    head = ["experiment", "claim", "verdict", "true in", "share", *(["which trials: what counts"] if counted else [])]
+    return _CLAIMS + markdown_table(head, rows)
 
 
 def _tables(found: Findings) -> str:
@@ -195,8 +155,8 @@ def _tables(found: Findings) -> str:
             parts += ["\nRelative deviation from the published value:\n", _deviations(group)]
             continue
         parts += [
-            f"Showcase: {code(name)}, mean of its repeats. {_SHOWCASE} It agrees in {agreeing} of the {cells} "
-            f"cells of this experiment's tables; {found.champions} champions were searched.\n",
+            f"Showcase: {code(name)}, mean of its repeats. {_SHOWCASE} It agrees in {agreeing} of the {cells} cells of "
+            f"this experiment; {found.champions} champions were compared.\n",
             published.to_markdown(group, of_all=False),
             f"\nAll {found.champions} champions, median [quartiles]:\n",
             published.to_markdown(group, of_all=True),
@@ -229,7 +189,7 @@ def success_table(success: pd.DataFrame, controllers: Collection[str] = (GA, *CO
             f"{sides.successes[side]} of {sides.n[side]}: {_interval(sides.loc[side])}"
             for side in ("left", "right", "both")
         ]
-        rows.append([experiment, scenario, f"{controller}{_rate(group.N.iloc[0])}", *cells])
+        rows.append([experiment, scenario, rescue.label(controller, group.N.iloc[0]), *cells])
     return markdown_table(["experiment", "scenario", "controller", "left", "right", "both sides"], rows)
 
 
@@ -237,17 +197,11 @@ def rescue_table(harm: pd.DataFrame) -> str:
     """Rescue and harm at the paper's rates, controls included."""
     own = _at_paper_rates(harm)
     rows = [
-        [row.scenario, f"{row.controller}{_rate(row.N)}"]
-        + _rescued_and_harmed(row)
-        + [rescue.difference(row)]
+        [row.scenario, rescue.label(row.controller, row.N), *rescue.counts(row), rescue.difference(row)]
         + ["–" if np.isnan(row.sign_flip_p) else f"{row.sign_flip_p:.2g}"]
         for row in own.itertuples()
     ]
-    return markdown_table(["scenario", "plasticity", "rescued of broken", "harmed of sound", "difference", "p"], rows)
-
-
-def _rate(rate: float) -> str:
-    return f", N = {rate:g}" if rate else ""
+    return markdown_table(["scenario", "plasticity", rescue.RESCUED, rescue.HARMED, "difference", "p"], rows)
 
 
 def _interval(row: Any) -> str:

@@ -24,7 +24,7 @@ def worlds(experiment: str) -> tuple[str, ...]:
 
 
 def controllers(experiment: str, rates: Sequence[float], signal: Signal) -> list[Controller]:
-    """What the champions live with: for each rate and the paper's, the rule and its controls."""
+    """The paper's rule and its controls, at each of the rates and at the paper's."""
     every = sorted({*rates, findings.PAPER_N[experiment]})
     return [hebbian(rate, signal, sign) for sign in Sign for rate in every]
 
@@ -44,10 +44,10 @@ def findings_of(
     repeats: int,
     provenance: str,
 ) -> tuple[report.Findings, dict[str, pd.DataFrame]]:
-    """What the lifetimes show: for the report, and every table by its name.
+    """The findings, for the report, and every table by its name.
 
     metrics: the lifetimes of all champions. paper: the published tables. unchanged: for each experiment, how many
-    champions had the same genome after their lifetimes. The rest is as in `report.Findings`.
+    champions had a bit-identical genome after their lifetimes. The rest is as in `report.Findings`.
     """
     each, success = findings.trials(metrics), published.published_success(paper)
     showcase = {one: findings.showcase(each, success, one) for one in unchanged}
@@ -82,7 +82,7 @@ def figures_of(
     """The figures by the names of their files, each a caption and a PNG, in the order of the report.
 
     genomes, signals: for each experiment the genes (234,) of the champion that is shown, and the live fitness. world:
-    gives the scenario of a name and its lifetime. histories: for each experiment how its champions were evolved; empty
+    gives the scenario of a name and its lifetime. histories: for each experiment the histories of its champions; empty
     for a given genome. seed: of the noise.
     """
     maze = figures.maze(world("4obstacles")[0])
@@ -92,33 +92,33 @@ def figures_of(
     for one, genes in genomes.items():
         name, rate = found.showcase[one][0], findings.PAPER_N[one]
         plastic = hebbian(rate, signals[one])
-        lived: dict[tuple[str, str], dict[str, Samples]] = {}
+        recorded: dict[tuple[str, str], dict[str, Samples]] = {}
         for place in worlds(one):
             scenario, lifetime = world(place)
             _, traces = evaluate(genes, scenario, [plastic], lifetime, repeats=1, seed=seed, name=name)
             title = f"{place}, {name}, N = {rate:g}, one lifetime a side"
             made[f"trajectories_{place}.png"] = (
-                f"{place}: trajectories of `{name}` alone and with plasticity at N = {rate:g}; one lifetime a side.",
+                f"{place}: trajectories of `{name}`, GA alone and with N = {rate:g}; one lifetime a side.",
                 figures.trajectories(traces, scenario, title),
             )
             for k, (controller, side) in enumerate(zip(traces.controller, traces.side, strict=True)):
-                lived.setdefault((place, controller), {})[side] = Samples(*(array[k] for array in traces.samples))
-        changed = {place: lived[place, HEBBIAN] for place in findings.CHANGED[one]}
+                recorded.setdefault((place, controller), {})[side] = Samples(*(array[k] for array in traces.samples))
+        changed = {place: recorded[place, HEBBIAN] for place in findings.CHANGED[one]}
         for against in ("fitness", "light" if one == "light" else "proximity"):
             made[f"weight_change_{one}_{against}.png"] = (
-                f"{one}: change of the weights between samples against {against}, `{name}`, N = {rate:g}; left blue, "
-                "right orange.",
+                f"{one}: weight change between samples against {against}, `{name}`, N = {rate:g}; left blue, right "
+                "orange.",
                 charts.weight_change(changed, against, f"{name}, N = {rate:g}"),
             )
         last = findings.CHANGED[one][-1]
         made[f"network_{one}.png"] = (
-            f"{last}: how plasticity at N = {rate:g} has changed the network of `{name}` by the end of a lifetime.",
-            charts.network(genes, lived[last, HEBBIAN], f"{name} in {last}, N = {rate:g}"),
+            f"{last}: change of the weights of `{name}` by plasticity at N = {rate:g}, at the end of a lifetime.",
+            charts.network(genes, recorded[last, HEBBIAN], f"{name} in {last}, N = {rate:g}"),
         )
         if histories:
             made[f"dose_response_{one}.png"] = (
-                f"{one}: success, time to goal, weight change, and rescue and harm with their controls, against N; "
-                f"{found.champions} champions.",
+                f"{one}: success, time to goal, weight change, and rescue and harm with their controls, against N "
+                f"(n = {found.champions} champions).",
                 charts.dose_response(found.dose_response, found.rescue_and_harm, one, found.champions),
             )
     if histories:

@@ -1,58 +1,59 @@
-"""What plasticities do for many champions in many changed worlds: a page with tables of rescue and harm."""
+"""Tables of rescue, harm and retention in Markdown, and the page of a study of many champions in changed worlds."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from epuckhebb.analysis.tables import markdown_table, plain
-from epuckhebb.sim.controller import GA, HEBBIAN
+from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.scenario import TRAINED
 
 FIGURE = "rescue_and_harm.png"
-_RESCUED, _HARMED = ("rescued", "broken"), ("harmed", "intact")
-SOLVES = {"any": "one side or both", "both": "both sides"}  # the values of `masters` in `findings.retention`, in words
+RESCUED, HARMED = "rescued, of the trials that the change broke", "harmed, of those still intact"
+IN_TRAINING = "harmed in the training world"
+SOLVES = {"any": "one side or both", "both": "both sides"}  # the values of `solves` in `findings.retention`
+COUNTED = (
+    "Only trials that the GA solves in the training world count. A changed world *breaks* some of them; plasticity "
+    "*rescues* some of the broken trials. The other trials stay *intact*; plasticity *harms* some of these."
+)
 RETENTION = (
-    "Success in the changed worlds, all together, among trials solved in the training world. A champion that always "
-    "turns to one side masters that side at home and keeps it nearly everywhere, without having learnt what a change "
-    "could break; so the champions that master both sides are told apart."
+    "Success in all changed worlds together, among the trials solved in the training world. A champion that always "
+    "turns to one side keeps that side nearly everywhere, and has learned nothing that a change could break. The "
+    "champions that solve both sides in training therefore have a column of their own."
 )
 
 
+def trial(repeats: int) -> str:
+    """What a trial is, and when it succeeds."""
+    return (
+        "A *trial* is one champion on one side. It succeeds if the robot ends within 5 cm of its goal in more than "
+        f"half of its {repeats} repeats."
+    )
+
+
 def label(controller: str, rate: float) -> str:
-    """A plasticity in a table or figure."""
+    """A controller and its rate in a table or figure."""
     return f"{controller}, N = {rate:g}" if rate or controller == HEBBIAN else controller
 
 
 def markdown(
-    over_all: pd.DataFrame,
-    by_scenario: pd.DataFrame,
-    retention: pd.DataFrame,
-    champions: int,
-    repeats: int,
-    names: str,
+    over_all: pd.DataFrame, by_scenario: pd.DataFrame, retention: pd.DataFrame, champions: int, repeats: int, names: str
 ) -> str:
-    """The page.
-
-    over_all, by_scenario, retention: of `findings.rescue_over_all`, `rescue_and_harm` and `retention`; names: of the
-    champions.
-    """
+    """The page. over_all, by_scenario, retention: tables of `findings`; names: of the champions, in a few words."""
     parts = [
         "# Rescue and harm\n",
-        f"{champions} champions of each experiment, {names}. A *trial* is one champion on one side; it succeeds if "
-        f"more than half of its {repeats} noise repeats do. Counted are trials solved in the training world without "
-        "plasticity: of those that a changed world *breaks*, how many a plasticity *rescues*; of those it leaves "
-        "*sound*, how many it *harms*. Intervals are 95 %, from a bootstrap over champions.\n",
+        f"{champions} champions of each experiment, {names}. {trial(repeats)} {COUNTED} Intervals are 95 %, from a "
+        "bootstrap over champions.\n",
     ]
     for experiment, own in over_all.groupby("experiment", sort=False):
-        own_scenarios = by_scenario[by_scenario.experiment == experiment]
-        changes = ", ".join(plain(name) for name in own_scenarios.scenario.unique() if name != TRAINED[str(experiment)])
+        own_scenarios, training = by_scenario[by_scenario.experiment == experiment], TRAINED[str(experiment)]
+        changes = ", ".join(plain(name) for name in own_scenarios.scenario.unique() if name != training)
         parts += [
             f"## The {experiment} experiment\n",
-            f"Training world: {TRAINED[str(experiment)]}; changed: {changes}.\n",
-            _over_all(own),
-            "### Rescued of broken, and harmed of sound, in each world\n",
+            f"Training world: {training}. Changed worlds: {changes}.\n",
+            over_all_table(own),
+            "### Each world: rescued/broken, harmed/intact\n",
             _by_scenario(own_scenarios),
             "### Retention\n",
             f"{RETENTION}\n",
@@ -62,48 +63,27 @@ def markdown(
     return "\n".join(parts)
 
 
-def summary(over_all: pd.DataFrame) -> str:
-    """The tables of `docs/results.md`, one for each experiment."""
-    groups = over_all.groupby("experiment", sort=False)
-    return "\n".join(f"The {experiment} experiment:\n\n{_over_all(own)}" for experiment, own in groups)
+def over_all_table(own: pd.DataFrame) -> str:
+    """A row for each plasticity; own: the rows of an experiment in `findings.rescue_over_all`."""
+    rows = [[plain(label(row.controller, row.N)), *counts(row), in_training(row)] for row in own.itertuples()]
+    return markdown_table(["plasticity", RESCUED, HARMED, IN_TRAINING], rows)
 
 
-def baselines(told: Mapping[str, tuple[int, pd.DataFrame, pd.DataFrame]], plasticity: str) -> str:
-    """Controllers that were evolved in several ways: how brittle they are, and what a plasticity leaves of that.
-
-    told: how they were evolved -> how many in each experiment, and tables of `findings.retention` and
-    `findings.rescue_over_all`. plasticity: its name; it stands in both tables, and the GA alone in the first.
-    """
-    rows = []
-    for experiment in TRAINED:
-        for name, (champions, retention, over_all) in told.items():
-            alone = retention[(retention.experiment == experiment) & (retention.controller == GA)].set_index("solves")
-            after = over_all[(over_all.experiment == experiment) & (over_all.controller == plasticity)]
-            rescued, harmed = (count(next(after.itertuples()), *what) for what in (_RESCUED, _HARMED))
-            solves = f"{alone.champions['both']:g} of {champions}"
-            in_training = f"{after.training_harmed.item()} of {after.training_solved.item()}"
-            rows.append(
-                [experiment, name, solves, *(_kept(alone.loc[key]) for key in SOLVES), rescued, harmed, in_training]
-            )
-    kept = (f"kept in changed worlds, solved at home: {told}" for told in SOLVES.values())
-    head = ["experiment", "evolved with", "both sides solved at home", *kept]
-    return markdown_table([*head, "rescued of broken", "harmed of sound", "harmed at home"], rows)
-
-
-def _over_all(own: pd.DataFrame) -> str:
-    rows = [
-        [plain(label(row.controller, row.N)), count(row, *_RESCUED), count(row, *_HARMED)]
-        + [f"{row.training_harmed} of {row.training_solved}"]
-        for row in own.itertuples()
-    ]
-    return markdown_table(["plasticity", "rescued of broken", "harmed of sound", "harmed in the training world"], rows)
+def counts(row: Any) -> list[str]:
+    """The cells below `RESCUED` and `HARMED`; row: of `findings.rescue_over_all` or `rescue_and_harm`."""
+    return [count(row, "rescued", "broken"), count(row, "harmed", "intact")]
 
 
 def count(row: Any, part: str, whole: str) -> str:
-    """How many of how many, and the share with its interval; `row` is one of `findings.rescue_over_all`."""
+    """How many of how many, and the share with its interval."""
+    text = f"{getattr(row, part)} of {getattr(row, whole)}"
     figures = (getattr(row, f"{part}_{name}") for name in ("share", "low", "high"))
-    told = f"{getattr(row, part)} of {getattr(row, whole)}"
-    return f"{told}: {share(*figures)}" if getattr(row, whole) else told
+    return f"{text}: {share(*figures)}" if getattr(row, whole) else text
+
+
+def in_training(row: Any) -> str:
+    """The cell below `IN_TRAINING`."""
+    return f"{row.training_harmed} of {row.training_solved}"
 
 
 def difference(row: Any) -> str:
@@ -119,35 +99,37 @@ def share(value: float, low: float, high: float) -> str:
 
 
 def retention_table(retention: pd.DataFrame, *, by_experiment: bool = False) -> str:
-    """A row for each plasticity, a column for all trials solved at home and one for champions that master both sides.
+    """A row for each plasticity; a column for all champions, and one for those that solve both sides in training.
 
-    retention: of `findings.retention`. by_experiment: whether the experiment is told in a column of its own.
+    retention: of `findings.retention`. by_experiment: whether a first column names the experiment.
     """
     rows = []
     for (experiment, controller, rate), group in retention.groupby(["experiment", "controller", "N"], sort=False):
         own = {row.solves: row for row in group.itertuples()}
-        cells = [_kept(own[solves]) if solves in own else "–" for solves in SOLVES]
+        cells = [retained(own[solves]) if solves in own else "–" for solves in SOLVES]
         rows.append([*([experiment] if by_experiment else []), plain(label(controller, rate)), *cells])
     head = [*(["experiment"] if by_experiment else []), "plasticity"]
-    return markdown_table([*head, *(f"solved at home: {told}" for told in SOLVES.values())], rows)
+    return markdown_table([*head, *(f"champions that solve {sides} in training" for sides in SOLVES.values())], rows)
 
 
-def _kept(row: Any) -> str:
-    told = f"{row.retained} of {row.trials}"
+def retained(row: Any) -> str:
+    """How many trials are retained, of how many, and of how many champions; row: of `findings.retention`."""
+    text = f"{row.retained} of {row.trials}"
     if not row.trials:
-        return told
+        return text
     champions = "" if np.isnan(row.champions) else f", {row.champions:g} champion{'s' if row.champions > 1 else ''}"
-    return f"{told}: {share(row.share, row.low, row.high)}{champions}"
+    return f"{text}: {share(row.share, row.low, row.high)}{champions}"
 
 
 def _by_scenario(own: pd.DataFrame) -> str:
-    """A cell for each plasticity and scenario; whichever there are more of go down the page."""
-    own = own.assign(plasticity=[plain(label(row.controller, row.N)) for row in own.itertuples()])
-    own = own.assign(cell=[f"{row.rescued}/{row.broken}, {row.harmed}/{row.intact}" for row in own.itertuples()])
-    kinds, scenarios = own.plasticity.unique(), own.scenario.unique()
-    cells = own.set_index(["plasticity", "scenario"]).cell
-    if len(scenarios) > len(kinds):
-        rows = [[plain(world), *(cells[kind, world] for kind in kinds)] for world in scenarios]
-        return markdown_table(["scenario", *kinds], rows)
-    rows = [[kind, *(cells[kind, world] for world in scenarios)] for kind in kinds]
-    return markdown_table(["plasticity", *map(plain, scenarios)], rows)
+    """A cell for each plasticity and scenario; the longer of the two lists goes down the page."""
+    own = own.assign(
+        plasticity=[plain(label(row.controller, row.N)) for row in own.itertuples()],
+        scenario=own.scenario.map(plain),
+        cell=[f"{row.rescued}/{row.broken}, {row.harmed}/{row.intact}" for row in own.itertuples()],
+    )
+    down, across = sorted(("plasticity", "scenario"), key=lambda name: own[name].nunique(), reverse=True)
+    cells = own.set_index([down, across]).cell.unstack(across)[own[across].unique()].loc[own[down].unique()]
+    return markdown_table(
+        [down, *cells.columns], ([str(name), *row] for name, row in zip(cells.index, cells.to_numpy(), strict=True))
+    )

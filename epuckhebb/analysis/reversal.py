@@ -1,4 +1,4 @@
-"""What reversal learning came to: the share of rewarded trials of each controller, beside chance and the optimum."""
+"""Reversal learning: the share of rewarded trials of each controller, beside chance and the optimum."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -21,8 +21,8 @@ _BEFORE, _AFTER = -3, 6  # trials around the switch
 def table(metrics: pd.DataFrame, trials: pd.DataFrame, task: Reversal, seed: int) -> pd.DataFrame:
     """A row for each controller with the columns `COLUMNS`, and two for chance and the optimum.
 
-    A repeat is two lives, one with each end rewarded first and the other end from the same trial on; its value is the
-    mean of both. The interval is a bootstrap over repeats.
+    A repeat is two lifetimes: one with each end rewarded first, and the switch at the same trial. Its value is their
+    mean. The interval is a bootstrap over repeats.
 
     metrics, trials: of `epuckhebb.analysis.evaluate`. seed: of the bootstrap.
     """
@@ -36,28 +36,27 @@ def table(metrics: pd.DataFrame, trials: pd.DataFrame, task: Reversal, seed: int
     return pd.DataFrame(rows, columns=list(COLUMNS)).astype({"lives": "Int64"})
 
 
-def to_markdown(told: pd.DataFrame) -> str:
+def to_markdown(table: pd.DataFrame) -> str:
     """The table in Markdown."""
     rows = []
-    for row in told.itertuples():
+    for row in table.itertuples():
         interval = "" if pd.isna(row.low) else f"{row.low:.3f} to {row.high:.3f}"
         ends = "" if pd.isna(row.end_share) else f"{row.end_share:.3f}"
         lives = "" if pd.isna(row.lives) else str(row.lives)
         rows.append([str(row.controller), f"{row.rewarded_share:.3f}", interval, ends, lives])
-    return markdown_table(["", "rewarded share", "95 % interval", "trials that came to an end", "lives"], rows)
+    return markdown_table(
+        ["", "rewarded share", "95 % interval", "trials in which it reached an end", "lifetimes"], rows
+    )
 
 
-def figure(told: pd.DataFrame, trials: pd.DataFrame, title: str) -> bytes:
-    """A PNG: the rewarded share of each controller, and the share around the trial in which the other end became good.
-
-    told: of `table`.
-    """
-    names = [name for name in told.controller if name not in (CHANCE, OPTIMUM)]
-    chance, best = (float(told.rewarded_share[told.controller == name].iloc[0]) for name in (CHANCE, OPTIMUM))
+def figure(table: pd.DataFrame, trials: pd.DataFrame, title: str) -> bytes:
+    """A PNG: the rewarded share of each controller, over all trials and around the switch of the rewarded end."""
+    names = [name for name in table.controller if name not in (CHANCE, OPTIMUM)]
+    chance, best = (float(table.rewarded_share[table.controller == name].iloc[0]) for name in (CHANCE, OPTIMUM))
     colours = dict(zip(names, [_COLOURS[k % len(_COLOURS)] for k in range(len(names))], strict=True))
     drawn = Figure(figsize=(9.6, 4.0), layout="constrained")
     over_all, around = drawn.subplots(1, 2, width_ratios=[1, 1.25])
-    for place, row in enumerate(told[told.controller.isin(names)].itertuples()):
+    for place, row in enumerate(table[table.controller.isin(names)].itertuples()):
         error = [[row.rewarded_share - row.low], [row.high - row.rewarded_share]]
         over_all.bar(place, row.rewarded_share, color=colours[row.controller], width=0.6)
         over_all.errorbar(place, row.rewarded_share, yerr=error, color="black", capsize=4)
@@ -68,7 +67,7 @@ def figure(told: pd.DataFrame, trials: pd.DataFrame, title: str) -> bytes:
         shares = _around_switch(trials[trials.controller == name])
         around.plot(shares.index, shares, color=colours[name], marker="o", markersize=4, label=plain(name))
     around.axvline(-0.5, color="#222222", linewidth=0.8, linestyle=":")
-    around.set(xlabel="trial, from the one in which the other end becomes rewarded", xticks=range(_BEFORE, _AFTER + 1))
+    around.set(xlabel="trials after the switch of the rewarded end", xticks=range(_BEFORE, _AFTER + 1))
     _lines(over_all, {CHANCE: chance, OPTIMUM: best})
     _lines(around, {CHANCE: chance})
     drawn.legend(*around.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower right", ncols=4)
@@ -77,7 +76,7 @@ def figure(told: pd.DataFrame, trials: pd.DataFrame, title: str) -> bytes:
 
 
 def _around_switch(trials: pd.DataFrame) -> "pd.Series[float]":
-    """The share of rewarded trials by how many trials after the switch they are; lives without one are left out."""
+    """The share of rewarded trials by the number of trials after the switch; lifetimes without one are left out."""
     lives = trials.groupby(["side", "repeat"])
     first = lives.rewarded_side.transform("first")
     after = trials.trial - trials.trial.where(trials.rewarded_side != first).groupby(
@@ -94,6 +93,6 @@ def _lines(axes: Axes, levels: Mapping[str, float]) -> None:
     left, right = axes.get_xlim()
     for name, height in levels.items():
         axes.axhline(height, color="#222222", linewidth=1.0, linestyle="--", zorder=0.5)
-        told = f"{name} {height:.3f}".removesuffix("0")
-        axes.annotate(told, (right, height), (-2, 3), textcoords="offset points", fontsize=8, ha="right")
+        text = f"{name} {height:.3f}".removesuffix("0")
+        axes.annotate(text, (right, height), (-2, 3), textcoords="offset points", fontsize=8, ha="right")
     axes.set_xlim(left, right)

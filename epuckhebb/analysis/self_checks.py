@@ -1,4 +1,4 @@
-"""What robots found that checked themselves before their lives: a row of `findings.csv` each, and in words."""
+"""Self-checks before a lifetime: their findings as rows of `findings.csv`, and in words."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,12 +18,12 @@ Checks = Mapping[tuple[Side, int], Checked]
 
 
 def self_checks(memory: SelfMemory, scenario: Scenario, noise: float, *, repeats: int, seed: int) -> Checks:
-    """The self-checks of all lifetimes of an evaluation, by side and repeat; all controllers that check share them.
+    """The self-checks of an evaluation, by side and repeat; all controllers with a self-check share them.
 
-    noise: of the sensors, 1 for their own.
+    noise: a factor on the noise of the sensors.
 
     Raises:
-        ValueError: the robot cannot check itself, or the memory is of another one.
+        ValueError: the robot has no self-check, or the memory is of another robot.
     """
     return {
         (side, repeat): check(
@@ -57,8 +57,8 @@ def _row(checked: Checked) -> dict[str, object]:
     }
 
 
-def told(row: Mapping[str, object]) -> str:
-    """What a row of findings says, in words: what is corrected, and what is unexplained."""
+def text(row: Mapping[str, object]) -> str:
+    """A row of findings in words: what is corrected, and what is unexplained."""
     corrected = str(row["corrected"]).split(_LISTED) if row["corrected"] else []
     parts = []
     for wheel in ("left", "right"):
@@ -66,19 +66,18 @@ def told(row: Mapping[str, object]) -> str:
             loss = float(str(row[f"{wheel}_wheel_loss"]))
             parts.append(f"{wheel} wheel {100 * abs(loss):.0f} % {'slow' if loss > 0 else 'fast'}")
     if "light" in corrected:
-        parts.append(f"light {float(str(row['light_ratio'])):.2g} times home's")
+        parts.append(f"light {float(str(row['light_ratio'])):.2g} times that in training")
     dead = str(row["dead_sensors"]).split(_LISTED) if row["dead_sensors"] != "" else []
     if dead:
         parts.append(f"sensor{'s' if len(dead) > 1 else ''} {' and '.join(dead)} dead")
-    strange = str(row["unexplained"]).split(_LISTED) if row["unexplained"] else []
-    if strange:
-        parts.append(f"{' and '.join(strange)} readings that nothing known explains")
-    return ", ".join(parts) if parts else "nothing that has changed"
+    if row["unexplained"]:
+        parts.append(f"{str(row['unexplained']).replace(_LISTED, ' and ')} readings unexplained")
+    return ", ".join(parts) or "no change"
 
 
 def in_words(rows: Iterable[Mapping[str, object]]) -> dict[str, Sequence[tuple[str, int]]]:
-    """What was found on each side, and how often, the most frequent first."""
+    """The findings on each side, and how often each occurred, the most frequent first."""
     words: dict[str, Counter[str]] = {}
     for row in rows:
-        words.setdefault(str(row["side"]), Counter())[told(row)] += 1
-    return {side: said.most_common() for side, said in words.items()}
+        words.setdefault(str(row["side"]), Counter())[text(row)] += 1
+    return {side: counted.most_common() for side, counted in words.items()}

@@ -1,9 +1,8 @@
-"""The statistics of the study. Champions are the independent unit; trials and noise repeats are not.
+"""Intervals and p values. Champions are the independent unit; trials and repeats are not.
 
-A *trial* is one champion on one side of the maze, and it counts as successful if most of its noise repeats are. The two
-sides of a champion share one genome, as two eyes share one patient, and often succeed or fail together. They are
-therefore one cluster of trials here: no interval and no p value takes them for two independent animals. Noise repeats
-of a champion are more alike still, and only decide what a trial counts as.
+A *trial* is one champion on one side of the maze. It succeeds if most of its repeats do. The two sides of a champion
+share one genome, as two eyes share one patient, and often succeed or fail together. They are one cluster of trials
+here: no interval and no p value takes them for two independent animals. Repeats only decide whether a trial succeeds.
 """
 
 import math
@@ -24,8 +23,8 @@ _UNKNOWN = (math.nan, math.nan)
 def wilson(successes: int, n: int) -> tuple[float, float]:
     """Wilson's 95 % interval of a proportion among n independent cases.
 
-    It is right where each champion gives one trial only: one side, or "both sides" as one outcome. For trials on both
-    sides see `wilson_by_champion`. Source: Wilson, J. Am. Stat. Assoc. 22 (1927) 209; computed by scipy.
+    It is for one trial of each champion: one side, or "both sides" as one outcome. For trials on both sides see
+    `wilson_by_champion`. Source: Wilson, J. Am. Stat. Assoc. 22 (1927) 209; computed by scipy.
 
     Returns:
         Lower and upper end; (nan, nan) without cases.
@@ -35,7 +34,7 @@ def wilson(successes: int, n: int) -> tuple[float, float]:
     """
     if n == 0:
         return _UNKNOWN
-    from scipy import stats  # takes as long to load as the program itself, which listing a sweep need not wait for
+    from scipy import stats  # slow to load; most commands do not need it
 
     interval = stats.binomtest(successes, n).proportion_ci(0.95, method="wilson")
     return float(interval.low), float(interval.high)
@@ -44,15 +43,14 @@ def wilson(successes: int, n: int) -> tuple[float, float]:
 def wilson_by_champion(part: NDArray[np.int64], whole: NDArray[np.int64]) -> tuple[float, float]:
     """Wilson's 95 % interval of the share sum(part) / sum(whole), with as many cases as the trials are worth.
 
-    Two sides that always succeed or fail together are worth one trial, and two that have nothing to do with each other
-    are worth two. How much they are worth is seen from how far champions differ: the variance of the share between
-    champions, divided by the variance that independent trials would have, is the design effect, and the number of
-    trials divided by it is the effective number of cases. It is never more than the number of trials. Where all
-    champions have the same share there is nothing to see it from; then each champion counts as one case, so that 3
-    successes of 3 by two champions are no surer than 2 of 2. With one trial from each champion this is `wilson`.
+    Two sides that always succeed or fail together are worth one trial; two independent sides are worth two. The
+    design effect measures it: the variance of the share between champions, over the variance of independent trials.
+    The effective number of cases is the number of trials divided by it, and never more than the number of trials.
+    Where all champions have the same share, each champion counts as one case: 3 successes of 3 by two champions are
+    no surer than 2 of 2. With one trial from each champion this is `wilson`.
 
-    A bootstrap over champions would have no width where all champions agree, and is too narrow near 0 and 1 with few of
-    them, which is where the claims of the paper have to be judged.
+    A bootstrap over champions would have no width where all champions agree, and is too narrow near 0 and 1 with few
+    champions. Most claims of the paper are such cases.
 
     Sources: the variance of a ratio over clusters and the effective number of cases are those of Rao & Scott,
     Biometrics 48 (1992) 577, the design effect that of Kish, *Survey Sampling* (1965). That the effective
@@ -82,15 +80,14 @@ def sign_flip(differences: NDArray[np.int64]) -> float:
     """Exact two-sided p value of paired differences, one a champion, if plasticity made no difference.
 
     A champion's difference is the number of its trials that succeed with plasticity minus the number without: for two
-    sides, one of -2, -1, 0, 1, 2. If plasticity made no difference, each champion's could as well have had the other
-    sign. p is the share of all ways to choose the signs, all equally likely, in which the sum is at least as far from 0
-    as the one observed. The ways are counted, not sampled, by adding one champion after the other to a table of how
-    many ways lead to each sum, so the p value is exact for any number of champions. Where every difference is -1, 0 or
-    1, this is McNemar's exact test; without any difference p is 1.
+    sides, one of -2, -1, 0, 1, 2. If plasticity made no difference, both signs of it were equally likely. p is the
+    share of all choices of signs in which the sum is at least as far from 0 as the observed sum. The choices are
+    counted, not sampled: a table of how many choices give each sum grows by one champion at a time. p is therefore
+    exact for any number of champions. Where every difference is -1, 0 or 1, this is McNemar's exact test.
 
     Source: Fisher's randomisation test, *The Design of Experiments* (1935), section 21; Good, *Permutation, Parametric
-    and Bootstrap Tests of Hypotheses* (2005). scipy's `permutation_test` does the same by listing all ways, which is
-    too much for forty champions.
+    and Bootstrap Tests of Hypotheses* (2005). scipy's `permutation_test` lists all choices, too many for forty
+    champions.
 
     Args:
         differences: whole numbers, one for each champion, (champions,).
@@ -116,10 +113,9 @@ def bootstrap_mean(
 ) -> tuple[float, float]:
     """95 % percentile bootstrap interval of the mean of one value a champion; champions are resampled.
 
-    Where all champions have the same value, resampling shows nothing. If the values have bounds, the interval is then
-    that of `_unseen`: as wide as it must be because only so many champions were looked at. Without bounds nothing can
-    be said of champions that were not seen, so the ends are the value itself, and unknown if there is one champion
-    only. Champions without a value (nan) are left out.
+    Where all champions have the same value, resampling has no width. If the values have bounds, the interval is then
+    that of `_unseen`. Without bounds both ends are the value, and unknown for one champion. Champions without a value
+    (nan) are left out.
 
     Source: Efron & Tibshirani, *An Introduction to the Bootstrap* (1993), chapter 13. Bias-corrected (BCa) intervals
     are undefined where all values agree, which is common here; percentiles are not.
@@ -127,7 +123,7 @@ def bootstrap_mean(
     Args:
         values: one for each champion, (champions,).
         seed: of the resampling.
-        bounds: the least and the greatest value that a champion can have, if there are such.
+        bounds: the least and the greatest possible value of a champion, if any.
 
     Returns:
         Lower and upper end; (nan, nan) without values, or with one value and no bounds.
@@ -145,10 +141,9 @@ def bootstrap_mean(
 def bootstrap_ratio(part: NDArray[np.int64], whole: NDArray[np.int64], seed: int) -> tuple[float, float]:
     """95 % percentile bootstrap interval of sum(part) / sum(whole); champions are resampled with all their trials.
 
-    It is for trials in many worlds, of which a champion has up to sixteen. Where all champions have the same share,
-    resampling shows nothing, and the interval is that of `_unseen` with the champions that had trials: for none of
-    them, or all of them, Wilson's with champions for cases. Source: as of `bootstrap_mean`; for whole clusters, Davison
-    & Hinkley, *Bootstrap Methods and their Application* (1997), section 3.8.
+    It is for champions with many trials each, in many worlds. Where all champions have the same share, the interval
+    is that of `_unseen`; for a share of 0 or 1 that is Wilson's with champions as cases. Source: as of
+    `bootstrap_mean`; for whole clusters, Davison & Hinkley, *Bootstrap Methods and their Application* (1997), 3.8.
 
     part, whole: as of `wilson_by_champion`. seed: of the resampling. Returns the lower and the upper end, with the
     share between them; (nan, nan) without trials.
@@ -178,7 +173,7 @@ def _agree(part: NDArray[np.int64], whole: NDArray[np.int64]) -> bool:
 
 
 def _score_interval(share: float, n: float) -> tuple[float, float]:
-    """Wilson's 95 % interval at this share for n cases, n > 0 being no whole number perhaps (scipy's needs one)."""
+    """Wilson's 95 % interval at this share for n > 0 cases; scipy's takes whole numbers only."""
     from scipy import stats
 
     z = float(stats.norm.ppf(0.975))
@@ -189,12 +184,11 @@ def _score_interval(share: float, n: float) -> tuple[float, float]:
 
 
 def _unseen(value: float, champions: int, least: float, most: float) -> tuple[float, float]:
-    """Where the mean of all champions may lie if those that were looked at all have this value.
+    """The interval of the mean over all champions if those that were examined have the same value.
 
-    If none of n champions is different, a share of all champions up to Wilson's upper end for 0 of n may be different
-    all the same, and these may have any value between the least and the most. For a share of 0 or 1 this is Wilson's
-    interval for 0 of n or for n of n. It is the reasoning of the rule of three: Hanley & Lippman-Hand, "If nothing goes
-    wrong, is everything all right?", J. Am. Med. Assoc. 249 (1983) 1743.
+    If none of n champions differs, a share of all champions up to Wilson's upper end for 0 of n may still differ, with
+    any value between the least and the most. For a share of 0 or 1 this is Wilson's interval for 0 of n or n of n. The
+    rule of three argues in the same way: Hanley & Lippman-Hand, J. Am. Med. Assoc. 249 (1983) 1743.
     """
     different = wilson(0, champions)[1]
     return value - different * (value - least), value + different * (most - value)

@@ -1,7 +1,7 @@
-"""Over many evaluations: a summary of each condition, what each rate did, and what plasticity rescued and harmed.
+"""Over many evaluations: a summary of each condition, dose-response, and rescue and harm.
 
-All take the rows of `epuckhebb.analysis.lifetimes.gather`, in which each lifetime comes once. `settings` are the
-columns that tell conditions apart.
+All take the rows of `epuckhebb.analysis.lifetimes.gather`, one for each lifetime. `settings` are the columns that name
+a condition.
 """
 
 from collections.abc import Iterator
@@ -20,15 +20,15 @@ from epuckhebb.sim.scenario import TRAINED
 _TRIAL = ["experiment", "scenario", "controller", "N", "genome", "side", "seed", "repeat"]  # of rescue and harm
 _RATE = "N"
 _SUCCESS = ("n", "success", "success_noise_low", "success_noise_high")
-_REWARDED = "rewarded_share"  # the mean of it comes last, where a life is many trials
+_REWARDED = "rewarded_share"  # the last mean, where a lifetime is many trials
 _BOUNDS = {"success": (0.0, 1.0), "weight_change_mean": None, _REWARDED: (0.0, 1.0)}  # of means over champions
 
 
 def summary(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
     """One row for each condition, champion, controller and side: n, share of successes with its interval, means.
 
-    `time_to_goal_s` is the mean over the `n_reached` lifetimes that reached the goal. A condition is repeated with
-    seeds and noise repeats, so the interval (Wilson, 95 %) is about the noise alone, for this one champion.
+    `time_to_goal_s` is the mean over the `n_reached` lifetimes that reached the goal. The lifetimes of a condition
+    differ in their random numbers. The interval (Wilson, 95 %) is therefore about the noise, for this one champion.
     """
     by = list(dict.fromkeys([*settings, "genome", "scenario", "controller", "N", "side"]))
     means = [*MEANS, *_rewarded(rows)]
@@ -56,25 +56,25 @@ def over_champions(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
 
 
 def _numeric(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with numbers in `N` and in the columns that have means over champions."""
+    """The rows with `N` and the columns of `_BOUNDS` as numbers."""
     return rows.assign(**{name: pd.to_numeric(rows[name]) for name in ("N", *_BOUNDS) if name in rows})
 
 
 def _rewarded(rows: pd.DataFrame) -> list[str]:
-    """The column of rewarded shares, where a lifetime is many trials."""
+    """The column of rewarded shares, if a lifetime is many trials."""
     return [_REWARDED] if _REWARDED in rows and rows[_REWARDED].notna().any() else []
 
 
 def _means(lifetimes: pd.DataFrame) -> dict[str, float]:
     """Means over champions and their intervals."""
-    told: dict[str, float] = {"champions": lifetimes.genome.nunique(), "lifetimes": len(lifetimes)}
+    means: dict[str, float] = {"champions": lifetimes.genome.nunique(), "lifetimes": len(lifetimes)}
     for column, bounds in _BOUNDS.items():
         if column == _REWARDED and not _rewarded(lifetimes):
             continue
         values = lifetimes.groupby("genome", sort=False)[column].mean()
         low, high = bootstrap_mean(values.to_numpy(float), seed=0, bounds=bounds)
-        told |= {column: values.mean(), f"{column}_low": low, f"{column}_high": high}
-    return told
+        means |= {column: values.mean(), f"{column}_low": low, f"{column}_high": high}
+    return means
 
 
 def _means_of_one(lifetimes: pd.DataFrame) -> dict[str, float]:
@@ -95,10 +95,10 @@ def dose_response(rows: pd.DataFrame, settings: list[str]) -> bytes | None:
     plastic = rows[(rows.controller != GA) & (rows.N > 0)]
     swept = plastic.groupby("controller").N.nunique()
     plastic = plastic[plastic.controller.isin(swept[swept > 1].index)]
-    if _RATE not in settings or not len(plastic) or _rewarded(rows):  # success at one goal means nothing there
+    if _RATE not in settings or not len(plastic) or _rewarded(rows):  # such a task has no success at one goal
         return None
     several = has_champions(rows)
-    means = _means if several else _means_of_one
+    means_of = _means if several else _means_of_one
     differ = [key for key in settings if key not in (_RATE, "genome") and plastic[key].nunique() > 1]
     world = list(dict.fromkeys(["scenario", "changed", *(key for key in differ if not is_of_plasticity(key))]))
     by = list(dict.fromkeys([*world, *differ, "controller"]))
@@ -106,22 +106,24 @@ def dose_response(rows: pd.DataFrame, settings: list[str]) -> bytes | None:
     for condition, own in plastic.groupby(by, sort=False):
         place = dict(zip(by, condition, strict=True))
         alone = rows[(rows.controller == GA) & (rows[world] == [place[key] for key in world]).all(axis=1)]
-        title = f"{', '.join(_told(place, differ))}: {place['controller']}"
-        for (controller, rate, side), lives in pd.concat([alone, own]).groupby(["controller", "N", "side"], sort=False):
+        title = f"{', '.join(_described(place, differ))}: {place['controller']}"
+        for (controller, rate, side), lifetimes in pd.concat([alone, own]).groupby(
+            ["controller", "N", "side"], sort=False
+        ):
             row = {"condition": title, "controller": controller, "N": rate, "side": side}
-            found.append({**row, **means(lives)})
+            found.append({**row, **means_of(lifetimes)})
     doses = pd.DataFrame(found)
     each = f"{doses.lifetimes.max()} lifetimes of {rows.genome.iloc[0]} on each side (95 % intervals: noise only)"
     if several:
         counts = dict.fromkeys(str(number) for number in sorted(doses.champions.unique()))
         each = f"{' or '.join(counts)} champions on each side (95 % intervals over champions)"
-    from epuckhebb.analysis import charts  # matplotlib takes a while to load
+    from epuckhebb.analysis import charts  # matplotlib is slow to load
 
-    return charts.rates(doses, f"mean of {each}")
+    return charts.rates(doses, each)
 
 
-def _told(place: dict[str, Any], differ: list[str]) -> Iterator[str]:
-    """What tells a condition from the others: its world, what is changed there, and what else was set."""
+def _described(place: dict[str, Any], differ: list[str]) -> Iterator[str]:
+    """The parts of the name of a condition: its world, what is changed there, and other settings."""
     yield place["scenario"]
     changed = list(filter(None, place["changed"].split(", ")))
     yield from changed
@@ -131,9 +133,9 @@ def _told(place: dict[str, Any], differ: list[str]) -> Iterator[str]:
 
 
 def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str, bytes] | None:
-    """What plasticity rescued and harmed: tables by their names, a page in Markdown, and a figure.
+    """Rescue and harm: tables by their names, a page in Markdown, and a figure.
 
-    None unless several champions each lived once in their training world and in changed ones; `no_rescue` says why.
+    None unless each of several champions ran once in its training world and in changed worlds: see `no_rescue`.
     """
     if not _can_rescue(rows) or no_rescue(rows, []):
         return None
@@ -151,21 +153,21 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str, b
 
 
 def _can_rescue(rows: pd.DataFrame) -> bool:
-    """Whether there are several champions with plasticity, and a success at a goal that it could rescue."""
+    """Whether there are several champions with plasticity, in a task with one goal."""
     return has_champions(rows) and bool((rows.controller != GA).any()) and not _rewarded(rows)
 
 
 def no_rescue(rows: pd.DataFrame, settings: list[str]) -> str:
-    """Why rescue and harm of several champions are not counted, and what to set for that; nothing if they can be."""
+    """Why rescue and harm of several champions are not counted, and what to set; empty if they are."""
     if not _can_rescue(rows):
         return ""
     worlds = list(dict.fromkeys(rows.scenario))
-    homes = [TRAINED[experiment] for experiment in dict.fromkeys(rows.experiment)]
-    if missing := [home for home in homes if home not in worlds]:
-        asked = ",".join([*missing, *worlds])
-        return f"To count what plasticity rescues and harms, add the training world: scenario={asked}"
-    lived = rows.groupby(["experiment", "genome"]).scenario.agg(set)
-    if not all(TRAINED[experiment] in own and len(own) > 1 for (experiment, _), own in lived.items()):
+    needed = [TRAINED[experiment] for experiment in dict.fromkeys(rows.experiment)]
+    if missing := [world for world in needed if world not in worlds]:
+        wanted = ",".join([*missing, *worlds])
+        return f"To count what plasticity rescues and harms, add the training world: scenario={wanted}"
+    visited = rows.groupby(["experiment", "genome"]).scenario.agg(set)
+    if not all(TRAINED[experiment] in own and len(own) > 1 for (experiment, _), own in visited.items()):
         return f"To count what plasticity rescues and harms, add changed worlds: scenario={','.join(worlds)},..."
     if rows.duplicated(_TRIAL).any():
         known = ("genome", "scenario", "N")
@@ -175,7 +177,7 @@ def no_rescue(rows: pd.DataFrame, settings: list[str]) -> str:
 
 
 def _numbers(column: pd.Series) -> pd.Series:
-    """The column as numbers, if that is what it holds."""
+    """The column as numbers, if it holds numbers."""
     try:
         return pd.to_numeric(column)
     except ValueError:

@@ -17,15 +17,15 @@ ROWS: Mapping[str, str] = {
     "Weight Change Mean": "weight_change_mean",
 }
 BAR = r"\|"
-_SIGNS = re.compile(r"[\\`*<>&\[\]~$#]|(?<!\w)_|_(?!\w)")  # an underscore in a word means nothing
+_SIGNS = re.compile(r"[\\`*<>&\[\]~$#]|(?<!\w)_|_(?!\w)")  # Markdown shows an underscore within a word as it is
 _DECIMALS = {"Success": 2, "Time-to-Goal (s)": 2}
 
 
 def paper_table(metrics: pd.DataFrame) -> pd.DataFrame:
     """Means over the repeats, in the paper's layout: index `ROWS`, columns (controller, side).
 
-    Success is the share of lifetimes that ended at the goal; the time to the goal is the mean over those that reached
-    it; weight change is blank for the GA, which has none.
+    Success is the share of lifetimes that end at the goal. The time to the goal is a mean over those that reach it.
+    The GA has no weight change.
     """
     means = metrics.groupby(["controller", "side"], sort=False)[list(ROWS.values())].mean()
     table = means.rename(columns={column: row for row, column in ROWS.items()}).T
@@ -49,10 +49,10 @@ def formatted(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def saturation(metrics: pd.DataFrame) -> str:
-    """A line on the controllers of which more than half of the weights are saturated at the end; nothing if none is."""
+    """A line on the controllers with more than half of their weights saturated at the end; empty without such."""
     shares = metrics[metrics.controller != GA].groupby("controller", sort=False).saturated_fraction.mean()
-    told = ", ".join(f"{100 * share:.0f} % ({name})" for name, share in shares[shares > 0.5].items())
-    return f"More than half of the weights end at their bound, hebbian.w_max: {told}." if told else ""
+    named = ", ".join(f"{100 * share:.0f} % ({name})" for name, share in shares[shares > 0.5].items())
+    return f"More than half of the weights end at their bound, hebbian.w_max: {named}." if named else ""
 
 
 def to_csv(table: pd.DataFrame) -> str:
@@ -77,7 +77,7 @@ def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]], *, number
 
 
 def rates(of: Sequence[tuple[str, float]]) -> str:
-    """The base rates of controllers in words, and whose they are where they differ; nothing if none has one.
+    """The base rates of controllers in words, with the controllers where they differ; empty without a rate.
 
     of: the name of each controller and its N; a name may come several times.
     """
@@ -88,12 +88,12 @@ def rates(of: Sequence[tuple[str, float]]) -> str:
 
 
 def plain(name: str) -> str:
-    """A name as Markdown shows it to the letter, in one line, whatever signs are in it."""
+    """A name in one line that Markdown shows as it is, whatever signs it has."""
     return _SIGNS.sub(r"\\\g<0>", " ".join(name.split()))
 
 
 def code(name: str) -> str:
-    """A name as code in Markdown, in one line, whatever signs are in it."""
+    """A name in one line, as code in Markdown, whatever signs it has."""
     name = " ".join(name.split()) or " "
     fence = "`" * (1 + max(map(len, re.findall("`+", name)), default=0))
     space = " " if "`" in name else ""

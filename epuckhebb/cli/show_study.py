@@ -85,10 +85,9 @@ def print_rescue(folder: Path, console: Console) -> None:
     over_all = Run(folder).table("rescue_over_all.csv")
     rows = []
     for row in over_all.itertuples():
-        cells = [rescue.count(row, "rescued", "broken"), rescue.count(row, "harmed", "intact")]
         plasticity = rescue.label(str(row.controller), float(row.N))
-        rows.append((row.experiment, plasticity, *cells, f"{row.training_harmed} of {row.training_solved}"))
-    headings = ("experiment", "plasticity", "rescued of broken", "harmed of sound", "at home")
+        rows.append((row.experiment, plasticity, *rescue.counts(row), rescue.in_training(row)))
+    headings = ("experiment", "plasticity", rescue.RESCUED, rescue.HARMED, rescue.IN_TRAINING)
     print_table(console, "Rescue and harm (95 % interval over champions)", headings, rows, text=2)
     print_line(
         console, f"Rescue and harm: {folder}/: report.md, rescue_over_all.csv, rescue_and_harm.csv, retention.csv"

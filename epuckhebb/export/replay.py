@@ -11,7 +11,7 @@ from rich.progress import track
 
 from epuckhebb.analysis import movie, replay
 from epuckhebb.analysis.evaluate import Traces
-from epuckhebb.analysis.self_checks import told
+from epuckhebb.analysis.self_checks import text
 from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.config.stored import read_config, without_own_code
 from epuckhebb.runs.evaluate import caption
@@ -69,7 +69,7 @@ def found_in(run: Run, config: EvaluateConfig) -> dict[str, str]:
     """A sentence for each side on what the robots of the recorded lifetimes found in their self-check."""
     shown = [row for row in read_findings(run) if row["repeat"] == 0]
     who = " and ".join(f"“{one.name}”" for one in config.controllers if one.adaptation.self_check)
-    return {str(row["side"]): f"Before its life, the robot with {who} found: {told(row)}." for row in shown}
+    return {str(row["side"]): f"Before its life, the robot with {who} found: {text(row)}." for row in shown}
 
 
 def write_page(recorded: Recording, target: Path) -> None:

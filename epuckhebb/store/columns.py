@@ -11,18 +11,18 @@ NUMBER, NUMBER_OR_EMPTY, TEXT, TEXT_OR_EMPTY = "a number", "a number or empty", 
 
 
 class Column(NamedTuple):
-    """A column of a table. kind: one of the above, or the texts that there may be. told: its meaning."""
+    """A column of a table. kind: one of the above, or the texts that there may be. meaning: in words."""
 
     kind: str | tuple[str, ...]
-    told: str = ""
+    meaning: str = ""
 
 
 class Array(NamedTuple):
-    """An array of a `.npz` file. shape: its axes. unit: "" where it has none. told: its meaning."""
+    """An array of a `.npz` file. shape: its axes. unit: "" where it has none. meaning: in words."""
 
     shape: tuple[str | int, ...]
     unit: str
-    told: str
+    meaning: str
 
 
 Columns = Mapping[str, Column]
@@ -45,28 +45,28 @@ _CONDITION: Columns = {
 METRICS: Columns = {
     "genome": text("the name of the genome: `reference`, a run folder, or a file without its ending"),
     "experiment": text("`light` or `obstacles`: to which of the paper's experiments the world belongs"),
-    "scenario": text("the name of the world: of its scenario and its changes; `changed` tells what else differs"),
+    "scenario": text("the name of the world: of its scenario and its changes; `changed` says what else differs"),
     "light": number("level of the sun at the start: 1 bright, 0.1 dim"),
     "obstacles": number("how many obstacles stand in the maze at the start"),
     "controller": _CONDITION["controller"],
     "N": _CONDITION["N"],
     "signal": text_or_empty("the live fitness F that scales the rate; empty for `GA`"),
     "side": Column(SIDES, "where the goal is: `left` (lamp off) or `right` (lamp on)"),
-    "repeat": number("number of the noise repeat, from 0; all controllers of a repeat have the same random numbers"),
+    "repeat": number("number of the repeat, from 0; all controllers of a repeat have the same random numbers"),
     "seed": number("seed of the random numbers"),
     "success": number("1 if the robot is within 5 cm of its goal at the last step, else 0"),
     "time_to_goal_s": number_or_empty(
-        "s until it was first within 5 cm of its goal; empty if it never was. It may drive on, and have success 0"
+        "s until it was first within 5 cm of its goal; empty if it never was. It can drive on and end with success 0"
     ),
     "path_length_m": number("m that it travelled: the sum of all steps"),
-    "average_speed_m_s": number("m/s: the path over the whole lifetime, also the time it stood at the goal"),
+    "average_speed_m_s": number("m/s: the path over the whole lifetime, which includes the time at the goal"),
     "final_position_error_m": number("m from its goal at the last step"),
     "weight_change_mean": number(
-        "how far plasticity has moved the weights: sum of abs(W - W_gene) over all weights, its mean over the steps"
+        "how far plasticity moved the weights: mean over the steps of the sum of abs(W - W_gene) over all weights"
     ),
     "weight_change_final": number("the same sum at the last step"),
     "fitness": number(
-        "what `evolve` would give: the mean of the combined fitness over the steps and the reward for the goal, halved"
+        "as in `evolve`: half the sum of the mean combined fitness over the steps and the reward for the goal"
     ),
     "contact_fraction": number("share of the steps in which a distance sensor read above 0.8: next to touching"),
     "changed": text_or_empty(
@@ -80,21 +80,21 @@ FOUND: Columns = {
     "side": METRICS["side"],
     "repeat": METRICS["repeat"],
     "lamp": Column(("on", "off"), "whether the robot took the lamp to be lit"),
-    "dead_sensors": text_or_empty("numbers of the places on its rim where it found itself blind, with `; ` between"),
+    "dead_sensors": text_or_empty("numbers of the places on its rim where its sensors are dead, with `; ` between"),
     "left_wheel_loss": number("share of its speed that the left wheel loses; below 0 it is too fast"),
     "left_wheel_loss_error": number("standard error of that"),
     "right_wheel_loss": number("the same of the right wheel"),
     "right_wheel_loss_error": number("standard error of that"),
-    "light_ratio": number("today's light over that of the training world"),
+    "light_ratio": number("the light now over that of the training world"),
     "light_ratio_error": number("standard error of that"),
-    "distance_misfit": number("what no finding explains of the distance readings, in standard deviations"),
+    "distance_misfit": number("distance readings: how far from what the findings explain, in standard deviations"),
     "light_misfit": number("the same of the light readings"),
     "unexplained": text_or_empty("`distance`, `light` or both: the misfit is too large, and the findings are not used"),
-    "corrected": text_or_empty("what is corrected all life long, with `; ` between"),
+    "corrected": text_or_empty("what is corrected during the whole lifetime, with `; ` between"),
 }
 REWARDED: Columns = {
-    "rewarded_share": number("share of the trials of its life that were rewarded"),
-    "switch_trial": number_or_empty("first trial, from 1, in which the other end than `side` is rewarded; empty: none"),
+    "rewarded_share": number("share of the trials of the lifetime that were rewarded"),
+    "switch_trial": number_or_empty("first trial, from 1, that rewards the end opposite to `side`; empty: none"),
 }
 REVERSAL_TRIALS: Columns = {
     **{name: METRICS[name] for name in ("genome", "controller")},
@@ -102,16 +102,16 @@ REVERSAL_TRIALS: Columns = {
     **{name: METRICS[name] for name in ("repeat", "seed")},
     "trial": number("its number, from 1"),
     "rewarded_side": Column(SIDES, "the end that is rewarded"),
-    "reached_side": text_or_empty("the end that the robot came to; empty: none"),
+    "reached_side": text_or_empty("the end that the robot reached; empty: none"),
     "rewarded": number("1 if they are the same, else 0"),
-    "time_s": number_or_empty("s until it came there, or until its time was over; empty: it was not lived"),
+    "time_s": number_or_empty("s until it reached an end, or until its time was over; empty: the trial did not run"),
 }
 REVERSAL: Columns = {
     "controller": text("as in `metrics.csv`; `chance` and `optimum` are no robots"),
     "lives": number_or_empty("lifetimes"),
     "rewarded_share": number("share of the trials that were rewarded"),
     **_interval(method=", from a bootstrap over the repeats"),
-    "end_share": number_or_empty("share of the trials that came to an end"),
+    "end_share": number_or_empty("share of the trials in which the robot reached an end"),
 }
 HISTORY: Columns = {
     "generation": number("its number, from 0"),
@@ -120,17 +120,17 @@ HISTORY: Columns = {
     "worst_fitness": number("fitness of the least fit"),
     "best_success": number("share of its lifetimes that the fittest ended at its goal"),
     "mean_success": number("the same share over all individuals"),
-    "robot_steps": number("control steps of 32 ms that all of them lived"),
+    "robot_steps": number("control steps of 32 ms of all their lifetimes"),
 }
 _JOB: Columns = {
     "job": number("number of the job, from 0"),
     "run": text("its run folder in the folder of the sweep"),
     "KEY": text_or_empty(
-        "a column for each key that was set, unless it has one below, as `hebbian.N` has. `any`: the row is of `GA`"
+        "a column for each key that was set and has none below, as `hebbian.N` has; `any`: the row is of `GA`"
     ),
 }
 SUMMARY: Columns = {
-    "n": number("lifetimes of this condition, champion, controller and side: seeds times noise repeats"),
+    "n": number("lifetimes of this condition, champion, controller and side: seeds times repeats"),
     "success": number("share of them that ended at the goal"),
     **_interval("success_noise_", " (Wilson's): about the noise alone, for this champion", NUMBER),
 }
@@ -144,7 +144,7 @@ OVER_CHAMPIONS: Columns = {
 }
 _OUTCOMES = [*list(METRICS)[list(METRICS).index("success") + 1 : -2], "saturated_fraction"]
 SUMMARY_MEANS: Columns = {
-    "n_reached": number("lifetimes that came to the goal at all, of which `time_to_goal_s` is the mean"),
+    "n_reached": number("lifetimes that reached the goal; `time_to_goal_s` is their mean"),
     **{name: number_or_empty("mean of that column of `metrics.csv`") for name in _OUTCOMES},
     "rewarded_share": number_or_empty("the same; only with `task=reversal`"),
 }
@@ -152,7 +152,7 @@ CLAIMS: Columns = {
     "experiment": _CONDITION["experiment"],
     "claim": text("what the paper says"),
     "counted": text("which trials could show it, and what counts as true"),
-    "true": number("in how many trials it comes true"),
+    "true": number("in how many trials it is true"),
     "n": number("of how many"),
     "champions": number("how many champions have such a trial"),
     "share": number_or_empty("`true` over `n`"),
@@ -162,13 +162,13 @@ CLAIMS: Columns = {
     ),
 }
 _COUNTS: Columns = {
-    "broken": number("solved at home without plasticity, and failed in the changed world without it"),
-    "rescued": number("of the broken: succeed with plasticity"),
-    "intact": number("solved at home, and in the changed world too, without plasticity"),
-    "harmed": number("of the sound: fail with plasticity"),
+    "broken": number("solved in training without plasticity; fail in the changed world without it"),
+    "rescued": number("of the broken trials: succeed with plasticity"),
+    "intact": number("solved in training without plasticity; succeed in the changed world without it"),
+    "harmed": number("of the intact trials: fail with plasticity"),
     "rescued_share": number_or_empty("`rescued` over `broken`"),
     **_interval("rescued_"),
-    "harmed_share": number_or_empty("`harmed` over `sound`"),
+    "harmed_share": number_or_empty("`harmed` over `intact`"),
     **_interval("harmed_"),
 }
 RESCUE: Columns = {
@@ -181,7 +181,7 @@ RESCUE: Columns = {
 }
 _RESCUE_AND_HARM: Columns = {
     **_CONDITION,
-    "solved": number("trials that the genes alone master in the training world"),
+    "solved": number("trials that the genes alone solve in the training world"),
     **_COUNTS,
     "difference": number("success with plasticity minus success without, over all trials, solved or not"),
     **_interval("difference_"),
@@ -192,7 +192,7 @@ _RETENTION: Columns = {
     "controller": _CONDITION["controller"],
     "N": _CONDITION["N"],
     "solves": Column(
-        ("any", "both"), "whose trials: those solved at home (`any`), or those of champions that master `both` sides"
+        ("any", "both"), "`any`: all trials solved in training; `both`: only those of champions that solve both sides"
     ),
     "champions": number_or_empty("how many champions have such trials"),
     "trials": number("these trials in all changed worlds"),
@@ -205,14 +205,14 @@ _TRIALS: Columns = {
     "genome": text("the champion"),
     "side": METRICS["side"],
     **{
-        name: number_or_empty("mean over the noise repeats")
+        name: number_or_empty("mean over the repeats")
         for name in ("success", "time_to_goal_s", "path_length_m", "final_position_error_m", "weight_change_mean")
     },
     "succeeds": Column(("True", "False"), "whether more than half of the repeats succeed"),
 }
 _SUCCESS: Columns = {
     **_CONDITION,
-    "side": Column(("left", "right", "both"), "`both`: a champion counts that succeeds on either side"),
+    "side": Column(("left", "right", "both"), "`both`: the champion succeeds on the left and on the right"),
     "successes": number("champions that succeed"),
     "n": number("of how many"),
     "share": number("`successes` over `n`"),
@@ -250,15 +250,15 @@ _METHOD: Columns = {
 LEADERBOARD: Columns = {
     **_METHOD,
     "kind": Column(
-        ("plain", "evolved", "post_hoc"), "`evolved` with plasticity, or `laid over` champions of another method"
+        ("plain", "evolved", "post_hoc"), "no plasticity, plasticity during evolution, or added after evolution"
     ),
     "matched_control": text_or_empty(
-        "the method that it is compared with, which has no plasticity; empty for plain ones"
+        "the method that it is compared with: the same without plasticity; empty for plain ones"
     ),
     "champions": number("how many there are"),
-    "solved": number("how many of them succeed on both sides at home; in `reversal`, how many learn"),
+    "solved": number("how many of them solve both sides in training; in `reversal`, how many learn"),
     **_interval("solved_"),
-    "trials": number("champions times sides times test worlds; in `reversal`, trials of all lives"),
+    "trials": number("champions times sides times test worlds; in `reversal`, trials of all lifetimes"),
     "successes": number("in how many of them more than half of the repeats succeed; in `reversal`, rewarded ones"),
     "success": number("`successes` over `trials`"),
     **_interval("success_", ", from a bootstrap over champions", NUMBER),
@@ -270,22 +270,22 @@ LEADERBOARD: Columns = {
     ),
     **_interval("difference_", ", from a bootstrap over pairs"),
     "sign_flip_p": number_or_empty("exact p value of the difference, signs flipped by champion"),
-    "success_off": number_or_empty("`success` of the same champions with the rule, or what is laid over, off"),
-    "success_inverted": number_or_empty("the same with the reward inverted, of rules that hear one"),
-    "evolved_parameters": number("how many numbers are evolved for a champion"),
-    "robot_steps": number("control steps of 32 ms in a champion's evolution, as the mean over champions"),
+    "success_off": number_or_empty("`success` of the same champions with the rule and the adaptation off"),
+    "success_inverted": number_or_empty("the same with the reward inverted, for rules that receive one"),
+    "evolved_parameters": number("how many parameters are evolved for a champion"),
+    "robot_steps": number("control steps of 32 ms in the evolution of a champion: mean over champions"),
 }
 _CHAMPIONS: Columns = {
     **_METHOD,
     "seed": number("seed of its evolution"),
     "champion": text("run folder in which it, or the rule for it, was evolved"),
-    "test": text("run folder of its lifetimes at home and in all test worlds"),
-    "solves": number("1 if it succeeds on both sides at home, in `reversal` if it learns; else 0"),
-    "trials": number("sides times test worlds; in `reversal`, trials of all lives"),
+    "test": text("run folder of its lifetimes in the training world and all test worlds"),
+    "solves": number("1 if it solves both sides in training, in `reversal` if it learns; else 0"),
+    "trials": number("sides times test worlds; in `reversal`, trials of all lifetimes"),
     "successes": number("of them: more than half of the repeats succeed; in `reversal`, rewarded ones"),
     "successes_off": number_or_empty("the same with the rule off; empty for plain methods"),
-    "successes_inverted": number_or_empty("the same with the reward inverted, of rules that hear one"),
-    "robot_steps": number("control steps of its evolution, and of what it was laid over"),
+    "successes_inverted": number_or_empty("the same with the reward inverted, for rules that receive one"),
+    "robot_steps": number("control steps of its evolution, and of the champion that it was added to"),
 }
 _WORLDS: Columns = {
     **_METHOD,
@@ -295,13 +295,13 @@ _WORLDS: Columns = {
 }
 _COSTS: Columns = {
     **_METHOD,
-    "evolve_cpu_s": number("CPU seconds of a champion's evolution, as the mean over champions"),
-    "test_cpu_s": number("CPU seconds of its lifetimes at home and in all test worlds"),
+    "evolve_cpu_s": number("CPU seconds of the evolution of a champion: mean over champions"),
+    "test_cpu_s": number("CPU seconds of its lifetimes in the training world and all test worlds"),
 }
 
 TABLES: Mapping[str, tuple[str, Columns]] = {
     "metrics.csv": ("Of `evaluate`, `reproduce` and tests of `leaderboard`: a row a lifetime.", METRICS),
-    "findings.csv": ("Of `evaluate` with a self-check: a row for each robot that checked itself.", FOUND),
+    "findings.csv": ("Of `evaluate` with a self-check: a row for each self-check.", FOUND),
     "metrics.csv with task=reversal": ("Columns that then follow.", REWARDED),
     "reversal_trials.csv": ("Of `evaluate task=reversal`: a row for each trial of each lifetime.", REVERSAL_TRIALS),
     "reversal.csv": ("Of `evaluate task=reversal`: a row for each controller, for chance, the optimum.", REVERSAL),
@@ -309,7 +309,7 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
     "sweep.csv": ("Of `sweep`: the rows of all `metrics.csv`, with these columns before them.", _JOB),
     "summary.csv": (
         "Of `sweep` and `evaluate -m`: a row for each condition, champion, controller and side, which earlier columns "
-        "name. `GA` comes once for all keys of `hebbian`, `adaptation` and `compare`.",
+        "name. `GA` has one row for all keys of `hebbian`, `adaptation` and `compare`.",
         {**SUMMARY, **SUMMARY_MEANS},
     ),
     "over_champions.csv": (
@@ -318,7 +318,7 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
         OVER_CHAMPIONS,
     ),
     "failed.csv": (
-        "Of `sweep`: a row for each job without a result; empty if all is well.",
+        "Of `sweep`: a row for each job without a result; empty if all jobs have one.",
         {**_JOB, "KEY": text_or_empty("a column for each key that was set"), "error": text("why")},
     ),
     "rescue_over_all.csv": (
@@ -329,21 +329,21 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
         "Of `reproduce` and such sweeps: the same for each world. A trial is one champion on one side.",
         _RESCUE_AND_HARM,
     ),
-    "retention.csv": ("Of both: how much of what is solved at home succeeds in the changed worlds.", _RETENTION),
+    "retention.csv": ("Of both: how many of the trials solved in training succeed in the changed worlds.", _RETENTION),
     "claims.csv": ("Of `reproduce`: a row for each claim of the paper.", CLAIMS),
     "trials.csv": ("Of `reproduce`: a row for each champion, side and condition.", _TRIALS),
     "success.csv": ("Of `reproduce`: a row for each condition and side, over the champions.", _SUCCESS),
     "dose_response.csv": ("Of `reproduce`: a row for each rate; N = 0 is the genes alone.", _DOSE_RESPONSE),
     "leaderboard.csv": ("Of `leaderboard`: a row for each method and experiment, best first.", LEADERBOARD),
-    "champions.csv": ("Of `leaderboard`: a row for each champion, of which `leaderboard.csv` is made.", _CHAMPIONS),
+    "champions.csv": ("Of `leaderboard`: a row for each champion. `leaderboard.csv` is computed from it.", _CHAMPIONS),
     "worlds.csv": ("Of `leaderboard`: a row for each method and test world.", _WORLDS),
-    "cost.csv": ("Of `leaderboard`: what is never the same twice, and so in no other table.", _COSTS),
+    "cost.csv": ("Of `leaderboard`: times, which differ between repetitions of the same command.", _COSTS),
     "comparison.csv": ("Of `reproduce`: a row for each number of the paper's tables.", _COMPARISON),
 }
 
 
-def _sample(unit: str, told: str, axes: tuple[str | int, ...] = ()) -> Array:
-    return Array(("lifetimes", "samples", *axes), unit, told)
+def _sample(unit: str, meaning: str, axes: tuple[str | int, ...] = ()) -> Array:
+    return Array(("lifetimes", "samples", *axes), unit, meaning)
 
 
 TRACES: Mapping[str, Array] = {
@@ -359,25 +359,25 @@ TRACES: Mapping[str, Array] = {
     "change_signal": _sample("", "the signal that opens the gate of an adaptation; nan where there is none"),
     "rate": _sample("per step", "effective rate N_e"),
     "weight_change": _sample("", "sum of abs(W - W_gene) over all weights"),
-    "weights": _sample("", "all weights, layer by layer, a row for each neuron that they come from", ("synapses",)),
+    "weights": _sample("", "all weights, layer by layer, a row for each presynaptic neuron", ("synapses",)),
 }
 
 CHAMPION: Mapping[str, Array] = {
-    "genome": Array(("genes",), "", "all genes: the weights, layer by layer, then what of a rule is evolved"),
+    "genome": Array(("genes",), "", "all genes: the weights, layer by layer, then the evolved parameters of a rule"),
     "layers": Array(("layers",), "", "how many neurons each layer has"),
     "parts": Array(("parts",), "", "the names of the parts of the genome"),
     "part_sizes": Array(("parts",), "", "how many genes each has"),
     "fitness": Array((), "", "what it was chosen by"),
     "experiment": Array((), "", "`light` or `obstacles`"),
     "seed": Array((), "", "of its evolution"),
-    "generation": Array((), "", "its last one, from 0"),
+    "generation": Array((), "", "the last one of its evolution, from 0"),
     "robot": Array((), "", "the name of the robot that it is for"),
-    "lights": Array((), "", "how many of the readings are of light"),
+    "lights": Array((), "", "how many of the sensor readings are of light"),
     "optimizer": Array((), "", "what it was evolved by"),
     "training": Array((), "", "in which worlds"),
-    "rule": Array((), "", "the plasticity rule that it evolved with, if there was one"),
-    "task": Array((), "", "the task that it evolved for, if it is another than the paper's"),
-    "rewarded": Array((), "", "beside `task`: 1 if the last input of the network tells a reward, else 0"),
-    "memory_*": Array((), "", "the baseline: what it remembers of its training world, for adaptations"),
+    "rule": Array((), "", "the plasticity rule that it evolved with, if any"),
+    "task": Array((), "", "the task that it evolved for, unless it is the paper's"),
+    "rewarded": Array((), "", "beside `task`: 1 if the last input of the network is the reward, else 0"),
+    "memory_*": Array((), "", "nominal statistics of its training world, for adaptations"),
     "self_*": Array((), "", "what a self-check compares with"),
 }

@@ -236,8 +236,8 @@ def test_a_connection_tells_its_gene_weight_and_change(visit, run, traces):
     def signed(value):
         return f"{value:+.4f}".replace("-", "−")
 
-    told = f"Gene 1: from light, front right to hidden 1.2. Weight {signed(weight)}, changed by {signed(change)} since"
-    expect(page.locator(".network").nth(1)).to_contain_text(told)
+    text = f"Gene 1: from light, front right to hidden 1.2. Weight {signed(weight)}, changed by {signed(change)} from"
+    expect(page.locator(".network").nth(1)).to_contain_text(text)
     expect(page.locator("#said")).to_contain_text("Gene 1:")
     network.scroll_into_view_if_needed()
     box = network.bounding_box()
@@ -260,25 +260,25 @@ def test_a_run_without_plasticity_has_one_panel(visit, tmp_path):
     expect(page.locator("figure")).to_have_count(2)
     expect(page.get_by_label("Live fitness")).to_have_count(1)
     expect(page.get_by_label("Weight change")).to_have_count(0)
-    expect(page.get_by_text("where the other robot is now")).to_be_hidden()
+    expect(page.get_by_text("position of the other robot")).to_be_hidden()
     expect(page.locator("#changes")).to_be_hidden()
 
 
-def test_homeostasis_is_told_and_its_weight_change_drawn(visit, tmp_path):
-    home = Scenario(name="highlight", experiment="light", light=1.0, paper_duration_s=10.0)
-    nominal = remember(np.load(ARRIVES)["genome"], home)
+def test_homeostasis_is_explained_and_its_weight_change_drawn(visit, tmp_path):
+    trained = Scenario(name="highlight", experiment="light", light=1.0, paper_duration_s=10.0)
+    nominal = remember(np.load(ARRIVES)["genome"], trained)
     scales = Controller(name="homeostasis", adaptation=Adaptation(name="homeostasis", homeostasis=True))
-    dim = replace(home, light=0.1)
+    dim = replace(trained, light=0.1)
     page = visit(replayed(tmp_path, dim, controllers=(scales,), seconds=12.0, nominal=nominal)[0])
-    expect(page.locator("#introduction")).to_contain_text("scaled together until the light looks as it did at home")
+    expect(page.locator("#introduction")).to_contain_text("until the light readings are as in training")
     expect(page.get_by_label("Weight change")).to_have_count(1)
     expect(page.get_by_label("Change signal")).to_have_count(1)
 
 
-def test_changes_are_told_and_lead_to_their_moments(visit, changing):
+def test_changes_are_listed_and_lead_to_their_moments(visit, changing):
     page = visit(changing, moment="#t=4")
-    told = page.locator("#changes span")
-    expect(told).to_have_text(
+    changes = page.locator("#changes span")
+    expect(changes).to_have_text(
         [
             "◆1 at 3 s: light=1, left_wheel=0.9",
             "◆2 at 6 s: obstacles=4, dead_sensors=[2]",
@@ -299,8 +299,8 @@ def test_the_world_is_that_of_the_moment(visit, changing):
     for t, number, said in (
         (1, 0, r"cm from the goal; light 0\.1$"),
         (4, 1, r"; light 1; left wheel at 90 %$"),
-        (30, 2, "; light 1; sensor 2 blind, left wheel at 90 %$"),
-        (55, 3, "; light 1; sensor 2 blind, left wheel at 90 %$"),
+        (30, 2, "; light 1; sensor 2 dead, left wheel at 90 %$"),
+        (55, 3, "; light 1; sensor 2 dead, left wheel at 90 %$"),
         (1, 0, r"cm from the goal; light 0\.1$"),
     ):
         page.evaluate("(t) => replay.seek(t)", t)
@@ -325,7 +325,7 @@ def brown(page):
         return int((np.asarray(picture.convert("RGB")) == (0xB0, 0x7D, 0x62)).all(axis=2).sum())
 
 
-def test_a_change_that_waits_is_told(visit, tmp_path):
+def test_a_change_that_waits_is_shown(visit, tmp_path):
     world = Scenario(changes=[{"at_s": 2.0, "obstacles": 4}])
     still = replayed(tmp_path, world, np.zeros(234), controllers=(), seconds=6.0)[0]
     page = visit(still, moment="#t=5")
@@ -335,7 +335,9 @@ def test_a_change_that_waits_is_told(visit, tmp_path):
     (still / "replay.html").write_text(waiting, encoding="utf-8")
     page = visit(still, moment="#t=5")
     assert state(page)["robots"][0]["world"] == 0
-    expect(page.locator("#mazes .now").first).to_have_text(re.compile("; change 1 waits until it has moved away"))
+    expect(page.locator("#mazes .now").first).to_have_text(
+        re.compile("; change 1 waits until the robot has moved away")
+    )
 
 
 @pytest.mark.parametrize("c", [0, 1])
@@ -378,7 +380,7 @@ def test_both_schemes_on_desk_and_phone(visit, run, tmp_path, scheme, width):
     fits(page, width, scheme, tmp_path)
     one, other = (page.locator("#mazes figure").nth(number).bounding_box() for number in (0, 1))
     assert one["y"] == other["y"]  # side by side, on the phone too
-    assert page.get_by_text("its speed over the floor, in cm/s").count() == 2
+    assert page.get_by_text("speed over the floor, in cm/s").count() == 2
     assert brightness(page) == pytest.approx(245 if scheme == "light" else 23, abs=5)
     page.get_by_role("button", name="Switch between light and dark").click()
     assert brightness(page) == pytest.approx(23 if scheme == "light" else 245, abs=5)
@@ -426,7 +428,7 @@ def test_the_axis_of_the_effective_rate_holds_negative_rates(browser, tmp_path):
     chart = page.get_by_label("Effective rate, Nₑ over time")
     chart.scroll_into_view_if_needed()
     least, most = chart.evaluate("canvas => [Math.min(...canvas.heights), Math.max(...canvas.heights)]")
-    expect(page.get_by_text("below 0 all changes are turned round")).to_be_visible()
+    expect(page.get_by_text("below 0 all changes are reversed")).to_be_visible()
     if SCREENSHOTS:
         page.locator(".chart", has=chart).screenshot(path=f"{SCREENSHOTS}/negative_rate.png")
     context.close()

@@ -1,0 +1,76 @@
+"""The committed reports of runs/reference/ are what the program writes of the tables beside them."""
+
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import yaml
+
+from epuckhebb.analysis import leaderboard, report, rescue
+from epuckhebb.config.methods import methods_named
+from epuckhebb.runtime.resources import data_folder
+from epuckhebb.sim.scenario import EXPERIMENTS
+
+REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
+STUDIES = sorted(REFERENCE.rglob("rescue_over_all.csv"))
+BOARDS = sorted(REFERENCE.rglob("leaderboard.csv"))
+
+
+def tables(folder, *names):
+    return [pd.read_csv(folder / f"{name}.csv") for name in names]
+
+
+@pytest.fixture
+def committed(request):
+    """Compare a report with the committed one, or write it with --regenerate."""
+
+    def compare(path, text):
+        if request.config.getoption("--regenerate"):
+            path.write_text(text)
+        assert path.read_text() == text, f"stale; run: pytest tests/{request.path.name} --regenerate"
+
+    return compare
+
+
+@pytest.mark.parametrize("folder", [path.parent for path in STUDIES], ids=lambda folder: folder.name)
+def test_the_report_of_a_study_is_that_of_its_tables(folder, committed):
+    path = folder / "report.md"
+    champions, names, repeats = re.search(
+        r"(\d+) champions of each experiment, (`.*?` to `.*?`)\..*half of its (\d+) ", path.read_text()
+    ).groups()
+    own = tables(folder, "rescue_over_all", "rescue_and_harm", "retention")
+    committed(path, rescue.markdown(*own, int(champions), int(repeats), names))
+
+
+@pytest.mark.parametrize("folder", [path.parent for path in BOARDS], ids=lambda folder: folder.name)
+def test_the_report_of_a_leaderboard_is_that_of_its_tables(folder, committed):
+    path = folder / "report.md"
+    text = path.read_text()
+    board, costs = tables(folder, "leaderboard", "cost")
+    board = board.fillna({"matched_control": ""})
+    listed = re.findall(r"^\| `(\w+)` \| [^|]* \|$", text, re.MULTILINE)
+    methods = {one.name: one.told for one in methods_named(sorted({*board.method}), [data_folder("conf")])}
+    worlds = [re.findall(r"`(\w+)`", line) for line in re.findall(r"test worlds: (.*)\.", text)]
+    tests = dict(zip(board.experiment.unique(), worlds or [[]], strict=True))
+    shown = {name: methods[name] for name in listed}
+    committed(path, leaderboard.markdown(board, costs, shown, tests, text.splitlines()[2]))
+
+
+def test_the_report_of_the_reproduction_is_that_of_its_tables(committed):
+    path = REFERENCE / "report.md"
+    text = path.read_text()
+    names = ("claims", "success", "rescue_and_harm", "retention", "dose_response", "comparison")
+    own = dict(zip(names, tables(REFERENCE, *names), strict=True))
+    titles = yaml.safe_load((data_folder("conf") / "paper" / "tables.yaml").read_text())
+    own["comparison"]["title"] = [titles[table]["title"] for table in own["comparison"].table]
+    shown = {}
+    for name, agreeing, cells in re.findall(r"Showcase: `(\w+)`.* agrees in (\d+) of the (\d+) cells", text):
+        (experiment,) = (one for one in EXPERIMENTS if name.startswith(one))
+        shown[experiment] = (name, int(agreeing), int(cells))
+    champions, repeats = map(int, re.search(r"(\d+) champions of each .*; (\d+) ", text).groups())
+    found = report.Findings(
+        **own, showcase=shown, champions=champions, given=False, repeats=repeats, provenance=text.splitlines()[2]
+    )
+    figures = {name: caption for caption, name in re.findall(r"!\[(.*)\]\(figures/(.*)\)", text)}
+    committed(path, report.markdown(found, figures))
