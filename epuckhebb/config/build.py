@@ -19,7 +19,7 @@ from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.adaptation import Adaptation
-from epuckhebb.sim.adaptation.self_check.dance import check_time
+from epuckhebb.sim.adaptation.self_check.calibration import check_time
 from epuckhebb.sim.adaptation.self_check.memory import check_robot
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
 from epuckhebb.sim.fitness import Signal

@@ -11,8 +11,15 @@ from epuckhebb.config.names import maze_asked, scenario_of
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
-from epuckhebb.sim.adaptation.nominal import REPEATS, Lived, Nominal, live_in_training_world, nominal_of, remember
-from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, can_check_itself, remember_self
+from epuckhebb.sim.adaptation.nominal import (
+    REPEATS,
+    Nominal,
+    Recorded,
+    measure_nominal,
+    nominal_of,
+    run_in_training_world,
+)
+from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, can_check_itself, measure_self
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.session import LostRobotError
@@ -38,7 +45,7 @@ def nominal_for(
         config,
         genome.nominal,
         missing_nominal(config, genome.nominal),
-        lambda home: remember(genome.weights, home, gain, threads, genome.network),
+        lambda home: measure_nominal(genome.weights, home, gain, threads, genome.network),
         report,
     )
     was_known = genome.nominal is not None and genome.nominal.gain_rad_s == gain
@@ -74,7 +81,7 @@ def self_checks_for(
             config,
             genome.self_memory,
             "has no memory for a self-check" if genome.self_memory is None else "",
-            lambda home: _self_memory(live_in_training_world(genome.weights, home, 1.0, threads, genome.network), home),
+            lambda home: _self_memory(run_in_training_world(genome.weights, home, 1.0, threads, genome.network), home),
             report,
         )
         return self_checks(memory, config.world, config.lifetime.noise, repeats=config.repeats, seed=config.seed)
@@ -125,9 +132,9 @@ def remember_training_world(
     weights: NDArray[np.float64], world: Scenario, threads: int, network: Network
 ) -> tuple[Nominal, SelfMemory | None]:
     """What a champion remembers of its training world; nothing for a self-check that its robot cannot do there."""
-    sides = live_in_training_world(weights, world, threads=threads, network=network)
+    sides = run_in_training_world(weights, world, threads=threads, network=network)
     return nominal_of(sides, world, 1.0), _self_memory(sides, world) if can_check_itself(world) else None
 
 
-def _self_memory(sides: list[Lived], world: Scenario) -> SelfMemory:
-    return remember_self(world, [samples.sensors for side in sides for _, samples in side])
+def _self_memory(sides: list[Recorded], world: Scenario) -> SelfMemory:
+    return measure_self(world, [samples.sensors for side in sides for _, samples in side])

@@ -14,7 +14,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import LATEST, data_folder, path_of
 from epuckhebb.sim.adaptation.homeostasis import PATTERNS
 from epuckhebb.sim.adaptation.nominal import Nominal
-from epuckhebb.sim.adaptation.self_check.dance import STEPS
+from epuckhebb.sim.adaptation.self_check.calibration import STEPS
 from epuckhebb.sim.adaptation.self_check.memory import EFFECTS, SelfMemory
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
 from epuckhebb.sim.network import PAPER_NETWORK, Network
