@@ -42,7 +42,7 @@ def test_the_bundled_champions_remember():
         home = training_world(typed(composed("evaluate", [f"scenario={scenario}"]), EvaluateConfig))
         for where in ("reference", "reference_1", "reference_140"):
             genome = load_genome(where, experiment)
-            assert (genome.network, genome.robot, genome.plan.told()) == (PAPER_NETWORK, "epuck", "234 weights")
+            assert (genome.network, genome.robot, genome.plan.text()) == (PAPER_NETWORK, "epuck", "234 weights")
             again = measure_nominal(genome.weights, home)
             for name in genome.nominal.__dataclass_fields__:
                 value = getattr(genome.nominal, name)
