@@ -52,11 +52,11 @@ def network_loop(n, weights, activation, drive):
 
 
 @loop
-def plasticity_loop(n, weights, kept, genes, coefficients, activation, lengths, signs, numbers, room, change):
+def plasticity_loop(n, weights, synapse_state, genes, coefficients, activation, lengths, signs, numbers, room, change):
     for _ in range(n):
         learn(
             weights,
-            kept,
+            synapse_state,
             genes,
             coefficients,
             activation,

@@ -1,4 +1,4 @@
-"""Signals of change, the baseline and what follows: no plasticity where nothing has changed."""
+"""Signals of change, nominal statistics and the gate: no plasticity where nothing has changed."""
 
 import math
 
@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuckhebb.sim.adaptation.adaptation import Adaptation, change_signals
-from epuckhebb.sim.adaptation.change_signal import Now, keep_recent, no_nominal
+from epuckhebb.sim.adaptation.adaptation import Adaptation, Exploration, change_signals
+from epuckhebb.sim.adaptation.change_signal import SignalContext, no_nominal, update_recent
 from epuckhebb.sim.adaptation.change_signals.late import change_signal as late
 from epuckhebb.sim.adaptation.change_signals.novelty import change_signal as novelty
 from epuckhebb.sim.adaptation.change_signals.shortfall import change_signal as shortfall
 from epuckhebb.sim.adaptation.gate import need, resting
-from epuckhebb.sim.adaptation.nominal import REPEATS, remember
+from epuckhebb.sim.adaptation.nominal import REPEATS, measure_nominal
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.fitness import Signal
@@ -35,10 +35,10 @@ def controller(N=0.0, signal=Signal.behaviour, sign=Sign.hebbian, **adaptation):
 
 
 @pytest.fixture(scope="module")
-def master(genomes):
-    """A genome that reaches the left goal in the base world, and what it remembers at four times the pace."""
+def champion(genomes):
+    """A genome that reaches the left goal in the base world, and its nominal statistics at wheel gain 4."""
     for genome in genomes:
-        nominal = remember(genome, Scenario(), 4.0)
+        nominal = measure_nominal(genome, Scenario(), 4.0)
         if nominal.success[0] == 1:
             return genome, nominal
     raise AssertionError("none of the checked genomes reaches the left goal")
@@ -56,8 +56,8 @@ def live(genome, controller, nominal=None, scenario=None, side="left", seconds=6
     return live_block([individual], scenario or Scenario(), Lifetime(duration_s=seconds, **FAST))[0]
 
 
-def now(time_s=0.0, away_s=0.0, arrived=False, recent=None):
-    return Now(time_s, away_s, arrived, np.zeros(17) if recent is None else recent)
+def context(time_s=0.0, away_s=0.0, arrived=False, recent=None):
+    return SignalContext(time_s, away_s, arrived, np.zeros(17) if recent is None else recent)
 
 
 def test_the_signals_are_the_files_there_are():
@@ -66,7 +66,9 @@ def test_the_signals_are_the_files_there_are():
 
 def test_late_compares_with_the_way_there_and_then_with_excursions():
     def since(away, arrived, time_to_goal, longest):
-        return late(now(away_s=away, arrived=arrived), NOTHING._replace(time_to_goal_s=time_to_goal, away_s=longest))
+        return late(
+            context(away_s=away, arrived=arrived), NOTHING._replace(time_to_goal_s=time_to_goal, away_s=longest)
+        )
 
     assert since(60.0, False, 50.0, 20.0) == 1.2
     assert since(30.0, True, 50.0, 20.0) == 1.5
@@ -75,10 +77,10 @@ def test_late_compares_with_the_way_there_and_then_with_excursions():
         assert math.isnan(since(60.0, arrived, math.nan, 0.0))
 
 
-def test_shortfall_is_what_is_missing_at_this_time_of_life():
+def test_shortfall_is_what_is_missing_at_this_time_of_a_lifetime():
     def short(time, recent):
         return shortfall(
-            now(time, recent=np.append(np.zeros(16), recent)), NOTHING._replace(fitness=np.array([0.4, 0.6]))
+            context(time, recent=np.append(np.zeros(16), recent)), NOTHING._replace(fitness=np.array([0.4, 0.6]))
         )
 
     assert short(0.9, 0.3) == pytest.approx(0.1)
@@ -87,18 +89,18 @@ def test_shortfall_is_what_is_missing_at_this_time_of_life():
 
 
 @pytest.mark.parametrize("inputs", [16, 32])
-def test_novelty_counts_spreads_from_the_likelier_baseline(inputs):
+def test_novelty_counts_spreads_from_the_likelier_lamp(inputs):
     mean, spread = np.array([np.full(inputs, 0.2), np.full(inputs, 0.8)]), np.full((2, inputs), 0.09)
     nominal = no_nominal(inputs)._replace(reading_mean=mean, reading_spread=spread)
-    assert novelty(now(recent=np.full(inputs + 1, 0.7)), nominal) == pytest.approx(1.0)
-    assert novelty(now(recent=np.full(inputs + 1, 0.2)), nominal) == pytest.approx(0.0)
+    assert novelty(context(recent=np.full(inputs + 1, 0.7)), nominal) == pytest.approx(1.0)
+    assert novelty(context(recent=np.full(inputs + 1, 0.2)), nominal) == pytest.approx(0.0)
 
 
 def test_recent_means_begin_with_the_first_step_and_follow():
     recent = np.full(3, 7.0)
-    keep_recent(recent, np.array([0.2, 0.4]), 0.6, 0)
+    update_recent(recent, np.array([0.2, 0.4]), 0.6, 0)
     np.testing.assert_allclose(recent, [0.2, 0.4, 0.6], rtol=1e-14)
-    keep_recent(recent, np.array([1.2, 0.4]), 0.6, 1)
+    update_recent(recent, np.array([1.2, 0.4]), 0.6, 1)
     np.testing.assert_allclose(recent, [0.2 + 0.032 / 5.032, 0.4, 0.6], rtol=1e-14)
 
 
@@ -123,7 +125,7 @@ def test_spells_and_rests_take_turns():
 @pytest.mark.parametrize("sign", [Sign.hebbian, Sign.anti])
 def test_always_in_need_is_the_papers_rule_bit_for_bit(genomes, signal, sign):
     paper = {"N": 0.002, "signal": signal, "sign": sign}
-    never_content = {"change_signal": "novelty", "threshold": -1.0}  # novelty is never negative, so g = 1
+    always_in_need = {"change_signal": "novelty", "threshold": -1.0}  # novelty is never negative, so g = 1
     of_updates = signs(sign, 234, np.random.default_rng(0))
     for genome in genomes[:3]:
         individuals = [
@@ -136,10 +138,10 @@ def test_always_in_need_is_the_papers_rule_bit_for_bit(genomes, signal, sign):
                 signs=of_updates,
                 record=True,
             )
-            for more in ({}, never_content)
+            for more in ({}, always_in_need)
         ]
-        told = Scenario(obstacles=4), Lifetime(duration_s=8, **FAST)
-        (one, by_paper), (other, by_need) = live_block(individuals, *told)
+        arguments = Scenario(obstacles=4), Lifetime(duration_s=8, **FAST)
+        (one, by_paper), (other, by_need) = live_block(individuals, *arguments)
         assert math.isnan(one.time_to_goal)  # at the goal there is no need
         assert np.array(one).tobytes() == np.array(other).tobytes()
         for name in set(by_paper._fields) - {"change_signal"}:
@@ -147,8 +149,8 @@ def test_always_in_need_is_the_papers_rule_bit_for_bit(genomes, signal, sign):
         assert by_paper.weight_change[-1] > 0
 
 
-def test_nothing_changed_nothing_learnt(master):
-    genome, nominal = master
+def test_nothing_changed_nothing_learnt(champion):
+    genome, nominal = champion
     eager = controller(0.01, change_signal="late", threshold=1.0001)
     for key in range(3):
         outcome, samples = live(genome, eager, nominal, key=key)
@@ -158,8 +160,8 @@ def test_nothing_changed_nothing_learnt(master):
             assert outcome.weight_change_mean == without.weight_change_mean == 0
 
 
-def test_late_is_plastic_and_the_goal_makes_forget(master):
-    genome, nominal = master
+def test_a_late_robot_is_plastic_and_the_goal_resets_it(champion):
+    genome, nominal = champion
     soon = controller(1e-4, change_signal="late", threshold=0.5)
     _, samples = live(genome, soon, nominal)
     goal = np.array(T_MAZE.goals["left"])
@@ -171,8 +173,8 @@ def test_late_is_plastic_and_the_goal_makes_forget(master):
     assert (samples.rate[before & ~late] == 0).all()
     assert samples.weight_change[late].max() > 0
     assert (samples.weight_change[at_goal] == 0).all()
-    birth = np.clip(genome, -2, 2).astype(np.float32)
-    assert (samples.weights[at_goal] == birth).all()
+    genes = np.clip(genome, -2, 2).astype(np.float32)
+    assert (samples.weights[at_goal] == genes).all()
 
 
 @pytest.mark.parametrize(("change_signal", "threshold"), [("late", 0.3), ("shortfall", 0.02), ("novelty", 0.6)])
@@ -186,52 +188,52 @@ def test_late_is_plastic_and_the_goal_makes_forget(master):
         {"changes": ({"at_s": 5, "light": 1.0}, {"at_s": 9, "right_wheel": 0.8})},
     ],
 )
-def test_agrees_with_the_oracle(master, beside_the_oracle, change_signal, threshold, fault):
-    genome, nominal = master
+def test_agrees_with_the_oracle(champion, beside_the_oracle, change_signal, threshold, fault):
+    genome, nominal = champion
     gated = controller(0.001, change_signal=change_signal, threshold=threshold, slope=5.0, active_s=2, rest_s=1)
-    told = {"seconds": 16, "nominal": nominal.of("right"), "key": 5}
-    _, samples, robot = beside_the_oracle(genome, "right", Scenario(**fault), gated, **told)
+    arguments = {"seconds": 16, "nominal": nominal.of("right"), "key": 5}
+    _, samples, robot = beside_the_oracle(genome, "right", Scenario(**fault), gated, **arguments)
     assert samples.change_signal[-1] == pytest.approx(robot.change_signal, abs=1e-8)
 
 
 @pytest.mark.thorough
 def test_a_robot_with_24_rays_agrees_with_the_oracle(lidar, wide, beside_the_oracle):
     network, genes = wide
-    nominal = remember(genes, Scenario(robot=lidar), 4.0, network=network)
+    nominal = measure_nominal(genes, Scenario(robot=lidar), 4.0, network=network)
     assert nominal.reading_mean.shape == (2, 32)
     gated = controller(0.001, change_signal="novelty", threshold=0.6, slope=2.0, active_s=4, rest_s=2)
     of_updates = signs(Sign.shuffled, network.synapses, np.random.default_rng(4))
     lamp = Lamp(towards_x=-1.0, towards_y=0.7, beam_rad=1.2)
     world = Scenario(robot=lidar, light=1.0, dead_sensors=(11, 3), lamp=lamp)
-    told = {"seconds": 60, "nominal": nominal.of("right"), "network": network, "signs": of_updates}
-    outcome, samples, robot = beside_the_oracle(genes, "right", world, gated, **told)
+    arguments = {"seconds": 60, "nominal": nominal.of("right"), "network": network, "signs": of_updates}
+    outcome, samples, robot = beside_the_oracle(genes, "right", world, gated, **arguments)
     assert samples.change_signal[-1] == pytest.approx(robot.change_signal, abs=1e-8)
     assert outcome.weight_change_mean > 0
 
 
-def test_motor_noise_shakes_only_who_is_late(master):
-    genome, nominal = master
-    calm = controller(change_signal="late", threshold=2.0, motor_noise=2.0)
-    shaken = controller(change_signal="late", threshold=0.2, motor_noise=2.0)
+def test_only_a_late_robot_has_motor_noise(champion):
+    genome, nominal = champion
+    early = controller(change_signal="late", threshold=2.0, motor_noise=2.0)
+    noisy = controller(change_signal="late", threshold=0.2, motor_noise=2.0)
     _, alone = live(genome, GA_ALONE, seconds=20)
-    assert live(genome, calm, nominal, seconds=20)[1].pose.tobytes() == alone.pose.tobytes()
-    _, samples = live(genome, shaken, nominal, seconds=20)
+    assert live(genome, early, nominal, seconds=20)[1].pose.tobytes() == alone.pose.tobytes()
+    _, samples = live(genome, noisy, nominal, seconds=20)
     parts = np.flatnonzero((samples.pose != alone.pose).any(axis=1))[0]
     assert samples.change_signal[parts - 3] <= 0.2 <= samples.change_signal[parts]
     assert samples.weight_change.max() == 0
 
 
-def test_shaken_wheels_turn_no_faster_than_the_motors_can(master):
-    genome, nominal = master
+def test_wheels_with_noise_turn_no_faster_than_the_motors_can(champion):
+    genome, nominal = champion
     wild = controller(change_signal="late", threshold=0.0, motor_noise=1000.0)
     _, samples = live(genome, wild, nominal, seconds=10)
     driven = np.hypot(*np.diff(samples.pose[:, :2], axis=0).T)
     assert 0.9 < driven.max() / (EPUCK.motor_limit_rad_s * EPUCK.wheel_radius_m * STEP_S) < 1.001
 
 
-def test_baseline_is_of_the_lives_it_was_made_of(master):
-    genome, nominal = master
-    again = remember(genome, Scenario(), 4.0, threads=2)
+def test_nominal_statistics_are_repeatable_and_plausible(champion):
+    genome, nominal = champion
+    again = measure_nominal(genome, Scenario(), 4.0, threads=2)
     for name, value in vars(nominal).items():
         np.testing.assert_array_equal(value, getattr(again, name))
     assert nominal.success.shape == (2,)
@@ -245,7 +247,7 @@ def test_baseline_is_of_the_lives_it_was_made_of(master):
 
 
 def test_a_champion_that_never_arrives_is_never_late():
-    nominal = remember(np.zeros(234), Scenario(), 4.0)
+    nominal = measure_nominal(np.zeros(234), Scenario(), 4.0)
     assert np.isnan(nominal.time_to_goal_s).all()
     assert (nominal.away_s == 0).all()
     late = controller(0.1, change_signal="late")
@@ -257,23 +259,30 @@ def test_a_champion_that_never_arrives_is_never_late():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"change_signal": "surprise"}, "one of none, late, novelty, shortfall, got 'surprise'"),
-        ({"threshold": math.nan}, "adaptation.threshold must be a finite number"),
-        ({"slope": 0.0}, "adaptation.slope must be more than 0"),
-        ({"slope": -1.0}, "adaptation.slope must be more than 0"),
-        ({"motor_noise": -1.0}, "adaptation.motor_noise must be 0 or more"),
-        ({"change_signal": "late", "rest_s": 3.0}, "needs adaptation.active_s"),
-        ({"motor_noise": 1.0}, "adaptation.motor_noise does nothing without a signal of change"),
-        ({"threshold": 1.0}, "adaptation.threshold does nothing without"),
+        ({"change_signal": "surprise"}, "late, novelty, shortfall"),
+        ({"threshold": math.nan}, "adaptation.threshold"),
+        ({"slope": 0.0}, "adaptation.slope"),
+        ({"slope": -1.0}, "adaptation.slope"),
+        ({"motor_noise": -1.0}, "adaptation.motor_noise"),
+        ({"change_signal": "late", "rest_s": 3.0}, "adaptation.active_s"),
+        ({"motor_noise": 1.0}, "adaptation.motor_noise"),
+        ({"threshold": 1.0}, "adaptation.threshold"),
+        ({"calibration_counts": True}, "adaptation.self_check"),
+        ({"exploration": Exploration.wall_following}, "adaptation.exploration"),
+        (
+            {"change_signal": "late", "exploration": Exploration.wall_following, "motor_noise": 1.0},
+            "adaptation.exploration=both",
+        ),
+        ({"change_signal": "late", "exploration": Exploration.both}, "adaptation.motor_noise"),
     ],
 )
-def test_what_cannot_be_is_refused(settings, message):
+def test_invalid_settings_are_refused(settings, message):
     with pytest.raises(ValueError, match=message):
         Adaptation(**settings)
 
 
-def test_the_sides_remember_apart(master):
-    _, nominal = master
+def test_each_side_has_its_own_statistics(champion):
+    _, nominal = champion
     for k, side in enumerate(SIDES):
         own = nominal.of(side)
         assert own.away_s == nominal.away_s[k]

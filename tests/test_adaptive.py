@@ -11,7 +11,7 @@ from epuckhebb.analysis.rescue import FIGURE
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.runs.nominal import training_world
-from epuckhebb.sim.adaptation.nominal import remember
+from epuckhebb.sim.adaptation.nominal import measure_nominal
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.scenario import TRAINED
@@ -42,8 +42,8 @@ def test_the_bundled_champions_remember():
         home = training_world(typed(composed("evaluate", [f"scenario={scenario}"]), EvaluateConfig))
         for where in ("reference", "reference_1", "reference_140"):
             genome = load_genome(where, experiment)
-            assert (genome.network, genome.robot, genome.plan.told()) == (PAPER_NETWORK, "epuck", "234 weights")
-            again = remember(genome.weights, home)
+            assert (genome.network, genome.robot, genome.plan.text()) == (PAPER_NETWORK, "epuck", "234 weights")
+            again = measure_nominal(genome.weights, home)
             for name in genome.nominal.__dataclass_fields__:
                 value = getattr(genome.nominal, name)
                 np.testing.assert_array_equal(value, getattr(again, name), err_msg=f"{where} {name}")

@@ -60,7 +60,7 @@ BRIEF = ["lifetime.duration_s=3", "repeats=1", "threads=1"]
 
 @pytest.mark.parametrize("rule", SIZES)
 def test_what_a_rule_evolves(rule):
-    assert plan_of(PAPER_NETWORK, rule).told() == SIZES[rule]
+    assert plan_of(PAPER_NETWORK, rule).text() == SIZES[rule]
 
 
 def coefficients_of(rule, network=PAPER_NETWORK, **genes):
@@ -97,20 +97,20 @@ def test_three_steps_of_the_papers_rule_with_an_evolved_rate():
 
 def test_three_steps_of_the_discrete_rule():
     genes = {"when_better": [0.2, -0.6, 0.9, 0.6], "when_worse": [1, -1, 0.4, -0.5]}  # 0 -1 1 1, 1 -1 0 0
-    told = coefficients_of(Discrete, **genes, eta=[2], threshold=[0.1], high=[0.5], low=[-0.5])[:, 0]
+    values = coefficients_of(Discrete, **genes, eta=[2], threshold=[0.1], high=[0.5], low=[-0.5])[:, 0]
     for fitness, expected in ((0.91, (0, -2, 2, 2)), (0.7, (0, 0, 0, 0)), (0.49, (2, -2, 0, 0))):
         states = ((0.1, -0.5), (0.0, 0.2), (0.3, 0.05), (0.8, 0.9))
-        assert tuple(Discrete.synapse(*x, fitness, *told) for x in states) == pytest.approx(expected)
+        assert tuple(Discrete.synapse(*x, fitness, *values) for x in states) == pytest.approx(expected)
 
 
 def test_the_incoming_weights_of_each_neuron_keep_their_length():
     network = Network((3, 2, 2))
     genes = np.random.default_rng(0).uniform(-1, 1, network.synapses)
-    weights, told = genes.copy(), dict.fromkeys(Discrete.evolved, np.ones(1))
-    told |= {"when_better": np.ones(4), "when_worse": np.ones(4)}
+    weights, values = genes.copy(), dict.fromkeys(Discrete.evolved, np.ones(1))
+    values |= {"when_better": np.ones(4), "when_worse": np.ones(4)}
     numbers, room = tuple(Discrete(N=1.0).numbers().values()), np.empty((3, network.synapses))
     learn, change = update_of(Discrete, network), np.empty(weight_change_workspace(network))
-    spread, activation, ones = coefficients(Discrete, network, told), np.ones(network.neurons), np.ones_like(genes)
+    spread, activation, ones = coefficients(Discrete, network, values), np.ones(network.neurons), np.ones_like(genes)
     lengths = initial_lengths(Discrete, network, genes)
     now = StepContext(0.1, np.uint64(1), 0)
     total = learn(weights, np.empty(0), genes, spread, activation, 0.1, now, lengths, ones, numbers, room, change)
@@ -122,8 +122,8 @@ def test_the_incoming_weights_of_each_neuron_keep_their_length():
 
 
 @pytest.mark.filterwarnings("ignore:overflow")  # which random bits are made of
-def test_three_windows_of_evolution_in_life():
-    by, state, key = SimpleNamespace(window_s=0.064, sigma=0.5), SimpleNamespace(**Online.kept), np.uint64(3)
+def test_three_windows_of_online_evolution():
+    by, state, key = SimpleNamespace(window_s=0.064, sigma=0.5), SimpleNamespace(**Online.synapse_state), np.uint64(3)
 
     def lived(weight, step, *fitness):
         """A window of two steps; the weight that is tried next."""
@@ -151,7 +151,7 @@ def test_what_a_synapse_of_the_neuron_centric_rule_does_follows_from_its_two_neu
 
 
 @pytest.mark.parametrize("rule", first_of(LIVED))
-def test_a_rule_agrees_with_its_twin_in_plain_python(rule, beside_the_oracle, genomes):
+def test_a_rule_agrees_with_the_oracle(rule, beside_the_oracle, genomes):
     """At a gain of 1, as walls that a robot bumps into make much of the last bit."""
     genes = initial(np.random.default_rng(130), 1, plan_of(PAPER_NETWORK, rule))[0]
     genes[:234] = genomes[0]
@@ -166,32 +166,32 @@ def test_a_rule_agrees_with_its_twin_in_plain_python(rule, beside_the_oracle, ge
     assert np.ptp(samples.rate) > 0 or (LIVED[rule].floor == 1 and rule is not Modulated)
 
 
-# Pace and birth
+# Wheel gain and initial weights
 
 
 @pytest.mark.thorough
-def test_as_much_is_learnt_on_a_metre_at_any_pace(lived):
-    """Standing robots learn at a pace that is the gain's share of that at which N holds; with 0, at N."""
+def test_as_much_is_learnt_on_a_metre_at_any_wheel_gain(lived):
+    """N is proportional to the gain; N_gain_rad_s = 0: N at any gain."""
     genes = np.concatenate([np.zeros(234), np.ones(25)])
     changes = {}
     for gain in (1.0, 4.0):
         for N_gain_rad_s in (0.0, 4.0):
             rule = ABCDShared(N=1e-6, leak=0.0, N_gain_rad_s=N_gain_rad_s)
-            told = {"controller": Controller(name="own", rule=rule), "gain_rad_s": gain}
-            changes[gain, N_gain_rad_s] = lived(genes, seconds=0.032, **told)[0].weight_change_final
+            values = {"controller": Controller(name="own", rule=rule), "gain_rad_s": gain}
+            changes[gain, N_gain_rad_s] = lived(genes, seconds=0.032, **values)[0].weight_change_final
     assert changes[1.0, 0.0] == changes[4.0, 0.0] == changes[4.0, 4.0] > 0
     assert changes[1.0, 4.0] == pytest.approx(changes[4.0, 4.0] / 4)
 
 
-def test_weights_at_birth_can_be_drawn_for_each_lifetime(lived):
+def test_initial_weights_can_be_drawn_for_each_lifetime(lived):
     genes = np.concatenate([np.full(234, 2.0), np.zeros(5 * 234)])  # nothing is learnt
 
-    def born(key, initial_weights):
+    def initial_weights_for(key, initial_weights):
         controller = Controller(name="own", rule=ABCD(N=0.01, initial_weights=initial_weights))
         return lived(genes, seconds=0.032, key=key, controller=controller)[1].weights[0]
 
-    assert (born(1, InitialWeights.evolved) == 2).all()
-    one, again, other = (born(key, InitialWeights.random) for key in (1, 1, 2))
+    assert (initial_weights_for(1, InitialWeights.evolved) == 2).all()
+    one, again, other = (initial_weights_for(key, InitialWeights.random) for key in (1, 1, 2))
     assert np.abs(one).max() <= 0.1
     assert np.ptp(one) > 0.19
     assert (one == again).all()
@@ -206,7 +206,7 @@ def evolved_by(ga, rule, **more):
     return list(evolve(ga, Scenario(), short, seed=2, controller=controller, **more))
 
 
-def test_those_who_learn_hear_the_same_noise_and_their_champion_is_confirmed(monkeypatch):
+def test_learners_get_the_same_noise_and_their_champion_is_confirmed(monkeypatch):
     def alike(rng, count, plan):
         return np.tile(initial(rng, 1, plan), (count, 1))
 
@@ -261,7 +261,7 @@ def champions(tmp_path_factory):
 def test_a_champion_keeps_what_its_rule_evolved(champions, monkeypatch, tmp_path):
     monkeypatch.chdir(champions)
     genome = load_genome("modulated", "obstacles")
-    assert (genome.rule, genome.plan.told()) == ("modulated", SIZES[Modulated])
+    assert (genome.rule, genome.plan.text()) == ("modulated", SIZES[Modulated])
     shown = done("show", "modulated").stdout
     assert "Evolved by sep_cma_es, in training worlds varied, with rule modulated" in shown
     assert SIZES[Modulated] in shown
@@ -281,7 +281,7 @@ def test_a_champion_keeps_what_its_rule_evolved(champions, monkeypatch, tmp_path
 
 @pytest.mark.parametrize("rule", first_of(["modulated", "abcd"]))
 @pytest.mark.usefixtures("here")
-def test_an_evolution_of_a_rule_goes_on_to_the_same_bytes(rule, champions):
+def test_an_evolution_of_a_rule_resumes_bit_identically(rule, champions):
     words = ["evolve", f"hebbian={rule}", "training=varied", *TINY, "hydra.run.dir=run"]
     done(*words, "optimizer.generations=1")
     done("evolve", "resume=run", "optimizer.generations=2", "-q")
@@ -296,7 +296,7 @@ def test_a_rule_evolves_for_a_given_champion(champions):
     done("evolve", *own, "optimizer.generations=1", "hydra.run.dir=run")
     done("evolve", "resume=run", "optimizer.generations=2", "-q")
     genome, given = load_genome("run", ""), load_genome(str(champions / "modulated"), "")
-    assert (genome.rule, genome.plan.told()) == ("abcd_shared", SIZES[ABCDShared])
+    assert (genome.rule, genome.plan.text()) == ("abcd_shared", SIZES[ABCDShared])
     np.testing.assert_array_equal(genome.weights, given.weights)
     champion, _ = epuckhebb.evolve(*own[:-1])
     np.testing.assert_array_equal(champion, genome.genes)
@@ -322,7 +322,7 @@ def test_a_champion_of_another_rule_is_refused(words, named, champions, monkeypa
     assert named in refused("evaluate", *words.split(), *BRIEF)
 
 
-def test_the_weights_of_a_champion_may_live_alone(champions, monkeypatch):
+def test_the_weights_of_a_champion_may_run_without_its_rule(champions, monkeypatch):
     monkeypatch.chdir(champions)
     genome = load_genome("modulated", "obstacles")
     alone = epuckhebb.evaluate(genome.weights, "hebbian=none", *BRIEF).metrics

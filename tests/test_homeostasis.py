@@ -1,4 +1,4 @@
-"""Homeostatic plasticity: light synapses are scaled until the light looks as it did at home, and only then."""
+"""Homeostatic plasticity: weights from the light sensors are scaled until the light looks as in training."""
 
 from dataclasses import replace
 
@@ -10,8 +10,8 @@ from cases import done
 
 from epuckhebb.sim.adaptation.adaptation import Adaptation, hooks
 from epuckhebb.sim.adaptation.change_signal import no_nominal
-from epuckhebb.sim.adaptation.homeostasis import PATTERNS, initial_homeostasis_state, remember_patterns
-from epuckhebb.sim.adaptation.nominal import Nominal, remember
+from epuckhebb.sim.adaptation.homeostasis import PATTERNS, initial_homeostasis_state, light_patterns
+from epuckhebb.sim.adaptation.nominal import measure_nominal
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.life import TALLY, Lifetime
@@ -26,76 +26,77 @@ HOMEOSTATIC = Controller(name="homeostasis", adaptation=Adaptation(name="homeost
 
 
 @pytest.fixture(scope="module")
-def home(genomes):
-    """What a champion remembers of two times ten lifetimes of ten seconds, at a quick pace."""
-    return remember(genomes[0], BRIGHT, gain_rad_s=4.0)
+def nominal(genomes):
+    """Nominal statistics of a champion: ten lifetimes a side of ten seconds, at wheel gain 4."""
+    return measure_nominal(genomes[0], BRIGHT, gain_rad_s=4.0)
 
 
-def life(genes, home, scenario=BRIGHT, controller=HOMEOSTATIC, side="left", seconds=10.0):
-    who = Individual(genes=genes, side=side, key=KEY, controller=controller, nominal=home.of(side), record=True)
-    [told] = live_block([who], scenario, Lifetime(duration_s=seconds, gain_rad_s=4, record_every=1))
-    return told
+def life(genes, nominal, scenario=BRIGHT, controller=HOMEOSTATIC, side="left", seconds=10.0):
+    individual = Individual(
+        genes=genes, side=side, key=KEY, controller=controller, nominal=nominal.of(side), record=True
+    )
+    return live_block([individual], scenario, Lifetime(duration_s=seconds, gain_rad_s=4, record_every=1))[0]
 
 
-def test_where_nothing_has_changed_a_life_is_the_same_bit_for_bit(genomes, home):
+def test_where_nothing_has_changed_a_lifetime_is_bit_identical(genomes, nominal):
     for side in ("left", "right"):
-        outcome, samples = life(genomes[0], home, side=side)
-        alone, control = life(genomes[0], home, side=side, controller=GA_ALONE)
+        outcome, samples = life(genomes[0], nominal, side=side)
+        alone, control = life(genomes[0], nominal, side=side, controller=GA_ALONE)
         assert samples.pose.tobytes() == control.pose.tobytes()
         np.testing.assert_array_equal(outcome, alone)
         assert outcome.weight_change_mean == 0
-        assert 0 < np.nanmax(samples.change_signal) <= 1.1  # novelty over the largest of home
+        assert 0 < np.nanmax(samples.change_signal) <= 1.1  # novelty over the largest in training
 
 
 @pytest.mark.parametrize("level", [0.5, 0.3])
-def test_in_dimmer_light_the_scale_is_as_much_larger(genomes, home, level):
-    outcome, samples = life(genomes[0], home, replace(BRIGHT, light=level), seconds=20.0)
+def test_in_dimmer_light_the_scale_is_as_much_larger(genomes, nominal, level):
+    outcome, samples = life(genomes[0], nominal, replace(BRIGHT, light=level), seconds=20.0)
     lit = np.clip(genomes[0], -2, 2)[:56].reshape(8, 7)
     per_unit = np.abs(lit).sum() + np.abs(lit.sum(axis=0)).sum()
     assert 1 + outcome.weight_change_final / per_unit == pytest.approx(1 / level, rel=0.2)
-    assert (samples.weights == samples.weights[0]).all()  # they are told without the scale
-    assert samples.change_signal[0] > 3  # novelty over the largest of home
+    assert (samples.weights == samples.weights[0]).all()  # recorded without the scale
+    assert samples.change_signal[0] > 3  # novelty over the largest in training
 
 
-def test_the_scale_finds_the_level_of_the_light(home):
-    """A robot that stands where it has been at home, in light of 0.4 times home's, looking about."""
-    scale, room = hooks("none", EPUCK, homeostatic=True).scale, initial_homeostasis_state(EPUCK.light.count)
+def test_the_scale_finds_the_level_of_the_light(nominal):
+    """The patterns of training, in light of 0.4 times training's."""
+    scale, state = hooks("none", EPUCK, homeostatic=True).scale, initial_homeostasis_state(EPUCK.light.count)
     tally, rng = np.zeros(1, TALLY).view(np.recarray), np.random.default_rng(3)
     tally["scale"] = 1.0
     for step in range(2000):
-        seen = home.patterns[step // 50 % PATTERNS]
+        seen = nominal.patterns[step // 50 % PATTERNS]
         readings = np.append(1 - 0.4 * seen + rng.normal(0, 0.003, 8), np.zeros(8))
-        scale(readings, np.ones(PAPER_NETWORK.synapses), tally[0], room, home.of("left"), step)
+        scale(readings, np.ones(PAPER_NETWORK.synapses), tally[0], state, nominal.of("left"), step)
     assert tally["scale"][0] == pytest.approx(2.5, rel=0.15)
     assert tally["scaling"][0] == pytest.approx(2 * 8 * 7 * (tally["scale"][0] - 1))  # weights of 1: 56, and 7 biases
 
 
-def test_a_scale_that_explains_nothing_is_not_used(genomes, home):
+def test_a_scale_that_explains_nothing_is_not_used(genomes, nominal):
     blind = replace(BRIGHT, dead_sensors=(2,))
-    _, samples = life(genomes[0], home, blind)
-    control = life(genomes[0], home, blind, controller=GA_ALONE)[1]
+    _, samples = life(genomes[0], nominal, blind)
+    control = life(genomes[0], nominal, blind, controller=GA_ALONE)[1]
     assert np.nanmax(samples.change_signal) > 1  # it is novel
     assert samples.pose.tobytes() == control.pose.tobytes()
 
 
 @pytest.mark.parametrize("world", [{"light": 0.3}, {"light": 0.6, "dead_sensors": (5,)}])
-def test_agrees_with_the_oracle(genomes, home, world):
+def test_agrees_with_the_oracle(genomes, nominal, world):
     world = replace(BRIGHT, **world)
-    outcome, samples = life(genomes[0], home, world, side="right")
-    robot = reference.Robot(genomes[0], world, "right", HOMEOSTATIC, gain=4, key=KEY, nominal=home.of("right"))
+    outcome, samples = life(genomes[0], nominal, world, side="right")
+    robot = reference.Robot(genomes[0], world, "right", HOMEOSTATIC, gain=4, key=KEY, nominal=nominal.of("right"))
     expected, steps = reference.live(robot, len(samples.time))
     np.testing.assert_allclose(samples.sensors, [s[3] for s in steps], rtol=0, atol=1e-6)
     np.testing.assert_allclose(samples.pose, [s[:3] for s in steps], rtol=0, atol=1e-7)
     np.testing.assert_allclose(outcome[: len(expected)], expected, rtol=1e-6, atol=1e-7)
 
 
-def test_patterns_are_remembered(home):
-    assert home.patterns.shape == (PATTERNS, 8)
-    assert 0.01 <= home.novelty < 0.3
+def test_patterns_are_centres_of_clusters(nominal):
+    assert nominal.patterns.shape == (PATTERNS, 8)
+    assert 0.01 <= nominal.novelty < 0.3
     few = [np.full((5, 2), [0.5, 0.0]), np.full((3, 2), [0.25, 0.25])]
-    patterns, novelty = remember_patterns(few)
+    patterns, novelty = light_patterns(few)
     assert {tuple(pattern) for pattern in patterns.tolist()} <= {(0.5, 0.0), (0.25, 0.25)}
-    assert novelty == 0.01  # the noise of a light sensor is no news
+    assert novelty == 0.01  # at least the noise of a light sensor
 
 
 @pytest.mark.usefixtures("here")
@@ -106,12 +107,10 @@ def test_as_a_user_meets_it():
     assert set(rows.controller) == {"GA", "homeostasis"}
 
 
-def test_what_cannot_be_is_refused(genomes, home):
-    who = Individual(genes=genomes[0], side="left", key=KEY, controller=HOMEOSTATIC, nominal=no_nominal(16))
-    with pytest.raises(ValueError, match="64 patterns of 8 light sensors"):
-        live_block([who], BRIGHT, Lifetime(duration_s=1))
-    told = {name: getattr(home, name) for name in Nominal.__dataclass_fields__}
-    with pytest.raises(ValueError, match="novelty must be more than 0"):
-        Nominal(**told | {"novelty": 0.0})
-    with pytest.raises(ValueError, match="patterns must lie between 0 and 1"):
-        Nominal(**told | {"patterns": np.full((PATTERNS, 8), 2.0)})
+def test_invalid_statistics_are_refused(genomes, nominal):
+    individual = Individual(genes=genomes[0], side="left", key=KEY, controller=HOMEOSTATIC, nominal=no_nominal(16))
+    with pytest.raises(ValueError, match="64 patterns"):
+        live_block([individual], BRIGHT, Lifetime(duration_s=1))
+    for name, value in (("novelty", 0.0), ("patterns", np.full((PATTERNS, 8), 2.0))):
+        with pytest.raises(ValueError, match=name):
+            replace(nominal, **{name: value})

@@ -250,7 +250,7 @@ def test_what_a_rule_evolves_goes_with_the_champion():
     own = [f"hebbian.rule={EXAMPLES}/own_rule/evolved_rule.py:Layered", "hebbian.N=0.0001"]
     done("evolve", *own, *SMALL_GA, "hydra.run.dir=evolved")
     genome = load_genome("evolved", "obstacles")
-    assert genome.plan.told() == "234 weights, 5 grow, 5 leak"
+    assert genome.plan.text() == "234 weights, 5 grow, 5 leak"
     assert "234 weights, 5 grow, 5 leak" in done("show", "evolved").stdout
     done("evaluate", "genome=evolved", *own, *BRIEF, "hydra.run.dir=out")
     rows = epuckhebb.evaluate(genome.genes, *own, *BRIEF).metrics

@@ -213,11 +213,11 @@ def test_the_modulatory_neuron_hears_the_reward_or_its_inverse():
     activation[4:6] = 1.0, 0.5
     for reward in (0.0, 1.0, -1.0):
         activation[2] = reward
-        for heard, sign in ((Reward.told, 1), (Reward.inverted, -1)):
+        for heard, sign in ((Reward.given, 1), (Reward.inverted, -1)):
             weights = modulatory_weights(Modulated, values, heard)
             drive = 0.2 * (1.0 - 1.0 + 0.5) + sign * 2.0 * reward
             assert modulate(weights, activation) == pytest.approx(np.tanh(drive / 2), rel=1e-14)
-    assert plan_of(REWARDED, Modulated).told() == "241 weights, 5 v, 1 A, 1 B, 1 C, 1 D, 1 eta, 1 vr"
+    assert plan_of(REWARDED, Modulated).text() == "241 weights, 5 v, 1 A, 1 B, 1 C, 1 D, 1 eta, 1 vr"
 
 
 # From `evolve` to `show`

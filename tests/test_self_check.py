@@ -1,4 +1,4 @@
-"""The self-check: the dance, what it finds of itself and the light, and what is corrected all life long."""
+"""The self-check: the calibration manoeuvre, what it finds, and what is corrected in the lifetime."""
 
 import json
 import math
@@ -18,6 +18,7 @@ from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.export.replay import found_in
 from epuckhebb.sim.adaptation.adaptation import Adaptation, Exploration
 from epuckhebb.sim.adaptation.change_signal import no_nominal
+from epuckhebb.sim.adaptation.self_check.calibration import STEPS, calibrate, check_space
 from epuckhebb.sim.adaptation.self_check.check import check, clear, unexplained
 from epuckhebb.sim.adaptation.self_check.corrections import (
     HEADINGS,
@@ -28,8 +29,7 @@ from epuckhebb.sim.adaptation.self_check.corrections import (
     no_corrections,
     sunlit,
 )
-from epuckhebb.sim.adaptation.self_check.dance import STEPS, calibrate, check_space
-from epuckhebb.sim.adaptation.self_check.memory import can_check_itself, moments, regression, remember_self
+from epuckhebb.sim.adaptation.self_check.memory import can_check_itself, measure_self, moments, regression
 from epuckhebb.sim.adaptation.wall_following import wall_following
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
@@ -56,18 +56,18 @@ CHECKS = by(self_check=True)
 
 @pytest.fixture(scope="module")
 def in_training(genomes):
-    """Readings of two lives in the bright training world, every twentieth."""
-    who = [Individual(genes=genomes[0], side=side, key=KEY, record=True) for side in ("left", "right")]
-    lived = live_block(who, BRIGHT, Lifetime(duration_s=60, gain_rad_s=4, record_every=20))
-    return np.concatenate([samples.sensors for _, samples in lived])
+    """Sensor readings of two lifetimes in the bright training world, every twentieth."""
+    individuals = [Individual(genes=genomes[0], side=side, key=KEY, record=True) for side in ("left", "right")]
+    recorded = live_block(individuals, BRIGHT, Lifetime(duration_s=60, gain_rad_s=4, record_every=20))
+    return np.concatenate([samples.sensors for _, samples in recorded])
 
 
 @pytest.fixture(scope="module")
 def memory(in_training):
-    return remember_self(BRIGHT, [in_training[:30], in_training[30:]])
+    return measure_self(BRIGHT, [in_training[:30], in_training[30:]])
 
 
-def test_a_dance_ends_where_it_began_and_comes_near_both_walls():
+def test_the_manoeuvre_ends_at_the_start_and_comes_near_both_walls():
     poses = calibrate(BRIGHT, "left", KEY, noise=0.0).poses
     assert len(STEPS) == 124
     np.testing.assert_allclose(poses[-1], T_MAZE.start, atol=1e-12)
@@ -85,11 +85,11 @@ def test_nothing_is_found_where_nothing_has_changed(memory):
 
 
 @pytest.mark.thorough
-def test_without_a_change_a_life_after_a_self_check_is_the_same_bit_for_bit(genomes, memory):
+def test_without_a_change_a_lifetime_after_a_self_check_is_bit_identical(genomes, memory):
     checked = check(memory, BRIGHT, "right", KEY)
-    told = {"genes": genomes[0], "side": "right", "key": KEY, "start": checked.end, "record": True}
-    who = [Individual(**told), Individual(**told, controller=CHECKS, corrections=checked.corrections)]
-    (one, alone), (other, corrected) = live_block(who, BRIGHT, Lifetime(duration_s=8, gain_rad_s=4, record_every=1))
+    both = {"genes": genomes[0], "side": "right", "key": KEY, "start": checked.end, "record": True}
+    pair = [Individual(**both), Individual(**both, controller=CHECKS, corrections=checked.corrections)]
+    (one, alone), (other, corrected) = live_block(pair, BRIGHT, Lifetime(duration_s=8, gain_rad_s=4, record_every=1))
     assert np.array(one).tobytes() == np.array(other).tobytes()
     assert alone.sensors.tobytes() == corrected.sensors.tobytes()
 
@@ -150,23 +150,23 @@ def test_what_cannot_be_finite_is_not_corrected(memory):
     ]
 
 
-def corrected(readings, corrections, room=None):
-    now = readings.copy()
-    corrected_readings(now, corrections, initial_correction_state(EPUCK) if room is None else room)
-    return now
+def corrected(readings, corrections, state=None):
+    readings = readings.copy()
+    corrected_readings(readings, corrections, initial_correction_state(EPUCK) if state is None else state)
+    return readings
 
 
 @pytest.mark.parametrize("ratio", [1.0, 0.3, 2.5])
-def test_light_is_as_at_home(ratio):
+def test_light_is_as_in_training(ratio):
     by = no_corrections(EPUCK)._replace(
         light_ratio=ratio, sun_now=sunlit(EPUCK, 0.3 * ratio), sun_training=sunlit(EPUCK, 0.3)
     )
     for heading in range(0, HEADINGS, 5):
-        readings, home = (np.append(sun[:, heading], np.full(8, 0.1)) for sun in (by.sun_now, by.sun_training))
-        now = corrected(readings, by)
+        readings, nominal = (np.append(sun[:, heading], np.full(8, 0.1)) for sun in (by.sun_now, by.sun_training))
+        after = corrected(readings, by)
         if ratio == 1:
-            assert now.tobytes() == readings.tobytes()
-        np.testing.assert_allclose(now, home, atol=1e-12)
+            assert after.tobytes() == readings.tobytes()
+        np.testing.assert_allclose(after, nominal, atol=1e-12)
 
 
 def test_a_saturated_sensor_that_is_not_in_the_sun_sees_the_lamp():
@@ -178,16 +178,16 @@ def test_a_saturated_sensor_that_is_not_in_the_sun_sees_the_lamp():
 
 
 def test_darker_light_is_smoothed_as_much_as_it_is_magnified():
-    by, room = no_corrections(EPUCK)._replace(light_ratio=0.25), initial_correction_state(EPUCK)
-    first = corrected(np.full(16, 0.9), by, room)
+    by, state = no_corrections(EPUCK)._replace(light_ratio=0.25), initial_correction_state(EPUCK)
+    first = corrected(np.full(16, 0.9), by, state)
     np.testing.assert_allclose(first[:8], 0.6)
-    second = corrected(np.full(16, 0.8), by, room)
+    second = corrected(np.full(16, 0.8), by, state)
     np.testing.assert_allclose(second[:8], 1 - (0.1 + 0.25 * 0.1) / 0.25)
     assert (second[8:] == 0.8).all()
 
 
 @pytest.mark.parametrize("places", [[3], [0, 5]])
-def test_dead_sensors_are_made_up_from_the_others(places):
+def test_dead_sensors_are_predicted_from_the_others(places):
     samples = np.random.default_rng(0).random((2000, 16))
     dead = np.array([*places, *(8 + place for place in places)])
     others = np.setdiff1d(np.arange(16), dead)
@@ -202,7 +202,7 @@ def test_dead_sensors_are_made_up_from_the_others(places):
 
 
 @pytest.mark.thorough
-def test_a_wheel_that_is_known_to_be_weak_turns_as_a_sound_one(genomes, lived):
+def test_a_wheel_that_is_known_to_be_weak_turns_as_an_intact_one(genomes, lived):
     assert corrected_wheel(6.28)(0.7, 0.0, 4.0) == 0.7
     assert corrected_wheel(6.28)(0.9, 0.5, 4.0) == 1.57  # no faster than the motor
     _, intact = lived(genomes[0], seconds=6, controller=GA_ALONE, gain_rad_s=4)
@@ -231,7 +231,7 @@ def test_agrees_with_the_oracle(genomes, memory, in_training, fault, adaptation)
     world, controller = replace(BRIGHT, **fault), by(**adaptation)
     checked = check(memory, world, "right", KEY)
     nominal = no_nominal(16) if controller.adaptation.needs_nominal else None
-    who = Individual(
+    individual = Individual(
         genes=genomes[0],
         side="right",
         key=KEY,
@@ -241,7 +241,7 @@ def test_agrees_with_the_oracle(genomes, memory, in_training, fault, adaptation)
         nominal=nominal,
         record=True,
     )
-    [(outcome, samples)] = live_block([who], world, Lifetime(duration_s=10, gain_rad_s=4, record_every=1))
+    [(outcome, samples)] = live_block([individual], world, Lifetime(duration_s=10, gain_rad_s=4, record_every=1))
     robot = reference.Robot(
         genomes[0], world, "right", controller, gain=4, key=KEY, nominal=nominal, home=(memory, in_training)
     )
@@ -258,10 +258,10 @@ def test_a_late_robot_follows_the_nearer_wall_and_others_do_not(genomes, lived):
     never_late = no_nominal(16)
     late = never_late._replace(time_to_goal_s=0.5)
     follows = by(change_signal="late", threshold=1.0, exploration=Exploration.wall_following)
-    told = {"seconds": 8, "gain_rad_s": 4, "controller": follows}
+    both = {"seconds": 8, "gain_rad_s": 4, "controller": follows}
     _, alone = lived(genomes[0], seconds=8, gain_rad_s=4, controller=GA_ALONE)
-    assert lived(genomes[0], **told, nominal=never_late)[1].pose.tobytes() == alone.pose.tobytes()
-    _, samples = lived(genomes[0], **told, nominal=late)
+    assert lived(genomes[0], **both, nominal=never_late)[1].pose.tobytes() == alone.pose.tobytes()
+    _, samples = lived(genomes[0], **both, nominal=late)
     parts = np.flatnonzero((samples.pose != alone.pose).any(axis=1))[0]
     assert parts * STEP_S == pytest.approx(0.5, abs=0.1)
     nearest = samples.sensors[parts + 60 :, 8:].max(axis=1)
@@ -280,19 +280,18 @@ def test_walls_are_followed_on_the_side_that_is_nearer():
     assert follow(near, hand) == pytest.approx((-5.0, 5.0))  # something ahead: turn on the spot
     few = EPUCK.distance.places[:2]
     blind = replace(EPUCK, sensors=(LightSensors(places=few), DistanceSensors(places=few)))
-    with pytest.raises(ValueError, match="robot epuck has not all of them"):
+    with pytest.raises(ValueError, match="robot epuck"):
         wall_following(blind)
 
 
-def test_a_dance_that_counts_is_the_beginning_of_the_lifetime(genomes, memory):
+def test_a_calibration_that_counts_is_the_beginning_of_the_lifetime(genomes, memory):
     lifetime = Lifetime(duration_s=10, gain_rad_s=4, record_every=4)
     checks = self_checks(memory, BRIGHT, 1.0, repeats=1, seed=1)
     after, counted = by(self_check=True), replace(by(self_check=True, calibration_counts=True), name="y")
-    told = {"repeats": 1, "seed": 1, "checks": checks}
-    metrics, traces = evaluate(genomes[0], BRIGHT, [after, counted], lifetime, **told)
-    one, other = (traces.samples.pose[[name == who for name in traces.controller]] for who in "xy")
-    dances = [checks[side, 0].calibration.poses[:-1:4] for side in ("left", "right")]
-    np.testing.assert_array_equal(other[:, : len(STEPS) // 4], dances)
+    metrics, traces = evaluate(genomes[0], BRIGHT, [after, counted], lifetime, repeats=1, seed=1, checks=checks)
+    one, other = (traces.samples.pose[[name == wanted for name in traces.controller]] for wanted in "xy")
+    manoeuvres = [checks[side, 0].calibration.poses[:-1:4] for side in ("left", "right")]
+    np.testing.assert_array_equal(other[:, : len(STEPS) // 4], manoeuvres)
     np.testing.assert_allclose(other[:, len(STEPS) // 4], one[:, 0], atol=1e-9)
     path = metrics.set_index(["controller", "side"]).path_length_m
     assert (path["y"] > 0).all()
@@ -300,48 +299,31 @@ def test_a_dance_that_counts_is_the_beginning_of_the_lifetime(genomes, memory):
         evaluate(genomes[0], BRIGHT, [after], lifetime, repeats=1, seed=1)
 
 
-def test_a_world_that_cannot_be_danced_in_is_refused(memory, lidar):
+def test_a_world_without_space_for_the_manoeuvre_is_refused(memory, lidar):
     narrow = replace(T_MAZE, start=Pose(-0.003, -0.35, math.pi / 2))
-    with pytest.raises(ValueError, match=r"7\.1 mm into a wall; 1 mm must be left"):
+    with pytest.raises(ValueError, match=r"7\.1 mm into a wall"):
         check_space(Scenario(maze=narrow))
     assert can_check_itself(BRIGHT)
     assert not can_check_itself(Scenario(maze=narrow))
     assert not can_check_itself(Scenario(robot=lidar))
-    with pytest.raises(ValueError, match="those of robot epuck_lidar are others"):
+    with pytest.raises(ValueError, match="robot epuck_lidar"):
         check(memory, Scenario(robot=lidar), "left", KEY)
 
 
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"light_ratio": math.inf}, "a correction must be finite, got light_ratio = inf"),
-        ({"left_loss": math.nan}, "a correction must be finite, got left_loss = nan"),
-        ({"light_ratio": 0.0}, "needs a ratio above 0"),
-        ({"right_loss": 1.0}, "needs a loss below 1"),
-        ({"others": np.arange(12)}, "do not fit robot epuck"),
+        ({"light_ratio": math.inf}, "light_ratio = inf"),
+        ({"left_loss": math.nan}, "left_loss = nan"),
+        ({"light_ratio": 0.0}, "above 0, got 0"),
+        ({"right_loss": 1.0}, "right_loss = 1"),
+        ({"others": np.arange(12)}, "robot epuck"),
     ],
 )
-def test_corrections_that_cannot_be_are_refused(wrong, message):
+def test_invalid_corrections_are_refused(wrong, message):
     corrections = no_corrections(EPUCK)._replace(**wrong)
     with pytest.raises(ValueError, match=message):
         check_corrections(corrections, EPUCK)
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"calibration_counts": True}, "does nothing without a dance"),
-        ({"exploration": Exploration.wall_following}, "adaptation.exploration does nothing without a signal"),
-        (
-            {"change_signal": "late", "exploration": Exploration.wall_following, "motor_noise": 1.0},
-            "give adaptation.exploration=both",
-        ),
-        ({"change_signal": "late", "exploration": Exploration.both}, "needs adaptation.motor_noise above 0"),
-    ],
-)
-def test_settings_that_do_nothing_are_refused(settings, message):
-    with pytest.raises(ValueError, match=message):
-        Adaptation(**settings)
 
 
 def test_findings_are_a_table_and_words(memory):
@@ -364,18 +346,18 @@ def test_findings_are_a_table_and_words(memory):
 @pytest.mark.thorough
 def test_as_a_user_meets_it(here):
     brief = ["lifetime.duration_s=3", "lifetime.record_every=0", "repeats=1"]
-    lived = done("evaluate", "adaptation=best", "scenario=lowlight", *brief, "hydra.run.dir=run")
-    assert "has no memory for a self-check: it runs 10 lifetimes a side in highlight first" in lived.stderr
+    run = done("evaluate", "adaptation=best", "scenario=lowlight", *brief, "hydra.run.dir=run")
+    assert "it runs 10 lifetimes a side in highlight first" in run.stderr
     assert (here / "run" / "findings.csv").read_text().count(",light\n") == 2
     shown = call("show", "run").stdout
     assert "light 0.1 times that in training" in " ".join(shown.split())
 
 
-def test_a_champion_remembers_the_dance(memory, tmp_path, genomes):
-    told = genome.Genome(genes=genomes[0], name="x", self_memory=memory)
-    (tmp_path / "champion.npz").write_bytes(genome.champion_file(told, 0.5, "light", 1, 3))
+def test_the_file_of_a_champion_holds_the_memory(memory, tmp_path, genomes):
+    champion = genome.Genome(genes=genomes[0], name="x", self_memory=memory)
+    (tmp_path / "champion.npz").write_bytes(genome.champion_file(champion, 0.5, "light", 1, 3))
     again = genome.load_genome(str(tmp_path), "light")
-    assert again.self_memory_sha256 == told.self_memory_sha256 != ""
+    assert again.self_memory_sha256 == champion.self_memory_sha256 != ""
     for name, value in vars(memory).items():
         np.testing.assert_array_equal(value, getattr(again.self_memory, name))
 
@@ -389,8 +371,7 @@ def test_the_page_of_a_replay_says_what_was_found(genomes, memory, tmp_path):
     sentence = "Before its life, the robot with “self_check” found: left wheel 10 % slow."
     assert found == {"left": sentence, "right": sentence}
     lifetime = Lifetime(duration_s=1, gain_rad_s=4, record_every=8)
-    told = {"repeats": 1, "seed": 1, "checks": checks}
-    _, traces = evaluate(genomes[0], weak, config.controllers, lifetime, **told)
+    _, traces = evaluate(genomes[0], weak, config.controllers, lifetime, repeats=1, seed=1, checks=checks)
     shown = page(traces, genomes[0], weak, "title", gain_rad_s=4, found=found)
     content = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', shown, re.DOTALL)[1])
     assert content["outcomes"]["left"].endswith(sentence)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.adaptation.change_signal import no_nominal
-from epuckhebb.sim.adaptation.self_check.dance import calibrate
+from epuckhebb.sim.adaptation.self_check.calibration import calibrate
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import plan_of

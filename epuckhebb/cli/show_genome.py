@@ -36,7 +36,7 @@ def genome_as_json(genome: Genome, experiment: str) -> dict[str, Any]:
 
 def print_champion(genome: Genome, console: Console) -> None:
     """What a champion is made of, what it remembers of its training world, and how well it can check itself."""
-    print_line(console, f"Genome: {genome.plan.told()}; network {genome.network}; robot {genome.robot}")
+    print_line(console, f"Genome: {genome.plan.text()}; network {genome.network}; robot {genome.robot}")
     if genome.optimizer:
         rule = f", with rule {genome.rule}" if genome.rule else ""
         task = f", for task {genome.task}" if genome.task else ""

@@ -19,7 +19,7 @@ from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.adaptation import Adaptation
-from epuckhebb.sim.adaptation.self_check.dance import check_time
+from epuckhebb.sim.adaptation.self_check.calibration import check_time
 from epuckhebb.sim.adaptation.self_check.memory import check_robot
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
 from epuckhebb.sim.fitness import Signal
@@ -160,7 +160,7 @@ def with_controls(controller: Controller, task: Task) -> list[Controller]:
     """
     if controller.is_ga_alone:
         return []
-    if not (task.gives_reward and receives_reward(type(controller.rule)) and controller.rule.reward is Reward.told):
+    if not (task.gives_reward and receives_reward(type(controller.rule)) and controller.rule.reward is Reward.given):
         return [controller]
     rule = replace(controller.rule, reward=Reward.inverted)
     return [controller, replace(controller, name=f"{controller.name} (reward inverted)", rule=rule)]
@@ -250,7 +250,7 @@ def check_task(controller: Controller, task: Task) -> None:
             f"adaptation={controller.adaptation.name} compares a life with those in the training world, where there is "
             f"one goal for all of it, and task={task.name} has none; give adaptation=none"
         )
-    if controller.rule.reward is not Reward.told and not task.gives_reward:
+    if controller.rule.reward is not Reward.given and not task.gives_reward:
         raise ValueError(
             f"hebbian.reward={controller.rule.reward.name} does nothing with task={task.name}, which tells no reward"
         )

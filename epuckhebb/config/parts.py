@@ -17,7 +17,7 @@ from epuckhebb.runtime.errors import ConfigError, did_you_mean
 from epuckhebb.runtime.resources import path_of
 from epuckhebb.sim import tasks
 from epuckhebb.sim.plasticity import rules as rule_files
-from epuckhebb.sim.plasticity.rule import Rule, asked
+from epuckhebb.sim.plasticity.rule import Rule, arguments_of
 from epuckhebb.sim.task import Task
 
 NONE, PAPER = "none", "paper"
@@ -62,7 +62,7 @@ def rule_class(where: str, key: str) -> type[Rule]:
         return known
     kind = class_named(where, Rule, f"{key}.rule")
     try:
-        asked(kind)
+        arguments_of(kind)
     except ValueError as error:
         raise ConfigError(f"{key}.rule={where}: {error}") from error
     return kind

@@ -202,7 +202,7 @@ def _check_genome(genome: Genome, config: EvaluateConfig) -> None:
         if missing:
             raise ConfigError(
                 f"rule {kind.__name__} takes {', '.join(missing)} from the genome, and {named} has only "
-                f"{genome.plan.told()}; give a champion that was evolved with this rule"
+                f"{genome.plan.text()}; give a champion that was evolved with this rule"
             )
 
 

@@ -11,8 +11,15 @@ from epuckhebb.config.names import maze_asked, scenario_of
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
-from epuckhebb.sim.adaptation.nominal import REPEATS, Lived, Nominal, live_in_training_world, nominal_of, remember
-from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, can_check_itself, remember_self
+from epuckhebb.sim.adaptation.nominal import (
+    REPEATS,
+    Nominal,
+    Recorded,
+    measure_nominal,
+    nominal_of,
+    run_in_training_world,
+)
+from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, can_check_itself, measure_self
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.session import LostRobotError
@@ -51,7 +58,7 @@ def _nominal(genome: Genome, config: EvaluateConfig, threads: int, report: Calla
         config,
         genome.nominal,
         missing_nominal(config, genome.nominal),
-        lambda world: remember(genome.weights, world, gain, threads, genome.network),
+        lambda world: measure_nominal(genome.weights, world, gain, threads, genome.network),
         report,
     )
     was_known = genome.nominal is not None and genome.nominal.gain_rad_s == gain
@@ -80,7 +87,7 @@ def _self_checks(genome: Genome, config: EvaluateConfig, threads: int, report: C
         return None
 
     def measure(world: Scenario) -> SelfMemory:
-        return _self_memory(live_in_training_world(genome.weights, world, 1.0, threads, genome.network), world)
+        return _self_memory(run_in_training_world(genome.weights, world, 1.0, threads, genome.network), world)
 
     try:
         memory = _remembered(
@@ -139,9 +146,9 @@ def remember_training_world(
     weights: NDArray[np.float64], world: Scenario, threads: int, network: Network
 ) -> tuple[Nominal, SelfMemory | None]:
     """What a champion remembers of its training world; nothing for a self-check that its robot cannot do there."""
-    sides = live_in_training_world(weights, world, threads=threads, network=network)
+    sides = run_in_training_world(weights, world, threads=threads, network=network)
     return nominal_of(sides, world, 1.0), _self_memory(sides, world) if can_check_itself(world) else None
 
 
-def _self_memory(sides: list[Lived], world: Scenario) -> SelfMemory:
-    return remember_self(world, [samples.sensors for side in sides for _, samples in side])
+def _self_memory(sides: list[Recorded], world: Scenario) -> SelfMemory:
+    return measure_self(world, [samples.sensors for side in sides for _, samples in side])

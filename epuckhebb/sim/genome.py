@@ -44,7 +44,7 @@ class GenomePlan:
             ValueError: there are more or fewer genes than the plan has.
         """
         if genes.shape[-1] != self.genes:
-            raise ValueError(f"a genome of {self.told()} has {self.genes} genes, got {genes.shape[-1]}")
+            raise ValueError(f"a genome of {self.text()} has {self.genes} genes, got {genes.shape[-1]}")
         parts, first = {}, 0
         for part in self.parts:
             parts[part.name] = genes[..., first : first + part.size]
@@ -60,7 +60,7 @@ class GenomePlan:
         parts = self.split(genes)
         for part in wanted.parts:
             if part.name not in parts or parts[part.name].shape[-1] != part.size:
-                raise ValueError(f"the genome has {self.told()}; wanted are {wanted.told()}")
+                raise ValueError(f"the genome has {self.text()}; wanted are {wanted.text()}")
         return np.concatenate([parts[part.name] for part in wanted.parts], axis=-1)
 
     @property
@@ -68,7 +68,7 @@ class GenomePlan:
         """The parts that are parameters of a rule: all but the weights."""
         return GenomePlan(tuple(part for part in self.parts if part.name != WEIGHTS))
 
-    def told(self) -> str:
+    def text(self) -> str:
         """The parts in words, for example "234 weights"."""
         return ", ".join(f"{part.size} {part.name}" for part in self.parts)
 

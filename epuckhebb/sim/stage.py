@@ -126,7 +126,7 @@ class Stage:
                 task=self.world.task,
             ),
             plasticity=Plasticity(
-                float(rule.N) * rule.pace(self.lifetime.gain_rad_s) if own else 0.0,
+                float(rule.N) * rule.gain_factor(self.lifetime.gain_rad_s) if own else 0.0,
                 float(rule.floor),
                 int(rule.signal),
                 tuple(numbers.values()),

@@ -14,7 +14,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import LATEST, REFERENCE, data_folder, path_of
 from epuckhebb.sim.adaptation.homeostasis import PATTERNS
 from epuckhebb.sim.adaptation.nominal import Nominal
-from epuckhebb.sim.adaptation.self_check.dance import STEPS
+from epuckhebb.sim.adaptation.self_check.calibration import STEPS
 from epuckhebb.sim.adaptation.self_check.memory import EFFECTS, SelfMemory
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
 from epuckhebb.sim.network import PAPER_NETWORK, Network
@@ -126,7 +126,7 @@ def checked_genes(genes: NDArray[np.generic], where: str, plan: GenomePlan) -> N
         raise ConfigError(f"genome={where} must hold numbers, it holds {genes.dtype}")
     if genes.shape != (plan.genes,):
         raise ConfigError(
-            f"genome={where} must hold {plan.genes} numbers in one dimension ({plan.told()}), got shape {genes.shape}"
+            f"genome={where} must hold {plan.genes} numbers in one dimension ({plan.text()}), got shape {genes.shape}"
         )
     genome = genes.astype(np.float64)
     if not np.isfinite(genome).all():
@@ -206,7 +206,7 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
     if parts is not None:
         plan = GenomePlan(parts)
         if plan.parts[:1] != (Part(WEIGHTS, network.synapses),):
-            raise ConfigError(f"genome={path} must begin with {network.synapses} weights, it has {plan.told()}")
+            raise ConfigError(f"genome={path} must begin with {network.synapses} weights, it has {plan.text()}")
     if not 0 <= lights <= network.inputs:
         raise ConfigError(f"genome={path}: lights must lie between 0 and {network.inputs}, the readings, got {lights}")
     return Genome(

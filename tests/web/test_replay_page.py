@@ -17,7 +17,7 @@ from playwright.sync_api import expect
 from epuckhebb.analysis import replay
 from epuckhebb.analysis.evaluate import evaluate
 from epuckhebb.sim.adaptation.adaptation import Adaptation
-from epuckhebb.sim.adaptation.nominal import remember
+from epuckhebb.sim.adaptation.nominal import measure_nominal
 from epuckhebb.sim.controller import GA, HEBBIAN, Controller
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network
@@ -266,7 +266,7 @@ def test_a_run_without_plasticity_has_one_panel(visit, tmp_path):
 
 def test_homeostasis_is_explained_and_its_weight_change_drawn(visit, tmp_path):
     trained = Scenario(name="highlight", experiment="light", light=1.0, paper_duration_s=10.0)
-    nominal = remember(np.load(ARRIVES)["genome"], trained)
+    nominal = measure_nominal(np.load(ARRIVES)["genome"], trained)
     scales = Controller(name="homeostasis", adaptation=Adaptation(name="homeostasis", homeostasis=True))
     dim = replace(trained, light=0.1)
     page = visit(replayed(tmp_path, dim, controllers=(scales,), seconds=12.0, nominal=nominal)[0])

@@ -168,7 +168,7 @@ def _rules(plan: GenomePlan) -> NDArray[np.int64]:
     if len(sizes) != 1 or sizes == {1}:
         raise ValueError(
             f"optimizer.merges needs a rule of which all is evolved for each synapse, as hebbian=abcd; a genome of "
-            f"{plan.told()} has none"
+            f"{plan.text()} has none"
         )
     places = plan.split(np.arange(float(plan.genes)))
     return np.array([places[part.name] for part in parts], np.int64)

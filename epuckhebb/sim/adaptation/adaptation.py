@@ -1,4 +1,4 @@
-"""What is laid over a plasticity rule, put together: a record of settings, and the functions that a lifetime calls."""
+"""An adaptation put together: its settings, and the functions that a lifetime calls."""
 
 import importlib
 import math
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim.adaptation import change_signals as signals
 from epuckhebb.sim.adaptation import exploration
-from epuckhebb.sim.adaptation.change_signal import ChangeSignal, NominalOfSide, Now, keep_recent
+from epuckhebb.sim.adaptation.change_signal import ChangeSignal, NominalOfSide, SignalContext, update_recent
 from epuckhebb.sim.adaptation.gate import need, resting
 from epuckhebb.sim.adaptation.homeostasis import HomeostasisState, homeostasis, initial_homeostasis_state
 from epuckhebb.sim.adaptation.self_check.corrections import (
@@ -32,7 +32,7 @@ from epuckhebb.sim.random import noise_workspace_size
 from epuckhebb.sim.robot import STEP_S, Robot
 
 NONE = "none"
-_OF_NO_GATE = ("self_check", "calibration_counts", "homeostasis")  # settings that need no signal of change
+_WITHOUT_GATE = ("self_check", "calibration_counts", "homeostasis")  # settings that need no signal of change
 
 
 @cache
@@ -47,7 +47,7 @@ def _signal(name: str) -> ChangeSignal:
 
 
 class Exploration(Enum):
-    """What a robot does while the gate is open, beside learning: shake its wheels, follow a wall, or both."""
+    """What a robot does while the gate is open, beside learning: motor noise, wall-following, or both."""
 
     motor_noise = "motor_noise"
     wall_following = "wall_following"
@@ -56,16 +56,16 @@ class Exploration(Enum):
 
 @dataclass(kw_only=True)
 class Adaptation:
-    """What a robot checks before its life, when plasticity acts in it, and what else happens then.
+    """When plasticity acts in a lifetime, how the robot explores meanwhile, and what it corrects before and besides.
 
-    name: what to call it. change_signal: the signal that opens the gate, `none` for a gate that is always open; with
-    `none` the rest is not used, but for the self-check. threshold, slope: the gate is closed up to the threshold, and
-    opens by so much for each unit of the signal above it; inf: at once. active_s, rest_s: while the signal lasts, open
-    for so long, then closed for so long, and again; active_s 0: no rests. exploration: what the robot does while the
-    gate is open. motor_noise: how hard it shakes, standard deviation of noise on both wheels' outputs. self_check:
-    whether it dances before its life, and corrects what it finds. calibration_counts: whether the dance is part of the
-    lifetime; otherwise the clock starts after it. homeostasis: whether its light synapses are scaled until the light
-    looks as it did at home.
+    name: in tables. change_signal: the signal that opens the gate; with `none` the gate is always open, and only the
+    self-check and homeostasis are used. threshold, slope: the gate is closed up to the threshold and opens by the slope
+    for each unit of the signal above it; inf: at once. active_s, rest_s: while the signal lasts, the gate is open and
+    closed in turn for these times [s]; active_s = 0: no rests. exploration: what the robot does while the gate is open.
+    motor_noise: standard deviation of noise on both wheels' outputs. self_check: whether the robot runs a calibration
+    manoeuvre before its lifetime and corrects what it finds. calibration_counts: whether that manoeuvre is part of the
+    lifetime; otherwise the clock starts after it. homeostasis: whether the weights from the light sensors are scaled
+    until the light looks as in the training world.
 
     Raises:
         ValueError: a value is outside the range named in the message.
@@ -84,7 +84,7 @@ class Adaptation:
     homeostasis: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be."""
+        """Validate the settings."""
         allowed = (NONE, *change_signals())
         if self.change_signal not in allowed:
             raise ValueError(
@@ -104,7 +104,7 @@ class Adaptation:
             )
         if self.calibration_counts and not self.self_check:
             raise ValueError(
-                "adaptation.calibration_counts does nothing without a dance: give adaptation.self_check=true"
+                "adaptation.calibration_counts does nothing without a self-check: give adaptation.self_check=true"
             )
         if self.exploration is Exploration.wall_following and self.motor_noise > 0:
             raise ValueError(
@@ -113,12 +113,12 @@ class Adaptation:
             )
         if self.exploration is Exploration.both and self.motor_noise == 0:
             raise ValueError(
-                "adaptation.exploration=both needs adaptation.motor_noise above 0: how hard the robot shakes while it "
+                "adaptation.exploration=both needs adaptation.motor_noise above 0, the motor noise while the robot "
                 "follows a wall"
             )
         if self.change_signal == NONE:
-            of_gate = [field for field in fields(self)[2:] if field.name not in _OF_NO_GATE]
-            unused = [field.name for field in of_gate if getattr(self, field.name) != field.default]
+            gated = [field for field in fields(self)[2:] if field.name not in _WITHOUT_GATE]
+            unused = [field.name for field in gated if getattr(self, field.name) != field.default]
             if unused:
                 raise ValueError(
                     f"adaptation.{unused[0]} does nothing without a signal of change: give adaptation.change_signal, "
@@ -132,12 +132,12 @@ class Adaptation:
 
     @property
     def needs_nominal(self) -> bool:
-        """Whether it compares with what is remembered of the training world."""
+        """Whether it compares with nominal statistics of the training world."""
         return self.is_gated or self.homeostasis
 
     @property
     def acts(self) -> bool:
-        """Whether anything at all is laid over the rule."""
+        """Whether it does anything at all."""
         return self.needs_nominal or self.self_check
 
     @property
@@ -162,11 +162,10 @@ def gate_numbers(adaptation: Adaptation) -> Gate:
 
 
 class AdaptationState(NamedTuple):
-    """What an adaptation carries through a life besides its tally.
+    """What an adaptation carries from step to step, besides the tally of the lifetime.
 
-    recent: recent means, (inputs + 1,). hand: (1,) the side on which it follows a wall, 1 left, -1 right, 0 while it
-    follows none. corrections, correcting: what it corrects, and room for that. homeostasis: of the light's scale.
-    noise: workspace.
+    recent: recent means, (inputs + 1,). hand: (1,) the side on which the robot follows a wall, 1 left, -1 right, 0
+    while it follows none. corrections, correcting: what it corrects, and the state of that. noise: workspace.
     """
 
     recent: NDArray[np.float64]
@@ -178,7 +177,7 @@ class AdaptationState(NamedTuple):
 
 
 def initial_adaptation_state(robot: Robot, corrections: Corrections | None = None) -> AdaptationState:
-    """Room for a robot at birth. corrections: None if it found nothing to correct."""
+    """The state before the first step. corrections: None if the self-check found nothing to correct."""
     return AdaptationState(
         recent=np.zeros(robot.inputs + 1),
         hand=np.zeros(1),
@@ -192,11 +191,11 @@ def initial_adaptation_state(robot: Robot, corrections: Corrections | None = Non
 class Hooks(NamedTuple):
     """The functions of an adaptation that a lifetime calls.
 
-    correct(readings, corrections, room): makes the readings those that home would give. scale(readings, weights, tally,
-    room, baseline, step): scales those of the light. open_gate(gate, tally, room,
-    readings, fitness, baseline, at_goal, step, key): the need g for plasticity at this step. explore(gate, tally, room,
-    readings, left, right, gain): what the wheels get of the network's outputs. compensate(output, loss, gain): what a
-    wheel gets that turns by so much too slowly.
+    correct(readings, corrections, state): sensor readings as they would be in the training world. scale(readings,
+    weights, tally, state, nominal, step): scales the light readings. open_gate(gate, tally, state, readings, fitness,
+    nominal, at_goal, step, key): the need g for plasticity at this step. explore(gate, tally, state, readings, left,
+    right, gain): the wheels' commands, from the network's outputs. compensate(output, loss, gain): the command for a
+    wheel that turns too slowly by this share.
     """
 
     correct: Callable[..., None]
@@ -216,12 +215,12 @@ def hooks(
     self_check: bool = False,
     homeostatic: bool = False,
 ) -> Hooks:
-    """The functions for a signal of change, an exploration, a self-check and homeostasis; without them, nothing.
+    """The functions for a signal of change, an exploration, a self-check and homeostasis.
 
     first_post: how many neurons the first layer of connections leads to.
 
     Raises:
-        ValueError: the robot has not the sensors to follow walls with.
+        ValueError: the robot lacks the sensors to follow walls.
     """
     gated = change_signal != NONE
     limit = robot.motor_limit_rad_s
@@ -238,7 +237,7 @@ def hooks(
 
 
 @compiled
-def _as_sensed(readings: NDArray[np.float64], by: Corrections, room: CorrectionState) -> None:
+def _as_sensed(readings: NDArray[np.float64], by: Corrections, state: CorrectionState) -> None:
     pass
 
 
@@ -247,8 +246,8 @@ def _unscaled(
     readings: NDArray[np.float64],
     weights: NDArray[np.float64],
     tally: Any,
-    room: HomeostasisState,
-    home: NominalOfSide,
+    state: HomeostasisState,
+    nominal: NominalOfSide,
     step: int,
 ) -> None:
     pass
@@ -263,7 +262,7 @@ def _as_commanded(output: float, loss: float, gain: float) -> float:
 def _always_open(
     gate: Gate,
     tally: Any,
-    room: AdaptationState,
+    state: AdaptationState,
     readings: NDArray[np.float64],
     fitness: float,
     nominal: NominalOfSide,
@@ -278,7 +277,7 @@ def _always_open(
 def _as_it_is(
     gate: Gate,
     tally: Any,
-    room: AdaptationState,
+    state: AdaptationState,
     readings: NDArray[np.float64],
     left: float,
     right: float,
@@ -292,7 +291,7 @@ def _gated_by(signal: ChangeSignal) -> Callable[..., float]:
     def open_gate(
         gate: Gate,
         tally: Any,
-        room: AdaptationState,
+        state: AdaptationState,
         readings: NDArray[np.float64],
         fitness: float,
         nominal: NominalOfSide,
@@ -300,19 +299,19 @@ def _gated_by(signal: ChangeSignal) -> Callable[..., float]:
         step: int,
         key: np.uint64,
     ) -> float:
-        keep_recent(room.recent, readings, fitness, step)
+        update_recent(state.recent, readings, fitness, step)
         tally.arrived = tally.arrived or at_goal
         tally.away_s = 0.0 if at_goal else tally.away_s + STEP_S
-        now = Now(step * STEP_S, tally.away_s, tally.arrived, room.recent)
-        tally.change_signal = signal(now, nominal)
+        context = SignalContext(step * STEP_S, tally.away_s, tally.arrived, state.recent)
+        tally.change_signal = signal(context, nominal)
         open_by = 0.0 if at_goal else need(tally.change_signal, gate.threshold, gate.slope)
         tally.late_s = tally.late_s + STEP_S if open_by > 0.0 else 0.0
         if open_by > 0.0 and resting(tally.late_s, gate.active_s, gate.rest_s):
             open_by = 0.0
-        if gate.motor_noise > 0.0 and step % exploration.HELD == 0:
-            exploration.draw(key, exploration.FAR + step, room.noise)
-            tally.noise_left = gate.motor_noise * room.noise[0]
-            tally.noise_right = gate.motor_noise * room.noise[1]
+        if gate.motor_noise > 0.0 and step % exploration.HOLD == 0:
+            exploration.draw(key, exploration.FAR + step, state.noise)
+            tally.noise_left = gate.motor_noise * state.noise[0]
+            tally.noise_right = gate.motor_noise * state.noise[1]
         return open_by
 
     return open_gate
@@ -323,7 +322,7 @@ def _with_motor_noise(motor_limit: float) -> Callable[..., tuple[float, float]]:
     def explore(
         gate: Gate,
         tally: Any,
-        room: AdaptationState,
+        state: AdaptationState,
         readings: NDArray[np.float64],
         left: float,
         right: float,
@@ -344,16 +343,16 @@ def _following(follow: Callable[..., tuple[float, float]], motor_limit: float) -
     def explore(
         gate: Gate,
         tally: Any,
-        room: AdaptationState,
+        state: AdaptationState,
         readings: NDArray[np.float64],
         left: float,
         right: float,
         gain: float,
     ) -> tuple[float, float]:
         if tally.need > 0.0:
-            left, right = follow(readings, room.hand)
-            return add_noise(gate, tally, room, readings, left / gain, right / gain, gain)
-        room.hand[0] = 0.0
+            left, right = follow(readings, state.hand)
+            return add_noise(gate, tally, state, readings, left / gain, right / gain, gain)
+        state.hand[0] = 0.0
         return left, right
 
     return explore

@@ -1,4 +1,4 @@
-"""The gate: how far plasticity is open, from a signal of change. The paper's rule is the case of an open gate, g = 1.
+"""The gate: how far a signal of change opens plasticity. In the paper the gate is always open, g = 1.
 
 g = clip(slope (signal - threshold), 0, 1)      need for plasticity; 0 at the goal, and during rests
 """
@@ -16,5 +16,5 @@ def need(signal: float, threshold: float, slope: float) -> float:
 
 @compiled
 def resting(late_s: float, active_s: float, rest_s: float) -> bool:
-    """Whether a robot whose gate has been open for so long rests: after each active time, it is back to its genes."""
+    """Whether plasticity rests, after a signal that has lasted for `late_s`; during rests the genes are back."""
     return active_s > 0.0 and late_s % (active_s + rest_s) >= active_s

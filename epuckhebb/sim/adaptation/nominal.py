@@ -1,8 +1,8 @@
-"""The baseline: what a champion remembers of its training world, so that what is not normal can be noticed.
+"""Nominal statistics: what is normal for a champion in its training world, so that a change can be noticed.
 
-The champion lives ten lifetimes a side in the world it was evolved in, without plasticity, at the pace at which it
-will be evaluated. What it remembers is the worst that was normal: its slowest arrival, its least live fitness in each
-second of life; and the mean and spread of each reading.
+The champion runs ten lifetimes a side in its training world, without plasticity, at the wheel gain of the evaluation.
+The statistics are the worst that was normal, such as the slowest arrival and the least live fitness in each second, and
+the mean and spread of each sensor reading.
 """
 
 import zlib
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim import random
 from epuckhebb.sim.adaptation.change_signal import RECENT_S, NominalOfSide
-from epuckhebb.sim.adaptation.homeostasis import EVERY, lengths_of, remember_patterns
+from epuckhebb.sim.adaptation.homeostasis import EVERY, lengths_of, light_patterns
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.life import Lifetime, Outcome, Samples, sample_bytes
 from epuckhebb.sim.maze import SIDES, Place, Side
@@ -31,13 +31,12 @@ _MOST = {"time_to_goal_s": np.inf, "away_s": np.inf, **dict.fromkeys(_SHARES, 1)
 
 @dataclass(frozen=True, kw_only=True)
 class Nominal:
-    """What a champion remembers; axes of length 2: left (without the lamp), right (with it).
+    """Nominal statistics of a champion; axes of length 2: left (without the lamp), right (with it).
 
-    experiment, scenario: where. gain_rad_s: at which pace. success: (2,) share of its lifetimes. time_to_goal_s: (2,)
-    slowest arrival, nan if it never arrived. away_s: (2,) longest excursion from the goal afterwards. fitness:
-    (2, seconds) least recent live fitness. reading_mean, reading_spread: (2, inputs). patterns: (64, lights) what the
-    light looks like there, and novelty: how unlike that it ever was; none, and infinite, in files that were written
-    before it was remembered.
+    experiment, scenario: the training world. gain_rad_s: wheel gain. success: (2,) share of its lifetimes.
+    time_to_goal_s: (2,) slowest arrival, nan if it never arrived. away_s: (2,) longest excursion from the goal
+    afterwards. fitness: (2, seconds) least recent live fitness. reading_mean, reading_spread: (2, inputs). patterns:
+    (64, lights) what the light looks like. novelty: the largest distance from these.
 
     Raises:
         ValueError: a number is outside the range named in the message.
@@ -56,7 +55,7 @@ class Nominal:
     novelty: float
 
     def __post_init__(self) -> None:
-        """Refuse memories that nobody can have."""
+        """Validate the values."""
         if self.experiment not in EXPERIMENTS:
             raise ValueError(f"experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
         if not 0 < self.gain_rad_s < np.inf:
@@ -70,7 +69,7 @@ class Nominal:
                 raise ValueError(f"{name} must lie between 0 and {most:g}, got {values.min():g} to {values.max():g}")
 
     def of(self, side: Side) -> NominalOfSide:
-        """What is compared with on this side."""
+        """The statistics for this side."""
         k = SIDES.index(side)
         return NominalOfSide(
             float(self.time_to_goal_s[k]),
@@ -85,40 +84,40 @@ class Nominal:
 
 
 def memory_to_measure_nominal(paper_duration_s: float, gain_rad_s: float, network: Network) -> float:
-    """How many bytes of memory `remember` takes, about."""
+    """How many bytes of memory `measure_nominal` takes, about."""
     samples = paper_duration_s / gain_rad_s / STEP_S / _RECORD_EVERY
     return 1.2 * len(SIDES) * REPEATS * samples * sample_bytes(network)
 
 
-Lived = list[tuple[Outcome, Samples]]
+Recorded = list[tuple[Outcome, Samples]]
 
 
-def remember(
+def measure_nominal(
     genes: NDArray[np.float64],
     scenario: Scenario,
     gain_rad_s: float = 1.0,
     threads: int = 1,
     network: Network = PAPER_NETWORK,
 ) -> Nominal:
-    """Live in the training world and remember it. The same genome always remembers the same.
+    """Run lifetimes in the training world and measure nominal statistics; the same genome always gives the same.
 
-    genes: weights of the network, (synapses,). scenario: the training world. gain_rad_s: the pace, wheel speed of a
-    network output of 1.
+    genes: weights of the network, (synapses,). scenario: the training world. gain_rad_s: wheel speed of a network
+    output of 1.
 
     Raises:
         LostRobotError: a pose stopped being finite.
     """
-    return nominal_of(live_in_training_world(genes, scenario, gain_rad_s, threads, network), scenario, gain_rad_s)
+    return nominal_of(run_in_training_world(genes, scenario, gain_rad_s, threads, network), scenario, gain_rad_s)
 
 
-def live_in_training_world(
+def run_in_training_world(
     genes: NDArray[np.float64],
     scenario: Scenario,
     gain_rad_s: float = 1.0,
     threads: int = 1,
     network: Network = PAPER_NETWORK,
-) -> list[Lived]:
-    """The lifetimes in the training world that are remembered, without plasticity, recorded; see `remember`."""
+) -> list[Recorded]:
+    """Ten recorded lifetimes a side in the training world, without plasticity; see `measure_nominal`."""
     lifetime = Lifetime(
         duration_s=scenario.paper_duration_s / gain_rad_s, gain_rad_s=gain_rad_s, record_every=_RECORD_EVERY
     )
@@ -134,30 +133,28 @@ def live_in_training_world(
         for k, side in enumerate(SIDES)
         for repeat in range(REPEATS)
     ]
-    lived = live_block(individuals, scenario, lifetime, threads)
-    return [lived[:REPEATS], lived[REPEATS:]]
+    recorded = live_block(individuals, scenario, lifetime, threads)
+    return [recorded[:REPEATS], recorded[REPEATS:]]
 
 
-def nominal_of(sides: list[Lived], scenario: Scenario, gain_rad_s: float) -> Nominal:
-    """What is remembered of these lifetimes, of `live_in_training_world`."""
+def nominal_of(sides: list[Recorded], scenario: Scenario, gain_rad_s: float) -> Nominal:
+    """The nominal statistics of these lifetimes, of `run_in_training_world`."""
     arrivals = np.array([[outcome.time_to_goal for outcome, _ in side] for side in sides])
     readings = [np.concatenate([samples.sensors for _, samples in side]) for side in sides]
     lights = scenario.robot.inputs_of(scenario.robot.light)
-    patterns, novelty = remember_patterns([1.0 - samples.sensors[:, lights] for side in sides for _, samples in side])
+    patterns, novelty = light_patterns([1.0 - samples.sensors[:, lights] for side in sides for _, samples in side])
+    goals, radius = [scenario.goals_now[name] for name in SIDES], scenario.maze.goal_radius_m
+    away = [
+        max(_longest_away(samples, goal, radius) for _, samples in side)
+        for goal, side in zip(goals, sides, strict=True)
+    ]
     return Nominal(
         experiment=scenario.experiment,
         scenario=scenario.name,
         gain_rad_s=gain_rad_s,
         success=np.array([[outcome.success for outcome, _ in side] for side in sides]).mean(axis=1),
         time_to_goal_s=np.fmax.reduce(arrivals, axis=1),
-        away_s=np.array(
-            [
-                max(
-                    _longest_away(samples, scenario.goals_now[name], scenario.maze.goal_radius_m) for _, samples in side
-                )
-                for name, side in zip(SIDES, sides, strict=True)
-            ]
-        ),
+        away_s=np.array(away),
         fitness=np.array([np.min([_recent_fitness(samples) for _, samples in side], axis=0) for side in sides]),
         reading_mean=np.array([side.mean(axis=0) for side in readings]),
         reading_spread=np.array([side.std(axis=0) for side in readings]),

@@ -1,10 +1,10 @@
-"""Wall-following, an exploration: while the gate is open the robot does not drive by its network, but along a wall.
+"""Wall-following, an exploration: while the gate is open, the robot follows a wall instead of its network.
 
     wall beside it                     drive ahead, turn by clip(2 (0.3 - wall), -0.8, 0.5) towards it
     walls on both sides                keep to the middle: drive ahead, turn by (other - wall) / 2
     something ahead                    turn away on the spot
 
-It follows the wall that is nearer when it begins. It is a reflex written by hand; it knows only the distance readings.
+The robot follows the wall that is nearer when it begins. This is a hand-written reflex on distance readings alone.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.robot import Robot
 
 SPEED_RAD_S = 5.0  # of the wheels
-NEAR = 0.3  # the distance reading that it keeps a wall at: 12 mm from an e-puck's rim
+NEAR = 0.3  # the distance reading at which it keeps a wall: 12 mm from an e-puck's rim
 _FRONT, _AHEAD, _SIDE = 31.5, 68.0, 112.0  # degrees: up to which a sensor looks to the front, ahead and to the side
 
 
@@ -26,7 +26,7 @@ def wall_following(robot: Robot) -> Callable[[NDArray[np.float64], NDArray[np.fl
     hand: (1,) 1 for a wall on its left, -1 on its right, 0 to choose the nearer one; it is written.
 
     Raises:
-        ValueError: the robot cannot feel what is ahead of it and beside it.
+        ValueError: the robot lacks distance sensors ahead or beside.
     """
     front, ahead_left, side_left, ahead_right, side_right = _sensors(robot)
     speed = min(SPEED_RAD_S, robot.motor_limit_rad_s)
@@ -59,7 +59,7 @@ def wall_following(robot: Robot) -> Callable[[NDArray[np.float64], NDArray[np.fl
 
 
 def _sensors(robot: Robot) -> list[tuple[int, ...]]:
-    """The readings of sensors that look to the front; ahead and to the side on the left; and on the right."""
+    """Which inputs look to the front, ahead and to the side on the left, ahead and to the side on the right."""
     found: list[list[int]] = [[], [], [], [], []]
     for number, place in enumerate(robot.distance.places, robot.inputs_of(robot.distance).start):
         azimuth = (place.azimuth + 180.0) % 360.0 - 180.0

@@ -1,7 +1,7 @@
 """Plasticity: how weights change during a lifetime.
 
-A rule says in which direction each weight goes (`rule.Rule`). By how much is the same for all: N_e = N g max(0.2, F),
-the base rate N times the need for plasticity and the live fitness (`update`). Controls change the signs of the updates
-(`control`), and the weight change is what is measured of it all (`weight_change`). To add a rule: a file of
-`rules/`, or anywhere else: `hebbian.rule=my_rules.py:Oja`.
+A rule gives the direction of each weight's change (`rule.Rule`). The rate is the same for all weights: N_e = N g
+max(0.2, F), the base rate N times the need for plasticity and the live fitness (`update`). Controls change the signs of
+the updates (`control`); `weight_change` measures the result. To add a rule, write a file in `rules/`, or anywhere and
+give `hebbian.rule=my_rules.py:Oja`.
 """

@@ -1,4 +1,4 @@
-"""Controls of plasticity: updates as large as a rule's, in other directions. What they do, the rule did not do."""
+"""Controls of plasticity: updates as large as a rule's, in other directions. An effect they share is not the rule's."""
 
 from enum import Enum
 
@@ -7,21 +7,16 @@ from numpy.typing import NDArray
 
 
 class Sign(Enum):
-    """The sign S of the updates: the rule's, and two controls that change the weights as much but not as it says."""
+    """The sign S of the updates: the rule's, or one of two controls."""
 
     hebbian = "hebbian"
-    anti = "anti"  # what fires together parts
+    anti = "anti"  # what fires together comes apart
     shuffled = "shuffled"  # a fixed random sign for each synapse
 
 
 def signs(sign: Sign, synapses: int, rng: np.random.Generator | None = None) -> NDArray[np.float64]:
-    """S for each synapse, (synapses,) of 1 and -1; shuffled signs need a generator.
-
-    Raises:
-        ValueError: they have none.
-    """
+    """S for each synapse, (synapses,) of 1 and -1; shuffled signs need a generator."""
     if sign is Sign.shuffled:
-        if rng is None:
-            raise ValueError("shuffled signs need a random generator")
+        assert rng is not None
         return rng.choice([-1.0, 1.0], synapses)
     return np.full(synapses, -1.0 if sign is Sign.anti else 1.0)

@@ -1,4 +1,4 @@
-"""Why a plasticity rule does not compile, in the words of its author's file."""
+"""Why a plasticity rule does not compile, in ten lines."""
 
 import inspect
 import re
@@ -11,17 +11,17 @@ _MAKES_AN_ARRAY = "Only accept returning of array passed into the function"  # w
 
 
 class RuleError(ValueError):
-    """A plasticity rule cannot be compiled; says why."""
+    """A plasticity rule cannot be compiled; the message says why."""
 
 
 def explained(rule: type[Rule], error: Exception) -> RuleError:
-    """The error of a rule that does not compile: what numba says last of the innermost function, in ten lines."""
+    """The error of a rule that does not compile: numba's last reason for the innermost function."""
     text = _COLOUR.sub("", str(error))
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     causes = [number for number, line in enumerate(lines) if line.startswith("Rejected as")]
     reason = [line for line in lines[causes[-1] + 1 if causes else 0 :] if "Failed in nopython mode" not in line]
     reason = reason[: next((number for number, line in enumerate(reason) if line.startswith("During: Pass")), None)]
     if _MAKES_AN_ARRAY in text:
-        reason = ["it makes an array, and a synapse has only numbers: keep what it remembers in `kept`"]
+        reason = ["it makes an array, and a synapse has only numbers: put what it stores into `synapse_state`"]
     heading = f"rule {rule.__name__} of {inspect.getsourcefile(rule.synapse)} does not compile:"
     return RuleError("\n".join([heading, *dict.fromkeys(reason)][:_LINES]))

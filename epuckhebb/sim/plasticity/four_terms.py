@@ -1,8 +1,8 @@
-"""Four terms: what the evolved rules after Najarro & Risi have in common, whoever shares their coefficients.
+"""Four terms: what the evolved rules after Najarro & Risi have in common.
 
-    D = A x_j x_i + B x_j + C x_i + D0 - leak (w - w0)    w0: the weight at birth
+    D = A x_j x_i + B x_j + C x_i + D0 - leak (w - w0)    w0: initial weight
 
-A, B, C and D0 (D in the papers) are evolved; the learning rate eta is evolved too, and already in them here.
+A, B, C and D0 (D in the papers) are evolved, and multiplied by the evolved learning rate eta.
 """
 
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from epuckhebb.sim.plasticity.rule import Rule
 
 @dataclass(frozen=True, kw_only=True)
 class FourTerms(Rule):
-    """Plasticity by the product of two activations, by each of them, and by neither.
+    """Plasticity by the product of two activations, by each of them, and by a constant.
 
-    leak: how fast a weight goes back to what it was at birth, in units of N; 0 in the papers. No live fitness scales
-    the rate (`floor` is 1, the greatest that it can be), and N holds at the gain of training: the papers test at the
-    pace of training, and a controller that learns four times as much on each metre of its way is another one.
+    leak: how fast a weight returns to its initial value, in units of N; 0 in the papers. The live fitness does not
+    scale the rate (`floor` is 1, its maximum). N holds at the wheel gain of training, so that a robot learns as much
+    on each metre at any gain.
     """
 
     coefficients: ClassVar = ("A", "B", "C", "D")
@@ -27,7 +27,7 @@ class FourTerms(Rule):
     leak: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse leaks that cannot be."""
+        """Validate the settings."""
         super().__post_init__()
         if self.leak < 0:
             raise ValueError(f"hebbian.leak must be 0 or more, got {self.leak}")

@@ -1,4 +1,4 @@
-"""What a plasticity rule says: its settings, what each synapse keeps, what of it is evolved, and its update."""
+"""A plasticity rule: its settings, the state of each synapse, its evolved parameters, and its update."""
 
 import dis
 import inspect
@@ -27,23 +27,23 @@ QUANTITIES = (
     "key",
     "step",
     "number",
-    "kept",
+    "synapse_state",
     "by",
 )
-TAKEN = (*QUANTITIES, "weights")  # names that nothing else can have; `weights` are those of the network
+TAKEN = (*QUANTITIES, "weights")  # names that no evolved parameter may have; `weights` are those of the network
 MODULATOR, REWARD = "modulator", "reward"
-INITIAL_RANGE = 0.1  # of weights that are drawn at birth; that of Najarro & Risi 2020
-_LARGEST_WEIGHT = 1e6  # a neuron is at its limit from a drive of 20 on, and sums over larger weights say nothing
+INITIAL_RANGE = 0.1  # of random initial weights, as in Najarro & Risi 2020
+_LARGEST_WEIGHT = 1e6  # a neuron is saturated from a drive of 20 on
 
 
 class Evolved(NamedTuple):
     """A parameter of a rule that is evolved with the weights.
 
     per: one for the whole `network`, for each `layer` of connections, for each `synapse`, or for each `neuron`, sensors
-    and bias among them; or so many numbers for the whole network. `modulator`: the weights of a modulatory neuron, one
-    from each neuron of the layer before the wheels, and its bias, last. `reward`: its weight from a reward that the
-    network is told. start: genes of the first generation are uniform in +-start. limit: genes are clipped to +-limit.
-    value: a function that makes the parameter of the genes; None where they are it.
+    and bias included; or this number of values for the whole network. `modulator`: the weights of a modulatory neuron,
+    one from each neuron of the layer before the wheels, and its bias, last. `reward`: its weight from the reward input.
+    start: genes of the first generation are uniform in +-start. limit: genes are clipped to +-limit. value: a function
+    that turns the genes into the parameter; None where they are it.
     """
 
     per: str | int = "network"
@@ -53,56 +53,55 @@ class Evolved(NamedTuple):
 
 
 class InitialWeights(Enum):
-    """Where the weights at birth come from: evolved, or random, drawn anew for each lifetime within +-0.1."""
+    """Where the initial weights come from: evolved, or random, drawn anew for each lifetime within +-0.1."""
 
     evolved = "evolved"
     random = "random"
 
 
 class Reward(Enum):
-    """How the modulatory neuron hears a reward: as it is told, or, as a control, inverted."""
+    """How the modulatory neuron receives a reward: as given, or, as a control, inverted."""
 
-    told = "told"
+    given = "given"
     inverted = "inverted"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rule:
-    """A plasticity rule; subclasses add settings of their own as fields, and say what a synapse does.
+    """A plasticity rule; subclasses add settings as fields, and define what a synapse does.
 
-    N: base rate, 0 for a robot that does not learn. N_gain_rad_s: wheel gain at which N holds; at another gain it is in
-    proportion, so that a metre of way brings as many updates of the same size; 0 if N holds at any gain, as in the
-    paper. floor: the least factor on N, when fitness is low. w_max: bound of the weights. signal: the live fitness that
-    scales the rate. sign: of the updates, `hebbian` or a control. initial_weights: where the weights come from.
-    reward: how a modulatory neuron hears a reward, as it is `told` or, as a control, `inverted`.
+    N: base rate, 0 for a robot that does not learn. N_gain_rad_s: wheel gain at which N holds; at another gain N is
+    proportional to it, so that a robot learns as much on each metre; 0 if N holds at any gain, as in the paper. floor:
+    the least factor on N, when fitness is low. w_max: bound of the weights. signal: the live fitness that scales the
+    rate. sign: of the updates, `hebbian` or a control. initial_weights: `evolved` or `random`. reward: how a modulatory
+    neuron receives a reward, as `given` or, as a control, `inverted`.
 
-    A subclass has a static method `synapse`, compiled by numba, which returns the direction of a weight's change; the
-    program multiplies it by N_e, adds it to the weight and keeps that within +-w_max. Its arguments are any of these
-    names, in any order:
+    A subclass has a static method `synapse`, compiled by numba, which returns the direction of a weight's change. The
+    program multiplies it by N_e, adds it to the weight and clips that to +-w_max. The arguments of `synapse` are any of
+    these names, in any order:
 
-        pre, post     activations x_j and x_i of the two neurons that the synapse joins
-        correlation   their product
-        weight        the weight as it is now
-        initial_weight      the weight at birth
-        fitness       the live fitness, the same for all synapses
-        key, step     of the lifetime's noise, and of this step; with `number`, the place of a random number
-        number        of this synapse, from 0
-        kept          what this synapse keeps: numbers named in `kept`, to be read and set
-        by            the rule's settings
-        (a name in `evolved`: that parameter, as evolved; if it is evolved per neuron, A_pre and A_post for A)
+        pre, post        activations x_j and x_i of the two neurons that the synapse joins
+        correlation      their product
+        weight           the present weight
+        initial_weight   the weight at the start of the lifetime
+        fitness          the live fitness, the same for all synapses
+        key, step        of the lifetime's noise, and of this step; with `number`, the place of a random number
+        number           of this synapse, from 0
+        synapse_state    the numbers named in the class attribute `synapse_state`, to be read and set
+        by               the rule's settings
+        (a name in `evolved`: that parameter; if it is evolved per neuron, A_pre and A_post for A)
 
-    kept: name -> value at birth, of what each synapse keeps during a life. evolved: name -> `Evolved`. A rule that
-    evolves something per `modulator` has a modulatory neuron, and its updates are multiplied by that neuron's output.
-    with_reward: what is evolved otherwise, or besides for each `reward`, where the network is told a reward.
-    coefficients: names that `synapse` may ask for instead of those in `evolved`, if `express` makes others of them.
-    keeps_lengths: whether the incoming weights of each neuron are scaled after each update, to the length, that is the
-    root of the sum of their squares, that they had at birth.
+    synapse_state: name -> initial value, of what each synapse stores during a lifetime. evolved: name -> `Evolved`. A
+    rule with a parameter per `modulator` has a modulatory neuron, whose output multiplies all updates. with_reward:
+    parameters that replace or join those in `evolved` where the network has a reward input. coefficients: the names
+    that `express` returns, for `synapse` instead of those in `evolved`. keeps_lengths: whether the incoming weights of
+    each neuron are scaled after each update to their initial length, the root of the sum of their squares.
 
     Raises:
         ValueError: a number is not finite or outside the range named in the message.
     """
 
-    kept: ClassVar[Mapping[str, float]] = {}
+    synapse_state: ClassVar[Mapping[str, float]] = {}
     evolved: ClassVar[Mapping[str, Evolved]] = {}
     with_reward: ClassVar[Mapping[str, Evolved]] = {}
     coefficients: ClassVar[tuple[str, ...]] = ()
@@ -115,7 +114,7 @@ class Rule:
     signal: Signal = Signal.behaviour
     sign: Sign = Sign.hebbian
     initial_weights: InitialWeights = InitialWeights.evolved
-    reward: Reward = Reward.told
+    reward: Reward = Reward.given
 
     def __post_init__(self) -> None:
         """Validate the settings."""
@@ -132,25 +131,25 @@ class Rule:
                 raise ValueError(f"hebbian.{name} must be 0 or more, got {getattr(self, name)}")
         if not 0 < self.w_max <= _LARGEST_WEIGHT:
             raise ValueError(f"hebbian.w_max must be more than 0 and at most {_LARGEST_WEIGHT:g}, got {self.w_max}")
-        if self.reward is not Reward.told and not receives_reward(type(self)):
+        if self.reward is not Reward.given and not receives_reward(type(self)):
             raise ValueError(
-                f"hebbian.reward={self.reward.name} does nothing with rule {name_of(type(self))}, which hears no reward"
+                f"hebbian.reward={self.reward.name} does nothing with rule {name_of(type(self))}, which gets no reward"
             )
 
     @staticmethod
     def synapse(*_: Any) -> float:
-        """The direction in which a weight goes; a subclass says it."""
+        """The direction of a weight's change; a subclass defines it."""
         raise TypeError("a plasticity rule needs a static method `synapse`")
 
     @classmethod
     def express(cls, parameters: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
-        """What `synapse` may ask for, by name, (synapses,) each: made of the evolved parameters once, at birth.
+        """The coefficients for `synapse`, by name, (synapses,) each: made once from the evolved parameters.
 
-        parameters: by name, (synapses,) each; (numbers, synapses) for those of which there are so many.
+        parameters: by name, (synapses,) each; (numbers, synapses) for a parameter of several numbers.
         """
         return parameters
 
-    def pace(self, gain_rad_s: float) -> float:
+    def gain_factor(self, gain_rad_s: float) -> float:
         """The factor on N at a wheel gain [rad/s]."""
         return gain_rad_s / self.N_gain_rad_s if self.N_gain_rad_s else 1.0
 
@@ -164,10 +163,10 @@ class Rule:
         return {name: float(getattr(self, name)) for name in self.settings()}
 
     def in_unit_interval(self, *names: str) -> None:
-        """Refuse settings outside [0, 1].
+        """Check that settings lie in [0, 1].
 
         Raises:
-            ValueError: one is.
+            ValueError: one does not.
         """
         for name in names:
             if not 0 <= getattr(self, name) <= 1:
@@ -175,30 +174,30 @@ class Rule:
 
 
 class NoRule(Rule):
-    """No plasticity: the weights stay as they were at birth."""
+    """No plasticity: the weights stay as they are."""
 
     @staticmethod
     def synapse() -> float:
-        """Nowhere."""
+        """D = 0."""
         return 0.0
 
 
 NO_RULE = NoRule()
 
 
-def asked(rule: type[Rule]) -> tuple[str, ...]:
+def arguments_of(rule: type[Rule]) -> tuple[str, ...]:
     """The names of the arguments of a rule's `synapse`, in its order.
 
     Raises:
-        ValueError: it asks for something that there is not, or the rule draws random numbers that no run can repeat.
+        ValueError: an argument is unknown, or the rule draws random numbers that no run can repeat.
     """
     if rule.synapse is Rule.synapse:
-        raise ValueError(f"rule {rule.__name__} has no static method `synapse`, which says where a weight goes")
+        raise ValueError(f"rule {rule.__name__} has no static method `synapse`, which gives a weight's direction")
     known = {field.name for field in fields(rule)}
     for name, kind in inspect.get_annotations(rule).items():
         if name not in known and "ClassVar" not in str(kind):
             raise ValueError(
-                f"rule {rule.__name__}: {name} is no setting yet; write @dataclass(frozen=True, kw_only=True) above it"
+                f"rule {rule.__name__}: {name} is not a setting; write @dataclass(frozen=True, kw_only=True) above"
             )
     names = tuple(inspect.signature(rule.synapse).parameters)
     evolved = coefficient_names(rule)
@@ -206,10 +205,10 @@ def asked(rule: type[Rule]) -> tuple[str, ...]:
     unknown = [name for name in names if name not in known]
     if unknown:
         raise ValueError(
-            f"rule {rule.__name__}: `synapse` asks for {', '.join(unknown)}; it may ask for {', '.join(QUANTITIES)}"
-            + (f", and what is evolved: {', '.join(evolved)}" if evolved else "")
+            f"rule {rule.__name__}: `synapse` has the unknown arguments {', '.join(unknown)}; known are "
+            + ", ".join([*QUANTITIES, *evolved])
         )
-    has = {"by": rule.settings(), "kept": tuple(rule.kept)}
+    has = {"by": rule.settings(), "synapse_state": tuple(rule.synapse_state)}
     for before, then in pairwise(dis.get_instructions(rule.synapse)):
         loaded = before.argval[-1] if isinstance(before.argval, tuple) else before.argval  # 3.13 may load two at once
         of_record = "LOAD_FAST" in before.opname and loaded in has and then.opname in ("LOAD_ATTR", "STORE_ATTR")
@@ -228,13 +227,13 @@ def asked(rule: type[Rule]) -> tuple[str, ...]:
 
 
 def functions_of(rule: type[Rule]) -> tuple[Callable[..., Any], ...]:
-    """The functions that make up a rule: how a weight changes, what is made of what evolved, and its initial values."""
+    """The functions of a rule: how a weight changes, and how its coefficients are made."""
     makers = (evolved.value for evolved in rule.evolved.values() if evolved.value is not None)
     return rule.synapse, rule.express.__func__, *makers  # type: ignore[attr-defined]  # of a class method
 
 
 def coefficient_names(rule: type[Rule]) -> tuple[str, ...]:
-    """The names by which `synapse` may ask for what is evolved."""
+    """The arguments of `synapse` that are evolved parameters, or made from them."""
     if rule.coefficients:
         return rule.coefficients
     names: list[str] = []
@@ -247,14 +246,14 @@ def coefficient_names(rule: type[Rule]) -> tuple[str, ...]:
 
 
 def evolved_by(rule: type[Rule], network: Network) -> dict[str, Evolved]:
-    """What of a rule is evolved with a network, by name."""
+    """The parameters of a rule that are evolved with a network, by name."""
     return {**rule.evolved, **(rule.with_reward if network.rewarded else {})}
 
 
 def values_of(
     rule: type[Rule], network: Network, genes: Mapping[str, NDArray[np.float64]]
 ) -> dict[str, NDArray[np.float64]]:
-    """The values of all parts of a genome by name, where a rule says that they are not the genes themselves."""
+    """The values of all parts of a genome by name: the genes, or what `Evolved.value` makes of them."""
     values = dict(genes)
     for name, evolved in evolved_by(rule, network).items():
         if evolved.value is not None:
@@ -263,9 +262,9 @@ def values_of(
 
 
 def initial_synapse_state(rule: type[Rule], network: Network) -> NDArray[np.void]:
-    """What the synapses keep, (synapses,) records with a field for each name, as at birth."""
-    names = list(rule.kept) or ["nothing"]
-    values = tuple(rule.kept.values()) or (0.0,)
+    """The initial state of the synapses, (synapses,) records with a field for each name."""
+    names = list(rule.synapse_state) or ["nothing"]
+    values = tuple(rule.synapse_state.values()) or (0.0,)
     return np.full(network.synapses, np.array(values, [(name, np.float64) for name in names]))
 
 
@@ -273,7 +272,7 @@ def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
     """How many genes each evolved parameter of a rule takes.
 
     Raises:
-        ValueError: one is evolved per something that there is not, or has the name of something else.
+        ValueError: one has an unknown `per`, or the name of something else.
     """
     per = {
         "network": 1,
@@ -291,7 +290,7 @@ def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
             )
         if name in TAKEN:
             raise ValueError(
-                f"rule {rule.__name__}: what is evolved cannot be called {name}, which means something else"
+                f"rule {rule.__name__}: an evolved parameter cannot be called {name}, which means something else"
             )
     return {
         name: evolved.per if isinstance(evolved.per, int) else per[evolved.per] for name, evolved in parameters.items()
@@ -299,10 +298,7 @@ def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
 
 
 def coefficients(rule: type[Rule], network: Network, genes: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """What a rule's `synapse` may ask for of its evolved parameters, as every synapse has it: (names, synapses).
-
-    genes: by name of the parameter.
-    """
+    """The coefficients of every synapse, (names, synapses), from the values of the evolved parameters by name."""
     names = coefficient_names(rule)
     spread = np.empty((len(names), network.synapses))
     if not names:
@@ -332,18 +328,15 @@ def neurons_of(network: Network) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def modulatory_weights(
-    rule: type[Rule], genes: Mapping[str, NDArray[np.float64]], reward: Reward = Reward.told
+    rule: type[Rule], genes: Mapping[str, NDArray[np.float64]], reward: Reward = Reward.given
 ) -> NDArray[np.float64]:
-    """The weights of a rule's modulatory neuron: from neurons, its bias, from a reward if it is told one; or none.
-
-    genes: by name of the parameter. reward: how it hears one.
-    """
+    """The weights of a rule's modulatory neuron: from neurons, its bias, from the reward input if any; or none."""
     name = _modulator(rule)
     if name is None:
         return np.empty(0)
     of_reward = [genes[one] for one, evolved in rule.with_reward.items() if evolved.per == REWARD and one in genes]
-    heard = -1.0 if reward is Reward.inverted else 1.0
-    return np.concatenate([genes[name], *(heard * weight for weight in of_reward)])
+    sign = -1.0 if reward is Reward.inverted else 1.0
+    return np.concatenate([genes[name], *(sign * weight for weight in of_reward)])
 
 
 def is_alike(rule: type[Rule]) -> bool:
@@ -357,7 +350,7 @@ def is_modulated(rule: type[Rule]) -> bool:
 
 
 def receives_reward(rule: type[Rule]) -> bool:
-    """Whether a rule has a modulatory neuron that hears a reward where the network is told one."""
+    """Whether a rule has a modulatory neuron that receives a reward where the network has that input."""
     return any(evolved.per == REWARD for evolved in rule.with_reward.values())
 
 

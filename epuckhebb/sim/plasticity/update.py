@@ -1,10 +1,10 @@
 """The plastic update, the same for all rules, after every control step and in force from the next one on.
 
-    N_e = N s g m max(0.2, F)              effective rate; g is the need for plasticity, 1 in the paper; so are
-                                           s, the pace at which N holds, and m, the output of a modulatory neuron
-    W'  = clip(W + N_e S D, -W_max, W_max) D is the direction that the rule says, S a sign, 1 but in controls
+    N_e = N s g m max(0.2, F)              effective rate; g: need for plasticity; s: wheel gain over that at which N
+                                           holds; m: output of a modulatory neuron; all three are 1 in the paper
+    W'  = clip(W + N_e S D, -W_max, W_max) D: the rule's direction; S: a sign, 1 but in controls
 
-The weights are a copy made at birth: the genome is never written, so a robot forgets by being born again.
+The weights are a copy of the genes. The genome is never written, so every lifetime starts from the genes.
 """
 
 from collections import namedtuple
@@ -19,7 +19,7 @@ from epuckhebb.sim.network import Network, by_layer, tanh
 from epuckhebb.sim.plasticity.rule import (
     NoRule,
     Rule,
-    asked,
+    arguments_of,
     coefficient_names,
     is_alike,
     is_modulated,
@@ -30,12 +30,12 @@ from epuckhebb.sim.vectors import WIDTH, alike, read, times, write
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
 PRE, POST, CORRELATION = range(3)  # rows of the workspace of an update
-SCALE = POST  # when that has been used
+SCALE = POST  # the row is free when the direction is known
 
 
 @compiled
 def effective_rate(rate: float, need: float, fitness: float, floor: float) -> float:
-    """N_e = N g max(0.2, F): a robot that does well learns fast, one that does badly still explores a little."""
+    """N_e = N g max(0.2, F): a robot with a high fitness learns fast, one with a low fitness slowly."""
     return rate * need * max(floor, fitness)
 
 
@@ -99,7 +99,7 @@ def _fill_scale(
     lengths: NDArray[np.float64],
     room: NDArray[np.float64],
 ) -> None:
-    """Write for one layer of connections by what incoming weights must be multiplied to have their length at birth."""
+    """Write the factors that give the incoming weights of one layer of connections their initial length."""
     for j in range(outputs):
         squares = 0.0
         for i in range(inputs):
@@ -110,13 +110,13 @@ def _fill_scale(
 
 
 def _fill_nothing(weights: NDArray[np.float64], lengths: NDArray[np.float64], room: NDArray[np.float64]) -> None:
-    """Weights of any length will do."""
+    """Lengths are not kept."""
 
 
 def initial_lengths(rule: type[Rule], network: Network, genes: NDArray[np.float64]) -> NDArray[np.float64]:
     """The length of each neuron's incoming weights, (neurons,); empty for a rule that does not keep it.
 
-    genes: weights at birth.
+    genes: initial weights.
     """
     if not rule.keeps_lengths:
         return np.empty(0)
@@ -137,16 +137,16 @@ Modulate = Callable[[NDArray[np.float64], NDArray[np.float64]], float]
 
 
 def _unmodulated(modulatory: NDArray[np.float64], activation: NDArray[np.float64]) -> float:
-    """Without a modulatory neuron nothing is multiplied."""
+    """No modulatory neuron."""
     return 1.0
 
 
 def modulation_of(rule: type[Rule], network: Network) -> Modulate:
-    """The function `modulate(modulatory, activation)` that says by what all updates of a step are multiplied.
+    """The function `modulate(modulatory, activation)`: the factor on all updates of a step.
 
-    It is the output tanh(m / 2) of a modulatory neuron, m = v . h + v0, where h are the neurons of the layer before the
-    wheels; where the network is told a reward r, m = v . h + v0 + vr r, if the rule says so. 1 for a rule that has no
-    such neuron. modulatory: v, v0, vr. activation: (neurons,).
+    It is the output tanh(m / 2) of a modulatory neuron, m = v . h + v0, h: the neurons of the layer before the wheels.
+    With a reward input r, m = v . h + v0 + vr r if the rule has vr. 1 for a rule without a modulatory neuron.
+    modulatory: v, v0, vr. activation: (neurons,).
     """
     if not is_modulated(rule):
         return compiled(_unmodulated)
@@ -165,9 +165,9 @@ def modulation_of(rule: type[Rule], network: Network) -> Modulate:
     return modulate
 
 
-def _stay(
+def _no_update(
     weights: NDArray[np.float64],
-    kept: NDArray[np.void],
+    synapse_state: NDArray[np.void],
     genes: NDArray[np.float64],
     coefficients: NDArray[np.float64],
     activation: NDArray[np.float64],
@@ -179,7 +179,7 @@ def _stay(
     room: NDArray[np.float64],
     change: NDArray[np.float64],
 ) -> float:
-    """Without a rule no weight changes."""
+    """No plasticity."""
     return 0.0
 
 
@@ -187,20 +187,20 @@ def update_of(rule: type[Rule], network: Network) -> Update:
     """The function that updates all weights of a network once by a rule, and returns the weight change.
 
     The function is
-    `learn(weights, kept, genes, coefficients, activation, rate, now, lengths, signs, numbers, room, change)`:
-    weights (synapses,) and what the synapses keep are updated; genes: weights at birth; coefficients: (names,
-    synapses); activation: (neurons,); rate: N_e; now: what else a rule is told; lengths: (neurons,) of incoming
-    weights, if they are kept; signs: (synapses,); numbers: the settings; room (3, synapses) and change: workspace.
+    `learn(weights, synapse_state, genes, coefficients, activation, rate, now, lengths, signs, numbers, room, change)`:
+    weights (synapses,) and synapse_state are updated; genes: initial weights; coefficients: (names, synapses);
+    activation: (neurons,); rate: N_e; now: the step; lengths: (neurons,) of incoming weights, if the rule keeps them;
+    signs: (synapses,); numbers: the settings; room (3, synapses) and change: workspace.
 
     Raises:
-        ValueError: the rule asks for something that there is not.
+        ValueError: an argument of `synapse` is unknown.
     """
     if rule is NoRule:
-        return compiled(_stay)
-    names = asked(rule)
+        return compiled(_no_update)
+    names = arguments_of(rule)
     By = _namedtuple("By", rule.settings())
     evolved, alike = coefficient_names(rule), is_alike(rule)
-    told = {
+    arguments = {
         "correlation": f"room[{CORRELATION}, k]",
         "pre": f"room[{PRE}, k]",
         "post": f"room[{POST}, k]",
@@ -210,19 +210,19 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         "key": "now.key",
         "step": "now.step",
         "number": "k",
-        "kept": "kept[k]",
+        "synapse_state": "synapse_state[k]",
         "by": "by",
         **{name: f"alike[{row}]" if alike else f"coefficients[{row}, k]" for row, name in enumerate(evolved)},
     }
-    # A rule names what it needs, and only that is worked out; so the call is written when the rule is known.
+    # Only what the rule's `synapse` has as arguments is computed, so the call is written when the rule is known.
     direction = compiled(
         eval(
-            "lambda k, weights, kept, genes, coefficients, alike, now, room, by: "
-            f"synapse({', '.join(told[name] for name in names)})",
+            "lambda k, weights, synapse_state, genes, coefficients, alike, now, room, by: "
+            f"synapse({', '.join(arguments[name] for name in names)})",
             {"synapse": compiled(in_module(rule.synapse, __name__))},
         )
     )
-    # What all synapses have alike is read once.
+    # Coefficients that all synapses share are read once.
     read = "".join(f"coefficients[{row}, 0], " for row in range(len(evolved))) if alike and evolved else "0.0,"
     read_alike = compiled(eval(f"lambda coefficients: ({read})"))
     fill_pre = _filled(network, PRE) if "pre" in names else compiled(_pass)
@@ -236,7 +236,7 @@ def update_of(rule: type[Rule], network: Network) -> Update:
     @compiled
     def learn(
         weights: NDArray[np.float64],
-        kept: NDArray[np.void],
+        synapse_state: NDArray[np.void],
         genes: NDArray[np.float64],
         coefficients: NDArray[np.float64],
         activation: NDArray[np.float64],
@@ -253,7 +253,7 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         fill_post(activation, room)
         fill_correlation(activation, room)
         for k in range(synapses):
-            towards = direction(k, weights, kept, genes, coefficients, alike, now, room, by)
+            towards = direction(k, weights, synapse_state, genes, coefficients, alike, now, room, by)
             weights[k] = next_weight(weights[k], rate * signs[k], towards, by.w_max)
             if not scales:
                 change[k] = weight_change(weights[k], genes[k])

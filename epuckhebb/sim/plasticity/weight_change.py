@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.network import Network
 
-SATURATED = 0.995  # of w_max: a weight above it has no room left in that direction
+SATURATED = 0.995  # of w_max: a weight above it counts as saturated
 _LANES = 16  # numbers that are added to each other first, so that the processor can do four sums at a time
 
 
@@ -29,10 +29,10 @@ def weight_change(weight: float, gene: float) -> float:
 
 
 def total_of(network: Network) -> Callable[[NDArray[np.float64]], float]:
-    """The function that adds up the changes of a network's weights; it spoils the (room,) array that it is given.
+    """The function that adds up the changes of a network's weights; it overwrites the array that it receives.
 
-    The order of the sums is one that the processor can do four at a time: each half is added to the other, four times
-    over; the sums that are left are added one by one.
+    The processor can do four sums at a time in this order: one half is added to the other, four times over; the rest is
+    added one by one.
     """
     used, length = network.synapses, room(network)
     left = length // _LANES

@@ -1,25 +1,25 @@
-"""Lateness: the robot has been away from the goal for longer than it ever was in its training world.
+"""Late: the robot has been away from the goal for longer than it ever was in its training world.
 
-    lateness = away / longest away
+    late = time away / longest time away in training        above 1: later than ever
 
-Above 1 it is later than ever. It needs a clock that started with the trial, and to be told when the robot is at the
-goal; so it is for robots with a supervisor, as the paper's fitness is.
+The robot is given a clock that starts with the trial and a signal at the goal. Like the paper's fitness, this needs a
+supervisor.
 """
 
 import math
 
-from epuckhebb.sim.adaptation.change_signal import NominalOfSide, Now
+from epuckhebb.sim.adaptation.change_signal import NominalOfSide, SignalContext
 from epuckhebb.sim.compiled import compiled
 
-LEAST_AWAY_S = 5.0  # an excursion from the goal that is not worth noticing
+LEAST_AWAY_S = 5.0  # shorter excursions from the goal do not count
 
 
 @compiled
-def change_signal(now: Now, nominal: NominalOfSide) -> float:
-    """Time away over the longest remembered: of the way to the goal until it arrives, of excursions afterwards.
+def change_signal(context: SignalContext, nominal: NominalOfSide) -> float:
+    """Time away over the longest in training: on the way to the goal before the first arrival, off it afterwards.
 
-    It is nan, which opens no gate, if the robot remembers no arrival.
+    It is nan, which opens no gate, if the robot never arrived in training.
     """
-    if now.arrived and not math.isnan(nominal.time_to_goal_s):
-        return now.away_s / max(nominal.away_s, LEAST_AWAY_S)
-    return now.away_s / nominal.time_to_goal_s
+    if context.arrived and not math.isnan(nominal.time_to_goal_s):
+        return context.away_s / max(nominal.away_s, LEAST_AWAY_S)
+    return context.away_s / nominal.time_to_goal_s

@@ -1,25 +1,25 @@
-"""Novelty: the robot's readings are unlike those of its training world. It knows only what the robot senses.
+"""Novelty: the robot's sensor readings are unlike those of its training world. It uses the senses alone.
 
-novelty = min over lamps of mean |s' - m| / (d + 0.01)      recent readings against the remembered, in spreads
+novelty = min over lamps of mean |s' - m| / (d + 0.01)      s': recent readings; m, d: their mean and spread in training
 """
 
 import numpy as np
 
-from epuckhebb.sim.adaptation.change_signal import NominalOfSide, Now
+from epuckhebb.sim.adaptation.change_signal import NominalOfSide, SignalContext
 from epuckhebb.sim.compiled import compiled
 
 LEAST_SPREAD = 0.01  # of a reading: the noise of a light sensor
 
 
 @compiled
-def change_signal(now: Now, nominal: NominalOfSide) -> float:
-    """Mean distance of the inputs, in spreads, from the remembered state that fits best: without or with the lamp."""
+def change_signal(context: SignalContext, nominal: NominalOfSide) -> float:
+    """Mean distance of the inputs from training, in spreads: without or with the lamp, whichever fits better."""
     least = np.inf
     inputs = nominal.reading_mean.shape[1]
     for lamp in range(2):
         total = 0.0
         for i in range(inputs):
-            away = abs(now.recent[i] - nominal.reading_mean[lamp, i])
+            away = abs(context.recent[i] - nominal.reading_mean[lamp, i])
             total += away / (nominal.reading_spread[lamp, i] + LEAST_SPREAD)
         least = min(least, total / inputs)
     return least

@@ -1,16 +1,16 @@
-"""Shortfall: the robot does worse than it ever did at this time of its life in its training world.
+"""Shortfall: the robot does worse than it ever did at this time of a lifetime in its training world.
 
-    shortfall = M(t) - F'       remembered live fitness at this time, less the recent one
+    shortfall = M(t) - F'       M: least live fitness in training at this time; F': recent live fitness
 
-The live fitness knows when the robot is in the correct arm, so this signal is for robots with a supervisor.
+The live fitness includes whether the robot is in the correct arm, so this signal needs a supervisor.
 """
 
-from epuckhebb.sim.adaptation.change_signal import NominalOfSide, Now
+from epuckhebb.sim.adaptation.change_signal import NominalOfSide, SignalContext
 from epuckhebb.sim.compiled import compiled
 
 
 @compiled
-def change_signal(now: Now, nominal: NominalOfSide) -> float:
-    """The least fitness remembered of this second of life, less the recent one; after the last second, of that."""
-    second = min(int(now.time_s), nominal.fitness.shape[0] - 1)
-    return float(nominal.fitness[second]) - float(now.recent[now.recent.shape[0] - 1])
+def change_signal(context: SignalContext, nominal: NominalOfSide) -> float:
+    """The least nominal fitness of this second (or of the last one), less the recent fitness."""
+    second = min(int(context.time_s), nominal.fitness.shape[0] - 1)
+    return float(nominal.fitness[second]) - float(context.recent[context.recent.shape[0] - 1])

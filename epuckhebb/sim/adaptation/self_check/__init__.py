@@ -1,5 +1,5 @@
-"""The self-check: a robot dances at birth, compares what it feels with home, and corrects what has changed in itself.
+"""The self-check: before its lifetime a robot compares its sensors and wheels with training, and corrects them.
 
-`dance` is what it does, `memory` what it remembers of home, `findings` what it finds, `corrections` what it does about
-it all its life, and `check` puts them together: the dance of one robot, what it found, and where its life begins.
+`calibration` is the manoeuvre that it drives, `memory` the same manoeuvre measured in the training world, `findings`
+what has changed, `corrections` the correction in every step, and `check` puts them together for one robot.
 """

@@ -1,6 +1,6 @@
-"""A robot checks itself: it dances, finds what has changed, decides what to correct, and is ready to live.
+"""The self-check of one robot: drive the calibration manoeuvre, find what has changed, decide what to correct.
 
-Corrected is what is clear and explained, and nothing else:
+It corrects a finding only if it is clear and explained:
 
     light    |rho - 1| > max(0.1, 3 standard errors)        if the light readings fit
     wheels   |loss| > max(0.02, 3 standard errors)          if the distance readings fit
@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from epuckhebb.sim import random
+from epuckhebb.sim.adaptation.self_check.calibration import calibrate
 from epuckhebb.sim.adaptation.self_check.corrections import Corrections, no_corrections, sunlit
-from epuckhebb.sim.adaptation.self_check.dance import calibrate
 from epuckhebb.sim.adaptation.self_check.findings import MISFIT, Findings, find
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, check_robot, regression
 from epuckhebb.sim.life import CalibrationRecord
@@ -30,10 +30,10 @@ ERRORS = 3.0  # nor those within so many standard errors
 
 @dataclass(frozen=True, kw_only=True)
 class Checked:
-    """A robot that has checked itself.
+    """The result of a self-check.
 
-    danced: what it did and felt. found: of that. corrected: `left wheel`, `right wheel`, `light`, `dead sensors`: which
-    of its findings it corrects. corrections: as numbers for its life.
+    calibration: the manoeuvre and its sensor readings. corrected: which of the findings are corrected: `left wheel`,
+    `right wheel`, `light`, `dead sensors`. corrections: as numbers for the lifetime.
     """
 
     calibration: CalibrationRecord
@@ -43,31 +43,31 @@ class Checked:
 
     @property
     def end(self) -> Pose:
-        """Where the dance ended and the life begins."""
+        """Where the manoeuvre ended and the lifetime starts."""
         return Pose(*self.calibration.poses[-1].tolist())
 
 
 def check(
     memory: SelfMemory, world: Scenario, side: Side, key: np.uint64, noise: float = 1.0, start: Pose | None = None
 ) -> Checked:
-    """Let a robot check itself in a world as it is at birth.
+    """Run the self-check in a world as it is at the start.
 
-    key: of the life that follows; the dance has noise of its own, so that the life keeps its own.
+    key: of the lifetime that follows; the manoeuvre draws other noise.
 
     Raises:
-        ValueError: the robot has not the sensors, or the memory is of another.
+        ValueError: the robot lacks the sensors, or the memory is of another robot.
     """
     check_robot(world.robot)
     if memory.inputs != world.robot.inputs or memory.lights != world.robot.light.count:
         raise ValueError(
-            f"what the self-check remembers is of a robot with {memory.lights} light sensors and {memory.inputs} "
+            f"the self-check was measured with a robot of {memory.lights} light sensors and {memory.inputs} "
             f"readings; robot {world.robot.name} has {world.robot.light.count} and {world.robot.inputs}"
         )
-    told = calibrate(world.phases[0][1], side, random.key(int(key), Stream.calibration_noise), noise, start)
-    found = find(told.readings, memory)
+    calibration = calibrate(world.phases[0][1], side, random.key(int(key), Stream.calibration_noise), noise, start)
+    found = find(calibration.readings, memory)
     corrected = tuple(clear(found))
     return Checked(
-        calibration=told,
+        calibration=calibration,
         found=found,
         corrected=corrected,
         corrections=corrections_for(found, corrected, memory, world.robot),
@@ -75,27 +75,27 @@ def check(
 
 
 def unexplained(found: Findings) -> tuple[str, ...]:
-    """Which readings, `distance` or `light`, no known cause explains."""
+    """Which sensor readings, `distance` or `light`, no known cause explains."""
     return tuple(kind for kind in ("distance", "light") if getattr(found, f"{kind}_misfit") > MISFIT)
 
 
 def clear(found: Findings) -> Iterator[str]:
-    """Which findings are clear enough to be corrected, and can be: a wheel that does not turn cannot."""
-    strange = unexplained(found)
+    """Which findings are clear enough to be corrected. A wheel that does not turn cannot be."""
+    unknown = unexplained(found)
     for place, wheel in enumerate(("left wheel", "right wheel")):
         loss, error = found.wheel_loss[place], found.wheel_loss_error[place]
-        if "distance" not in strange and abs(loss) > max(LEAST_LOSS, ERRORS * error) and loss < 1.0:
+        if "distance" not in unknown and abs(loss) > max(LEAST_LOSS, ERRORS * error) and loss < 1.0:
             yield wheel
     ratio, error = found.light_ratio, found.light_ratio_error
     large = abs(ratio - 1.0) > max(LEAST_LIGHT, ERRORS * error)
-    if "light" not in strange and large and ratio > 0.0 and math.isfinite(1.0 / ratio):
+    if "light" not in unknown and large and ratio > 0.0 and math.isfinite(1.0 / ratio):
         yield "light"
     if found.dead_sensors:
         yield "dead sensors"
 
 
 def corrections_for(found: Findings, corrected: tuple[str, ...], memory: SelfMemory, robot: Robot) -> Corrections:
-    """The corrections of these findings, as numbers for a life."""
+    """The corrections of these findings, as numbers for a lifetime."""
     by = no_corrections(robot)
     if "dead sensors" in corrected:
         places = np.array(found.dead_sensors)

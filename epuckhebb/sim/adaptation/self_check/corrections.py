@@ -1,12 +1,12 @@
-"""Corrections: readings as they would be at home, and wheels that turn as they would at home, all life long.
+"""Corrections: in every step, sensor readings and wheel speeds as they would be in the training world.
 
-    darker      light of rho < 1 times home's: reading = 1 - u / rho, u = 1 - reading, smoothed over 1 / rho steps
-    brighter    light of rho > 1 times home's: the same, not smoothed; where a sensor is saturated, what home's sun
-                would give at the heading that fits today's sun best, or 0 if only the lamp can be so bright there
+    darker      light of rho < 1 times training's: reading = 1 - u / rho, u = 1 - reading, smoothed over 1 / rho steps
+    brighter    light of rho > 1 times training's: the same, not smoothed; a saturated sensor reads what training's sun
+                would give at the heading that fits the present sun best, or 0 if only the lamp can be so bright there
     dead        reading = z Q z, z = (1, the other readings): a quadratic regression
     wheel       output = output / (1 - loss), no faster than the motor
 
-Where nothing has changed each is the identity, bit for bit: rho = 1, no dead sensor, loss = 0.
+Where nothing has changed (rho = 1, no dead sensor, loss = 0), each is the identity, bit for bit.
 """
 
 import math
@@ -20,21 +20,20 @@ from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.light import SUN_IRRADIANCE, SUN_X, SUN_Y
 from epuckhebb.sim.robot import Robot
 
-HEADINGS = 128  # directions of the sun that are told apart
+HEADINGS = 128  # directions of the sun
 SATURATED = 0.03  # a light reading up to this says only that it is at least so bright
 _DOUBT = 0.05  # weight of a saturated reading in the fit of the sun's direction
-_SUNLIT = 0.1  # today's sun alone would read above this, yet the sensor is saturated: that is the lamp
-_COARSE = 8  # every so many directions are tried first, then all between
+_SUNLIT = 0.1  # if the present sun alone would read more, a saturated sensor is in the lamp
+_COARSE = 8  # every eighth direction is tried first, then all around the best
 
 
 class Corrections(NamedTuple):
     """What a robot corrects, as numbers for the kernel.
 
-    light_ratio: rho, today's light over home's. seeing: (lights,) 1 where a light sensor works, 0 where it is dead.
-    sun_now, sun_training: (lights, HEADINGS + 2 * 8) readings under the sun alone, by its direction, today's and
-    that of the training world; the last 16 are the first again. dead: numbers of the readings that are made up from
-    others; others: of those. regression: (dead, others + 1, others + 1) Q;
-    place 0 is of the constant 1. left_loss, right_loss: of the wheels.
+    light_ratio: rho, the present light over training's. seeing: (lights,) 1 where a light sensor works, 0 where it is
+    dead. sun_now, sun_training: (lights, HEADINGS + 2 * 8) light readings by the direction of the sun alone, at present
+    and in training; the last 16 repeat the first. dead: inputs that are predicted from the inputs `others`.
+    regression: (dead, others + 1, others + 1) Q; index 0 is the constant 1. left_loss, right_loss: of the wheels.
     """
 
     light_ratio: float
@@ -49,7 +48,7 @@ class Corrections(NamedTuple):
 
 
 def no_corrections(robot: Robot) -> Corrections:
-    """What a robot corrects that found nothing."""
+    """The corrections of a robot in which nothing has changed."""
     by_heading = np.zeros((robot.light.count, HEADINGS + 2 * _COARSE))
     return Corrections(
         light_ratio=1.0,
@@ -65,20 +64,16 @@ def no_corrections(robot: Robot) -> Corrections:
 
 
 def check_corrections(corrections: Corrections, robot: Robot) -> None:
-    """Refuse corrections that are of another robot, or not finite.
+    """Check that corrections are finite and fit this robot.
 
     Raises:
-        ValueError: they are.
+        ValueError: they are not, or do not.
     """
-    whole = no_corrections(robot)
-    if (
-        corrections.seeing.shape != whole.seeing.shape
-        or len(corrections.others) + len(corrections.dead) != robot.inputs
-    ):
+    lights, inputs = len(corrections.seeing), len(corrections.others) + len(corrections.dead)
+    if (lights, inputs) != (robot.light.count, robot.inputs):
         raise ValueError(
-            f"corrections of a robot with {len(corrections.seeing)} light sensors and "
-            f"{len(corrections.others) + len(corrections.dead)} readings do not fit robot {robot.name}, which has "
-            f"{robot.light.count} and {robot.inputs}"
+            f"corrections of a robot with {lights} light sensors and {inputs} readings do not fit robot {robot.name}, "
+            f"which has {robot.light.count} and {robot.inputs}"
         )
     for name, value in corrections._asdict().items():
         if not np.isfinite(value).all():
@@ -107,7 +102,7 @@ def sunlit(robot: Robot, level: float) -> NDArray[np.float64]:
 
 
 class CorrectionState(NamedTuple):
-    """What corrections carry from step to step: smooth (lights,), nan before the first; and workspace."""
+    """What corrections carry from step to step: smooth (lights,) brightness, nan at first; and workspace."""
 
     smooth: NDArray[np.float64]
     cost: NDArray[np.float64]
@@ -116,7 +111,7 @@ class CorrectionState(NamedTuple):
 
 
 def initial_correction_state(robot: Robot) -> CorrectionState:
-    """Room for a robot at birth."""
+    """The state before the first step."""
     return CorrectionState(
         smooth=np.full(robot.light.count, np.nan),
         cost=np.zeros(2 * _COARSE),
@@ -127,7 +122,7 @@ def initial_correction_state(robot: Robot) -> CorrectionState:
 
 @compiled
 def from_darker(readings: NDArray[np.float64], ratio: float, smooth: NDArray[np.float64]) -> None:
-    """Light readings in a light of `ratio` < 1 times home's, as they would be at home.
+    """Light readings in a light of `ratio` < 1 times training's, as they would be in training.
 
     u' = u' + rho (1 - reading - u'), reading = clip(1 - u' / rho, 0, 1)      smoothed as much as it is magnified
     """
@@ -139,11 +134,11 @@ def from_darker(readings: NDArray[np.float64], ratio: float, smooth: NDArray[np.
 
 @compiled
 def from_brighter(readings: NDArray[np.float64], by: Corrections, cost: NDArray[np.float64]) -> None:
-    """Light readings in a light of rho > 1 times home's, as they would be at home.
+    """Light readings in a light of rho > 1 times training's, as they would be in training.
 
-    reading = 1 - (1 - reading) / rho where it is not saturated; elsewhere the sun's direction that fits today's
-    readings best says what home's sun would give, unless it says that a saturated sensor is not in the sun: then the
-    lamp is lit, and saturates it at home too.
+    reading = 1 - (1 - reading) / rho where the sensor is not saturated. A saturated one reads what training's sun
+    would give from the direction that fits all readings best. If the present sun cannot saturate it from there, the
+    lamp is lit and would saturate it in training too.
     """
     at = _direction_of_the_sun(readings, by, cost)
     lamp = False
@@ -160,7 +155,7 @@ def from_brighter(readings: NDArray[np.float64], by: Corrections, cost: NDArray[
 
 @compiled
 def _direction_of_the_sun(readings: NDArray[np.float64], by: Corrections, cost: NDArray[np.float64]) -> int:
-    """The direction at which today's sun fits the readings best: every eighth is tried first, then those around."""
+    """The direction from which the present sun fits the readings best."""
     _costs(readings, by, cost, 0, _COARSE)
     nearest = _COARSE * _least(cost)
     first = (nearest - _COARSE) % HEADINGS
@@ -170,7 +165,7 @@ def _direction_of_the_sun(readings: NDArray[np.float64], by: Corrections, cost: 
 
 @compiled
 def _costs(readings: NDArray[np.float64], by: Corrections, cost: NDArray[np.float64], first: int, apart: int) -> None:
-    """The weighted squares by which readings miss those of today's sun, for sixteen directions from `first` on."""
+    """Weighted squared errors of the present sun's readings, for sixteen directions from `first` on."""
     for k in range(2 * _COARSE):
         cost[k] = 0.0
     for i in range(by.seeing.shape[0]):
@@ -190,40 +185,40 @@ def _least(cost: NDArray[np.float64]) -> int:
 
 
 @compiled
-def instead_of_dead(readings: NDArray[np.float64], by: Corrections, room: CorrectionState) -> None:
-    """What dead sensors would read, by the others: a quadratic regression on readings at home.
+def predict_dead(readings: NDArray[np.float64], by: Corrections, state: CorrectionState) -> None:
+    """Predict what dead sensors would read from the others, by a quadratic regression on training readings.
 
     reading = clip(z Q z, 0, 1), z = (1, the other readings)
     """
     others = by.others.shape[0]
-    room.known[0] = 1.0
+    state.known[0] = 1.0
     for i in range(others):
-        room.known[i + 1] = readings[by.others[i]]
+        state.known[i + 1] = readings[by.others[i]]
     for d in range(by.dead.shape[0]):
         for j in range(others + 1):
-            room.weighted[j] = 0.0
+            state.weighted[j] = 0.0
         for i in range(others + 1):
             for j in range(others + 1):
-                room.weighted[j] += room.known[i] * by.regression[d, i, j]
+                state.weighted[j] += state.known[i] * by.regression[d, i, j]
         total = 0.0
         for j in range(others + 1):
-            total += room.weighted[j] * room.known[j]
+            total += state.weighted[j] * state.known[j]
         readings[by.dead[d]] = min(1.0, max(0.0, total))
 
 
 @compiled
-def corrected_readings(readings: NDArray[np.float64], by: Corrections, room: CorrectionState) -> None:
-    """Readings as they would be at home: first of the light, then of dead sensors, which follow from the others."""
+def corrected_readings(readings: NDArray[np.float64], by: Corrections, state: CorrectionState) -> None:
+    """Sensor readings as in the training world: first of the light, then of dead sensors, predicted from the others."""
     if by.light_ratio < 1.0:
-        from_darker(readings, by.light_ratio, room.smooth)
+        from_darker(readings, by.light_ratio, state.smooth)
     elif by.light_ratio > 1.0:
-        from_brighter(readings, by, room.cost)
+        from_brighter(readings, by, state.cost)
     if by.dead.shape[0] > 0:
-        instead_of_dead(readings, by, room)
+        predict_dead(readings, by, state)
 
 
 def corrected_wheel(motor_limit: float) -> Callable[[float, float, float], float]:
-    """The function that gives the output which turns a weak wheel as fast as a sound one, as far as the motor goes.
+    """The function that gives the output with which a weak wheel turns as fast as an intact one.
 
     output' = output / (1 - loss)
     """

@@ -1,13 +1,13 @@
 """What the self-check finds: dead sensors, weak wheels, and how bright the light is, each with its standard error.
 
-    dead    an infra-red sensor that read exactly 0 all the time; a healthy one always feels a little. If more than half
-            did, they are not dead: something else is wrong with all of them
+    dead    an infra-red sensor that read exactly 0 all the time; an intact one always reads a little. If more than half
+            did, none is called dead: something else is wrong with all of them
     loss    of the wheels: least squares of (IR - M) / (s + 0.003) on [J_left, J_right, J_x, J_y, J_heading]
-    rho     today's light over home's: sum(u u0) / sum(u0^2), u = 1 - reading, where the lamp makes no difference
-    lamp    lit or not, whichever fits the light readings better where it does make one
+    rho     present light over training's: sum(u u0) / sum(u0^2), u = 1 - reading, where the lamp makes no difference
+    lamp    lit or not, whichever fits the light readings better where it makes a difference
 
-M, s, J: what the dance felt like at home, its spread, and how it changes with each cause (`memory`). What no cause
-explains is in the misfits: the root mean square of what is left, in spreads, about 1 where all is explained.
+M, s, J: mean sensor readings of the calibration manoeuvre in training, their spread, and their change with each cause
+(`memory`). A misfit is what no cause explains: the root mean square of the residuals, in spreads, about 1 at best.
 """
 
 import math
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from epuckhebb.sim import light
 from epuckhebb.sim.adaptation.self_check.memory import REPEATS, SelfMemory
 
-MISFIT = 2.0  # more is left than known causes explain: spreads
+MISFIT = 2.0  # spreads; a larger misfit is not explained by known causes
 _LEAST_SPREAD = 0.003  # of a reading
 _LAMP_SHOWS = 0.01  # a reading differs by so much or more with the lamp
 _DARKEST, _BRIGHTEST = 0.02, 0.97  # of u: below there is nothing to compare, above a sensor is saturated
@@ -27,11 +27,11 @@ _DARKEST, _BRIGHTEST = 0.02, 0.97  # of u: below there is nothing to compare, ab
 
 @dataclass(frozen=True, kw_only=True)
 class Findings:
-    """What a robot found of itself and of the light.
+    """What a self-check finds.
 
-    lamp: whether it is lit, inferred. dead_sensors: numbers of their places. wheel_loss, wheel_loss_error: (2,) left
-    and right, share of their speed that is lost. light_ratio, light_ratio_error: today's light over home's.
-    distance_misfit, light_misfit: what is left unexplained, in spreads.
+    lamp: whether it seems lit. dead_sensors: numbers of their places. wheel_loss, wheel_loss_error: (2,) left and
+    right, lost share of their speed. light_ratio, light_ratio_error: present light over training's. distance_misfit,
+    light_misfit: what is left unexplained, in spreads.
     """
 
     lamp: bool
@@ -45,7 +45,7 @@ class Findings:
 
 
 def find(readings: NDArray[np.float64], memory: SelfMemory) -> Findings:
-    """What the readings of a dance, (steps, inputs), tell beside those that are remembered."""
+    """Compare the sensor readings of a calibration manoeuvre, (steps, inputs), with those in training."""
     lights = memory.lights
     dead = dead_sensors(readings[:, lights:])
     working = np.setdiff1d(np.arange(readings.shape[1] - lights), dead)
@@ -53,10 +53,10 @@ def find(readings: NDArray[np.float64], memory: SelfMemory) -> Findings:
     seeing = np.setdiff1d(np.arange(lights), dead)
     known = causes if distance_misfit <= MISFIT else np.zeros_like(causes)
     shift = np.tensordot(known, memory.effects[:, :, seeing], axes=1)
-    home = 1.0 - (memory.mean[:, :, seeing] + shift)
-    ratio, ratio_error, light_misfit = light_ratio(1.0 - readings[:, seeing], home, memory.spread[:, seeing])
+    nominal = 1.0 - (memory.mean[:, :, seeing] + shift)
+    ratio, ratio_error, light_misfit = light_ratio(1.0 - readings[:, seeing], nominal, memory.spread[:, seeing])
     return Findings(
-        lamp=lamp_is_lit(1.0 - readings[:, seeing], home, ratio),
+        lamp=lamp_is_lit(1.0 - readings[:, seeing], nominal, ratio),
         dead_sensors=tuple(dead.tolist()),
         wheel_loss=causes[:2],
         wheel_loss_error=error[:2],
@@ -68,7 +68,7 @@ def find(readings: NDArray[np.float64], memory: SelfMemory) -> Findings:
 
 
 def dead_sensors(distances: NDArray[np.float64]) -> NDArray[np.int64]:
-    """The numbers of those distance sensors, of (steps, sensors), that read exactly 0 all the time; half at most."""
+    """The numbers of distance sensors that always read exactly 0, at most half of them; distances: (steps, sensors)."""
     silent = np.flatnonzero((distances == 0.0).all(axis=0))
     return silent if 2 * len(silent) <= distances.shape[1] else silent[:0]
 
@@ -76,12 +76,12 @@ def dead_sensors(distances: NDArray[np.float64]) -> NDArray[np.int64]:
 def least_squares(
     design: NDArray[np.float64], target: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Coefficients of the columns of `design` that make `target`, their standard errors, and what is left.
+    """Coefficients that fit the columns of `design` to `target`, their standard errors, and the misfit m.
 
     c = (X'X)^-1 X'y, error = sqrt(diag (X'X)^-1 max(1, m^2)), m = root mean square of y - X c
 
-    The target is in its own spreads, so that m is about 1 or less where the columns explain it; where they do not, the
-    errors grow with it. Without a target nothing is known: coefficients 0, errors infinite.
+    The target is in units of its spread, so m is about 1 or less if the columns explain it. Without a target,
+    coefficients are 0 and errors infinite.
     """
     squares = design.T @ design
     if len(target) == 0 or np.linalg.matrix_rank(squares) < len(squares):
@@ -102,34 +102,34 @@ def _causes(
 
 
 def light_ratio(
-    bright: NDArray[np.float64], home: NDArray[np.float64], spread: NDArray[np.float64]
+    bright: NDArray[np.float64], nominal: NDArray[np.float64], spread: NDArray[np.float64]
 ) -> tuple[float, float, float]:
-    """Today's light over home's, its standard error, and the misfit; 1, infinite and nan where nothing can be compared.
+    """Present light over training's, its standard error, and the misfit; 1, infinite and nan without usable sensors.
 
     rho = sum(u u0) / sum(u0^2), error = max(0.01, std(u - rho u0)) / sqrt(sum(u0^2))
 
-    bright: (steps, lights) u = 1 - reading. home: (2, steps, lights) u0 at home, without and with the lamp. spread: of
-    readings at home.
+    bright: (steps, lights) u = 1 - reading. nominal: (2, steps, lights) u0 in training, without and with the lamp.
+    spread: of sensor readings in training.
     """
-    usable = (np.abs(home[0] - home[1]) < _LAMP_SHOWS) & (home[0] > _DARKEST) & (home[0] < _BRIGHTEST)
+    usable = (np.abs(nominal[0] - nominal[1]) < _LAMP_SHOWS) & (nominal[0] > _DARKEST) & (nominal[0] < _BRIGHTEST)
     usable &= bright < _BRIGHTEST
-    u, u0 = bright[usable], home[0][usable]
+    u, u0 = bright[usable], nominal[0][usable]
     total = float(u0 @ u0)
     if total == 0.0:
         return 1.0, math.inf, math.nan
     ratio = float(u0 @ u) / total
     left = u - ratio * u0
-    scatter = spread[usable] * math.sqrt(1.0 + ratio**2 / REPEATS)  # of u, and of rho times a mean of so many dances
+    scatter = spread[usable] * math.sqrt(1.0 + ratio**2 / REPEATS)  # of u, and of rho times a mean of REPEATS
     misfit = float(np.sqrt(np.mean((left / (scatter + _LEAST_SPREAD)) ** 2)))
     return ratio, max(light.NOISE, float(left.std())) / math.sqrt(total), misfit
 
 
-def lamp_is_lit(bright: NDArray[np.float64], home: NDArray[np.float64], ratio: float) -> bool:
+def lamp_is_lit(bright: NDArray[np.float64], nominal: NDArray[np.float64], ratio: float) -> bool:
     """Whether the lamp is lit: which of the two fits better where it makes a difference.
 
-    u = clip(rho u0, 0, 1) without, clip(rho u0 + lamp, 0, 1) with it; lamp: what it adds at home
+    u = clip(rho u0, 0, 1) without, clip(rho u0 + lamp, 0, 1) with it; lamp: what it adds in training
     """
-    shows = np.abs(home[0] - home[1]) >= _LAMP_SHOWS
-    added = np.array([np.zeros_like(home[0]), home[1] - home[0]])
-    off, on = (((bright - np.clip(ratio * home[0] + lamp, 0.0, 1.0))[shows] ** 2).sum() for lamp in added)
+    shows = np.abs(nominal[0] - nominal[1]) >= _LAMP_SHOWS
+    added = np.array([np.zeros_like(nominal[0]), nominal[1] - nominal[0]])
+    off, on = (((bright - np.clip(ratio * nominal[0] + lamp, 0.0, 1.0))[shows] ** 2).sum() for lamp in added)
     return bool(on < off)

@@ -1,11 +1,11 @@
-"""ABCD: every synapse has an evolved rule of its own, and its weight at birth means next to nothing.
+"""ABCD: every synapse has an evolved rule of its own, and initial weights are random.
 
     D = eta (A x_j x_i + B x_j + C x_i + D0)    eta, A, B, C, D0 of each synapse
 
 Source: Najarro & Risi, Meta-learning through Hebbian plasticity in random networks, NeurIPS 2020, equation 1. As there,
-initial weights are uniform in +-0.1, drawn anew for each lifetime, or evolved (`initial_weights`). Theirs begins with
-coefficients N(0, 1) and without bounds; here they begin uniform in +-1 and stay in +-2, as all genes do. Theirs divides
-the weights of a layer by the largest after each update in some tasks; here all are clipped, as in the paper.
+initial weights are uniform in +-0.1, drawn anew for each lifetime, or evolved (`initial_weights`). Their coefficients
+start as N(0, 1) without bounds; here they start uniform in +-1 and stay within +-2, as all genes do. In some tasks they
+divide the weights of a layer by the largest after each update; here all are clipped, as in the paper.
 """
 
 from collections.abc import Mapping

@@ -1,9 +1,9 @@
-"""Neuron-centric ABCD: what a synapse does follows from evolved numbers of the two neurons that it joins.
+"""Neuron-centric ABCD: a synapse's rule follows from evolved numbers of the two neurons that it joins.
 
     D = (eta_j + eta_i) / 2 (C_j C_i x_j x_i + A_j x_j + B_i x_i + D_j D_i)
 
 Source: Ferigo, Cunegatti & Iacca, Neuron-centric Hebbian learning, GECCO 2024, equation 3. As there, every neuron has
-numbers, sensors and bias too. The weights at birth are evolved beside them.
+numbers, sensors and bias too. The initial weights are evolved with them.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ class ABCDNeuron(FourTerms):
 
     @classmethod
     def express(cls, parameters: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
-        """The coefficients of each synapse, by the numbers of both its neurons."""
+        """The coefficients of each synapse, from the numbers of its neurons."""
         p = parameters
         eta = (p["eta_pre"] + p["eta_post"]) / 2.0
         return {

@@ -1,10 +1,10 @@
-"""Shared ABCD: all synapses of a layer have the same evolved rule; the weights at birth are evolved beside it.
+"""Shared ABCD: all synapses of a layer have the same evolved rule; the initial weights are evolved with it.
 
-    D = eta (A x_j x_i + B x_j + C x_i + D0) - leak (w - w0)    eta, A, B, C, D0 of each layer; w0: weight at birth
+    D = eta (A x_j x_i + B x_j + C x_i + D0) - leak (w - w0)    eta, A, B, C, D0 of each layer; w0: initial weight
 
-Source: Pedersen & Risi, Evolving and merging Hebbian learning rules, GECCO 2021, who let many synapses share one rule;
-here those of a layer do from the start. The leak is not theirs: a rule for so many synapses easily drives all of them
-to their bounds.
+Source: Pedersen & Risi, Evolving and merging Hebbian learning rules, GECCO 2021, in which many synapses come to share a
+rule; here those of a layer do from the start. The leak is added here: one rule for many synapses easily drives all of
+them to their bounds.
 """
 
 from collections.abc import Mapping

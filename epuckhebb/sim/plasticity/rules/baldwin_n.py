@@ -1,10 +1,10 @@
-"""The paper's rule while controllers are evolved, and how fast they learn evolves with them (Baldwin 1896).
+"""The paper's rule during evolution, with an evolved learning rate (Baldwin 1896).
 
     T' = 0.95 T + 0.05 x_j x_i
     D  = 10^theta T'                 theta: evolved, one for the network; the base rate is N 10^theta
 
-Source: the rule of Hammami et al., ALIFE 2025, who lay it over controllers that evolved without; in evolution as in
-Hinton & Nowlan, Complex Systems 1 (1987). With N as it is set, and nothing of the rule evolved: `hebbian=baldwin`.
+Source: the rule of Hammami et al., ALIFE 2025, there added after evolution; in evolution as in Hinton & Nowlan, Complex
+Systems 1 (1987). `hebbian=baldwin` is the same with a set N and nothing of the rule evolved.
 """
 
 from collections.abc import Mapping
@@ -19,9 +19,9 @@ from epuckhebb.sim.plasticity.rule import Evolved, Rule
 
 @dataclass(frozen=True, kw_only=True)
 class BaldwinN(Rule):
-    """The paper's rule with an evolved rate. trace_decay: how long a trace lasts. trace_update: how fast it is new."""
+    """The paper's rule with an evolved rate. trace_decay, trace_update: share of the old trace and of the new C."""
 
-    kept: ClassVar = {"trace": 0.0}
+    synapse_state: ClassVar = {"trace": 0.0}
     evolved: ClassVar = {"theta": Evolved(start=1.0, limit=1.5)}
     coefficients: ClassVar = ("factor",)
 
@@ -30,7 +30,7 @@ class BaldwinN(Rule):
     trace_update: float = 0.05
 
     def __post_init__(self) -> None:
-        """Refuse traces that cannot be."""
+        """Validate the settings."""
         super().__post_init__()
         self.in_unit_interval("trace_decay", "trace_update")
 
@@ -40,7 +40,7 @@ class BaldwinN(Rule):
         return {"factor": 10.0 ** parameters["theta"]}
 
     @staticmethod
-    def synapse(correlation: float, kept: Any, factor: float, by: Any) -> float:
-        """T' = 0.95 T + 0.05 C, and that way the weight goes, at N 10^theta."""
-        kept.trace = by.trace_decay * kept.trace + by.trace_update * correlation
-        return float(factor * kept.trace)
+    def synapse(correlation: float, synapse_state: Any, factor: float, by: Any) -> float:
+        """T' = 0.95 T + 0.05 C, D = 10^theta T'."""
+        synapse_state.trace = by.trace_decay * synapse_state.trace + by.trace_update * correlation
+        return float(factor * synapse_state.trace)

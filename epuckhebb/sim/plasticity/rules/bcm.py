@@ -1,4 +1,4 @@
-"""The BCM rule: what a neuron does more than usual strengthens its inputs, what it does less weakens them.
+"""The BCM rule: activity above a neuron's usual level strengthens its inputs, activity below weakens them.
 
     theta_i' = theta_i + (x_i^2 - theta_i) / (time / 32 ms)    sliding threshold, a running mean of x_i^2
     D        = x_j x_i (x_i - theta_i')
@@ -18,12 +18,12 @@ from epuckhebb.sim.robot import STEP_S
 class BCM(Rule):
     """Hebbian plasticity about a sliding threshold. threshold_time_s: time constant of the threshold [s]."""
 
-    kept: ClassVar = {"threshold": 0.0}  # of the postsynaptic neuron, the same for all synapses onto it
+    synapse_state: ClassVar = {"threshold": 0.0}  # of the postsynaptic neuron, the same for all synapses onto it
 
     threshold_time_s: float = 5.0
 
     def __post_init__(self) -> None:
-        """Refuse thresholds that cannot be."""
+        """Validate the settings."""
         super().__post_init__()
         if self.threshold_time_s < STEP_S:
             raise ValueError(
@@ -31,7 +31,7 @@ class BCM(Rule):
             )
 
     @staticmethod
-    def synapse(correlation: float, post: float, kept: Any, by: Any) -> float:
+    def synapse(correlation: float, post: float, synapse_state: Any, by: Any) -> float:
         """Move the threshold, then D = x_j x_i (x_i - theta_i)."""
-        kept.threshold += (post * post - kept.threshold) * (STEP_S / by.threshold_time_s)
-        return float(correlation * (post - kept.threshold))
+        synapse_state.threshold += (post * post - synapse_state.threshold) * (STEP_S / by.threshold_time_s)
+        return float(correlation * (post - synapse_state.threshold))

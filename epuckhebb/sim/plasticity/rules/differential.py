@@ -1,4 +1,4 @@
-"""Differential plasticity: spike-timing-dependent plasticity for rates. What comes first strengthens what follows.
+"""Differential plasticity: spike-timing-dependent plasticity for rates.
 
     a_j' = a_j + (x_j - a_j) / (time / 32 ms)    traces of both neurons
     a_i' = a_i + (x_i - a_i) / (time / 32 ms)
@@ -19,19 +19,19 @@ from epuckhebb.sim.robot import STEP_S
 class Differential(Rule):
     """Plasticity by the order of activity. trace_time_s: time constant of the traces [s]."""
 
-    kept: ClassVar = {"trace_pre": 0.0, "trace_post": 0.0}
+    synapse_state: ClassVar = {"trace_pre": 0.0, "trace_post": 0.0}
 
     trace_time_s: float = 0.16
 
     def __post_init__(self) -> None:
-        """Refuse traces that cannot be."""
+        """Validate the settings."""
         super().__post_init__()
         if self.trace_time_s < STEP_S:
             raise ValueError(f"hebbian.trace_time_s must be at least one step, {STEP_S} s, got {self.trace_time_s}")
 
     @staticmethod
-    def synapse(pre: float, post: float, kept: Any, by: Any) -> float:
+    def synapse(pre: float, post: float, synapse_state: Any, by: Any) -> float:
         """Move both traces, then D = a_j x_i - x_j a_i."""
-        kept.trace_pre += (pre - kept.trace_pre) * (STEP_S / by.trace_time_s)
-        kept.trace_post += (post - kept.trace_post) * (STEP_S / by.trace_time_s)
-        return float(kept.trace_pre * post - pre * kept.trace_post)
+        synapse_state.trace_pre += (pre - synapse_state.trace_pre) * (STEP_S / by.trace_time_s)
+        synapse_state.trace_post += (post - synapse_state.trace_post) * (STEP_S / by.trace_time_s)
+        return float(synapse_state.trace_pre * post - pre * synapse_state.trace_post)

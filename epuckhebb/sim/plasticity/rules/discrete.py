@@ -1,17 +1,16 @@
-"""Discrete plasticity: a table says for each state of two neurons and each reinforcement what becomes of a weight.
+"""Discrete plasticity: a table gives the update for each state of two neurons and each reinforcement.
 
     a = 1 if x > threshold, else 0                  state of a neuron
     m = 1 if F > high, else -1 if F < low, else 0   reinforcement, of the live fitness F
     D = eta r(m, a_j, a_i)                          r from a table of -1, 0 and 1, eight entries; r(0, ..) = 0
 
-After each update the incoming weights of each neuron are scaled back to their length at birth. Evolved are the table,
+After each update the incoming weights of each neuron are scaled back to their initial length. Evolved are the table,
 eta, the threshold, and `high` and `low`.
 
 Source: Yaman, Iacca, Mocanu, Coler, Fletcher & Pechenizkiy, Evolving plasticity for autonomous learning under changing
 environmental conditions, Evolutionary Computation 29, 2021 (arXiv 1904.01709). There the task gives the reinforcement;
-in our task nothing does but the live fitness, in which .6 is to stand still and .8 to drive ahead, so `high` is sought
-around .8 and `low` around .6. There the length is 1 and the weights at birth are random; here they are evolved, and
-their lengths with them.
+here the live fitness does. A robot at rest has .6 and one that drives ahead .8, so `high` is evolved around .8 and
+`low` around .6. There the length is 1 and the initial weights are random; here both are evolved.
 """
 
 from collections.abc import Mapping
@@ -26,10 +25,10 @@ from epuckhebb.sim.plasticity.rule import Evolved, Rule
 
 @dataclass(frozen=True, kw_only=True)
 class Discrete(Rule):
-    """Plasticity from a table, 12 numbers. Of these, a table's entry is -1 below -.5, 1 above .5, and 0 between.
+    """Plasticity from a table, 12 numbers. An entry of the table is -1 below -.5, 1 above .5, and 0 between.
 
-    No live fitness scales the rate (`floor` is 1, the greatest that it can be): it chooses the half of the table. N
-    holds at the gain of training.
+    The live fitness does not scale the rate (`floor` is 1, its maximum) but chooses the half of the table. N holds at
+    the wheel gain of training.
     """
 
     evolved: ClassVar = {
@@ -52,7 +51,7 @@ class Discrete(Rule):
 
     @classmethod
     def express(cls, parameters: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
-        """The table as sums: r = both a_j a_i + pre a_j + post a_i + none, with eta in them."""
+        """The table as sums, multiplied by eta: r = both a_j a_i + pre a_j + post a_i + none."""
         p = parameters
         expressed = {"threshold": p["threshold"], "high": 0.8 + 0.2 * p["high"], "low": 0.6 + 0.2 * p["low"]}
         for when in ("better", "worse"):

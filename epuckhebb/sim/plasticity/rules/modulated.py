@@ -1,19 +1,19 @@
-"""Modulated plasticity: a neuron of the network's own says when to learn, and whether to learn or to unlearn.
+"""Modulated plasticity: a modulatory neuron decides when to learn, and in which direction.
 
     m = v . h + v0                                         h: the neurons of the layer before the wheels
     D = tanh(m / 2) eta (A x_j x_i + B x_j + C x_i + D0)   eta, A, B, C, D0: one set for the network
 
-Where the network is told a reward r (`task=reversal`), the modulatory neuron hears it directly, m = v . h + v0 + vr r,
-so that learning can wait for it. With theta for genes, which begin small,
+Where the network receives a reward r (`task=reversal`), the modulatory neuron receives it directly: m = v . h + v0 +
+vr r. Then learning can wait for the reward. The genes theta start small, and
 
     v, v0 = 0.2 theta    vr = 4 (1 + theta)    N eta = 10^(-2 + clip(theta, -1.5, 1))    (N = 0.003)
 
-Without that path, a trial showed, nothing was learnt in the time that there is.
+In a first trial without this direct path, nothing was learnt.
 
 Source: Soltoggio, Bullinaria, Mattiussi, Durr & Floreano, Evolutionary advantages of neuromodulated plasticity in
-dynamic, reward-based scenarios, ALIFE XI, 2008. There evolution adds modulatory neurons where it
-likes; in a network of fixed shape there is one, and it reaches all synapses. Without modulation (tanh(..) = 1) theirs
-is the control; here that is `abcd_shared` with one rule for each layer.
+dynamic, reward-based scenarios, ALIFE XI, 2008. There evolution places modulatory neurons; in this network of fixed
+shape there is one, which reaches all synapses. Their control has no modulation (tanh(..) = 1); here `abcd_shared` is
+such a control, with one rule for each layer.
 """
 
 from collections.abc import Mapping
@@ -42,10 +42,9 @@ def _by_powers(genes: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, kw_only=True)
 class Modulated(Rule):
-    """Plasticity at the bidding of a modulatory neuron, ten numbers in the paper's network, eleven with a reward.
+    """Plasticity scaled by a modulatory neuron, ten numbers in the paper's network, eleven with a reward.
 
-    No live fitness scales the rate (`floor` is 1, the greatest that it can be): the modulatory neuron does. N holds at
-    the gain of training.
+    The live fitness does not scale the rate (`floor` is 1, its maximum). N holds at the wheel gain of training.
     """
 
     evolved: ClassVar = {
@@ -69,5 +68,5 @@ class Modulated(Rule):
 
     @staticmethod
     def synapse(pre: float, post: float, A: float, B: float, C: float, D: float) -> float:
-        """D = A x_j x_i + B x_j + C x_i + D0, which the modulatory neuron's output multiplies."""
+        """D = A x_j x_i + B x_j + C x_i + D0, multiplied later by the modulatory neuron's output."""
         return (A * post + B) * pre + C * post + D

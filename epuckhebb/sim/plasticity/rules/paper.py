@@ -1,4 +1,4 @@
-"""The paper's rule: a weight follows a trace of what its two neurons did together lately.
+"""The paper's rule: a weight follows a trace of the recent correlation of its two neurons.
 
     C  = x_j x_i                correlation of the two neurons that a synapse joins
     T' = 0.95 T + 0.05 C        trace
@@ -15,20 +15,20 @@ from epuckhebb.sim.plasticity.rule import Rule
 
 @dataclass(frozen=True, kw_only=True)
 class Paper(Rule):
-    """Hebbian plasticity with a trace. trace_decay: how long it lasts. trace_update: how fast it takes up the new."""
+    """Hebbian plasticity with a trace. trace_decay, trace_update: share of the old trace and of the new C."""
 
-    kept: ClassVar = {"trace": 0.0}
+    synapse_state: ClassVar = {"trace": 0.0}
 
     trace_decay: float = 0.95
     trace_update: float = 0.05
 
     def __post_init__(self) -> None:
-        """Refuse traces that cannot be."""
+        """Validate the settings."""
         super().__post_init__()
         self.in_unit_interval("trace_decay", "trace_update")
 
     @staticmethod
-    def synapse(correlation: float, kept: Any, by: Any) -> float:
-        """T' = 0.95 T + 0.05 C, and that way the weight goes."""
-        kept.trace = by.trace_decay * kept.trace + by.trace_update * correlation
-        return float(kept.trace)
+    def synapse(correlation: float, synapse_state: Any, by: Any) -> float:
+        """T' = 0.95 T + 0.05 C, D = T'."""
+        synapse_state.trace = by.trace_decay * synapse_state.trace + by.trace_update * correlation
+        return float(synapse_state.trace)

@@ -1,7 +1,7 @@
-"""The dance: a short fixed sequence of wheel commands before a life begins, and what the robot feels meanwhile.
+"""The calibration manoeuvre: a short fixed sequence of wheel commands before a lifetime, and the sensor readings.
 
-It turns to the left wall, goes near it, looks, comes back, and the same to the right; then it is where it began.
-Without moving, hardly a sensor tells the sun from the lamp, and none how the wheels turn.
+The robot turns to the left wall, drives near it, waits and comes back, then the same to the right, and ends where it
+started. A robot at rest could hardly tell the sun from the lamp, and not measure its wheels.
 """
 
 import math
@@ -27,7 +27,7 @@ from epuckhebb.sim.stage import trial_of
 
 _QUARTER = 10  # steps at full speed in which an e-puck turns by 89 degrees
 _TO_LEFT, _TO_RIGHT = 3, 4  # steps at full speed, 4 mm each, that bring it within 3 mm of the side walls
-_HOLD = 12  # steps for which it looks at a wall
+_HOLD = 12  # steps for which it waits near a wall
 _CLEAR_M = 0.001  # a robot nearer to a wall than this may touch it
 
 
@@ -41,12 +41,12 @@ def _steps() -> NDArray[np.float64]:
 STEPS = _steps()  # (124, 2) of the left and the right wheel, in shares of the motors' full speed
 
 
-# The parts of a dance, as the paper's robot has them; `_kernel_of` puts those of another in their place.
+# The parts of the manoeuvre, as the paper's robot has them; `_kernel_of` puts those of another in their place.
 sense, blind, draw_noise, move = senses(EPUCK), blinding(EPUCK), normal_numbers(EPUCK.inputs), mover(EPUCK)
 apply_sensor_faults, turn_wheels = faults.hooks(EPUCK, more=False)
 
 
-def dance(
+def drive(
     space: Handles,
     lit: Lights,
     trial: Trial,
@@ -56,9 +56,9 @@ def dance(
     tallies: NDArray[np.void],
     calibration: CalibrationRecord,
 ) -> None:
-    """Let the robot that stands in `space` dance, sensing and moving as it does in its life.
+    """Drive the manoeuvre with the robot that stands in `space`, sensing and moving as in a lifetime.
 
-    key: of its sensor noise. tallies: one record of `TALLY`. danced: its speeds are commanded, the rest is written.
+    key: of the sensor noise. tallies: one record of `TALLY`. calibration: its speeds are commanded, the rest is filled.
     """
     tally = tallies[0]
     x, y, heading = pose(space)
@@ -83,7 +83,7 @@ def dance(
 def _kernel_of(robot: Robot, more_faults: bool) -> Any:
     apply_sensor_faults, turn_wheels = faults.hooks(robot, more_faults)
     return kernel(
-        dance,
+        drive,
         sense=senses(robot),
         blind=blinding(robot),
         draw_noise=normal_numbers(robot.inputs),
@@ -96,16 +96,16 @@ def _kernel_of(robot: Robot, more_faults: bool) -> Any:
 def calibrate(
     world: Scenario, side: Side, key: np.uint64, noise: float = 1.0, start: Pose | None = None, *, walls: bool = True
 ) -> CalibrationRecord:
-    """What a robot does and feels that dances in a world, as it is at birth.
+    """The calibration manoeuvre of a robot in a world as it is at the start.
 
-    key: of its sensor noise. noise: 1 for the sensors' own, 0 for none. start: None where the maze has it. walls:
-    False for a dance on an empty floor.
+    key: of the sensor noise. noise: 1 for the sensors' own, 0 for none. start: None for the start of the maze. walls:
+    False for a manoeuvre on an empty floor.
     """
     robot = world.robot
     placed = boxes(world.maze, world.obstacles, world.layout) if walls else np.empty((0, 4))
     space = PymunkSpace(placed, robot, world.wall_friction)
     space.place_robot(world.maze.start if start is None else start)
-    told = CalibrationRecord(
+    calibration = CalibrationRecord(
         poses=np.zeros((len(STEPS) + 1, 3)),
         speeds=robot.motor_limit_rad_s * STEPS,
         readings=np.zeros((len(STEPS), robot.inputs)),
@@ -119,43 +119,44 @@ def calibrate(
         key,
         workspace_for(Network((robot.inputs, *HIDDEN, OUTPUTS)), robot),
         np.zeros(1, TALLY),
-        told,
+        calibration,
     )
-    return told
+    return calibration
 
 
 def check_time(lifetime: Lifetime, world: Scenario) -> None:
-    """Refuse a lifetime that a dance which counts would fill, and a world that changes while the robot dances.
+    """Check that a calibration manoeuvre leaves time in the lifetime, and ends before the world changes.
 
     Raises:
-        ValueError: it would, or it does.
+        ValueError: it does not.
     """
     lasts = len(STEPS) * STEP_S
     if lifetime.steps <= len(STEPS):
         raise ValueError(
-            f"lifetime.duration_s must be more than {lasts:g} s, the time of the dance, with "
+            f"lifetime.duration_s must be more than {lasts:g} s, the time of the calibration manoeuvre, with "
             f"adaptation.calibration_counts=true, got {lifetime.duration_s:g}"
         )
     if world.changes and world.changes[0]["at_s"] < lasts:
         raise ValueError(
             f"scenario.changes[0].at_s must be {lasts:g} s or more with adaptation.calibration_counts=true, got "
-            f"{world.changes[0]['at_s']}: the world stays as it is while the robot dances"
+            f"{world.changes[0]['at_s']}: the world may not change during the calibration manoeuvre"
         )
 
 
-def check_space(home: Scenario) -> None:
-    """Refuse a world in which a sound robot would touch a wall while it dances.
+def check_space(world: Scenario) -> None:
+    """Check that an intact robot touches no wall in the calibration manoeuvre.
 
     Raises:
         ValueError: it would; the message says how near it comes.
     """
-    robot = home.robot
-    poses = calibrate(home, "left", np.uint64(0), noise=0.0, walls=False).poses
-    placed = boxes(home.maze, home.obstacles, home.layout)
+    robot = world.robot
+    poses = calibrate(world, "left", np.uint64(0), noise=0.0, walls=False).poses
+    placed = boxes(world.maze, world.obstacles, world.layout)
     nearest = min(gap(x, y, placed) for x, y, _ in poses.tolist()) - robot.radius_m
     if nearest < _CLEAR_M:
         way = f"{1000 * -nearest:.1f} mm into" if nearest < 0 else f"within {1000 * nearest:.1f} mm of"
         raise ValueError(
-            f"the dance of the self-check would bring robot {robot.name} from the start of maze {home.maze.name} {way} "
-            f"a wall; {1000 * _CLEAR_M:g} mm must be left. Give another maze or start, or adaptation.self_check=false"
+            f"the calibration manoeuvre of the self-check would bring robot {robot.name} from the start of maze "
+            f"{world.maze.name} {way} a wall; {1000 * _CLEAR_M:g} mm must be left. Give another maze or start, or "
+            "adaptation.self_check=false"
         )
