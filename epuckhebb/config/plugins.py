@@ -104,11 +104,6 @@ def sources(config: Any) -> dict[str, str]:
     return {path: sha256 for own in own_files(config).values() for path, sha256 in own.sha256.items()}
 
 
-def copies(own: Mapping[Path, OwnFile]) -> dict[str, bytes]:
-    """The content of all copies that a run folder keeps, by their place there."""
-    return {place: content for one in own.values() for place, content in one.copies.items()}
-
-
 def class_named(text: str, base: type[Base], key: str) -> type[Base]:
     """The subclass of a base class that `FILE.py:NAME` names.
 

@@ -24,10 +24,7 @@ from epuckhebb.runtime.errors import JobFailedError
 from epuckhebb.runtime.progress import say
 from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.sim.tasks.reversal import Reversal
-from epuckhebb.store import disk
-from epuckhebb.store.folder import RunFolder
-from epuckhebb.store.records import Cost, JobFile, record
-from epuckhebb.store.run import Run
+from epuckhebb.store import Run, RunFolder, as_json, write_atomic
 from epuckhebb.studies import jobs as study_jobs
 from epuckhebb.studies.leaderboard_jobs import identity, world_named
 from epuckhebb.studies.leaderboard_plan import Leaderboard
@@ -62,7 +59,7 @@ def leaderboard_job(cfg: DictConfig) -> None:
     study_jobs.one_job(cfg, identity, _work)
 
 
-def _work(path: Path, job: JobFile, facts: dict[str, Any]) -> None:
+def _work(path: Path, job: Plain, facts: dict[str, Any]) -> None:
     wanted, folder = job["config"], path.parents[1]
     command = "evaluate" if "worlds" in wanted else "evolve"
     config = dict(wanted["config"])
@@ -78,7 +75,7 @@ def _work(path: Path, job: JobFile, facts: dict[str, Any]) -> None:
     run = evolve.new_run(path, cfg, job["overrides"], facts)
     began = time.process_time()
     evolve.evolve_into(run, prepared, None, threads=threads, quiet=True)
-    disk.write_atomic(path / _COST, _cost_since(began))
+    write_atomic(path / _COST, _cost_since(began))
 
 
 def _test(path: Path, cfg: DictConfig, job: Plain, overrides: list[str], facts: dict[str, Any], threads: int) -> None:
@@ -98,7 +95,7 @@ def _test(path: Path, cfg: DictConfig, job: Plain, overrides: list[str], facts: 
 
 
 def _cost_since(began: float) -> bytes:
-    return disk.as_json({"cpu_s": round(time.process_time() - began, 2)})
+    return as_json({"cpu_s": round(time.process_time() - began, 2)})
 
 
 def _report(study: RunFolder, planned: Leaderboard) -> None:
@@ -177,4 +174,4 @@ def _tables(planned: Leaderboard) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFr
 
 
 def _cpu_s(run: Path) -> float:
-    return float(record(Run(run).content(_COST), run / _COST, Cost)["cpu_s"])
+    return float(Run(run).json(_COST)["cpu_s"])

@@ -30,10 +30,7 @@ from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
-from epuckhebb.store import provenance
-from epuckhebb.store.folder import RunFolder
-from epuckhebb.store.genome import Genome, load_genome
-from epuckhebb.store.run import Run
+from epuckhebb.store import Genome, Run, RunFolder, load_genome, provenance
 from epuckhebb.studies import jobs
 from epuckhebb.studies.jobs import Task
 

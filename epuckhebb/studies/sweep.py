@@ -23,10 +23,7 @@ from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import evaluate_into
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.progress import say
-from epuckhebb.store import disk, provenance
-from epuckhebb.store.folder import RunFolder, as_bytes
-from epuckhebb.store.records import JobFile
-from epuckhebb.store.run import Run, read_table
+from epuckhebb.store import Run, RunFolder, as_bytes, provenance, read_table, write_atomic
 from epuckhebb.studies import identity
 from epuckhebb.studies.jobs import Job, Outcome, folder_and_launcher, for_hydra, launch, one_job, open_study
 
@@ -36,7 +33,7 @@ def evaluate_job(cfg: DictConfig) -> None:
     one_job(cfg, identity.Identities().of, _evaluate)
 
 
-def _evaluate(path: Path, job: JobFile, facts: dict[str, Any]) -> None:
+def _evaluate(path: Path, job: compose.Plain, facts: dict[str, Any]) -> None:
     config = as_config(job["config"], "evaluate")
     evaluate_into(path, config, job["overrides"], facts, threads=hydra.threads_of_job(config.threads))
 
@@ -122,7 +119,7 @@ def write_summary_of_multirun(folder: Path, finished: Sequence[Path]) -> None:
         for number, path in enumerate(finished)
     ]
     gathered = gather([_evaluated(folder / job.run, job.settings, {}) for job in jobs])
-    _write_over_all(lambda name, content: disk.write_atomic(folder / name, as_bytes(content)), gathered)
+    _write_over_all(lambda name, content: write_atomic(folder / name, as_bytes(content)), gathered)
 
 
 def _write_over_all(write: Callable[[str, bytes | str | pd.DataFrame], None], gathered: Gathered) -> None:
