@@ -92,7 +92,6 @@ def _fates(each: pd.DataFrame, experiment: str, scenario: str, kind: str, rate: 
 
 
 def _counts(fates: pd.DataFrame, interval: Callable[..., tuple[float, float]]) -> dict[str, Any]:
-    """How many trials are broken, rescued, intact and harmed, and the two shares with intervals over champions."""
     by_champion = fates.groupby("genome", sort=False).sum()
     row: dict[str, Any] = by_champion.sum().to_dict()
     for part, whole in (("rescued", "broken"), ("harmed", "intact")):
@@ -304,7 +303,6 @@ def _outcomes(
 
 
 def _solved(each: pd.DataFrame, experiment: str) -> pd.Index:
-    """The trials that the GA solves in its training world."""
     alone = _outcomes(each, experiment, TRAINED[experiment], GA, 0.0)
     return alone[alone].index
 

@@ -87,7 +87,6 @@ def _around_switch(trials: pd.DataFrame) -> "pd.Series[float]":
 
 
 def _lines(axes: Axes, levels: Mapping[str, float]) -> None:
-    """Chance, and the optimum over a whole life, as lines with their names."""
     axes.set_ylim(0, 1.05)
     axes.spines[["top", "right"]].set_visible(False)
     left, right = axes.get_xlim()
