@@ -178,7 +178,7 @@ RULE = (
 _MIXED = (0.25, 0.75)  # a wider interval is inconclusive
 
 
-def claim(text: str, counted: str, part: NDArray[np.int64], whole: NDArray[np.int64]) -> dict[str, str | int | float]:
+def claim(text: str, counted: str, part: NDArray[np.int64], whole: NDArray[np.int64]) -> dict[str, Any]:
     """A claim of the paper as a question to every trial that could show it: its counts, interval and verdict.
 
     counted: which trials these are, and what counts as true. part, whole: for each champion, in how many trials the
@@ -257,7 +257,7 @@ def _obstacle_claims(each: pd.DataFrame) -> Iterator[dict[str, Any]]:
     yield _count("Plasticity reaches the goal sooner", "trials of base in which both arrive", plastic < alone, both)
 
 
-def _unchanged(each: pd.DataFrame, experiment: str, unchanged: int) -> dict[str, str | int | float]:
+def _unchanged(each: pd.DataFrame, experiment: str, unchanged: int) -> dict[str, Any]:
     """The row of a check. It has no interval: the program decides it, not a sample of champions."""
     n = each[each.experiment == experiment].genome.nunique()
     return (
