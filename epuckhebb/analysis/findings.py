@@ -268,7 +268,7 @@ def _unchanged(each: pd.DataFrame, experiment: str, unchanged: int) -> dict[str,
 
 
 def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tuple[str, int, int]:
-    """The champion whose successes and failures agree most with the paper's, in how many cells, of how many.
+    """The champion that agrees with the paper in most cells, the number of these cells, and of all cells.
 
     Only champions that solve both sides in training without plasticity are considered, or all if none does. Of equals
     the first is taken. It is chosen *for* its likeness: it shows that the pattern exists, not how often.

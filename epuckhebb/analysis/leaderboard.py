@@ -223,7 +223,7 @@ def markdown(
     """The page.
 
     costs: CPU seconds, a row for each method and experiment. methods: each with its description. tests: the test worlds
-    of each experiment. provenance: lines on who made this and how.
+    of each experiment. provenance: lines on the origin of the data.
     """
     parts = ["# Leaderboard\n", f"{provenance}\n", _TERMS]
     for experiment, own in board.groupby("experiment", sort=False):

@@ -48,7 +48,7 @@ class Findings:
 
     showcase: for each experiment the champion that is shown, in how many cells it agrees with the paper, of how many.
     champions: how many of each experiment. given: whether one given genome takes their place. repeats: of every
-    condition. provenance: a line on who made this and how.
+    condition. provenance: a line on the origin of the data.
     """
 
     claims: pd.DataFrame
