@@ -124,22 +124,22 @@ def _report(study: RunFolder, planned: Leaderboard) -> None:
 def _provenance(planned: Leaderboard) -> str:
     config = planned.config
     last = config.first_seed + config.champions - 1
-    chosen = f"Settings of methods were chosen on seeds below {_FIRST_REPORTED}, and none on these."
+    chosen = f"Settings of methods were chosen on seeds below {_FIRST_REPORTED}, none on these."
     if config.first_seed < _FIRST_REPORTED:
-        chosen = f"**Settings of methods were chosen on seeds below {_FIRST_REPORTED}, so these figures flatter.**"
+        chosen = f"**Settings of methods were chosen on seeds below {_FIRST_REPORTED}: these figures are too high.**"
     tested, worlds = [], ""
     if any(planned.tests.values()):
-        tested.append(f"{config.repeats} noise repeats of every champion, side and world")
+        tested.append(f"{config.repeats} repeats of every champion, side and world")
         worlds = (
-            f" Test worlds are those of the sweeps {', '.join(config.tests)}; no training uses one, but light levels "
-            "and weak wheels of tests lie between those of varied training."
+            f" Test worlds are those of the sweeps {', '.join(config.tests)}. No training uses one of them. Light "
+            "levels and weak wheels of tests lie between those of varied training."
         )
     if board.REVERSAL in planned.tests:
-        tested.append(f"{2 * config.reversal_repeats} new lives of every champion in reversal learning")
+        tested.append(f"{2 * config.reversal_repeats} new lifetimes of every champion in reversal learning")
     few = "**A smoke test: so few champions say nothing about a method.** " if config.champions < _ENOUGH else ""
     return (
         f"{few}Made by `epuckhebb leaderboard`: {config.champions} champions of each method and experiment, seeds "
-        f"{config.first_seed} to {last}, evolved in as many robot-steps as the table tells; {' and '.join(tested)} "
+        f"{config.first_seed} to {last}, evolved in the robot-steps of the table; {' and '.join(tested)} "
         f"(seed {config.seed}). {chosen}{worlds}"
     )
 

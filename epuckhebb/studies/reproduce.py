@@ -228,7 +228,7 @@ def _findings(study: _Study, run: RunFolder) -> report.Findings:
         champions=count,
         given=given is not None,
         repeats=config.repeats,
-        provenance=f"Made by `epuckhebb reproduce`: {who}; {config.repeats} noise repeats of every condition "
+        provenance=f"Made by `epuckhebb reproduce`: {who}; {config.repeats} repeats of every condition "
         f"(seed {config.seed}); live fitness: {config.signal.value}.",
     )
     for name, table in tables.items():
