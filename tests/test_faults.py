@@ -34,10 +34,10 @@ SLIPS = numba.njit(grip)  # whole numbers wrap around
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_agrees_with_the_oracle(genomes, lived, beside_the_oracle, fault):
+def test_agrees_with_the_oracle(genomes, run_lifetime, beside_the_oracle, fault):
     told = {"controller": GA_ALONE, "seconds": 30.0, "key": 9}
     outcome, *_ = beside_the_oracle(genomes[3], "left", Scenario(obstacles=4, **FAULTS[fault]), **told)
-    whole, _ = lived(genomes[3], "left", scenario=Scenario(obstacles=4), gain_rad_s=4.0, **told)
+    whole, _ = run_lifetime(genomes[3], "left", scenario=Scenario(obstacles=4), gain_rad_s=4.0, **told)
     assert outcome != whole
 
 
@@ -51,10 +51,11 @@ def test_gain_and_offset_are_of_distance_readings_alone(gain, offset):
     np.testing.assert_allclose(readings, expected, rtol=1e-12)
 
 
-def test_a_heavy_robot_is_slow_to_follow(lived, constant):
+def test_a_heavy_robot_is_slow_to_follow(run_lifetime, constant):
     """What is left of the way to the commanded speed shrinks by the same share at every step."""
     poses = [
-        lived(constant(0.9, 0.9), scenario=Scenario(mass_ratio=ratio), seconds=3.2, noise=0)[1].pose for ratio in (1, 4)
+        run_lifetime(constant(0.9, 0.9), scenario=Scenario(mass_ratio=ratio), seconds=3.2, noise=0)[1].pose
+        for ratio in (1, 4)
     ]
     (full, *_), speeds = np.diff(poses[0][:, 1])[1:], np.diff(poses[1][:, 1])[1:] / STEP_S
     left = 1 - speeds / (full / STEP_S)
@@ -94,9 +95,9 @@ def test_slips_are_drawn_where_no_other_noise_is():
     assert FAR + 2 * longest < 2**63
 
 
-def test_noise_of_sensors_does_not_depend_on_slips(lived, constant):
+def test_noise_of_sensors_does_not_depend_on_slips(run_lifetime, constant):
     plain, slipping = (
-        lived(constant(0.0, 0.0), scenario=Scenario(left_slip=slip, right_slip=slip))[1] for slip in (0.0, 0.5)
+        run_lifetime(constant(0.0, 0.0), scenario=Scenario(left_slip=slip, right_slip=slip))[1] for slip in (0.0, 0.5)
     )
     assert plain.sensors.tobytes() == slipping.sensors.tobytes()
     assert math.isclose(float(np.ptp(plain.pose)), float(np.ptp(slipping.pose)))

@@ -65,10 +65,10 @@ def test_a_small_network_agrees_with_the_oracle(beside_the_oracle, side):
 
 
 @pytest.mark.parametrize("side", SIDES)
-def test_agrees_with_the_prototype_step_by_step(genomes, lived, side):
+def test_agrees_with_the_prototype_step_by_step(genomes, run_lifetime, side):
     with (DATA / "trace.csv").open() as file:
         rows = [row for row in csv.DictReader(file) if row["side"] == side]
-    _, samples = lived(genomes[0], side, N=0.002, seconds=20, noise=0)
+    _, samples = run_lifetime(genomes[0], side, N=0.002, seconds=20, noise=0)
     for row in rows:
         k = int(row["step"])
         mine = [*samples.pose[k], *samples.sensors[k], *samples.motors[k], samples.fitness[k], samples.weight_change[k]]
@@ -140,9 +140,9 @@ def test_alone_in_a_block_and_on_any_threads_the_bits_are_the_same(genomes):
 
 
 @pytest.mark.parametrize("rule", first_of([*RULES, NoRule]))
-def test_who_does_not_learn_has_the_same_bits_with_every_rule(genomes, lived, rule):
-    outcome, samples = lived(genomes[2], controller=Controller(name="x", rule=rule()))
-    alone, of_alone = lived(genomes[2], controller=GA_ALONE)
+def test_who_does_not_learn_has_the_same_bits_with_every_rule(genomes, run_lifetime, rule):
+    outcome, samples = run_lifetime(genomes[2], controller=Controller(name="x", rule=rule()))
+    alone, of_alone = run_lifetime(genomes[2], controller=GA_ALONE)
     assert _bits(outcome) == _bits(alone)
     assert _bits(samples.pose) == _bits(of_alone.pose)
     assert (samples.weights == genomes[2].astype(np.float32)).all()
@@ -159,9 +159,9 @@ def test_no_rule_learns_nothing_whatever_its_rate_and_whoever_lives_beside_it(ge
     assert _bits(nothing) == _bits(alone)
 
 
-def test_the_opposite_of_the_opposite_sign_is_the_rules_own(genomes, lived):
+def test_the_opposite_of_the_opposite_sign_is_the_rules_own(genomes, run_lifetime):
     once = signs(Sign.anti, 234, np.random.default_rng(0))
-    plain, anti, back = (lived(genomes[0], N=0.002, signs=of) for of in (None, once, -once))
+    plain, anti, back = (run_lifetime(genomes[0], N=0.002, signs=of) for of in (None, once, -once))
     assert _bits(plain[0]) == _bits(back[0]) != _bits(anti[0])
     assert _bits(plain[1].weights) == _bits(back[1].weights)
 
@@ -177,10 +177,10 @@ def _bits(outcomes):
     N=st.sampled_from([0.0, 1e-5, 0.002, 1.0, 1e6]),
     w_max=st.sampled_from([2.0, 1.0, 5.0]),
 )
-def test_weights_stay_in_bounds_and_the_genome_survives(lived, seed, side, N, w_max):
+def test_weights_stay_in_bounds_and_the_genome_survives(run_lifetime, seed, side, N, w_max):
     genome = np.random.default_rng(seed).uniform(-1, 1, 234)
     before = genome.copy()
-    outcome, samples = lived(genome, side, N=N, seconds=3, w_max=w_max)
+    outcome, samples = run_lifetime(genome, side, N=N, seconds=3, w_max=w_max)
     assert (genome == before).all()
     assert np.abs(samples.weights).max() <= w_max
     assert np.isfinite(samples.pose).all()
@@ -191,8 +191,8 @@ def test_weights_stay_in_bounds_and_the_genome_survives(lived, seed, side, N, w_
         assert outcome.weight_change_final > 0
 
 
-def test_a_robot_that_does_not_move_has_known_metrics(lived):
-    outcome, samples = lived(np.zeros(234), seconds=8, noise=0)
+def test_a_robot_that_does_not_move_has_known_metrics(run_lifetime):
+    outcome, samples = run_lifetime(np.zeros(234), seconds=8, noise=0)
     assert outcome.path_length == 0
     assert math.isnan(outcome.time_to_goal)
     assert not outcome.success
@@ -202,20 +202,20 @@ def test_a_robot_that_does_not_move_has_known_metrics(lived):
     assert outcome.fitness == pytest.approx(outcome.behaviour / 2)  # no reward farther than 0.59 m from the goal
 
 
-def test_what_is_learnt_is_forgotten(genomes, lived):
-    first, again = (lived(genomes[0], N=0.002)[0] for _ in range(2))
+def test_what_is_learnt_is_forgotten(genomes, run_lifetime):
+    first, again = (run_lifetime(genomes[0], N=0.002)[0] for _ in range(2))
     assert _bits(first) == _bits(again)
 
 
-def test_noise_matters_and_depends_on_the_key(genomes, lived):
-    quiet = lived(genomes[0], noise=0)[0]
-    assert lived(genomes[0], noise=0, key=2)[0] == pytest.approx(quiet, nan_ok=True)
-    assert lived(genomes[0], key=1)[0].path_length != lived(genomes[0], key=2)[0].path_length
+def test_noise_matters_and_depends_on_the_key(genomes, run_lifetime):
+    quiet = run_lifetime(genomes[0], noise=0)[0]
+    assert run_lifetime(genomes[0], noise=0, key=2)[0] == pytest.approx(quiet, nan_ok=True)
+    assert run_lifetime(genomes[0], key=1)[0].path_length != run_lifetime(genomes[0], key=2)[0].path_length
 
 
-def test_samples_are_every_so_many_steps(genomes, lived):
-    _, every = lived(genomes[0], N=0.002)
-    _, third = lived(genomes[0], N=0.002, record_every=3)
+def test_samples_are_every_so_many_steps(genomes, run_lifetime):
+    _, every = run_lifetime(genomes[0], N=0.002)
+    _, third = run_lifetime(genomes[0], N=0.002, record_every=3)
     for name in every._fields:
         np.testing.assert_array_equal(getattr(third, name), getattr(every, name)[::3])
 

@@ -1,4 +1,4 @@
-"""The worlds of docs/changes.md: each differs from home as it says, can be lived in, and is felt by a robot."""
+"""The worlds of docs/changes.md: each differs from home as it says, lets a robot run, and is sensed by it."""
 
 import re
 from functools import cache
@@ -106,13 +106,13 @@ def test_another_maze_takes_precedence_and_home_is_not_the_maze_that_came_with_a
 
 @HOMES
 @pytest.mark.parametrize("side", SIDES)
-def test_a_robot_feels_every_change(lived, constant, home, side):
+def test_a_robot_feels_every_change(run_lifetime, constant, home, side):
     """One that turns on the spot as it goes, so that it looks everywhere, meets walls, and knows nothing of worlds."""
     told = {"side": side, "seconds": 64, "gain_rad_s": 4.0, "controller": GA_ALONE, "noise": 0}
     same = {}
     for name in ("", *NAMES):
         there = world(f"{home}_{name}" if name else home)
-        outcome, samples = lived(constant(0.9, 0.6), scenario=there, **told)
+        outcome, samples = run_lifetime(constant(0.9, 0.6), scenario=there, **told)
         assert np.isfinite(samples.pose).all()
         same[name] = samples.sensors.tobytes(), samples.pose.tobytes(), outcome.final_distance
     unfelt = {name for name in NAMES if same[name] == same[""]}

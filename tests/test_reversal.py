@@ -273,9 +273,9 @@ def test_from_evolve_to_show(champions):
     shares = pd.read_csv(next(Path("runs/evaluate").glob("*/summary.csv")))
     assert len(shares) == 6
     assert shares.rewarded_share.between(0, 1).all()
-    lived = epuckhebb.evaluate(champion, "task=reversal", "hebbian=modulated", *brief[:3])
-    assert list(repr(lived).split()).count("optimum") == 1
-    assert "Success" not in lived._repr_html_()
+    result = epuckhebb.evaluate(champion, "task=reversal", "hebbian=modulated", *brief[:3])
+    assert list(repr(result).split()).count("optimum") == 1
+    assert "Success" not in result._repr_html_()
     done("replay", run, "--output=page.html")
     done("rerun", run, "-q")
 

@@ -56,10 +56,9 @@ class Place(NamedTuple):
 class Niche(NamedTuple):
     """Where an obstacle of a random layout may stand: against a wall of a corridor.
 
-    along: the axis along which the corridor runs, `x` or `y`. walls: where its two walls are on the other axis [m].
-    between: where the obstacle's middle may be along the corridor [m]. length: its size along it [m]. depth: how far
-    it juts in [m]. both: 0 for one obstacle, at either wall; else two, one at each wall, that jut in by so much [m]
-    together.
+    along: the axis along which the corridor runs, `x` or `y`. walls: positions of its two walls on the other axis [m].
+    between, length, depth: ranges of the obstacle's middle along the corridor, of its size along it, and of how far it
+    juts in [m]. both: 0 for one obstacle, at either wall; else two, one at each wall, with this sum of depths [m].
     """
 
     along: str
@@ -74,13 +73,13 @@ class Niche(NamedTuple):
 class Maze:
     """A maze.
 
-    walls, obstacles: boxes by name; obstacles are there in the order given, as many as the scenario says.
-    obstacle_counts: how many a scenario may have. niches: where random layouts put obstacles. start: of the robot.
-    goals: of each side. goal_radius_m: at the goal when nearer than this. arms: of each side, the region in which the
-    robot has turned the right way. arena_m: no robot gets farther from the middle than this along X or Y.
+    walls, obstacles: boxes by name; a scenario has the first few obstacles. obstacle_counts: how many a scenario may
+    have. niches: where random layouts put obstacles. start: of the robot. goals: of each side. goal_radius_m: the robot
+    is at the goal when nearer than this. arms: of each side, the region in which the robot has turned the right way.
+    arena_m: half side; a robot farther from the middle is lost.
 
     Raises:
-        ValueError: a box has no size, two boxes have one name, the start is in a wall, or something lies outside.
+        ValueError: a box has no size, two boxes have one name, or something lies outside.
     """
 
     name: str
@@ -95,7 +94,7 @@ class Maze:
     arena_m: float = 0.5
 
     def __post_init__(self) -> None:
-        """Refuse mazes that cannot be."""
+        """Validate the settings."""
         if not 0 < self.arena_m <= _LARGEST:
             raise ValueError(f"maze.arena_m must be more than 0 and at most {_LARGEST:g}, got {self.arena_m}")
         if not (math.isfinite(self.goal_radius_m) and self.goal_radius_m > 0):
@@ -178,7 +177,7 @@ T_MAZE = Maze(
 
 
 def random_obstacles(maze: Maze, layout: int) -> list[Box]:
-    """Obstacles in the niches of a maze, at random, each from a wall; the same for the same number of the layout."""
+    """Random obstacles in the niches of a maze; the same for the same layout number."""
     rng = random.rng(layout, Stream.layout)
 
     def between(low: float, high: float) -> float:
@@ -190,11 +189,8 @@ def random_obstacles(maze: Maze, layout: int) -> list[Box]:
         if niche.both:
             first = between(*niche.depth)
             for wall, depth, inwards in ((low, first, 1), (high, niche.both - first, -1)):
-                placed.append(
-                    _in_corridor(
-                        niche, between(*niche.between), wall + inwards * depth / 2, depth, between(*niche.length)
-                    )
-                )
+                across = wall + inwards * depth / 2
+                placed.append(_in_corridor(niche, between(*niche.between), across, depth, between(*niche.length)))
         else:
             length, depth = between(*niche.length), between(*niche.depth)
             across = low + depth / 2 if rng.random() < 0.5 else high - depth / 2
@@ -213,12 +209,12 @@ def edges(placed: list[Box]) -> NDArray[np.float64]:
 
 
 def boxes(maze: Maze, obstacles: int = 0, layout: int = 0) -> NDArray[np.float64]:
-    """The walls and the first so many obstacles of a layout: (boxes, 4) left, right, bottom and top edge [m]."""
+    """The walls and the first obstacles of a layout: (boxes, 4) left, right, bottom and top edge [m]."""
     return edges([*maze.walls.values(), *(obstacles_of(maze, layout)[:obstacles])])
 
 
 def obstacles_of(maze: Maze, layout: int) -> list[Box]:
-    """All obstacles of a layout: 0 as the maze has them, k > 0 at random, the k-th way."""
+    """All obstacles of a layout: 0 as in the maze, k > 0 the k-th random layout."""
     return random_obstacles(maze, layout) if layout else list(maze.obstacles.values())
 
 

@@ -1,8 +1,8 @@
-"""Random numbers: everything random has a place in a study, and its numbers depend on the seed and that place alone.
+"""Random numbers: each draw has a place in a study, and depends on the seed and that place alone.
 
-So nothing changes when work is done in another order, on more threads, or continued after an interruption. Sensor noise
-goes one step further: it depends on the key of a lifetime and on the step, and there is no generator whose state could
-be shared. A robot has the same noise alone, in a block, on any thread and after a pause.
+So results do not depend on the order of the work, on threads or on interruptions. Sensor noise depends on the key of a
+lifetime and on the step, without a generator whose state could be shared. A robot has the same noise alone, in a block,
+on any thread and after a pause.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from epuckhebb.sim.compiled import compiled
 
 
 class Stream(IntEnum):
-    """What random numbers are for. The numbers are part of every result: never renumber."""
+    """Uses of random numbers. These values are part of every result: never renumber."""
 
     variation = 0
     training_noise = 1
@@ -55,7 +55,7 @@ _A_DRAW = 4  # numbers that one draw of 64 bits gives
 
 
 def _normal_quantiles(count: int) -> NDArray[np.float64]:
-    """The middles of `count` equally likely slices of the normal distribution, scaled to variance 1."""
+    """The medians of `count` equally likely slices of the normal distribution, scaled to variance 1."""
     quantiles: NDArray[np.float64] = np.array([NormalDist().inv_cdf((k + 0.5) / count) for k in range(count)])
     quantiles /= np.sqrt(np.mean(quantiles**2))
     return quantiles

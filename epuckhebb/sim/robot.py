@@ -1,6 +1,6 @@
 """A robot as data: a disc on two wheels and its groups of sensors.
 
-The e-puck has eight places on its rim that feel both infra-red echoes and ambient light; its numbers are those of
+The e-puck has eight places on its rim that sense both infra-red echoes and ambient light. Its numbers are those of
 Webots' model (version 1), which was calibrated on a real one. Robot frame: x forward, y left, in metres; angles
 anticlockwise from x. The robots of `conf/robot/` have the keys of `Robot` and of its groups.
 """
@@ -16,14 +16,11 @@ STEP_S = 0.032  # one control step: sensing, acting, learning and physics
 
 @dataclass(frozen=True, kw_only=True)
 class Robot:
-    """The body and the senses of a robot; the defaults are the e-puck's.
+    """The body and the sensors of a robot; the defaults are the e-puck's.
 
     radius_m, mass_kg, inertia_kg_m2 (about the vertical axis): of its disc. wheel_radius_m, axle_m (between the
-    wheels), motor_limit_rad_s: of its drive. sensors: its groups, in the order of the network's inputs, light and
-    distance sensors among them. Sensors of the same number in different groups share a place on its rim.
-
-    Raises:
-        ValueError: a value is outside the range named in the message.
+    wheels), motor_limit_rad_s: of its drive. sensors: groups in the order of the network's inputs, light and distance
+    sensors included. Sensors of the same number in different groups share a place on the rim.
     """
 
     name: str = "epuck"
@@ -66,12 +63,12 @@ class Robot:
 
     @cached_property
     def inputs(self) -> int:
-        """How many readings the network gets."""
+        """The number of sensor readings."""
         return sum(group.count for group in self.sensors)
 
     @property
     def sensor_numbers(self) -> int:
-        """How many numbers a sensor can have: sensors of the same number share a place."""
+        """The count of the largest group: sensors of the same number share a place."""
         return max(group.count for group in self.sensors)
 
 

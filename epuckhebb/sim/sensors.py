@@ -1,7 +1,7 @@
-"""What a network is given: groups of inputs, one after the other. Sensors have places on the robot's rim.
+"""The inputs of a network, in groups: light sensors, distance sensors, a reward. Sensors sit on the robot's rim.
 
-To add a kind of sensor: a subclass of `SensorGroup`, with what it feels (`kernels`) and what a dead one reads (`dead`);
-`Robot.sensors` says which groups a robot has, in the order of the network's inputs.
+To add a kind of sensor, write a subclass of `SensorGroup` with what it senses (`kernels`) and what a dead one reads
+(`dead`). `Robot.sensors` has the groups of a robot, in the order of the network's inputs.
 """
 
 import math
@@ -29,14 +29,14 @@ class Place(NamedTuple):
 
 
 class CurvePoint(NamedTuple):
-    """What a distance sensor says at a distance [m]: its value, and its noise (standard deviation / value)."""
+    """A point of a distance sensor's curve: distance [m], value, and noise (standard deviation / value)."""
 
     distance: float
     value: float
     noise: float
 
 
-_E_PUCK_PLACES = (  # of its eight infra-red sensors, which feel ambient light too
+_E_PUCK_PLACES = (  # of its eight infra-red sensors, which also sense ambient light
     Place(0.030, -0.010, -17.2),
     Place(0.022, -0.025, -45.9),
     Place(0.000, -0.031, -90.0),
@@ -61,7 +61,7 @@ _E_PUCK_CURVE = (
 
 
 class Surroundings(NamedTuple):
-    """What sensors can feel. x, y: the robot's place [m]. walls: (boxes, 4) edges [m]. lit: the lights.
+    """What sensors can sense. x, y: the robot's place [m]. walls: (boxes, 4) edges [m]. lit: the lights.
 
     noise: standard normal numbers, one for each input. noise_level: 1 for the sensors' own noise, 0 for none.
     """
@@ -80,10 +80,10 @@ def _nothing(around: Surroundings, rays: _Array, scratch: _Array) -> None:
 
 
 class Kernels(NamedTuple):
-    """What a group of sensors does in a step; first all groups look, then all read.
+    """The functions of a group of sensors in a step; first all groups look, then all read.
 
-    read(around, rays, scratch, readings): fills their readings. look(around, rays, scratch): what takes long, into a
-    workspace of a number for each sensor. around: `Surroundings`. rays: (6, sensors), see `put_rays`.
+    read(around, rays, scratch, readings): fills the readings. look(around, rays, scratch): slow work, into `scratch`,
+    one number for each sensor. around: `Surroundings`. rays: (6, sensors), see `put_rays`.
     """
 
     read: Callable[[Surroundings, _Array, _Array, _Array], None]
@@ -92,7 +92,7 @@ class Kernels(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class InputGroup:
-    """Inputs of a network that mean the same. name: in the program. label, short: in pages and in figures."""
+    """Inputs of a network of one kind. name: in the program. label, short: in pages and in figures."""
 
     name: ClassVar[str]
     label: ClassVar[str]
@@ -100,13 +100,13 @@ class InputGroup:
 
     @property
     def count(self) -> int:
-        """How many inputs there are."""
+        """The number of inputs."""
         return 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class RewardInput(InputGroup):
-    """The reward of a task, 1, -1 or 0, which the task gives the network itself (`epuckhebb.sim.task`)."""
+    """The reward of a task, 1, -1 or 0 (`epuckhebb.sim.task`)."""
 
     name: ClassVar[str] = "reward"
     label: ClassVar[str] = "reward"
@@ -135,15 +135,12 @@ class SensorGroup(InputGroup, ABC):
 
     @property
     def count(self) -> int:
-        """How many sensors there are."""
+        """The number of sensors."""
         return len(self.places)
 
     @abstractmethod
     def kernels(self, first: int, radius_m: float) -> Kernels:
-        """What these sensors do, as building blocks of a kernel.
-
-        first: the place of the first of them among the inputs. radius_m: of the robot.
-        """
+        """The functions of these sensors. first: place of the first among the inputs. radius_m: of the robot."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,12 +170,9 @@ class LightSensors(SensorGroup):
 class DistanceSensors(SensorGroup):
     """Infra-red sensors or laser rays, which read 0 where no wall is near.
 
-    curve: value at each distance, from 0 on, linear between; beyond the last point the last value. stretch: how many
-    times farther a wall seems than it is (the paper's walls are red and rough, and the e-puck's beams rise). reach_m:
-    real distance beyond which nothing is felt. full_scale: the value that reads 1.
-
-    Raises:
-        ValueError: a value is outside the range named in the message.
+    curve: value at each distance, from 0 on, linear between; beyond the last point the last value. stretch: apparent
+    over real distance (the paper's walls are red and rough, and the e-puck's beams rise). reach_m: real distance beyond
+    which nothing is sensed. full_scale: the value that reads 1.
     """
 
     name: ClassVar[str] = "distance"
@@ -223,7 +217,7 @@ class DistanceSensors(SensorGroup):
         return Kernels(read, look)
 
     def echo(self) -> Callable[[float], tuple[float, float]]:
-        """The function that gives a sensor's value, and its noise fraction, at a real distance [m]."""
+        """The function that gives a sensor's value and its noise fraction at a real distance [m]."""
         curve = np.array(self.curve, float)
         last, stretch, reach = len(curve) - 1, self.stretch, self.reach_m
 
@@ -244,11 +238,7 @@ class DistanceSensors(SensorGroup):
 
 
 def check_positive(owner: Any, names: Iterable[str]) -> None:
-    """Check that these settings of a robot are finite numbers above 0.
-
-    Raises:
-        ValueError: one is not.
-    """
+    """Check that these settings of a robot are finite numbers above 0; else a ValueError."""
     for name in names:
         value = getattr(owner, name)
         if not (math.isfinite(value) and value > 0):
@@ -288,10 +278,9 @@ def cast(
     reach: float,
     distance: NDArray[np.float64],
 ) -> None:
-    """How far so many rays run before they meet a wall; infinite where they meet none.
+    """Fill `distance` [m]: how far the first `count` rays run to a wall; infinite if they meet none.
 
-    Fills `distance` [m]. Boxes farther than `reach` [m] from a robot at (x, y) are left out. A ray that starts inside a
-    box has distance 0.
+    Boxes farther than `reach` [m] from a robot at (x, y) are left out. A ray that starts inside a box has distance 0.
     """
     for i in range(count):
         distance[i] = math.inf

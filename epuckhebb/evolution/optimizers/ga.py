@@ -1,7 +1,7 @@
-"""The genetic algorithm: pure functions of a random generator (same generator, same offspring), and their search.
+"""The genetic algorithm of the paper: pure functions of a random generator, and their search.
 
-Two presets differ in numbers only (`conf/ga/`): `textbook`, what the paper says with the usual choices where it is
-silent, and `as_coded`, what its published program does.
+Two presets differ in numbers only (`conf/ga/`): `textbook`, what the paper says, completed by the usual choices, and
+`as_coded`, what its published program does.
 """
 
 import json
@@ -20,11 +20,11 @@ from epuckhebb.sim.genome import GenomePlan
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.random import Stream
 
-_MOST_DRAWS = 100_000  # of a tournament; with so many it is always the fittest who wins
+_MOST_DRAWS = 100_000  # of a tournament; with this number the fittest always wins
 
 
 class Selection(Enum):
-    """Who may be drawn for a tournament: everyone, or (as coded) only the best and the worst."""
+    """Which individuals enter a tournament: any, or (as coded) only the best and the worst."""
 
     everyone = "everyone"
     best_or_worst = "best_or_worst"
@@ -41,14 +41,11 @@ class Crossover(Enum):
 class GA(Optimizer):
     """A genetic algorithm.
 
-    population, generations, elites: as in the paper. loops: how often an individual lives a lamp-on and a lamp-off
+    population, generations, elites: as in the paper. loops: how often an individual runs a lamp-on and a lamp-off
     lifetime. tournament: draws, with replacement; the fittest becomes a parent. crossover_rate: share of the slots
-    that get a child; in the others that individual survives as it is. mutation_rate: share of a child's genes that
-    change by a uniform number within +-mutation_range. gene_limit: weights are clipped to +- this. start_noise: 0, or
-    how much starts vary in training; at 1 by up to 5 mm sideways, 10 mm ahead and 0.1 rad.
-
-    Raises:
-        ValueError: a value is outside the range named in the message.
+    that get a child; in the others the individual survives. mutation_rate: share of a child's genes that change by a
+    uniform number within +-mutation_range. gene_limit: weights are clipped to +- this. start_noise: how much starts
+    vary in training; at 1 by up to 5 mm sideways, 10 mm ahead and 0.1 rad.
     """
 
     key: ClassVar[str] = "ga"
@@ -67,7 +64,7 @@ class GA(Optimizer):
     start_noise: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse algorithms that cannot be."""
+        """Validate the settings."""
         if self.tournament > _MOST_DRAWS:
             raise ValueError(f"ga.tournament must lie between 1 and {_MOST_DRAWS}, got {self.tournament}")
         for name in ("population", "generations", "loops", "tournament"):
@@ -86,11 +83,11 @@ class GA(Optimizer):
 
     @property
     def individuals(self) -> int:
-        """How many live in the largest generation."""
+        """The size of a generation."""
         return self.population
 
     def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:  # noqa: ARG002  # others need them
-        """As it is set, in whatever worlds."""
+        """As set, in any worlds."""
         return Schedule(self.generations, self.loops)
 
     def search(self, plan: GenomePlan, seed: int, state: State | None = None) -> "GASearch":
@@ -99,7 +96,7 @@ class GA(Optimizer):
 
 
 class GASearch(Search):
-    """A genetic algorithm at work. Between two generations, the offspring of the last are there already."""
+    """A genetic algorithm in progress. After `tell`, the offspring exist already."""
 
     def __init__(self, ga: GA, plan: GenomePlan, seed: int, state: State | None) -> None:
         self._ga, self._plan = ga, plan
@@ -131,7 +128,7 @@ class GASearch(Search):
 
     @property
     def state(self) -> State:
-        """The population that is to live next, and the state of the generator that will vary it."""
+        """The next population, and the state of the random generator."""
         return {"population": self._population, "rng_state": np.array(json.dumps(self._rng.bit_generator.state))}
 
 
@@ -144,7 +141,7 @@ def next_generation(
 ) -> NDArray[np.float64]:
     """The elites unchanged, then one individual for every other slot.
 
-    population: (population, genes). fitness: (population,), the more the better. Returns (population, genes).
+    population: (population, genes). fitness: (population,), larger is better. Returns (population, genes).
     """
     limit = limits(plan, ga.gene_limit)
     ranked = population[np.argsort(-fitness, kind="stable")]

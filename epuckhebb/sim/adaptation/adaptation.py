@@ -66,9 +66,6 @@ class Adaptation:
     manoeuvre before its lifetime and corrects what it finds. calibration_counts: whether that manoeuvre is part of the
     lifetime; otherwise the clock starts after it. homeostasis: whether the weights from the light sensors are scaled
     until the light looks as in the training world.
-
-    Raises:
-        ValueError: a value is outside the range named in the message.
     """
 
     name: str = NONE

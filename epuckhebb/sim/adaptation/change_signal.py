@@ -57,11 +57,7 @@ def no_nominal(inputs: int) -> NominalOfSide:
 
 
 def check_nominal(nominal: NominalOfSide, inputs: int) -> None:
-    """Check that nominal statistics fit a robot with this number of readings.
-
-    Raises:
-        ValueError: they do not.
-    """
+    """Check that nominal statistics fit a robot with this number of readings; else a ValueError."""
     for name in ("reading_mean", "reading_spread"):
         if getattr(nominal, name).shape != (2, inputs):
             raise ValueError(

@@ -96,9 +96,6 @@ class Rule:
     parameters that replace or join those in `evolved` where the network has a reward input. coefficients: the names
     that `express` returns, for `synapse` instead of those in `evolved`. keeps_lengths: whether the incoming weights of
     each neuron are scaled after each update to their initial length, the root of the sum of their squares.
-
-    Raises:
-        ValueError: a number is not finite or outside the range named in the message.
     """
 
     synapse_state: ClassVar[Mapping[str, float]] = {}
@@ -163,11 +160,7 @@ class Rule:
         return {name: float(getattr(self, name)) for name in self.settings()}
 
     def in_unit_interval(self, *names: str) -> None:
-        """Check that settings lie in [0, 1].
-
-        Raises:
-            ValueError: one does not.
-        """
+        """Check that settings lie in [0, 1]; else a ValueError."""
         for name in names:
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"hebbian.{name} must lie in [0, 1], got {getattr(self, name)}")

@@ -64,11 +64,7 @@ def no_corrections(robot: Robot) -> Corrections:
 
 
 def check_corrections(corrections: Corrections, robot: Robot) -> None:
-    """Check that corrections are finite and fit this robot.
-
-    Raises:
-        ValueError: they are not, or do not.
-    """
+    """Check that corrections are finite and fit this robot; else a ValueError."""
     lights, inputs = len(corrections.seeing), len(corrections.others) + len(corrections.dead)
     if (lights, inputs) != (robot.light.count, robot.inputs):
         raise ValueError(

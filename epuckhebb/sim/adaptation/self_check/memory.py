@@ -47,11 +47,7 @@ class SelfMemory:
 
 
 def check_robot(robot: Robot) -> None:
-    """Check that a robot has the sensors for a self-check.
-
-    Raises:
-        ValueError: it has not.
-    """
+    """Check that a robot has the sensors for a self-check; else a ValueError."""
     others = len(robot.sensors) > 2
     if others or robot.light.places != robot.distance.places or not robot.distance.curve[-1].value > 0:
         raise ValueError(
