@@ -1,4 +1,4 @@
-"""A world that changes while a robot lives in it."""
+"""A world that changes during a lifetime."""
 
 import math
 
@@ -48,8 +48,10 @@ def changed(*changes, **more):
 )
 def test_a_change_to_the_same_changes_nothing(genomes, run_lifetime, times, keys, side):
     changes = [{"at_s": at_s, **{key: SAME[key] for key in keys}} for at_s in times]
-    told = {"controller": LEARNING, "gain_rad_s": 4}
-    plain, other = (run_lifetime(genomes[0], side, scenario=scenario, **told) for scenario in (None, changed(*changes)))
+    settings = {"controller": LEARNING, "gain_rad_s": 4}
+    plain, other = (
+        run_lifetime(genomes[0], side, scenario=scenario, **settings) for scenario in (None, changed(*changes))
+    )
     assert np.array(plain[0]).tobytes() == np.array(other[0]).tobytes()
     for one, two in zip(plain[1], other[1], strict=True):
         assert one.tobytes() == two.tobytes()
@@ -75,10 +77,10 @@ EFFECTS = [
 @pytest.mark.parametrize("at_s", [0.016, 0.017, 1.0, 4.8])
 def test_a_change_takes_effect_at_its_step_and_not_before(run_lifetime, constant, change, seen_in, later, side, at_s):
     step = math.ceil(at_s / STEP_S)
-    told = {"start": IN_THE_STEM, "controller": LEARNING, "noise": 0}
+    settings = {"start": IN_THE_STEM, "controller": LEARNING, "noise": 0}
     still = constant(0.01, 0.01)
-    _, plain = run_lifetime(still, side, scenario=Scenario(), **told)
-    _, other = run_lifetime(still, side, scenario=changed({"at_s": at_s, **change}), **told)
+    _, plain = run_lifetime(still, side, scenario=Scenario(), **settings)
+    _, other = run_lifetime(still, side, scenario=changed({"at_s": at_s, **change}), **settings)
     for one, two in zip(plain, other, strict=True):
         assert one[:step].tobytes() == two[:step].tobytes()
     one, two = getattr(plain, seen_in)[step:], getattr(other, seen_in)[step:]
@@ -107,9 +109,9 @@ def test_new_walls_wait_until_the_robot_is_clear_of_them(run_lifetime, constant,
     before, after = boxes(Scenario().maze), boxes(Scenario().maze, 4)
     new = after[len(before) :]
     world = changed({"at_s": 0.5, "obstacles": 4, "light": 0.7})
-    told = {"start": Pose(0.02, 0.0, np.pi / 2), "gain_rad_s": 2.0, "noise": 0, "seconds": 12}
-    _, alone = run_lifetime(constant(0.9, right), **told)
-    _, samples = run_lifetime(constant(0.9, right), scenario=world, **told)
+    settings = {"start": Pose(0.02, 0.0, np.pi / 2), "gain_rad_s": 2.0, "noise": 0, "seconds": 12}
+    _, alone = run_lifetime(constant(0.9, right), **settings)
+    _, samples = run_lifetime(constant(0.9, right), scenario=world, **settings)
     step = math.ceil(0.5 / STEP_S)
     assert gap(*alone.pose[step, :2], new) < EPUCK.radius_m  # in the way
     assert (samples.sensors[step, :8] != alone.sensors[step, :8]).any()  # the light does not wait
@@ -155,7 +157,7 @@ def test_changes_agree_with_the_oracle(genomes, beside_the_oracle):
         ([{"at_s": 2, "light": 1.0}, {"at_s": 2, "light": 0.5}], r"changes\[1\].at_s must be more than 2 s"),
         ([{"at_s": float("nan"), "light": 1.0}], r"changes\[0\].at_s must"),
         ([{"at_s": 1, "light": "dark"}], r"changes\[0\]: "),
-        ([{"at_s": 1, "light": -1}], r"changes\[0\]: scenario.light must be a number, 0 or more, got -1"),
+        ([{"at_s": 1, "light": -1}], r"changes\[0\]: scenario.light"),
         ([{"at_s": 1, "obstacles": 3}], r"changes\[0\]: scenario.obstacles must be one of 0, 2, 4 .* got 3"),
         ([{"at_s": 1, "layout": 1.5, "obstacles": 2}], r"changes\[0\]: "),
         ([{"at_s": 1, "lamp": {"brightness": 1}}], r"changes\[0\]: .*brightness"),

@@ -11,11 +11,11 @@ from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.evolution.optimizer import CANDIDATES, CONFIRM, Optimizer, State
 from epuckhebb.evolution.training import UNVARIED, Training, World
 from epuckhebb.sim import random
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import GenomePlan, plan_of
@@ -43,9 +43,9 @@ class Generation:
     """
 
     number: int
-    fitness: NDArray[np.float64]
-    success: NDArray[np.float64]
-    champion: NDArray[np.float64]
+    fitness: Floats
+    success: Floats
+    champion: Floats
     champion_fitness: float
     state: State
     robot_steps: int
@@ -63,7 +63,7 @@ def evolve(
     training: Training = UNVARIED,
     network: Network = PAPER_NETWORK,
     controller: Controller = GA_ALONE,
-    weights: NDArray[np.float64] | None = None,
+    weights: Floats | None = None,
 ) -> Iterator[Generation]:
     """Evolve controllers in a scenario; yields one record a generation.
 
@@ -87,7 +87,7 @@ def evolve(
         weights = np.zeros(network.synapses)
     search = optimizer.search(plan, seed, None if after is None else after.state)
 
-    def whole(genes: NDArray[np.float64]) -> NDArray[np.float64]:
+    def whole(genes: Floats) -> Floats:
         """Whole genomes, (individuals, genes), evolved and fixed parts."""
         return genes if weights is None else np.hstack([np.tile(weights, (len(genes), 1)), genes])
 
@@ -160,9 +160,7 @@ class _Evaluator(NamedTuple):
     threads: int
     shared: bool  # whether all individuals have the same starts and noise
 
-    def evaluate(
-        self, population: NDArray[np.float64], generation: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    def evaluate(self, population: Floats, generation: int) -> tuple[Floats, Floats, int]:
         """Mean fitness and success over each individual's lifetimes, (individuals,) each; and the robot-steps."""
         worlds = self.training.worlds(self.scenario, self.lifetime, self.loops, self.seed, generation)
         fitness = np.empty((len(population), self.loops, len(_TRIALS)))
@@ -181,9 +179,7 @@ class _Evaluator(NamedTuple):
     def _fitness(self, outcome: Outcome) -> float:
         return outcome.fitness + self.training.success_bonus * outcome.success
 
-    def _individuals(
-        self, population: NDArray[np.float64], generation: int, loops: list[int], world: World
-    ) -> Iterator[Individual]:
+    def _individuals(self, population: Floats, generation: int, loops: list[int], world: World) -> Iterator[Individual]:
         """The individuals of these loops of a generation, which share one world: each genome, on either side."""
         of_updates = signs(
             self.controller.rule.sign, self.network.synapses, random.rng(self.seed, Stream.shuffled_signs)

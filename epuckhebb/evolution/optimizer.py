@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.evolution.training import Training
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.genome import GenomePlan
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES
+from epuckhebb.sim.ranges import check_range
 
 _PAPER_LIFETIMES = 50 * 30 * 3 * len(SIDES)  # population, generations, loops and sides of the paper's algorithm
 
@@ -39,15 +41,15 @@ class Search(ABC):
     """A search for genomes in progress."""
 
     @abstractmethod
-    def ask(self) -> NDArray[np.float64]:
+    def ask(self) -> Floats:
         """The genomes of the next generation, (individuals, genes)."""
 
     @abstractmethod
-    def tell(self, fitness: NDArray[np.float64]) -> None:
+    def tell(self, fitness: Floats) -> None:
         """Receive their fitness, (individuals,), larger is better."""
 
     @abstractmethod
-    def candidates(self) -> NDArray[np.float64]:
+    def candidates(self) -> Floats:
         """Candidates for the champion after this generation, (candidates, genes); fresh lifetimes decide."""
 
     @property
@@ -126,9 +128,7 @@ class EvolutionStrategy(Optimizer):
             value = getattr(self, name)
             if value is not None and value < bound:
                 raise ValueError(f"optimizer.{name} must be {bound} or more, got {value}")
-        for name in ("sigma", "gene_limit"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise ValueError(f"optimizer.{name} must be more than 0, got {getattr(self, name)}")
+        check_range(self, "optimizer", "sigma", "gene_limit", above=True)
 
     @property
     def individuals(self) -> int:
@@ -163,17 +163,17 @@ def paper_generations(first: int, each: int, last: int, stretch: float) -> int:
     return 1 + max(0, math.floor(left / each))
 
 
-def initial(rng: np.random.Generator, count: int, plan: GenomePlan) -> NDArray[np.float64]:
+def initial(rng: np.random.Generator, count: int, plan: GenomePlan) -> Floats:
     """Random genomes: (count, genes), each part uniform in its +-start; weights in [-1, 1]."""
     return np.concatenate([rng.uniform(-part.start, part.start, (count, part.size)) for part in plan.parts], axis=1)
 
 
-def units(plan: GenomePlan) -> NDArray[np.float64]:
+def units(plan: GenomePlan) -> Floats:
     """The scale of each gene, (genes,): the start of its part; 1 where that is 0."""
     starts = np.concatenate([np.full(part.size, part.start) for part in plan.parts])
     return np.where(starts > 0, starts, 1.0)
 
 
-def limits(plan: GenomePlan, otherwise: float) -> NDArray[np.float64]:
+def limits(plan: GenomePlan, otherwise: float) -> Floats:
     """The bound of each gene, (genes,): that of its part, or else this one."""
     return np.concatenate([np.full(part.size, otherwise if part.limit is None else part.limit) for part in plan.parts])

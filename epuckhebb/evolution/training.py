@@ -14,6 +14,7 @@ import numpy as np
 from epuckhebb.sim import random
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.random import Stream
+from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.scenario import Scenario
 
 FIRST_LAYOUT = 10  # of training; layouts below are for tests
@@ -55,14 +56,8 @@ class Training:
 
     def __post_init__(self) -> None:
         """Validate the settings."""
-        for name in ("success_bonus", "start_noise"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
-                raise ValueError(f"training.{name} must be 0 or more, got {getattr(self, name)}")
-        if self.unvaried_loops < 0:
-            raise ValueError(f"training.unvaried_loops must be 0 or more, got {self.unvaried_loops}")
-        for name in _SHARES:
-            if not 0 <= getattr(self, name) <= 1:
-                raise ValueError(f"training.{name} must lie in [0, 1], got {getattr(self, name)}")
+        check_range(self, "training", "success_bonus", "start_noise", "unvaried_loops")
+        check_range(self, "training", *_SHARES, most=1)
         if self.gain_rad_s is not None:
             _check_range("gain_rad_s", self.gain_rad_s, 0.01, math.inf)
         _check_range("light", self.light, 0.0, math.inf)

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.random import uniform
 from epuckhebb.sim.robot import STEP_S, Robot
@@ -79,7 +80,7 @@ def hooks(robot: Robot, more: bool) -> Hooks:
 
 
 @compiled
-def _as_it_is(readings: NDArray[np.float64], faults: Faults) -> None:
+def _as_it_is(readings: Floats, faults: Faults) -> None:
     pass
 
 
@@ -97,7 +98,7 @@ def _miscalibrated(robot: Robot) -> Callable[..., None]:
     first, last = distances.start, distances.stop
 
     @compiled
-    def apply_sensor_faults(readings: NDArray[np.float64], faults: Faults) -> None:
+    def apply_sensor_faults(readings: Floats, faults: Faults) -> None:
         for i in range(first, last):
             readings[i] = min(1.0, max(0.0, readings[i] * faults.distance_gain + faults.distance_offset))
 

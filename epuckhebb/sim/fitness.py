@@ -14,9 +14,7 @@
 import math
 from enum import IntEnum
 
-import numpy as np
-from numpy.typing import NDArray
-
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.robot import STEP_S
 
@@ -72,7 +70,7 @@ def reward(distance: float) -> float:
 
 
 @compiled
-def light_code(readings: NDArray[np.float64], left: float, right: float) -> float:
+def light_code(readings: Floats, left: float, right: float) -> float:
     """F as the published program of the light experiment computes it, unlike the paper.
 
     It has a "follow the light" term and no junction, and `avoid` takes inputs 3 to 10 (five light and three proximity
@@ -90,7 +88,7 @@ def light_code(readings: NDArray[np.float64], left: float, right: float) -> floa
 @compiled
 def live_fitness(
     signal: int,
-    readings: NDArray[np.float64],
+    readings: Floats,
     left: float,
     right: float,
     behaviour: float,

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.rule import NoRule, Rule, evolved_by, evolved_sizes
 
@@ -37,7 +37,7 @@ class GenomePlan:
         """The number of genes; 234 in the paper."""
         return sum(part.size for part in self.parts)
 
-    def split(self, genes: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+    def split(self, genes: Floats) -> dict[str, Floats]:
         """The genes of each part, by name; (..., size) of (..., genes).
 
         Raises:
@@ -51,7 +51,7 @@ class GenomePlan:
             first += part.size
         return parts
 
-    def pick(self, genes: NDArray[np.float64], wanted: "GenomePlan") -> NDArray[np.float64]:
+    def pick(self, genes: Floats, wanted: "GenomePlan") -> Floats:
         """The genes of another plan's parts, in its order.
 
         Raises:

@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate, initial_adaptation_state
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.faults import Faults
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, Network
 from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
 from epuckhebb.sim.random import noise_workspace_size
+from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.senses import SenseWorkspace, sense_workspace
 from epuckhebb.sim.task import NO_TRIALS
@@ -82,10 +84,8 @@ class Lifetime:
                 f"lifetime.duration_s must be at least one step, {STEP_S} s, and at most {_LONGEST_S:g} s, "
                 f"got {self.duration_s}"
             )
-        if not (math.isfinite(self.gain_rad_s) and self.gain_rad_s > 0):
-            raise ValueError(f"lifetime.gain_rad_s must be more than 0, got {self.gain_rad_s}")
-        if not (math.isfinite(self.noise) and self.noise >= 0):
-            raise ValueError(f"lifetime.noise must be 0 or more, got {self.noise}")
+        check_range(self, "lifetime", "gain_rad_s", above=True)
+        check_range(self, "lifetime", "noise")
         if not 0 <= self.record_every <= _LONGEST_S / STEP_S:
             raise ValueError(
                 f"lifetime.record_every must be 0 or more, and at most the steps of {_LONGEST_S:g} s, "
@@ -102,10 +102,10 @@ class Workspace(NamedTuple):
     """Temporary arrays of a step; lifetimes that run one after the other may share them."""
 
     senses: SenseWorkspace
-    noise: NDArray[np.float64]
-    drive: NDArray[np.float64]
-    synapses: NDArray[np.float64]
-    change: NDArray[np.float64]
+    noise: Floats
+    drive: Floats
+    synapses: Floats
+    change: Floats
 
 
 def workspace_for(network: Network, robot: Robot) -> Workspace:
@@ -128,12 +128,12 @@ class Genotype(NamedTuple):
     updates.
     """
 
-    weights: NDArray[np.float64]
+    weights: Floats
     synapse_state: NDArray[np.void]
-    coefficients: NDArray[np.float64]
-    modulatory: NDArray[np.float64]
-    lengths: NDArray[np.float64]
-    signs: NDArray[np.float64]
+    coefficients: Floats
+    modulatory: Floats
+    lengths: Floats
+    signs: Floats
 
 
 class Life(NamedTuple):
@@ -144,9 +144,9 @@ class Life(NamedTuple):
     """
 
     tally: NDArray[np.void]
-    weights: NDArray[np.float64]
+    weights: Floats
     synapse_state: NDArray[np.void]
-    activation: NDArray[np.float64]
+    activation: Floats
     adaptation: AdaptationState
     trials: NDArray[np.void]
     workspace: Workspace
@@ -223,21 +223,21 @@ class Samples(NamedTuple):
     included; weights: (samples, synapses), after the step's update, without the scale of homeostasis.
     """
 
-    time: NDArray[np.float64]
-    pose: NDArray[np.float64]
-    sensors: NDArray[np.float64]
-    motors: NDArray[np.float64]
-    fitness: NDArray[np.float64]
-    change_signal: NDArray[np.float64]
-    rate: NDArray[np.float64]
-    weight_change: NDArray[np.float64]
+    time: Floats
+    pose: Floats
+    sensors: Floats
+    motors: Floats
+    fitness: Floats
+    change_signal: Floats
+    rate: Floats
+    weight_change: Floats
     weights: NDArray[np.float32]
 
 
 def empty_samples(count: int, network: Network) -> Samples:
     """Arrays for so many samples."""
 
-    def numbers(*shape: int) -> NDArray[np.float64]:
+    def numbers(*shape: int) -> Floats:
         return np.zeros((count, *shape))
 
     return Samples(
@@ -258,7 +258,7 @@ def sample_bytes(network: Network) -> int:
     return sum(array.nbytes for array in empty_samples(1, network))
 
 
-def pad_samples(samples: Samples, life: Life, robot: Robot, record_every: int, pose: NDArray[np.float64]) -> None:
+def pad_samples(samples: Samples, life: Life, robot: Robot, record_every: int, pose: Floats) -> None:
     """Fill the samples after an early end of a lifetime: the robot stays where it was.
 
     record_every: as in `live`. pose: x, y [m], heading [rad] at the end.
@@ -297,9 +297,9 @@ class CalibrationRecord(NamedTuple):
     inputs) sensor readings.
     """
 
-    poses: NDArray[np.float64]
-    speeds: NDArray[np.float64]
-    readings: NDArray[np.float64]
+    poses: Floats
+    speeds: Floats
+    readings: Floats
 
 
 def count_calibration(

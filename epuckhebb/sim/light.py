@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.ranges import check_range
 
 SUN_X, SUN_Y = 0.465, 0.427  # horizontal part of the unit vector towards the sun; the sensors look level
 SUN_IRRADIANCE = 2.7  # at light level 1
@@ -40,8 +41,7 @@ class Lamp:
             raise ValueError("scenario.lamp.towards_x and towards_y must not both be 0: the lamp needs a direction")
         if not 0 < self.beam_rad <= math.pi:
             raise ValueError(f"scenario.lamp.beam_rad must lie in (0, pi], got {self.beam_rad}")
-        if not (math.isfinite(self.intensity) and self.intensity >= 0):
-            raise ValueError(f"scenario.lamp.intensity must be 0 or more, got {self.intensity}")
+        check_range(self, "scenario.lamp", "intensity")
 
 
 class Lights(NamedTuple):

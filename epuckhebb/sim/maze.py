@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.sim import random
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.random import Stream
+from epuckhebb.sim.ranges import check_range
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
@@ -95,10 +96,8 @@ class Maze:
 
     def __post_init__(self) -> None:
         """Validate the settings."""
-        if not 0 < self.arena_m <= _LARGEST:
-            raise ValueError(f"maze.arena_m must be more than 0 and at most {_LARGEST:g}, got {self.arena_m}")
-        if not (math.isfinite(self.goal_radius_m) and self.goal_radius_m > 0):
-            raise ValueError(f"maze.goal_radius_m must be a number above 0, got {self.goal_radius_m}")
+        check_range(self, "maze", "arena_m", most=_LARGEST, above=True)
+        check_range(self, "maze", "goal_radius_m", above=True)
         twice = sorted(self.walls.keys() & self.obstacles.keys())
         if twice:
             raise ValueError(f"maze.walls and maze.obstacles must have different names, both have {', '.join(twice)}")
@@ -202,13 +201,13 @@ def _in_corridor(niche: Niche, along: float, across: float, depth: float, length
     return Box(along, across, length, depth) if niche.along == "x" else Box(across, along, depth, length)
 
 
-def edges(placed: list[Box]) -> NDArray[np.float64]:
+def edges(placed: list[Box]) -> Floats:
     """Boxes as (boxes, 4): left, right, bottom and top edge [m]."""
     rows = [(b.x - b.width / 2, b.x + b.width / 2, b.y - b.height / 2, b.y + b.height / 2) for b in placed]
     return np.array(rows, float).reshape(-1, 4)
 
 
-def boxes(maze: Maze, obstacles: int = 0, layout: int = 0) -> NDArray[np.float64]:
+def boxes(maze: Maze, obstacles: int = 0, layout: int = 0) -> Floats:
     """The walls and the first obstacles of a layout: (boxes, 4) left, right, bottom and top edge [m]."""
     return edges([*maze.walls.values(), *(obstacles_of(maze, layout)[:obstacles])])
 
@@ -218,8 +217,8 @@ def obstacles_of(maze: Maze, layout: int) -> list[Box]:
     return random_obstacles(maze, layout) if layout else list(maze.obstacles.values())
 
 
-def added(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
+def added(before: Floats, after: Floats) -> Floats:
     """The boxes of `after` (boxes, 4) that are not among those of `before`."""
     known = (after[:, None] == before).all(axis=2).any(axis=1)
-    new: NDArray[np.float64] = after[~known]
+    new: Floats = after[~known]
     return new

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.maze import SIDES, Maze, Place, Side, boxes
 
 GRID = 0.002  # m: of the places that are searched for a way to the goal
@@ -13,7 +14,7 @@ _BYTES_PER_PLACE = 46.0  # of the grid, at most at one time
 _SPARE = 0.001  # m: by about this much a robot sinks into a wall in the physics
 
 
-def gap(x: float, y: float, walls: NDArray[np.float64]) -> float:
+def gap(x: float, y: float, walls: Floats) -> float:
     """Distance [m] from a point to the nearest box of `walls` (boxes, 4); 0 inside one."""
     return float(_gaps(np.array([x]), np.array([y]), walls)[0, 0])
 
@@ -51,7 +52,7 @@ def grid_bytes(arena_m: float) -> float:
     return _BYTES_PER_PLACE * (2 * arena_m / GRID + 1) ** 2
 
 
-def reachable(maze: Maze, walls: NDArray[np.float64], radius: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def reachable(maze: Maze, walls: Floats, radius: float) -> tuple[Floats, NDArray[np.bool_]]:
     """The places that the centre of a robot of this radius [m] can reach from the start among these walls (boxes, 4).
 
     Returns the coordinates of a grid along X and Y [m], and (x, y) whether each place can be reached.
@@ -63,14 +64,14 @@ def reachable(maze: Maze, walls: NDArray[np.float64], radius: float) -> tuple[ND
     return axis, _flooded(free, there)
 
 
-def _gaps(x: NDArray[np.float64], y: NDArray[np.float64], walls: NDArray[np.float64]) -> NDArray[np.float64]:
+def _gaps(x: Floats, y: Floats, walls: Floats) -> Floats:
     """Distances (x, y) from points of a grid to the nearest box."""
     nearest = np.full((len(x), len(y)), np.inf)
     for left, right, bottom, top in walls:
         beside = np.maximum(np.maximum(left - x, x - right), 0.0)
         before = np.maximum(np.maximum(bottom - y, y - top), 0.0)
         np.minimum(nearest, beside[:, None] ** 2 + before[None, :] ** 2, out=nearest)
-    distances: NDArray[np.float64] = np.sqrt(nearest)
+    distances: Floats = np.sqrt(nearest)
     return distances
 
 

@@ -9,7 +9,8 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
-from epuckhebb.sim.sensors import DistanceSensors, LightSensors, SensorGroup, check_positive, slices
+from epuckhebb.sim.ranges import check_range
+from epuckhebb.sim.sensors import DistanceSensors, LightSensors, SensorGroup, slices
 
 STEP_S = 0.032  # one control step: sensing, acting, learning and physics
 
@@ -35,7 +36,7 @@ class Robot:
     def __post_init__(self) -> None:
         """Validate the settings."""
         sizes = ("radius_m", "mass_kg", "inertia_kg_m2", "wheel_radius_m", "axle_m", "motor_limit_rad_s")
-        check_positive(self, sizes)
+        check_range(self, "robot", *sizes, above=True)
         names = [group.name for group in self.sensors]
         if not {LightSensors.name, DistanceSensors.name} <= set(names) or len(set(names)) < len(names):
             raise ValueError(f"robot.sensors must be light, distance and perhaps others, each once, got {names}")

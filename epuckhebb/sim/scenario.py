@@ -7,6 +7,7 @@ from typing import Any
 
 from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.maze import SIDES, T_MAZE, Maze, Place, Side
+from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.reachable import check_reachable
 from epuckhebb.sim.robot import EPUCK, STEP_S, Robot
 from epuckhebb.sim.sensors import InputGroup
@@ -63,8 +64,7 @@ class Scenario:
         """Validate the settings."""
         if self.experiment not in EXPERIMENTS:
             raise ValueError(f"scenario.experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
-        if not (math.isfinite(self.light) and self.light >= 0):
-            raise ValueError(f"scenario.light must be a number, 0 or more, got {self.light}")
+        check_range(self, "scenario", "light")
         if self.obstacles not in self.maze.obstacle_counts:
             allowed = ", ".join(map(str, self.maze.obstacle_counts))
             raise ValueError(
@@ -100,9 +100,7 @@ class Scenario:
                 raise ValueError(f"scenario.changes[{number - 1}]: {error}" if number else str(error)) from error
 
     def _check_faults(self) -> None:
-        for wheel in ("left_wheel", "right_wheel"):
-            if not 0 <= getattr(self, wheel) <= 1:
-                raise ValueError(f"scenario.{wheel} must lie in [0, 1], got {getattr(self, wheel)}")
+        check_range(self, "scenario", "left_wheel", "right_wheel", most=1)
         for side in SIDES:
             slip = getattr(self, f"{side}_slip")
             if not 0 <= slip < 1:
@@ -121,8 +119,7 @@ class Scenario:
                 f"scenario.mass_ratio must be 1, the robot's own mass, or more, got {self.mass_ratio}; a lighter robot "
                 "would move as with 1"
             )
-        if not (math.isfinite(self.wall_friction) and self.wall_friction >= 0):
-            raise ValueError(f"scenario.wall_friction must be a number, 0 or more, got {self.wall_friction}")
+        check_range(self, "scenario", "wall_friction")
 
     def _check_changes(self) -> None:
         last, world = 0.0, self

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.robot import Robot
@@ -17,8 +18,8 @@ Sense = Callable[..., None]
 class SenseWorkspace(NamedTuple):
     """Workspace of `sense`: rays (6, sensors) of each ring of places, and of each group a number for each sensor."""
 
-    rays: tuple[NDArray[np.float64], ...]
-    scratch: tuple[NDArray[np.float64], ...]
+    rays: tuple[Floats, ...]
+    scratch: tuple[Floats, ...]
 
 
 def sense_workspace(robot: Robot) -> SenseWorkspace:
@@ -55,12 +56,12 @@ def senses(robot: Robot) -> Sense:
         y: float,
         cos: float,
         sin: float,
-        walls: NDArray[np.float64],
+        walls: Floats,
         lit: Lights,
-        noise: NDArray[np.float64],
+        noise: Floats,
         noise_level: float,
         workspace: SenseWorkspace,
-        readings: NDArray[np.float64],
+        readings: Floats,
     ) -> None:
         around = Surroundings(x, y, walls, lit, noise, noise_level)
         feel(x, y, cos, sin, around, workspace.rays, workspace.scratch, readings)
@@ -73,21 +74,21 @@ def _rings(robot: Robot) -> list[tuple[Place, ...]]:
     return list(dict.fromkeys(group.places for group in robot.sensors))
 
 
-def _in_frame(places: tuple[Place, ...]) -> NDArray[np.float64]:
+def _in_frame(places: tuple[Place, ...]) -> Floats:
     """Sensors in the robot's frame, (4, n): x, y, and the unit vector each looks along."""
     azimuth = np.radians([place.azimuth for place in places])
     x, y = [place.x for place in places], [place.y for place in places]
     return np.array([x, y, np.cos(azimuth), np.sin(azimuth)])
 
 
-def blinding(robot: Robot) -> Callable[[NDArray[np.float64], NDArray[np.int64]], None]:
+def blinding(robot: Robot) -> Callable[[Floats, NDArray[np.int64]], None]:
     """The function that makes the sensors of these numbers dead, in all groups: they sense the dark, and no wall."""
     firsts = np.array([robot.inputs_of(group).start for group in robot.sensors])
     counts = np.array([group.count for group in robot.sensors])
     dead = np.array([group.dead for group in robot.sensors])
 
     @compiled
-    def blind(readings: NDArray[np.float64], numbers: NDArray[np.int64]) -> None:
+    def blind(readings: Floats, numbers: NDArray[np.int64]) -> None:
         for k in range(numbers.shape[0]):
             number = numbers[k]
             for group in range(firsts.shape[0]):
@@ -97,13 +98,13 @@ def blinding(robot: Robot) -> Callable[[NDArray[np.float64], NDArray[np.int64]],
     return blind
 
 
-def largest_distance_reading(robot: Robot) -> Callable[[NDArray[np.float64]], float]:
+def largest_distance_reading(robot: Robot) -> Callable[[Floats], float]:
     """The function that gives the largest of a robot's distance readings."""
     inputs = robot.inputs_of(robot.distance)
     first, end = inputs.start, inputs.stop
 
     @compiled
-    def largest(readings: NDArray[np.float64]) -> float:
+    def largest(readings: Floats) -> float:
         most = float(readings[first])
         for i in range(first + 1, end):
             most = max(most, readings[i])

@@ -9,15 +9,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.sim import light
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
-
-_Array = NDArray[np.float64]
+from epuckhebb.sim.ranges import check_range
 
 
 class Place(NamedTuple):
@@ -68,14 +67,14 @@ class Surroundings(NamedTuple):
 
     x: float
     y: float
-    walls: NDArray[np.float64]
+    walls: Floats
     lit: light.Lights
-    noise: NDArray[np.float64]
+    noise: Floats
     noise_level: float
 
 
 @compiled
-def _nothing(around: Surroundings, rays: _Array, scratch: _Array) -> None:
+def _nothing(around: Surroundings, rays: Floats, scratch: Floats) -> None:
     pass
 
 
@@ -86,8 +85,8 @@ class Kernels(NamedTuple):
     one number for each sensor. around: `Surroundings`. rays: (6, sensors), see `put_rays`.
     """
 
-    read: Callable[[Surroundings, _Array, _Array, _Array], None]
-    look: Callable[[Surroundings, _Array, _Array], None] = _nothing
+    read: Callable[[Surroundings, Floats, Floats, Floats], None]
+    look: Callable[[Surroundings, Floats, Floats], None] = _nothing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,7 +156,7 @@ class LightSensors(SensorGroup):
         count = self.count
 
         @compiled
-        def read(around: Surroundings, rays: _Array, scratch: _Array, readings: _Array) -> None:
+        def read(around: Surroundings, rays: Floats, scratch: Floats, readings: Floats) -> None:
             noise, noise_level = around.noise, around.noise_level
             for i in range(count):
                 dark = light.reading(light.irradiance(rays[0, i], rays[1, i], rays[2, i], rays[3, i], around.lit))
@@ -188,7 +187,7 @@ class DistanceSensors(SensorGroup):
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
-        check_positive(self, ("stretch", "reach_m", "full_scale"))
+        check_range(self, "robot", "stretch", "reach_m", "full_scale", above=True)
         distances = [point.distance for point in self.curve]
         steps = [b - a for a, b in pairwise(distances)]
         if len(distances) < 2 or distances[0] != 0 or not all(step > 0 for step in steps):
@@ -203,11 +202,11 @@ class DistanceSensors(SensorGroup):
         count, full_scale, reach, echo = self.count, self.full_scale, radius_m + self.reach_m, self.echo()
 
         @compiled
-        def look(around: Surroundings, rays: _Array, scratch: _Array) -> None:
+        def look(around: Surroundings, rays: Floats, scratch: Floats) -> None:
             cast(around.x, around.y, rays, count, around.walls, reach, scratch)
 
         @compiled
-        def read(around: Surroundings, rays: _Array, scratch: _Array, readings: _Array) -> None:
+        def read(around: Surroundings, rays: Floats, scratch: Floats, readings: Floats) -> None:
             noise, noise_level = around.noise, around.noise_level
             for i in range(count):
                 value, fraction = echo(scratch[i])
@@ -237,14 +236,6 @@ class DistanceSensors(SensorGroup):
         return echo
 
 
-def check_positive(owner: Any, names: Iterable[str]) -> None:
-    """Check that these settings of a robot are finite numbers above 0; else a ValueError."""
-    for name in names:
-        value = getattr(owner, name)
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"robot.{name} must be a number above 0, got {value}")
-
-
 def slices(groups: Iterable[InputGroup]) -> dict[str, slice]:
     """Where each group is among the inputs, by name."""
     found, first = {}, 0
@@ -255,7 +246,7 @@ def slices(groups: Iterable[InputGroup]) -> dict[str, slice]:
 
 
 @compiled
-def put_rays(x: float, y: float, cos: float, sin: float, places: NDArray[np.float64], rays: _Array) -> None:
+def put_rays(x: float, y: float, cos: float, sin: float, places: Floats, rays: Floats) -> None:
     """Put sensors into the maze. places: (4, n) x, y, look x, look y in the robot's frame.
 
     Fills `rays` (6, n): x, y [m], the unit vector each looks along, and 1 / its x and 1 / its y.
@@ -269,15 +260,7 @@ def put_rays(x: float, y: float, cos: float, sin: float, places: NDArray[np.floa
 
 
 @compiled
-def cast(
-    x: float,
-    y: float,
-    rays: _Array,
-    count: int,
-    boxes: NDArray[np.float64],
-    reach: float,
-    distance: NDArray[np.float64],
-) -> None:
+def cast(x: float, y: float, rays: Floats, count: int, boxes: Floats, reach: float, distance: Floats) -> None:
     """Fill `distance` [m]: how far the first `count` rays run to a wall; infinite if they meet none.
 
     Boxes farther than `reach` [m] from a robot at (x, y) are left out. A ray that starts inside a box has distance 0.

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.fitness import distance_to
 from epuckhebb.sim.maze import Place, Pose, Side
@@ -42,7 +43,7 @@ class Hooks(NamedTuple):
     distance to the goal [m]. end_step(life, space, trial): called after every step.
     """
 
-    reward_input: Callable[[NDArray[np.float64], float], None]
+    reward_input: Callable[[Floats, float], None]
     to_goal: Callable[[Any, float, float], float]
     end_step: Callable[[Any, Any, Any], None]
 
@@ -104,7 +105,7 @@ class Task:
         return (behaviour + reward) / 2.0
 
 
-def _no_reward_input(activation: NDArray[np.float64], reward: float) -> None:
+def _no_reward_input(activation: Floats, reward: float) -> None:
     pass
 
 

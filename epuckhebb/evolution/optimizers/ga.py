@@ -5,20 +5,20 @@ Two presets differ in numbers only (`conf/ga/`): `textbook`, what the paper says
 """
 
 import json
-import math
 from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.evolution.optimizer import Optimizer, Schedule, Search, State, initial, limits
 from epuckhebb.evolution.training import Training
 from epuckhebb.sim import random
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.genome import GenomePlan
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.random import Stream
+from epuckhebb.sim.ranges import check_range
 
 _MOST_DRAWS = 100_000  # of a tournament; with this number the fittest always wins
 
@@ -67,19 +67,12 @@ class GA(Optimizer):
         """Validate the settings."""
         if self.tournament > _MOST_DRAWS:
             raise ValueError(f"ga.tournament must lie between 1 and {_MOST_DRAWS}, got {self.tournament}")
-        for name in ("population", "generations", "loops", "tournament"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"ga.{name} must be 1 or more, got {getattr(self, name)}")
+        check_range(self, "ga", "population", "generations", "loops", "tournament", least=1)
         if not 0 <= self.elites <= self.population:
             raise ValueError(f"ga.elites must lie between 0 and ga.population ({self.population}), got {self.elites}")
-        for name in ("crossover_rate", "mutation_rate"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ValueError(f"ga.{name} must lie in [0, 1], got {getattr(self, name)}")
-        for name in ("mutation_range", "gene_limit"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise ValueError(f"ga.{name} must be more than 0, got {getattr(self, name)}")
-        if not (math.isfinite(self.start_noise) and self.start_noise >= 0):
-            raise ValueError(f"ga.start_noise must be 0 or more, got {self.start_noise}")
+        check_range(self, "ga", "crossover_rate", "mutation_rate", most=1)
+        check_range(self, "ga", "mutation_range", "gene_limit", above=True)
+        check_range(self, "ga", "start_noise")
 
     @property
     def individuals(self) -> int:
@@ -113,16 +106,16 @@ class GASearch(Search):
                 )
         self._fittest = self._population[:1]
 
-    def ask(self) -> NDArray[np.float64]:
+    def ask(self) -> Floats:
         """The population."""
         return self._population
 
-    def tell(self, fitness: NDArray[np.float64]) -> None:
+    def tell(self, fitness: Floats) -> None:
         """Let the fittest have offspring."""
         self._fittest = self._population[[np.argmax(fitness)]]
         self._population = next_generation(self._rng, self._population, fitness, self._ga, self._plan)
 
-    def candidates(self) -> NDArray[np.float64]:
+    def candidates(self) -> Floats:
         """The fittest alone: its fitness is taken at its word, as in the paper."""
         return self._fittest
 
@@ -132,13 +125,7 @@ class GASearch(Search):
         return {"population": self._population, "rng_state": np.array(json.dumps(self._rng.bit_generator.state))}
 
 
-def next_generation(
-    rng: np.random.Generator,
-    population: NDArray[np.float64],
-    fitness: NDArray[np.float64],
-    ga: GA,
-    plan: GenomePlan,
-) -> NDArray[np.float64]:
+def next_generation(rng: np.random.Generator, population: Floats, fitness: Floats, ga: GA, plan: GenomePlan) -> Floats:
     """The elites unchanged, then one individual for every other slot.
 
     population: (population, genes). fitness: (population,), larger is better. Returns (population, genes).
@@ -153,19 +140,17 @@ def next_generation(
     return offspring
 
 
-def select(rng: np.random.Generator, ranked: NDArray[np.float64], ga: GA) -> NDArray[np.float64]:
+def select(rng: np.random.Generator, ranked: Floats, ga: GA) -> Floats:
     """A parent: the fittest of a few drawn with replacement from `ranked` (population, genes), best first."""
     if ga.selection is Selection.best_or_worst:
         drawn = rng.choice([0, len(ranked) - 1], ga.tournament)
     else:
         drawn = rng.integers(0, len(ranked), ga.tournament)
-    parent: NDArray[np.float64] = ranked[drawn.min()]
+    parent: Floats = ranked[drawn.min()]
     return parent
 
 
-def crossover(
-    rng: np.random.Generator, mother: NDArray[np.float64], father: NDArray[np.float64], ga: GA
-) -> NDArray[np.float64]:
+def crossover(rng: np.random.Generator, mother: Floats, father: Floats, ga: GA) -> Floats:
     """A child's genes, (genes,), each from one of its parents."""
     middle = len(mother) // 2
     if ga.crossover is Crossover.middle:
@@ -173,9 +158,7 @@ def crossover(
     return np.where(rng.random(len(mother)) < 0.5, mother, father)
 
 
-def mutate(
-    rng: np.random.Generator, child: NDArray[np.float64], ga: GA, limit: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def mutate(rng: np.random.Generator, child: Floats, ga: GA, limit: Floats) -> Floats:
     """The child (genes,) with a few genes changed, each clipped to +-its limit (genes,)."""
     mutated = rng.random(len(child)) < ga.mutation_rate
     change = rng.uniform(-ga.mutation_range, ga.mutation_range, len(child))

@@ -15,7 +15,6 @@ Evolve and merge: if every synapse has its own rule, the rules are clustered fro
 Hebbian learning rules, GECCO 2021; five merges leave one rule of 32, as theirs did.
 """
 
-import math
 import warnings
 from dataclasses import dataclass
 from typing import ClassVar
@@ -23,18 +22,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.evolution.optimizer import (
-    CANDIDATES,
-    EvolutionStrategy,
-    Search,
-    State,
-    initial,
-    limits,
-    units,
-)
+from epuckhebb.evolution.optimizer import CANDIDATES, EvolutionStrategy, Search, State, initial, limits, units
 from epuckhebb.sim import random
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.genome import GenomePlan
 from epuckhebb.sim.random import Stream
+from epuckhebb.sim.ranges import check_range
 
 
 @dataclass(kw_only=True)
@@ -60,12 +53,8 @@ class OpenEs(EvolutionStrategy):
         super().__post_init__()
         if self.population % 2:
             raise ValueError(f"optimizer.population must be even, as individuals come in pairs, got {self.population}")
-        if not (math.isfinite(self.learning_rate) and self.learning_rate > 0):
-            raise ValueError(f"optimizer.learning_rate must be more than 0, got {self.learning_rate}")
-        if not 0 < self.learning_rate_decay <= 1:
-            raise ValueError(
-                f"optimizer.learning_rate_decay must be more than 0 and at most 1, got {self.learning_rate_decay}"
-            )
+        check_range(self, "optimizer", "learning_rate", above=True)
+        check_range(self, "optimizer", "learning_rate_decay", most=1, above=True)
 
     def check(self, plan: GenomePlan) -> None:
         """See `Optimizer`: merging needs a rule for each synapse."""
@@ -95,7 +84,7 @@ class OpenEsSearch(Search):
             raise ValueError(f"it holds rules of {self._rule_of.size} synapses, not of {self._rules.shape[1]}")
         self._noise = self._population = self._ranked = np.empty((0, plan.genes))
 
-    def ask(self) -> NDArray[np.float64]:
+    def ask(self) -> Floats:
         """First random genomes, then pairs on both sides of the mean."""
         rng = random.rng(self._seed, Stream.variation, self._told)
         if self._told == 0:
@@ -108,7 +97,7 @@ class OpenEsSearch(Search):
             self._population = np.clip(wanted, -self._bound, self._bound)
         return self._population * self._unit
 
-    def tell(self, fitness: NDArray[np.float64]) -> None:
+    def tell(self, fitness: Floats) -> None:
         """Start at the fittest, or move the mean towards the fitter half."""
         order = np.argsort(-fitness, kind="stable")
         self._ranked = self._population[order]
@@ -144,7 +133,7 @@ class OpenEsSearch(Search):
         first_of = {number: synapse for synapse, number in reversed(list(enumerate(cluster_of.tolist())))}
         self._rule_of = np.array([first_of[number] for number in cluster_of.tolist()])
 
-    def candidates(self) -> NDArray[np.float64]:
+    def candidates(self) -> Floats:
         """The mean, and the two fittest."""
         return np.array([self._mean, *self._ranked[: CANDIDATES - 1]]) * self._unit
 

@@ -9,18 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from cmaes import SepCMA
-from numpy.typing import NDArray
 
-from epuckhebb.evolution.optimizer import (
-    CANDIDATES,
-    EvolutionStrategy,
-    Search,
-    State,
-    initial,
-    limits,
-    units,
-)
+from epuckhebb.evolution.optimizer import CANDIDATES, EvolutionStrategy, Search, State, initial, limits, units
 from epuckhebb.sim import random
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.genome import GenomePlan
 from epuckhebb.sim.random import Stream
 
@@ -47,7 +39,7 @@ class SepCmaEsSearch(Search):
         self._population = np.empty((0, plan.genes))
         self._ranked = self._population
 
-    def _started(self, mean: NDArray[np.float64]) -> SepCMA:
+    def _started(self, mean: Floats) -> SepCMA:
         bound = limits(self._plan, self._settings.gene_limit) / self._unit
         return SepCMA(
             mean=np.clip(mean, -bound, bound),
@@ -69,7 +61,7 @@ class SepCmaEsSearch(Search):
             setattr(cma, name, value.copy() if value.ndim else value.item())
         return cma
 
-    def ask(self) -> NDArray[np.float64]:
+    def ask(self) -> Floats:
         """First random genomes, then samples of the distribution."""
         rng = random.rng(self._seed, Stream.variation, self._told)
         if self._cma is None:
@@ -79,7 +71,7 @@ class SepCmaEsSearch(Search):
             self._population = np.array([self._cma.ask() for _ in range(self._settings.population)])
         return self._population * self._unit
 
-    def tell(self, fitness: NDArray[np.float64]) -> None:
+    def tell(self, fitness: Floats) -> None:
         """Start around the fittest, or move the distribution towards the fitter half."""
         self._ranked = self._population[np.argsort(-fitness, kind="stable")]
         if self._cma is None:
@@ -88,7 +80,7 @@ class SepCmaEsSearch(Search):
             self._cma.tell([(genes, -float(value)) for genes, value in zip(self._population, fitness, strict=True)])
         self._told += 1
 
-    def candidates(self) -> NDArray[np.float64]:
+    def candidates(self) -> Floats:
         """The mean, and the two fittest."""
         assert self._cma is not None  # since the first `tell`
         return np.array([self._cma.mean, *self._ranked[: CANDIDATES - 1]]) * self._unit

@@ -21,11 +21,13 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.fitness import distance_to
 from epuckhebb.sim.maze import Place, Pose, Side
 from epuckhebb.sim.physics import Handles, put_back
 from epuckhebb.sim.random import Stream, rng
+from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.sensors import InputGroup, RewardInput
 from epuckhebb.sim.task import TRIAL, Hooks, Task, rewarded
@@ -82,16 +84,10 @@ class Reversal(Task):
                 f"({self.trials}), the first not after the last, got {self.first_switch} and "
                 f"{self.last_switch}"
             )
-        if not 0 <= self.never <= 1:
-            raise ValueError(f"task.never must lie in [0, 1], got {self.never}")
-        for name in ("reward_s", "time_out_s"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= STEP_S):
-                raise ValueError(f"task.{name} must be at least one step, {STEP_S} s, got {getattr(self, name)}")
-        if self.time_outs < 1:
-            raise ValueError(f"task.time_outs must be 1 or more, got {self.time_outs}")
-        for name in ("end_bonus", "progress_bonus"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
-                raise ValueError(f"task.{name} must be 0 or more, got {getattr(self, name)}")
+        check_range(self, "task", "never", most=1)
+        check_range(self, "task", "reward_s", "time_out_s", least=STEP_S)
+        check_range(self, "task", "time_outs", least=1)
+        check_range(self, "task", "end_bonus", "progress_bonus")
 
     @property
     def longest_s(self) -> float:
@@ -118,7 +114,7 @@ class Reversal(Task):
         """See `Task`."""
 
         @compiled
-        def reward_input(activation: NDArray[np.float64], reward: float) -> None:
+        def reward_input(activation: Floats, reward: float) -> None:
             activation[first] = reward
 
         return Hooks(reward_input, compiled(_to_nearer_end), compiled(_end_step))
