@@ -41,7 +41,6 @@ RESCUE_TEXT = (
     "an exact sign-flip test by champion. The controls change the weights by as much, in other directions."
 )
 _NUMBER = re.compile(r"\**([+−-]?[\d.]+[*%]*([ \[(,]|$)|–|$)")  # how a cell with a number begins: 2, not 2obstacles
-
 _UNBROKEN = re.compile(r"\[[+-]?\d[^]<]*\]|\d+ of \d+|\b[np] = [\d.e-]+")  # an interval, a count, an n or a p
 
 
