@@ -8,7 +8,7 @@ from omegaconf import OmegaConf
 
 from epuckhebb.runtime import errors, progress
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.runtime.progress import TaskProgress, be_quiet, counting
+from epuckhebb.runtime.progress import Bar, TaskProgress, be_quiet, counting
 from epuckhebb.store import disk
 from epuckhebb.studies.jobs import Task, is_whole, open_study, run_tasks
 
@@ -140,11 +140,20 @@ def test_it_is_told_how_far_a_task_is_and_what_was_done_before_does_not_count(st
     be_quiet(False)
     run_tasks(folder, "study", CFG, [], [task("one")])
     shown = []
-    monkeypatch.setattr(TaskProgress, "put", lambda _, resolve_names, told: shown.append((resolve_names, told.strip())))
+    monkeypatch.setattr(TaskProgress, "put", lambda _, done, text: shown.append((done, text.strip())))
     half = Task("two", (), lambda run: run.advanced(0.5, "world 2 of 3"), size=4.0)
     run_tasks(folder, "study", CFG, [], [task("one"), half, Task("three", (), lambda _: None)])
     assert shown == [(0.0, "2/3  two"), (2.0, "2/3  two  world 2 of 3"), (4.0, "3/3  three")]
     assert "3/3  three  0 s left" in capsys.readouterr().err
+
+
+def test_the_bar_shows_how_much_is_done(monkeypatch):
+    be_quiet(False)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    with Bar("generation", 10) as bar:
+        bar.put(4, "best 0.5")
+        (shown,) = bar.tasks
+    assert (shown.completed, shown.total, shown.description) == (4, 10, "best 0.5")
 
 
 @pytest.fixture
