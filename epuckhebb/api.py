@@ -18,10 +18,10 @@ from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.lifetimes import Evaluated, gather
 from epuckhebb.analysis.self_checks import Checks
 from epuckhebb.config.build import controller_of, network_for, with_controls
-from epuckhebb.config.compose import composed
+from epuckhebb.config.compose import load
 from epuckhebb.config.keywords import MASKED, check_keywords, overrides_of, value_text
 from epuckhebb.config.overrides import check_config_dir, quoted
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, say_unusual, typed
+from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, say_unusual
 from epuckhebb.evolution.evolve import history_row
 from epuckhebb.runs.evaluate import Prepared, caption, prepare, with_robot
 from epuckhebb.runs.evolve import EvolutionProgress
@@ -173,7 +173,7 @@ def evaluate(
             raise ConfigError(f"{genome} is no genome; give that first: evaluate('reference', {str(genome)!r})")
         path = resolve_run(genome, "evolve") if str(genome) == LATEST else genome
         words = with_robot([*words, f"genome={quoted(str(path))}"], folder)
-    config = typed(composed("evaluate", words, folder), EvaluateConfig)
+    config = load(EvaluateConfig, words, folder)
     if rule is not None:
         if rule.N == 0 and not isinstance(rule, NoRule):
             raise ConfigError(
@@ -193,7 +193,7 @@ def evaluate(
 def evolve(overrides: Sequence[Any], config_dir: str | Path | None, show: bool, keys: Mapping[str, Any]) -> Evolution:
     """See `epuckhebb.evolve`."""
     progress.be_quiet(not show)
-    config = typed(composed("evolve", overrides_of(overrides, keys), _folder(config_dir)), EvolveConfig)
+    config = load(EvolveConfig, overrides_of(overrides, keys), _folder(config_dir))
     say_unusual(config)
     prepared = prepare_evolution(config)
     lived = []

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 from cases import call, contents, done, first_of, refused
 
-from epuckhebb.config.compose import composed, plain
+from epuckhebb.config.compose import composed
+from epuckhebb.config.schema import plain
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.progress import be_quiet
 from epuckhebb.store import disk, genome, provenance

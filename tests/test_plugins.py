@@ -10,7 +10,8 @@ from cases import done, refused
 
 from epuckhebb import Rule
 from epuckhebb.config import plugins
-from epuckhebb.config.compose import composed, plain
+from epuckhebb.config.compose import composed
+from epuckhebb.config.schema import plain
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.studies.identity import Identities
 

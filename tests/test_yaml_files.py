@@ -8,7 +8,8 @@ from cases import done, refused
 
 import epuckhebb
 from epuckhebb.config import yaml_file
-from epuckhebb.config.compose import composed, plain
+from epuckhebb.config.compose import composed
+from epuckhebb.config.schema import plain
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
 

@@ -22,6 +22,7 @@ from epuckhebb.config.explain import explain
 from epuckhebb.config.hydra_cache import parse_once, refuse_repeated_keys, users_first
 from epuckhebb.config.names import resolve_names, world_name
 from epuckhebb.config.overrides import with_names_compared
+from epuckhebb.config.schema import SCHEMAS, Config, Plain, command_of, plain, typed
 from epuckhebb.config.stored import as_config
 from epuckhebb.config.words import check_words
 from epuckhebb.config.yaml_file import NO_ENVIRONMENT
@@ -40,7 +41,24 @@ parse_once()
 refuse_repeated_keys()
 
 
-Plain = dict[str, Any]  # a configuration of plain values
+def load(schema: type[Config], overrides: list[str], config_dir: str | None = None) -> Config:
+    """The checked configuration of a command: `conf/`, the user's folder and overrides.
+
+    Args:
+        schema: Its dataclass, which belongs to one command.
+        overrides: As on the command line.
+        config_dir: A folder with more configuration files.
+
+    Raises:
+        ConfigError: They do not make one, or a value is outside its range; the message names the key.
+    """
+    return typed(composed(command_of(schema), overrides, config_dir), schema)
+
+
+def swept(overrides: list[str], config_dir: str | None = None) -> dict[str, str]:
+    """For each key the values that a named sweep of `evaluate` gives it; empty if the overrides name none."""
+    params = composed("evaluate", overrides, config_dir, with_hydra=True).hydra.sweeper.params
+    return {str(key): str(values) for key, values in (params or {}).items()}
 
 
 def composed(
@@ -113,19 +131,12 @@ _register("epuckhebb.other_light", lambda light: DIM if light > (BRIGHT + DIM) /
 _register("oc.env", _environment, replace=True)  # what is written down of a run would tell what its environment holds
 
 
-def plain(cfg: DictConfig) -> Plain:
-    """A composed configuration as plain values, every reference resolved."""
-    values = OmegaConf.to_container(cfg, resolve=True, enum_to_str=True)
-    assert isinstance(values, dict)
-    return {str(key): value for key, value in values.items()}
-
-
 def combinations(
     command: str,
     fixed: list[str],
     choices: dict[str, list[str]],
     config_dir: str | None,
-    meet: Callable[[Plain, DictConfig], object] = lambda _config, _cfg: None,
+    validate_shared: Callable[[Plain, Callable[[], Any]], object] = lambda _values, _load: None,
 ) -> Iterator[tuple[list[str], Plain]]:
     """Every combination of the choices (as from `alternatives`), as overrides and as a configuration of plain values.
 
@@ -137,7 +148,8 @@ def combinations(
         fixed: Overrides that all have.
         choices: For each key the overrides that it has in turn.
         config_dir: A folder with more configuration files.
-        meet: Is given each configuration that others share but for a genome, a seed and the like, also as Hydra has it.
+        validate_shared: Is given each configuration that others share but for a genome, a seed and the like, as plain
+            values, and a function that makes the checked configuration of it.
     """
     values = {key for key in choices if _VALUE_KEY.fullmatch(key) and key not in groups(command)}
 
@@ -163,7 +175,7 @@ def combinations(
             cfg = _composed(command, [*fixed, *(override for _, override in asked)], config_dir)[0]
         _with_names(cfg, hydras, folders)
         config = plain(cfg)
-        meet(config, cfg)
+        validate_shared(config, functools.partial(typed, cfg, SCHEMAS[command]))
         return config, bool(_REFERENCE.search(str(unresolved(cfg))))
 
     @functools.cache

@@ -5,6 +5,7 @@ that a user can bring (a rule, a maze, a robot) are open here, and checked when 
 (`epuckhebb.config.build`).
 """
 
+import functools
 import math
 import re
 from dataclasses import dataclass, field
@@ -46,6 +47,33 @@ _BRIGHTEST, _FASTEST = 2.0, 0.1  # more light, or a higher base rate, is unusual
 _OF_A_RESOLVER = re.compile("^ConfigError raised while resolving interpolation: ")  # before a message of our own
 
 
+Plain = dict[str, Any]  # a configuration of plain values
+
+
+class Checked:
+    """What all configurations have in common: the values that Hydra composed, from which they are made."""
+
+    composed: DictConfig
+    seed: int
+
+    @functools.cached_property
+    def values(self) -> Plain:
+        """All settings as plain values, every reference resolved."""
+        return plain(self.composed)
+
+
+def plain(cfg: DictConfig) -> Plain:
+    """A composed configuration as plain values, every reference resolved."""
+    values = OmegaConf.to_container(cfg, resolve=True, enum_to_str=True)
+    assert isinstance(values, dict)
+    return {str(key): value for key, value in values.items()}
+
+
+def dump(config: Checked) -> str:
+    """The YAML that a run folder keeps of a configuration: all of its settings, every reference resolved."""
+    return OmegaConf.to_yaml(config.composed, resolve=True)
+
+
 @dataclass(kw_only=True)
 class ScenarioConfig:
     """The keys of a scenario; see `epuckhebb.sim.scenario.Scenario`, which comes of it, the maze and the robot."""
@@ -79,7 +107,7 @@ class NetworkConfig:
 
 
 @dataclass(kw_only=True)
-class WorldConfig:
+class WorldConfig(Checked):
     """The keys that `evaluate` and `evolve` have in common, and the world that comes of them.
 
     change: the changes by name while they are composed into the scenario, empty then; those of the user's have their
@@ -203,7 +231,7 @@ class LiveFitness(Enum):
 
 
 @dataclass(kw_only=True)
-class ReproduceConfig:
+class ReproduceConfig(Checked):
     """All keys of `epuckhebb reproduce`."""
 
     champions: int = 20
@@ -226,7 +254,7 @@ class ReproduceConfig:
 
 
 @dataclass(kw_only=True)
-class LeaderboardConfig:
+class LeaderboardConfig(Checked):
     """All keys of `epuckhebb leaderboard`."""
 
     methods: list[str] = field(default_factory=list)
@@ -267,6 +295,11 @@ for _command, _schema in SCHEMAS.items():
 Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig)
 
 
+def command_of(schema: type[Any]) -> str:
+    """The command whose keys these are."""
+    return next(command for command, one in SCHEMAS.items() if one is schema)
+
+
 def typed(cfg: DictConfig, schema: type[Config]) -> Config:
     """The composed configuration as plain dataclasses, checked.
 
@@ -280,7 +313,8 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
     except (ValueError, OmegaConfBaseException) as error:
         raise ConfigError(said(error)) from error
     if not isinstance(config, schema):
-        raise ConfigError("the configuration is not one of this verb")
+        raise ConfigError("the configuration is not one of this command")
+    config.composed = cfg
     return config
 
 

@@ -6,28 +6,26 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig, OmegaConf, flag_override
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import yaml_file
+from epuckhebb.config.explain import explain
 from epuckhebb.config.overrides import literal
 from epuckhebb.config.plugins import references
-from epuckhebb.config.schema import SCHEMAS
+from epuckhebb.config.schema import SCHEMAS, Config, Plain, command_of, typed
 from epuckhebb.runtime.errors import ConfigError
 
 _STAND_IN = "oja"  # has no settings of its own, and cannot be taken for the paper's
 
 
-def read_config(file: Path, command: str) -> DictConfig:
-    """A configuration that was written down whole, all names and values in it.
-
-    Raises:
-        ConfigError: It cannot be read, or holds what this program does not know.
-    """
-    held = settings(file)
+def from_values(values: Plain, schema: type[Config], source: str) -> Config:
+    """The configuration of plain values, all names among them. source: where they come from, for messages."""
     try:
-        return as_config(held, command)
-    except Exception as error:  # what damaged settings may raise has no end
-        raise ConfigError(f"{file} cannot be used: {error}") from error
+        cfg = as_config(values, command_of(schema))
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"{source} cannot be used: {explain(error)}") from error
+    return typed(cfg, schema)
 
 
 def as_config(held: Mapping[Any, Any], command: str) -> DictConfig:
@@ -62,15 +60,14 @@ def settings(file: Path) -> dict[str, Any]:
     return held
 
 
-def without_own_code(cfg: DictConfig) -> DictConfig:
-    """A configuration with a rule of the program in place of each of the user's own; nothing of theirs is loaded.
+def without_own_code(values: Plain) -> Plain:
+    """Plain values with a rule of the program in place of each of the user's own; nothing of theirs is loaded.
 
     It is for reading what a run recorded. Names, rates, signs and adaptations stay.
     """
-    cfg = copy.deepcopy(cfg)
-    with flag_override(cfg, ["struct", "readonly"], [False, False]):
-        for settings, *_ in list(references(cfg)):
-            for key in [key for key in settings if key not in ("N", "sign", "name", "adaptation")]:
-                del settings[key]
-            settings.rule = _STAND_IN
-    return cfg
+    values = copy.deepcopy(values)
+    for part, *_ in list(references(values)):
+        for key in [key for key in part if key not in ("N", "sign", "name", "adaptation")]:
+            del part[key]
+        part["rule"] = _STAND_IN
+    return values

@@ -12,8 +12,8 @@ from rich.progress import track
 from epuckhebb.analysis import movie, replay
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.self_checks import text
-from epuckhebb.config.schema import EvaluateConfig, typed
-from epuckhebb.config.stored import read_config, without_own_code
+from epuckhebb.config.schema import EvaluateConfig
+from epuckhebb.config.stored import from_values, settings, without_own_code
 from epuckhebb.runs.evaluate import caption
 from epuckhebb.runtime.console import Terminal
 from epuckhebb.runtime.errors import ConfigError
@@ -48,7 +48,7 @@ def recording(path: Path) -> Recording:
         )
     if facts["command"] != "evaluate":
         raise ConfigError(f"{path} is of `epuckhebb {facts['command']}`; give a run folder of `epuckhebb evaluate`")
-    config = typed(without_own_code(read_config(run.config_file, "evaluate")), EvaluateConfig)
+    config = from_values(without_own_code(settings(run.config_file)), EvaluateConfig, str(run.path))
     if config.lifetime.record_every == 0:
         alone = facts["command_line"][1:2] == ["evaluate"]  # else a study's, of which it is one job
         asked = facts["command_line"] if alone else ["epuckhebb", "evaluate", *facts["overrides"]]

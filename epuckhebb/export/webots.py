@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from epuckhebb.config.compose import composed
-from epuckhebb.config.schema import EvaluateConfig, typed
-from epuckhebb.config.stored import read_config, without_own_code
+from epuckhebb.config.compose import load
+from epuckhebb.config.schema import EvaluateConfig
+from epuckhebb.config.stored import from_values, settings, without_own_code
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.fitness import HISTORY_MEAN, HISTORY_STEPS
@@ -76,14 +76,14 @@ def _genome_and_config(what: str) -> tuple[Genome, EvaluateConfig]:
     path = resolve_run(what)
     run = Run(path)
     if path.is_dir() and run.provenance["command"] == "evaluate":
-        config = typed(without_own_code(read_config(run.config_file, "evaluate")), EvaluateConfig)
+        config = from_values(without_own_code(settings(run.config_file)), EvaluateConfig, str(run.path))
         genome = load_genome(config.genome, config.world.experiment, config.layers)
         if genome.sha256 != run.provenance["genome_sha256"]:
             raise ConfigError(f"genome={config.genome} is not the genome of {path}; its SHA-256 differs")
         return genome, config
     genome = load_genome(str(path), "obstacles")
     home = "highlight" if genome.experiment == "light" else "base"
-    return genome, typed(composed("evaluate", [f"scenario={home}", "hebbian=none"]), EvaluateConfig)
+    return genome, load(EvaluateConfig, [f"scenario={home}", "hebbian=none"])
 
 
 def _content(genome: Genome, config: EvaluateConfig) -> dict[str, Any]:
