@@ -79,7 +79,7 @@ class Page:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Evaluation:
-    """What the lifetimes of an evaluation came to; a notebook shows the paper's table.
+    """The results of an evaluation's lifetimes; a notebook shows the paper's table.
 
     Attributes:
         metrics: A row a lifetime, with the columns of `metrics.csv`.
@@ -154,7 +154,7 @@ class Evaluation:
 
 
 class Evolution(NamedTuple):
-    """What an evolution came to. champion: its genes. history: a row a generation, as in `history.csv`."""
+    """The result of an evolution. champion: its genes. history: a row a generation, as in `history.csv`."""
 
     champion: NDArray[np.float64]
     history: pd.DataFrame
@@ -196,12 +196,12 @@ def evolve(overrides: Sequence[Any], config_dir: str | Path | None, show: bool, 
     config = load(EvolveConfig, overrides_of(overrides, keys), _folder(config_dir))
     say_unusual(config)
     prepared = prepare_evolution(config)
-    lived = []
+    generations = []
     with EvolutionProgress(config.schedule.generations, quiet=not show, each=False) as bar:
         for generation in prepared.generations(thread_count(config.threads)):
-            lived.append(generation)
+            generations.append(generation)
             bar.show(generation)
-    return Evolution(lived[-1].champion, pd.DataFrame(map(history_row, lived)))
+    return Evolution(generations[-1].champion, pd.DataFrame(map(history_row, generations)))
 
 
 def sweep(
@@ -223,18 +223,18 @@ def sweep(
             raise ConfigError(f"{key} is given twice, in `over` and by itself")
     progress.be_quiet(not show)
     jobs = [dict(zip(over, values, strict=True)) for values in itertools.product(*over.values())]
-    found = []
+    evaluations = []
     with TaskProgress([1.0] * len(jobs), each=False) as bar:
         for number, job in enumerate(jobs):
             settings = {key: _label(key, value) for key, value in job.items()}
             bar.show(number, ", ".join(f"{key}={value}" for key, value in settings.items()))
             quick = {"lifetime.record_every": 0, **keys, **job}
-            who = quick.pop("genome", genome)
-            result = evaluate(who, overrides, config_dir, False, quick)
-            where = str(who) if isinstance(who, str | Path) else ""
+            given = quick.pop("genome", genome)
+            result = evaluate(given, overrides, config_dir, False, quick)
+            where = str(given) if isinstance(given, str | Path) else ""
             sha256, ids = result.genome.sha256, result.prepared.lifetime_ids
-            found.append(Evaluated(settings=settings, where=where, sha256=sha256, ids=ids, rows=result.metrics))
-    gathered = gather(found)
+            evaluations.append(Evaluated(settings=settings, where=where, sha256=sha256, ids=ids, rows=result.metrics))
+    gathered = gather(evaluations)
     progress.be_quiet(not show)
     if gathered.repeated:
         progress.say(gathered.repeated)

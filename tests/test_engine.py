@@ -96,7 +96,7 @@ def test_how_it_ends_is_written_down_and_it_can_go_on(study, error, raised, stat
         run_tasks(folder, "study", CONFIG, [], [task("one"), task("two", error)])
     assert status(folder)["state"] == state
     assert ("lost" if state == "failed" else "1 of 2 jobs are done") in str(told.value)
-    assert errors.at_work == []
+    assert errors.open_folders == []
     run_tasks(folder, "study", CONFIG, [], [task("one"), task("two")])
     assert done == ["one", "two"]
     assert (status(folder)["state"], "error" in status(folder)) == ("finished", False)

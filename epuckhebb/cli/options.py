@@ -16,7 +16,7 @@ _FROM_TO = re.compile(rf"{REFERENCE}_(\d+),\.\.\.,{REFERENCE}_(\d+)")
 
 
 class ConfiguredCommand(TyperCommand):
-    """A verb that takes `key=value`; its help lists the configuration groups."""
+    """A command that takes `key=value`; its help lists the configuration groups."""
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write examples, then the groups and their choices, below the options."""

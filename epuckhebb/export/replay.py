@@ -26,14 +26,14 @@ from epuckhebb.store.traces import read_findings, read_traces
 
 @dataclass(frozen=True)
 class Recording:
-    """What a run recorded: its lifetimes, their first weights, the network, a title, what robots found, and notes."""
+    """What a run recorded: lifetimes, first weights, the network, a title, a sentence a side on self-checks, notes."""
 
     traces: Traces
     weights: NDArray[np.float64]
     network: Network
     config: EvaluateConfig
     title: str
-    found: dict[str, str]
+    findings: dict[str, str]
     notes: list[str]
 
 
@@ -43,7 +43,7 @@ def recording(path: Path) -> Recording:
     facts = run.provenance
     if facts["command"] == "evolve":
         raise ConfigError(
-            f"{path} is a run of `epuckhebb evolve`, which records no lifetimes; let its champion live first: "
+            f"{path} is a run of `epuckhebb evolve`, which records no lifetimes; evaluate its champion first: "
             f"epuckhebb evaluate genome={path}"
         )
     if facts["command"] != "evaluate":
@@ -51,11 +51,11 @@ def recording(path: Path) -> Recording:
     config = from_values(without_own_code(settings(run.config_file)), EvaluateConfig, str(run.path))
     if config.lifetime.record_every == 0:
         alone = facts["command_line"][1:2] == ["evaluate"]  # else a study's, of which it is one job
-        asked = facts["command_line"] if alone else ["epuckhebb", "evaluate", *facts["overrides"]]
-        kept = [word for word in asked if not word.startswith("lifetime.record_every=")]
+        typed = facts["command_line"] if alone else ["epuckhebb", "evaluate", *facts["overrides"]]
+        words = [word for word in typed if not word.startswith("lifetime.record_every=")]
         raise ConfigError(
             f"{path} recorded nothing to replay, because it ran with lifetime.record_every=0; run it again with "
-            f"recording on: {' '.join([*kept, 'lifetime.record_every=8'])}"
+            f"recording on: {' '.join([*words, 'lifetime.record_every=8'])}"
         )
     metrics = run.table("metrics.csv")
     lifetimes = len(SIDES) * metrics.controller.nunique()
@@ -68,14 +68,14 @@ def recording(path: Path) -> Recording:
 def found_in(run: Run, config: EvaluateConfig) -> dict[str, str]:
     """A sentence for each side on what the robots of the recorded lifetimes found in their self-check."""
     shown = [row for row in read_findings(run) if row["repeat"] == 0]
-    who = " and ".join(f"“{one.name}”" for one in config.controllers if one.adaptation.self_check)
-    return {str(row["side"]): f"Before its life, the robot with {who} found: {text(row)}." for row in shown}
+    adaptations = " and ".join(f"“{one.name}”" for one in config.controllers if one.adaptation.self_check)
+    return {str(row["side"]): f"Before its life, the robot with {adaptations} found: {text(row)}." for row in shown}
 
 
 def write_page(recorded: Recording, target: Path) -> None:
     """Write the page of a recording."""
     title, world, gain = recorded.title, recorded.config.world, recorded.config.lifetime.gain_rad_s
-    weights, network, found, notes = recorded.weights, recorded.network, recorded.found, recorded.notes
+    weights, network, found, notes = recorded.weights, recorded.network, recorded.findings, recorded.notes
     page = replay.page(
         recorded.traces, weights, world, title, gain_rad_s=gain, network=network, found=found, notes=notes
     )

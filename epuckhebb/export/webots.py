@@ -20,6 +20,7 @@ from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rule import InitialWeights
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK
+from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.store import disk
 from epuckhebb.store.genome import Genome, load_genome
 from epuckhebb.store.run import Run, resolve_run
@@ -63,11 +64,11 @@ def webots(what: str, folder: Path) -> list[Path]:
 def next_step(controller: Path) -> str:
     """What to do with a controller that has been written, and which others of its run were left out."""
     left_out = json.loads((controller.parent / _CHAMPION).read_text(encoding="utf-8"))["left_out"]
-    told = f"Left out, as one controller is taken of a run: {', '.join(left_out)}.\n" if left_out else ""
+    others = f"Left out, as one controller is taken of a run: {', '.join(left_out)}.\n" if left_out else ""
     return (
-        f"{told}Next: put this folder below controllers/ of a Webots project, and choose {controller.stem} in the "
+        f"{others}Next: put this folder below controllers/ of a Webots project, and choose {controller.stem} in the "
         "field `controller` of its e-puck. With a GPS in a world whose z axis points up, set gps_axes in champion.json "
-        "to [[0, 1.0], [1, 1.0]]; docs/webots.md tells more."
+        "to [[0, 1.0], [1, 1.0]]; see docs/webots.md."
     )
 
 
@@ -82,8 +83,8 @@ def _genome_and_config(what: str) -> tuple[Genome, EvaluateConfig]:
             raise ConfigError(f"genome={config.genome} is not the genome of {path}; its SHA-256 differs")
         return genome, config
     genome = load_genome(str(path), "obstacles")
-    home = "highlight" if genome.experiment == "light" else "base"
-    return genome, load(EvaluateConfig, [f"scenario={home}", "hebbian=none"])
+    scenario = TRAINED[genome.experiment or "obstacles"]
+    return genome, load(EvaluateConfig, [f"scenario={scenario}", "hebbian=none"])
 
 
 def _content(genome: Genome, config: EvaluateConfig) -> dict[str, Any]:
@@ -117,7 +118,7 @@ def _rule(controller: Controller) -> dict[str, Any]:
     if not isinstance(rule, Paper) or not as_in_paper or controller.adaptation.acts:
         raise ConfigError(
             f"controller {controller.name} cannot be taken to Webots: only the paper's rule can, without an "
-            "adaptation, with its own signs, evolved weights at birth, and an N that holds at any gain; or none "
+            "adaptation, with its own signs, evolved initial weights, and an N that holds at any gain; or none "
             "(hebbian=none)"
         )
     settings = {key: value.name if isinstance(value, Enum) else value for key, value in asdict(rule).items()}

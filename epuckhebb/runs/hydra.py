@@ -26,7 +26,7 @@ from epuckhebb.config.hydra_cache import USERS, users_first
 from epuckhebb.config.names import resolve_names
 from epuckhebb.config.overrides import SWEEP_DIR, alternatives, check_folders, quoted, value_of, with_names_compared
 from epuckhebb.config.schema import SCHEMAS, Config, typed
-from epuckhebb.runtime.errors import ConfigError, JobFailedError, end_with
+from epuckhebb.runtime.errors import ConfigError, JobFailedError, exit_with_parent
 from epuckhebb.runtime.resources import data_folder, path_of, thread_count
 from epuckhebb.store.folder import check_folder_of_multirun
 from epuckhebb.store.run import of_multirun
@@ -244,7 +244,7 @@ def _workers_that_end_with_us() -> Iterator[None]:
     from joblib.parallel import BACKENDS, register_parallel_backend
 
     loky = BACKENDS["loky"]
-    register_parallel_backend("loky", functools.partial(loky, initializer=end_with, initargs=(os.getpid(),)))
+    register_parallel_backend("loky", functools.partial(loky, initializer=exit_with_parent, initargs=(os.getpid(),)))
     try:
         yield
     finally:

@@ -187,14 +187,14 @@ class RunFolder:
 
     def __enter__(self) -> "RunFolder":
         """The folder itself."""
-        errors.at_work.append(self._interrupted)
+        errors.open_folders.append(self._interrupted)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Write whether the work finished, was interrupted or failed; raise what the user is told."""
-        errors.at_work.remove(self._interrupted)
+        """Write whether the work finished, was interrupted or failed; raise what is reported."""
+        errors.open_folders.remove(self._interrupted)
         try:
             if error is None:
                 try:
