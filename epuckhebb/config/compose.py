@@ -19,7 +19,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config.conf import groups
 from epuckhebb.config.explain import explain
-from epuckhebb.config.hydra_cache import parse_once, refuse_repeated_keys, users_first
+from epuckhebb.config.hydra_cache import parse_once, users_first
 from epuckhebb.config.names import resolve_names, world_name
 from epuckhebb.config.overrides import with_names_compared
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, command_of, plain, typed
@@ -38,7 +38,6 @@ _REFERENCE = re.compile(rf"\$\{{[^}}]*\b({'|'.join(_ALONE)})\b")
 _KEPT = 64  # compositions that are kept for the next combination
 VERSION_BASE: dict[str, Any] = {} if IS_HYDRA_1_4 else {"version_base": "1.3"}  # from 1.4 on it is warned about
 parse_once()
-refuse_repeated_keys()
 
 
 def load(schema: type[Config], overrides: list[str], config_dir: str | None = None) -> Config:
@@ -64,7 +63,7 @@ def swept(overrides: list[str], config_dir: str | None = None) -> dict[str, str]
 def composed(
     command: str, overrides: list[str], config_dir: str | None = None, *, with_hydra: bool = False
 ) -> DictConfig:
-    """The configuration that a verb would run with these overrides.
+    """The configuration that a command would run with these overrides.
 
     Args:
         command: The command.
@@ -163,16 +162,16 @@ def combinations(
         return one.key_or_group, one.value()
 
     @functools.cache
-    def shared(asked: tuple[tuple[str, str], ...]) -> tuple[Plain, bool]:
+    def shared(pairs: tuple[tuple[str, str], ...]) -> tuple[Plain, bool]:
         """A configuration, and whether something in it refers to a genome, a seed or the like."""
-        raw, hydras, folders = of_groups(tuple(override for key, override in asked if key not in values))
+        raw, hydras, folders = of_groups(tuple(override for key, override in pairs if key not in values))
         cfg = copy.deepcopy(raw)
         try:
-            for key, override in asked:
+            for key, override in pairs:
                 if key in values:
                     OmegaConf.update(cfg, *parsed(override))
         except OmegaConfBaseException:  # Hydra can put it in, or says why not
-            cfg = _composed(command, [*fixed, *(override for _, override in asked)], config_dir)[0]
+            cfg = _composed(command, [*fixed, *(override for _, override in pairs)], config_dir)[0]
         _with_names(cfg, hydras, folders)
         config = plain(cfg)
         validate_shared(config, functools.partial(typed, cfg, SCHEMAS[command]))
@@ -188,11 +187,11 @@ def combinations(
             raise ConfigError(explain(error)) from error
 
     for overrides in itertools.product(*choices.values()):
-        asked = tuple(zip(choices, overrides, strict=True))
-        alone = [override for key, override in asked if key in _ALONE and "${" not in override]
-        config, refers = shared(tuple(pair for pair in asked if pair[1] not in alone))
+        pairs = tuple(zip(choices, overrides, strict=True))
+        alone = [override for key, override in pairs if key in _ALONE and "${" not in override]
+        config, refers = shared(tuple(pair for pair in pairs if pair[1] not in alone))
         if refers:
-            config = shared(asked)[0]
+            config = shared(pairs)[0]
         else:
             for override in alone:
                 config = {**config, **of_type(override)}

@@ -61,7 +61,7 @@ def group_named(name: str) -> Group:
     """The group of a name."""
     known = {group.name: group for group in all_groups()}
     if name not in known:
-        raise ConfigError(f"keys {name}: {did_you_mean(name, known)}the group must be one of {', '.join(known)}")
+        raise ConfigError(f"keys {name}: the group must be one of {', '.join(known)}{did_you_mean(name, known)}")
     return known[name]
 
 

@@ -38,9 +38,8 @@ def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]
 def check_keywords(keys: Mapping[str, Any]) -> None:
     """Refuse a parameter of these functions that is misspelt, and would be taken for a key of the configuration."""
     for key in keys:
-        asked = did_you_mean(key, _PARAMETERS)
-        if asked:
-            raise ConfigError(f"there is no keyword {key}; {asked}".rstrip())
+        if meant := did_you_mean(key, _PARAMETERS):
+            raise ConfigError(f"there is no keyword {key}{meant}")
 
 
 def keyword_overrides(key: str, value: Any) -> Iterator[str]:

@@ -29,7 +29,7 @@ def rule_names() -> list[str]:
     return _names_in(rule_files)
 
 
-def part_settings(kind: Any, given: Mapping[str, Any], key: str, told: str) -> dict[str, Any]:
+def part_settings(kind: Any, given: Mapping[str, Any], key: str, owner: str) -> dict[str, Any]:
     """The settings that are given below a key, as the dataclass of a part declares them."""
     known = {field.name: field for field in fields(kind)}
     hints = typing.get_type_hints(kind)
@@ -37,7 +37,7 @@ def part_settings(kind: Any, given: Mapping[str, Any], key: str, told: str) -> d
     for name, value in given.items():
         if name not in known:
             raise ConfigError(
-                f"{key}.{name} is not a setting of {told}; {did_you_mean(name, known)}it has {', '.join(known)}"
+                f"{key}.{name} is not a setting of {owner}; it has {', '.join(known)}{did_you_mean(name, known)}"
             )
         values[name] = _as_declared(value, hints[name], f"{key}.{name}")
     missing = [
@@ -46,7 +46,7 @@ def part_settings(kind: Any, given: Mapping[str, Any], key: str, told: str) -> d
         if name not in values and field.default is MISSING and field.default_factory is MISSING
     ]
     if missing:
-        raise ConfigError(f"{key}.{missing[0]} is missing: {told} has no default for it")
+        raise ConfigError(f"{key}.{missing[0]} is missing: {owner} has no default for it")
     return values
 
 

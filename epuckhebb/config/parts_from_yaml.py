@@ -73,7 +73,7 @@ def _record(
     given, defaults = _mapping(where, value), optional or {}
     for key in given:
         if key not in kinds:
-            raise ValueError(f"{where}.{key} is not known; {did_you_mean(key, kinds)}known are {', '.join(kinds)}")
+            raise ValueError(f"{where}.{key} is not known; known are {', '.join(kinds)}{did_you_mean(key, kinds)}")
     for key in kinds:
         if key not in given and key not in defaults:
             raise ValueError(f"{where}.{key} is missing")

@@ -54,8 +54,8 @@ class OwnFile:
     @property
     def digest(self) -> str:
         """Twelve hexadecimal digits that name the content of all files, wherever they are."""
-        told = sorted((place, _sha256(content)) for place, (_, content) in self.sources.items())
-        return _sha256(repr(told).encode())[:12]
+        parts = sorted((place, _sha256(content)) for place, (_, content) in self.sources.items())
+        return _sha256(repr(parts).encode())[:12]
 
     @property
     def copy(self) -> str:
@@ -130,19 +130,19 @@ def class_named(text: str, base: type[Base], key: str) -> type[Base]:
     )
 
 
-def load(file: Path, told: str) -> OwnFile:
+def load(file: Path, key: str) -> OwnFile:
     """Load a user's file, unless it and all of the user's that it imports are loaded as they are now."""
     place = file.resolve()
     if place in _loaded and _loaded[place].is_unchanged:
         return _loaded[place]
     if not file.is_file():
-        raise ConfigError(f"{told}: there is no file {file}")
+        raise ConfigError(f"{key}: there is no file {file}")
     if file.suffix != ".py":
-        raise ConfigError(f"{told}: {file} is no Python file; its name must end in .py")
+        raise ConfigError(f"{key}: {file} is no Python file; its name must end in .py")
     try:
         content = place.read_bytes()
     except OSError as error:
-        raise ConfigError(f"{told}: {file} cannot be read: {error.strerror}") from error
+        raise ConfigError(f"{key}: {file} cannot be read: {error.strerror}") from error
     own = OwnFile(place, _PREFIX + _sha256(str(place).encode() + content)[:16])
     _unload(own.package)
     _packages[own.package] = own
@@ -153,7 +153,7 @@ def load(file: Path, told: str) -> OwnFile:
         _unload(own.package)
         where = _where(error, own) or str(file)
         why = str(error).replace(f"{own.package}.", "")
-        raise ConfigError(f"{told}: {where} cannot be imported: {type(error).__name__}: {why}") from error
+        raise ConfigError(f"{key}: {where} cannot be imported: {type(error).__name__}: {why}") from error
     _loaded[place] = own
     return own
 

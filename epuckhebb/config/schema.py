@@ -128,7 +128,7 @@ class WorldConfig(Checked):
     changed: str | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be run."""
+        """Validate the settings."""
         check_counts(seed=self.seed, threads=self.threads)
         self.world = scenario_from(self.scenario, self.maze, self.robot, self.task)
         memory = grid_bytes(self.world.maze.arena_m)
@@ -145,7 +145,7 @@ class EvaluateConfig(WorldConfig):
     """All keys of `epuckhebb evaluate`.
 
     controllers: what comes of them, `hebbian` with `adaptation` (unless both are none), the same with its reward
-    inverted if it hears one, and those of `compare`.
+    inverted if it receives one, and those of `compare`.
     """
 
     genome: str = "reference"
@@ -154,7 +154,7 @@ class EvaluateConfig(WorldConfig):
     compare: dict[str, Any] = field(default_factory=dict)  # name -> what differs from the paper's rule
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be run."""
+        """Validate the settings."""
         super().__post_init__()
         check_counts(repeats=self.repeats)
         main = controller_from(self.hebbian, self.adaptation)
@@ -165,7 +165,7 @@ class EvaluateConfig(WorldConfig):
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice:
             raise ValueError(
-                f"the name {twice} is taken by another controller of this run; they are told apart by their names: "
+                f"the name {twice} is taken by another controller of this run; controllers need different names: "
                 f"{', '.join(names)}. Give hebbian.name, adaptation.name or the name below compare another one"
             )
         for controller in self.controllers:
@@ -189,7 +189,7 @@ class EvolveConfig(WorldConfig):
     training: Training = field(default_factory=Training)
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be run."""
+        """Validate the settings."""
         super().__post_init__()
         self.controller = controller_from(self.hebbian, Adaptation())
         check_signal(self.controller, self.world.robot)
@@ -245,7 +245,7 @@ class ReproduceConfig(Checked):
     ga: GA = field(default_factory=GA)
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be run."""
+        """Validate the settings."""
         counted = ("seed", "threads", "repeats", "champions", "first_seed")
         check_counts(**{key: getattr(self, key) for key in counted})
         for rate in self.rates:
@@ -266,7 +266,7 @@ class LeaderboardConfig(Checked):
     reversal_repeats: int = 100
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be run."""
+        """Validate the settings."""
         counted = ("seed", "repeats", "champions", "first_seed", "reversal_repeats")
         check_counts(**{key: getattr(self, key) for key in counted})
         if not self.tests:

@@ -29,7 +29,7 @@ def from_values(values: Plain, schema: type[Config], source: str) -> Config:
 
 
 def as_config(held: Mapping[Any, Any], command: str) -> DictConfig:
-    """The configuration of a verb that these plain values are, all names among them; no text refers to another."""
+    """The configuration of a command that these plain values are, all names among them; no text refers to another."""
     cfg = OmegaConf.merge(_keys_of(command), _literally(dict(held)))
     assert isinstance(cfg, DictConfig)
     return cfg
@@ -37,19 +37,19 @@ def as_config(held: Mapping[Any, Any], command: str) -> DictConfig:
 
 @functools.cache
 def _keys_of(command: str) -> DictConfig:
-    """The keys of a verb with their types, made once: every job of a sweep has them."""
+    """The keys of a command with their types, made once: every job of a sweep has them."""
     schema = OmegaConf.structured(SCHEMAS[command])
     assert isinstance(schema, DictConfig)
     return schema
 
 
-def _literally(told: Any) -> Any:
+def _literally(value: Any) -> Any:
     """What was written down with all values in it: no text in it refers to another."""
-    if isinstance(told, dict):
-        return {str(key): _literally(value) for key, value in told.items()}
-    if isinstance(told, list):
-        return [_literally(value) for value in told]
-    return literal(told) if isinstance(told, str) else told
+    if isinstance(value, dict):
+        return {str(key): _literally(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_literally(item) for item in value]
+    return literal(value) if isinstance(value, str) else value
 
 
 def settings(file: Path) -> dict[str, Any]:

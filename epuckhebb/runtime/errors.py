@@ -26,9 +26,15 @@ class JobFailedError(RuntimeError):
     """A run began and could not be finished; the message says which and why."""
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A question to put into a message before what is allowed; nothing if no name is near."""
-    return "".join(f"did you mean {one}? " for one in near(name, known, 1))
+def did_you_mean(name: str, known: Iterable[str], most: int = 1) -> str:
+    """A question to put behind what is wrong; nothing if no name is near."""
+    return question(near(name, known, most))
+
+
+def question(names: Iterable[str]) -> str:
+    """A question to put behind what is wrong; nothing without names."""
+    names = ", ".join(names)
+    return f". Did you mean {names}?" if names else ""
 
 
 def near(name: str, known: Iterable[str], most: int = 3) -> list[str]:

@@ -113,7 +113,7 @@ def _report(study: RunFolder, planned: Leaderboard) -> None:
     lines = {entry.row.experiment: limits(entry.task) for entry in planned.entries if isinstance(entry.task, Reversal)}
     picture = charts.leaderboard_of(table, champions, lines)
     study.write(f"figures/{board.FIGURE}", picture)
-    meanings = {entry.method.name: entry.method.told for entry in planned.entries}
+    meanings = {entry.method.name: entry.method.description for entry in planned.entries}
     tests = {experiment: list(own) for experiment, own in planned.tests.items()}
     page = board.markdown(table, costs, meanings, tests, _provenance(planned))
     study.write("report.md", page)

@@ -143,7 +143,7 @@ def in_reversal(methods: Sequence[Method], folders: Sequence[Path]) -> list[Meth
             champions_of=_PLAIN if method.champions_of else "",
             matched_control="" if method.champions_of else _PLAIN,
         )
-        if method.rule and not any(replace(made, name=one.name, told=one.told) == one for one in found):
+        if method.rule and not any(replace(made, name=one.name, description=one.description) == one for one in found):
             found.append(made)
     names = [method.name for method in methods]
     if not found[1:] and names != [_PLAIN]:
