@@ -29,7 +29,7 @@ from epuckhebb.config.choices import (
 from epuckhebb.config.overrides import literal
 from epuckhebb.config.parts import NONE, PAPER, rule_class, rule_file
 from epuckhebb.config.parts_from_yaml import maze_from
-from epuckhebb.config.schema import ScenarioConfig, said
+from epuckhebb.config.schema import ScenarioConfig, plain, said
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.controller import HEBBIAN
@@ -193,13 +193,13 @@ def _changed(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> str:
 
     What bears the name of a scenario of the program's is compared with that, whatever file it is of.
     """
-    maze, robot = _plain(cfg.maze), _plain(cfg.robot)
+    maze, robot = plain(cfg.maze), plain(cfg.robot)
     name = str(cfg.scenario.name)
     if is_choice("scenario", name, OURS):
         choice = name
     folders = where_known("scenario", choice, folders)
     original = scenario_of(choice, folders, maze, robot)
-    task = _plain(cfg.task) if "task" in cfg else None
+    task = plain(cfg.task) if "task" in cfg else None
     world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task)
     return "" if original is None else world.changed_from(original, maze_brought(choice, folders) or T_MAZE, EPUCK)
 
@@ -212,16 +212,10 @@ def _changed_lifetime(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequ
     found = choice_settings("lifetime", choice, where_known("lifetime", choice, folders))
     if found is None or "lifetime" not in cfg:
         return
-    usual = _plain(OmegaConf.create({"lifetime": found, "scenario": cfg.scenario}).lifetime)
-    for key, value in _plain(cfg.lifetime).items():
+    usual = plain(OmegaConf.create({"lifetime": found, "scenario": cfg.scenario}).lifetime)
+    for key, value in plain(cfg.lifetime).items():
         if key != _RECORDING and value != usual.get(key):
             yield f"lifetime.{key}={value:g}"
-
-
-def _plain(node: DictConfig) -> dict[str, Any]:
-    values = OmegaConf.to_container(node, resolve=True)
-    assert isinstance(values, dict)
-    return {str(key): value for key, value in values.items()}
 
 
 def scenario_of(choice: str, folders: Sequence[Path], maze: dict[str, Any], robot: dict[str, Any]) -> Scenario | None:
@@ -249,7 +243,7 @@ def _maze_settings(choice: str, folders: Sequence[Path]) -> dict[str, Any] | Non
     """The settings of that maze."""
     brought = default_override("scenario", choice, BRINGS_MAZE, folders)
     found = None if brought is None else choice_settings("maze", brought, folders)
-    return None if found is None else _plain(found)
+    return None if found is None else plain(found)
 
 
 def world_of(choice: str, folders: Sequence[Path], robot: dict[str, Any]) -> Scenario | None:
@@ -267,4 +261,4 @@ def _usual_maze() -> dict[str, Any]:
     """The settings of the paper's maze."""
     usual = choice_settings("maze", T_MAZE.name, OURS)
     assert usual is not None  # the program has this file
-    return _plain(usual)
+    return plain(usual)

@@ -10,7 +10,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from epuckhebb.config.plugins import class_named
+from epuckhebb.config.plugins import Base, class_named
 from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime.errors import ConfigError, did_you_mean
@@ -58,8 +58,7 @@ def rule_class(where: str, key: str) -> type[Rule]:
                 f"{key}.rule={where} must be one of {', '.join([NONE, *rule_names()])}, or a rule of your own, "
                 "FILE.py:NAME"
             )
-        known: type[Rule] = _class_of(rule_files, where, Rule, f"{key}.rule")
-        return known
+        return _class_of(rule_files, where, Rule, f"{key}.rule")
     kind = class_named(where, Rule, f"{key}.rule")
     try:
         arguments_of(kind)
@@ -101,8 +100,7 @@ def optimizer_names() -> list[str]:
 
 def optimizer_class(algorithm: Any) -> type[Optimizer]:
     """The class of the optimizer of this name, whose fields are its settings."""
-    kind: type[Optimizer] = _class_of(optimizers, algorithm, Optimizer, "optimizer.algorithm")
-    return kind
+    return _class_of(optimizers, algorithm, Optimizer, "optimizer.algorithm")  # type: ignore[type-abstract]
 
 
 def task_names() -> list[str]:
@@ -112,15 +110,14 @@ def task_names() -> list[str]:
 
 def task_class(name: Any) -> type[Task]:
     """The class of the task of this name, whose fields are its settings."""
-    kind: type[Task] = _class_of(tasks, name, Task, "task.kind")
-    return kind
+    return _class_of(tasks, name, Task, "task.kind")
 
 
 def _names_in(package: types.ModuleType) -> list[str]:
     return sorted(module.name for module in pkgutil.iter_modules(package.__path__))
 
 
-def _class_of(package: types.ModuleType, name: Any, base: Any, key: str) -> Any:
+def _class_of(package: types.ModuleType, name: Any, base: type[Base], key: str) -> type[Base]:
     """The subclass of a base that the module of this name has of its own."""
     known = _names_in(package)
     if name not in known:

@@ -11,10 +11,11 @@ import importlib
 import importlib.util
 import re
 import sys
+import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from importlib.abc import Loader, MetaPathFinder
+from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
 from types import CodeType, ModuleType
@@ -63,11 +64,6 @@ class OwnFile:
         return f"{FOLDER}/{self.digest}/{self.file.name}"
 
     @property
-    def copies(self) -> dict[str, bytes]:
-        """The content of all copies by their place in a run folder."""
-        return {f"{FOLDER}/{self.digest}/{place}": content for place, (_, content) in self.sources.items()}
-
-    @property
     def sha256(self) -> dict[str, str]:
         """The SHA-256 of each file by its path."""
         return {str(path): _sha256(content) for path, content in self.sources.values()}
@@ -106,7 +102,9 @@ def sources(config: Any) -> dict[str, str]:
 
 def copies(own: Mapping[Path, OwnFile]) -> dict[str, bytes]:
     """The content of all copies that a run folder keeps, by their place there."""
-    return {place: content for one in own.values() for place, content in one.copies.items()}
+    return {
+        f"{FOLDER}/{one.digest}/{place}": content for one in own.values() for place, (_, content) in one.sources.items()
+    }
 
 
 def class_named(text: str, base: type[Base], key: str) -> type[Base]:
@@ -168,12 +166,9 @@ def _where(error: BaseException, own: OwnFile) -> str:
     """The user's file and the line in which an error arose; nothing if it is in none."""
     if isinstance(error, SyntaxError) and error.filename and error.lineno:
         return f"{error.filename}, line {error.lineno},"
-    files, found, trace = {str(path) for path, _ in own.sources.values()}, "", error.__traceback__
-    while trace is not None:
-        if trace.tb_frame.f_code.co_filename in files:
-            found = f"{trace.tb_frame.f_code.co_filename}, line {trace.tb_lineno},"
-        trace = trace.tb_next
-    return found
+    files = {str(path) for path, _ in own.sources.values()}
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename in files]
+    return f"{frames[-1].filename}, line {frames[-1].lineno}," if frames else ""
 
 
 class _Finder(MetaPathFinder):
@@ -186,12 +181,16 @@ class _Finder(MetaPathFinder):
             return None
         own = _packages.get(package)
         if own is None or not inner:  # numba names modules of kernels on disk; it needs nothing of them
-            return ModuleSpec(name, _Empty(), is_package=True)
+            return ModuleSpec(name, None, is_package=True)
         if inner == _stem(own.file):
             return importlib.util.spec_from_file_location(name, own.file, loader=_Source(name, str(own.file)))
         found = PathFinder.find_spec(name, path) if "." in inner else _find(inner, own)
-        if found is None or not found.has_location or found.origin is None:  # not there, or a folder without code
-            return _renamed(found, name)
+        if found is None:
+            return None
+        if not found.has_location or found.origin is None:  # a folder without code
+            spec = ModuleSpec(name, None, is_package=True)
+            spec.submodule_search_locations = list(found.submodule_search_locations or [])
+            return spec
         if isinstance(found.loader, SourceFileLoader):
             found.loader = _Source(name, found.origin)
         else:  # a compiled file
@@ -199,22 +198,6 @@ class _Finder(MetaPathFinder):
         return importlib.util.spec_from_file_location(
             name, found.origin, loader=found.loader, submodule_search_locations=found.submodule_search_locations
         )
-
-
-def _renamed(folder: ModuleSpec | None, name: str) -> ModuleSpec | None:
-    """The same folder of modules under another name."""
-    if folder is None or folder.submodule_search_locations is None:
-        return None
-    spec = ModuleSpec(name, None, is_package=True)
-    spec.submodule_search_locations = list(folder.submodule_search_locations)
-    return spec
-
-
-class _Empty(Loader):
-    """Makes a module with nothing in it."""
-
-    def exec_module(self, module: ModuleType) -> None:
-        """Nothing to do."""
 
 
 class _Source(SourceFileLoader):
