@@ -56,25 +56,14 @@ def load(schema: type[Config], overrides: list[str], config_dir: str | None = No
 
 def swept(overrides: list[str], config_dir: str | None = None) -> dict[str, str]:
     """For each key the values that a named sweep of `evaluate` gives it; empty if the overrides name none."""
-    params = composed("evaluate", overrides, config_dir, with_hydra=True).hydra.sweeper.params
+    params = _composed("evaluate", overrides, config_dir)[1].sweeper.params
     return {str(key): str(values) for key, values in (params or {}).items()}
 
 
-def composed(
-    command: str, overrides: list[str], config_dir: str | None = None, *, with_hydra: bool = False
-) -> DictConfig:
-    """The configuration that a command would run with these overrides.
-
-    Args:
-        command: The command.
-        overrides: As on the command line.
-        config_dir: A folder with more configuration files.
-        with_hydra: Whether to include what Hydra keeps for itself.
-
-    Raises:
-        ConfigError: They do not make one.
-    """
-    return _with_names(*_composed(command, overrides, config_dir), with_hydra=with_hydra)
+def composed(command: str, overrides: list[str], config_dir: str | None = None) -> DictConfig:
+    """The configuration that a command would run with these overrides, all names in it."""
+    cfg, hydras, folders = _composed(command, overrides, config_dir)
+    return resolve_names(cfg, hydras.runtime.choices, folders)
 
 
 def _composed(command: str, overrides: list[str], config_dir: str | None) -> tuple[DictConfig, DictConfig, list[Path]]:
@@ -90,14 +79,6 @@ def _composed(command: str, overrides: list[str], config_dir: str | None) -> tup
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
         hydras = cfg.pop("hydra")
     return cfg, hydras, folders_of(hydras.runtime)
-
-
-def _with_names(cfg: DictConfig, hydras: DictConfig, folders: list[Path], *, with_hydra: bool = False) -> DictConfig:
-    resolve_names(cfg, hydras.runtime.choices, folders)
-    if with_hydra:
-        with flag_override(cfg, ["struct", "readonly"], [False, False]):
-            cfg.hydra = hydras
-    return cfg
 
 
 def folders_of(runtime: Any) -> list[Path]:
@@ -172,7 +153,7 @@ def combinations(
                     OmegaConf.update(cfg, *parsed(override))
         except OmegaConfBaseException:  # Hydra can put it in, or says why not
             cfg = _composed(command, [*fixed, *(override for _, override in pairs)], config_dir)[0]
-        _with_names(cfg, hydras, folders)
+        resolve_names(cfg, hydras.runtime.choices, folders)
         config = plain(cfg)
         validate_shared(config, functools.partial(typed, cfg, SCHEMAS[command]))
         return config, bool(_REFERENCE.search(str(unresolved(cfg))))
