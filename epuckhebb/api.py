@@ -19,7 +19,7 @@ from epuckhebb.analysis.lifetimes import Evaluated, gather
 from epuckhebb.analysis.self_checks import Checks
 from epuckhebb.config.build import controller_of, network_for, with_controls
 from epuckhebb.config.compose import load
-from epuckhebb.config.keywords import MASKED, check_keywords, overrides_of, value_text
+from epuckhebb.config.keywords import overrides_of, value_text
 from epuckhebb.config.overrides import check_config_dir, quoted
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, say_unusual
 from epuckhebb.evolution.evolve import history_row
@@ -213,7 +213,6 @@ def sweep(
     keys: Mapping[str, Any],
 ) -> pd.DataFrame:
     """See `epuckhebb.sweep`."""
-    check_keywords(keys)
     if not isinstance(over, Mapping) or not over:
         raise ConfigError(f"over must be keys with their values, as {{'hebbian.N': [0.0002, 0.002]}}, got {over!r}")
     for key, values in over.items():
@@ -266,8 +265,6 @@ def _genome_of(given: Any, config: EvaluateConfig) -> Genome:
             "genome must be genes (an array), `reference`, `reference_7`, or where a champion is, got "
             f"{type(given).__name__}"
         )
-    if isinstance(genes, np.ma.MaskedArray):
-        raise ConfigError(MASKED.format("genome"))
     network = network_for(config.world, config.layers)
     plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
     array = np.asarray(genes)
