@@ -3,6 +3,7 @@
 import html
 import io
 import re
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
