@@ -93,7 +93,7 @@ def test_all_files_of_the_users_count_wherever_they_are_found(tmp_path, monkeypa
     assert sorted(own.sources) == places
     assert own.module.late() == 4
     assert sorted(own.sources) == sorted([*places, "helper.py"])
-    for place, content in plugins.copies({own.file: own}).items():
+    for place, content in own.copies.items():
         (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / place).write_bytes(content)
     before, copy = own.digest, own.copy

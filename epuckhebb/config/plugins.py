@@ -64,6 +64,11 @@ class OwnFile:
         return f"{FOLDER}/{self.digest}/{self.file.name}"
 
     @property
+    def copies(self) -> dict[str, bytes]:
+        """The content of all copies by their place in a run folder."""
+        return {f"{FOLDER}/{self.digest}/{place}": content for place, (_, content) in self.sources.items()}
+
+    @property
     def sha256(self) -> dict[str, str]:
         """The SHA-256 of each file by its path."""
         return {str(path): _sha256(content) for path, content in self.sources.values()}
@@ -98,13 +103,6 @@ def own_files(config: Any) -> dict[Path, OwnFile]:
 def sources(config: Any) -> dict[str, str]:
     """The SHA-256, by path, of all the user's files that results of a configuration depend on."""
     return {path: sha256 for own in own_files(config).values() for path, sha256 in own.sha256.items()}
-
-
-def copies(own: Mapping[Path, OwnFile]) -> dict[str, bytes]:
-    """The content of all copies that a run folder keeps, by their place there."""
-    return {
-        f"{FOLDER}/{one.digest}/{place}": content for one in own.values() for place, (_, content) in one.sources.items()
-    }
 
 
 def class_named(text: str, base: type[Base], key: str) -> type[Base]:
