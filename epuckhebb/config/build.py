@@ -10,12 +10,12 @@ from epuckhebb.config.parts import (
     NONE,
     PAPER,
     optimizer_class,
-    part_settings,
     rule_class,
     rule_names,
     task_class,
 )
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
+from epuckhebb.config.values import part_settings
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.adaptation import Adaptation

@@ -1,19 +1,16 @@
-"""Finds the class of a rule, an optimizer or a task by its name, and checks the settings that it is given."""
+"""Finds the class of a rule, an optimizer or a task by its name."""
 
 import importlib
 import pkgutil
 import types
-import typing
 from collections.abc import Mapping
-from dataclasses import MISSING, fields
-from enum import Enum
 from pathlib import Path
 from typing import Any
 
 from epuckhebb.config.plugins import Base, class_named
 from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Optimizer
-from epuckhebb.runtime.errors import ConfigError, did_you_mean
+from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import path_of
 from epuckhebb.sim import tasks
 from epuckhebb.sim.plasticity import rules as rule_files
@@ -27,27 +24,6 @@ GENETIC = "ga"  # the optimizer whose settings are a group of their own
 def rule_names() -> list[str]:
     """The rules that the program has."""
     return _names_in(rule_files)
-
-
-def part_settings(kind: Any, given: Mapping[str, Any], key: str, owner: str) -> dict[str, Any]:
-    """The settings that are given below a key, as the dataclass of a part declares them."""
-    known = {field.name: field for field in fields(kind)}
-    hints = typing.get_type_hints(kind)
-    values = {}
-    for name, value in given.items():
-        if name not in known:
-            raise ConfigError(
-                f"{key}.{name} is not a setting of {owner}; it has {', '.join(known)}{did_you_mean(name, known)}"
-            )
-        values[name] = _as_declared(value, hints[name], f"{key}.{name}")
-    missing = [
-        name
-        for name, field in known.items()
-        if name not in values and field.default is MISSING and field.default_factory is MISSING
-    ]
-    if missing:
-        raise ConfigError(f"{key}.{missing[0]} is missing: {owner} has no default for it")
-    return values
 
 
 def rule_class(where: str, key: str) -> type[Rule]:
@@ -71,26 +47,6 @@ def rule_file(settings: Mapping[str, Any]) -> Path | None:
     """The file of a user's own rule; None for a rule of the program."""
     file, colon, _ = str(settings.get("rule", "")).rpartition(":")
     return path_of(file, "hebbian.rule") if colon else None
-
-
-def _as_declared(value: Any, kind: Any, key: str) -> Any:
-    """A value of a configuration as the type that a dataclass declares."""
-    if isinstance(kind, type) and issubclass(kind, Enum):
-        names = [member.name for member in kind]
-        name = value.name if isinstance(value, Enum) else value
-        if name not in names:
-            raise ConfigError(f"{key} must be one of {', '.join(names)}, got {value!r}")
-        return kind[name]
-    if isinstance(kind, types.UnionType):  # a type, or nothing
-        if value is None:
-            return None
-        kind = next(one for one in typing.get_args(kind) if one is not types.NoneType)
-    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    if kind in (int, bool, str) and type(value) is kind:
-        return value
-    wanted = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}.get(kind, str(kind))
-    raise ConfigError(f"{key} must be {wanted}, got {value!r}")
 
 
 def optimizer_names() -> list[str]:
