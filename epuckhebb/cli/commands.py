@@ -81,7 +81,7 @@ def evaluate(
     as_json: Json = False,
     open_page: Open = False,
 ) -> None:
-    """Run a genome's lifetimes in a scenario, with and without plasticity."""
+    """A genome's lifetimes with and without plasticity."""
     from epuckhebb.runs.evaluate import evaluate_job, prepare, recorded_job, with_robot
 
     if open_page and (multirun or cfg):
