@@ -17,7 +17,7 @@ from epuckhebb.sim.physics import PymunkSpace, mover
 from epuckhebb.sim.plasticity.rule import initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.plasticity.update import StepContext, update_of
-from epuckhebb.sim.plasticity.weight_change import room
+from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.senses import sense_workspace, senses
@@ -92,7 +92,7 @@ def measure() -> list[tuple[str, str]]:
         np.ones(network.synapses),
         settings,
         np.empty((3, network.synapses)),
-        np.empty(room(network)),
+        np.empty(weight_change_workspace(network)),
     )
     still, wall, corner = (PymunkSpace(walls, EPUCK) for _ in range(3))
     still.place_robot(T_MAZE.start)

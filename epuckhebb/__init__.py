@@ -83,8 +83,7 @@ def load(where: str | Path = "reference", experiment: str = "obstacles") -> "NDA
     Raises:
         ValueError: There is no genome there; the message says why.
     """
-    from epuckhebb.store.genome import load_genome
-    from epuckhebb.store.run import resolve_run
+    from epuckhebb.store import load_genome, resolve_run
 
     return load_genome(str(resolve_run(str(where), "evolve")), experiment).genes
 

@@ -35,9 +35,7 @@ from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.plasticity.rule import NoRule, Rule
 from epuckhebb.sim.tasks.reversal import Reversal
-from epuckhebb.store import disk, traces
-from epuckhebb.store.genome import Genome, checked_genes
-from epuckhebb.store.run import resolve_run
+from epuckhebb.store import Genome, checked_genes, resolve_run, traces_arrays, write_atomic
 
 _FRAME = '<iframe srcdoc="{}" width="100%" height="760" style="border:0" sandbox="allow-scripts"></iframe>'
 
@@ -53,7 +51,7 @@ class Picture:
 
     def save(self, path: str | Path) -> Path:
         """Write it to a file; returns its path."""
-        disk.write_atomic(Path(path), self.png)
+        write_atomic(Path(path), self.png)
         return Path(path)
 
 
@@ -68,7 +66,7 @@ class Page:
 
     def save(self, path: str | Path) -> Path:
         """Write it to a file; returns its path."""
-        disk.write_atomic(Path(path), self.text.encode())
+        write_atomic(Path(path), self.text.encode())
         return Path(path)
 
     def open(self, path: str | Path = "replay.html") -> Path:
@@ -109,7 +107,7 @@ class Evaluation:
     def traces(self) -> dict[str, NDArray[Any]]:
         """What was recorded of the first repeat: the arrays of `traces.npz`; ValueError if nothing was recorded."""
         self._require_traces()
-        return traces.traces_arrays(self.recorded, self.genome.weights, self.genome.network)
+        return traces_arrays(self.recorded, self.genome.weights, self.genome.network)
 
     @property
     def trials(self) -> pd.DataFrame:

@@ -84,7 +84,7 @@ def generated(request):
 
 
 @pytest.fixture(scope="session")
-def lived():
+def run_lifetime():
     """Live one robot: a function from genome and settings to (outcome, samples)."""
 
     def live(genome, side="left", N=0.0, seconds=8.0, key=1, scenario=None, record_every=1, controller=None, **more):
@@ -124,7 +124,7 @@ def constant():
 
 
 @pytest.fixture(scope="session")
-def beside_the_oracle(lived):
+def beside_the_oracle(run_lifetime):
     """Live a robot and its oracle, hold every step against each other, and return (outcome, samples, oracle)."""
 
     def both(
@@ -139,7 +139,7 @@ def beside_the_oracle(lived):
         **more,
     ):
         scenario = scenario or Scenario()
-        outcome, samples = lived(
+        outcome, samples = run_lifetime(
             genes,
             side,
             seconds=seconds,

@@ -1,8 +1,8 @@
 """The oracle: one robot in plain Python, NumPy and pymunk's public interface, from the equations.
 
-Nothing here is shared with the compiled lifetime but the facts of the world (walls, sensor places and curve, sun and
-lamp), what a user says (controller, network, scenario) and the noise numbers. It is also the loop that
-`benchmarks/step.py` compares with: the program as one would first write it.
+It shares with the compiled lifetime only the facts of the world (walls, sensor places and curve, sun and lamp), the
+user's settings (controller, network, scenario) and the noise numbers. `benchmarks/step.py` compares its speed: it is
+the program as one would first write it.
 """
 
 import math
@@ -18,16 +18,16 @@ from epuckhebb.sim.network import PAPER_NETWORK
 
 STEP = 0.032
 WALL, ROBOT = pymunk.ShapeFilter(categories=1), pymunk.ShapeFilter(categories=2)
-_ROOM, _BITS, _NORMAL = {}, numba.njit(random.bits), numba.njit(random.normal)
+_NOISE, _BITS, _NORMAL = {}, numba.njit(random.bits), numba.njit(random.normal)
 
 
 def noise(key, step, count):
-    """Standard normal numbers of a step, from the program; its tests say that they are what they should be."""
-    if count not in _ROOM:
-        _ROOM[count] = numba.njit(random.normal_numbers(count)), np.zeros(random.noise_workspace_size(count))
-    fill, room = _ROOM[count]
-    fill(key, step, room)
-    return room[:count].copy()
+    """Standard normal numbers of a step, from the program, which has tests of its own for them."""
+    if count not in _NOISE:
+        _NOISE[count] = numba.njit(random.normal_numbers(count)), np.zeros(random.noise_workspace_size(count))
+    fill, numbers = _NOISE[count]
+    fill(key, step, numbers)
+    return numbers[:count].copy()
 
 
 def fraction(key, number):
@@ -52,7 +52,7 @@ class Robot:
         start=None,
         nominal=None,
         signs=None,
-        home=None,
+        in_training=None,
     ):
         self.kind, self.side, self.gain, self.noise_level = scenario.robot, side, gain, noise_level
         self.key, self.step_number = np.uint64(key), 0
@@ -63,7 +63,7 @@ class Robot:
         self.changes = [(math.ceil(change["at_s"] / STEP - 1e-9), change) for change in scenario.changes]
         self.walls, self.wanted, self.placed_walls = None, None, []
         self.rubbing, self.speeds = None, [0.0, 0.0]
-        self.be_in(scenario)
+        self.enter(scenario)
         self.put_walls()
 
         self.shapes = list(pairwise([*network.layers]))
@@ -80,14 +80,14 @@ class Robot:
         if self.task is not None:
             self.begin_trial()
         self.evolved = self.parts_of(genes[synapses:])
-        self.be_born()
+        self.initialise()
         self.junction, self.undirected, self.before_trial = 0.0, 0.0, 0
         self.nominal, self.recent, self.arrived, self.away, self.late = nominal, None, False, 0.0, 0.0
         self.change_signal = math.nan
         self.hand, self.smooth, self.loss, self.ratio, self.dead = None, None, np.zeros(2), 1.0, []
         self.scale, self.novelty, self.brightness, self.used_scale = 1.0, None, None, 1.0
         if self.adaptation.self_check:
-            self.check_itself(*home)
+            self.check_itself(*in_training)
 
     def put_robot(self):
         """A robot at the start, at rest."""
@@ -125,12 +125,14 @@ class Robot:
             parts |= {"v": 0.2 * parts["v"], "vr": 4 * (1 + parts["vr"]), "eta": eta}
         return parts
 
-    def be_born(self):
-        """The weights are the genes, and nothing is kept."""
+    def initialise(self):
+        """The weights are the genes, and synapse states are new."""
         self.weights = [g.copy() for g in self.genes]
-        self.kept = [{name: np.zeros(shape) for name in ("trace", "pre", "post", "square")} for shape in self.shapes]
+        self.synapse_state = [
+            {name: np.zeros(shape) for name in ("trace", "pre", "post", "square")} for shape in self.shapes
+        ]
 
-    def be_in(self, world):
+    def enter(self, world):
         """Live in this world; its walls come with `put_walls`."""
         self.world, self.goal = world, np.array(world.goals_now[self.side])
         self.wanted = boxes(world.maze, world.obstacles, world.layout).tolist()
@@ -158,12 +160,12 @@ class Robot:
         for step, change in self.changes:
             if step == self.step_number:
                 new = {key: value for key, value in change.items() if key != "at_s"}
-                told = {name: getattr(self.world, name) for name in self.world.__dataclass_fields__}
+                old = {name: getattr(self.world, name) for name in self.world.__dataclass_fields__}
                 if "lamp" in new:
-                    new["lamp"] = light.Lamp(**{**vars(told["lamp"]), **new["lamp"]})
+                    new["lamp"] = light.Lamp(**{**vars(old["lamp"]), **new["lamp"]})
                 if "goals" in new:
                     new["goals"] = {**self.world.goals_now, **new["goals"]}
-                self.be_in(type(self.world)(**{**told, "changes": (), **new}))
+                self.enter(type(self.world)(**{**old, "changes": (), **new}))
         self.put_walls()
 
     def step(self):
@@ -191,11 +193,11 @@ class Robot:
             rate *= self.gain / self.rule.N_gain_rad_s
         if "v" in self.evolved and self.rule.N > 0:
             *v, v0 = self.evolved["v"]
-            told = self.evolved["vr"][0] * self.reward if self.task is not None else 0
-            rate *= np.tanh((np.dot(v, activations[-2]) + v0 + told) / 2)
+            of_reward = self.evolved["vr"][0] * self.reward if self.task is not None else 0
+            rate *= np.tanh((np.dot(v, activations[-2]) + v0 + of_reward) / 2)
         self.fitness = fitness
         if need == 0:
-            self.be_born()
+            self.initialise()
         elif self.rule.N > 0:
             self.learn(activations, rate)
         change = sum(np.abs(w - g).sum() for w, g in zip(self.weights, self.genes, strict=True))
@@ -204,7 +206,7 @@ class Robot:
         self.move(*self.command(left, right, readings, need), heading)
         self.moved_to = tuple(self.body.position)
         if self.task is not None:
-            self.judge()
+            self.end_step()
         return x, y, heading, seen, left, right, combined, fitness, rate, change
 
     def goal_distance(self, place):
@@ -217,19 +219,19 @@ class Robot:
         good = {"left": "right", "right": "left"}[self.side] if switched else self.side
         self.trials.append({"good": good, "reached": None, "steps": 0, "nearest": math.inf})
 
-    def judge(self):
-        """What there is to do when a step is over. The switch is certain, at `first_switch`."""
-        now, lived = self.trials[-1], self.step_number - self.before_trial
-        if now["reached"] is None:
-            now["nearest"] = min(now["nearest"], self.goal_distance(self.moved_to))
+    def end_step(self):
+        """Reward and next trial of reversal learning. The switch is certain, at `first_switch`."""
+        trial, elapsed = self.trials[-1], self.step_number - self.before_trial
+        if trial["reached"] is None:
+            trial["nearest"] = min(trial["nearest"], self.goal_distance(self.moved_to))
             for side, end in self.world.goals_now.items():
                 if math.dist(self.moved_to, end) < self.world.maze.goal_radius_m:
-                    now |= {"reached": side, "steps": lived}
-                    self.reward = 1.0 if side == now["good"] else -1.0
-            if now["reached"] or lived < int(self.task.time_out_s / STEP):
+                    trial |= {"reached": side, "steps": elapsed}
+                    self.reward = 1.0 if side == trial["good"] else -1.0
+            if trial["reached"] or elapsed < int(self.task.time_out_s / STEP):
                 return
-            now["steps"], self.time_outs = lived, self.time_outs + 1
-        elif lived < now["steps"] + int(self.task.reward_s / STEP):
+            trial["steps"], self.time_outs = elapsed, self.time_outs + 1
+        elif elapsed < trial["steps"] + int(self.task.reward_s / STEP):
             return
         self.reward = 0.0
         self.over = len(self.trials) == self.task.trials or self.time_outs == self.task.time_outs
@@ -285,13 +287,13 @@ class Robot:
         return x + cos * own_x - sin * own_y, y + sin * own_x + cos * own_y, np.cos(angle), np.sin(angle)
 
     def check_itself(self, memory, in_training):
-        """Dance, and find out what has changed. at_home: (samples, inputs) readings of lifetimes there."""
-        told = "left 10, rest 1, ahead 3, rest 12, back 3, rest 1, left 10, right 30, rest 1, ahead 4, rest 12, "
-        told += "back 4, rest 1, right 10, left 20, rest 2"
+        """Calibrate, and find out what has changed. in_training: (samples, inputs) sensor readings of lifetimes."""
+        manoeuvre = "left 10, rest 1, ahead 3, rest 12, back 3, rest 1, left 10, right 30, rest 1, ahead 4, rest 12, "
+        manoeuvre += "back 4, rest 1, right 10, left 20, rest 2"
         way = {"left": (-1, 1), "right": (1, -1), "ahead": (1, 1), "back": (-1, -1), "rest": (0, 0)}
         own, self.key = (self.key, self.gain), random.key(int(self.key), random.Stream.calibration_noise)
         self.gain, felt = self.kind.motor_limit_rad_s, []
-        for word, count in (part.split() for part in told.split(", ")):
+        for word, count in (part.split() for part in manoeuvre.split(", ")):
             for _ in range(int(count)):
                 felt.append(self.sense(*self.body.position, self.body.angle))
                 self.move(*way[word], self.body.angle)
@@ -342,7 +344,7 @@ class Robot:
         return np.clip(1 - light.SUN_IRRADIANCE * level * height * np.maximum(0, np.cos(towards - azimuth)), 0, 1)
 
     def correct(self, readings):
-        """Readings as they would be at home."""
+        """Sensor readings as they would be in training."""
         lights = self.kind.light.count
         seen = readings[:lights]
         if self.ratio < 1:
@@ -350,14 +352,14 @@ class Robot:
             self.smooth = bright if self.smooth is None else self.smooth + self.ratio * (bright - self.smooth)
             seen = np.clip(1 - self.smooth / self.ratio, 0, 1)
         elif self.ratio > 1:
-            now, in_training = self.sun
+            sun, in_training = self.sun
             weight = np.where(seen <= 0.03, 0.05, 1.0)
             weight[self.dead] = 0
-            cost = (weight * (seen - now) ** 2).sum(axis=1)
+            cost = (weight * (seen - sun) ** 2).sum(axis=1)
             coarse = 8 * int(np.argmin(cost[::8]))
             tried = (np.arange(coarse - 8, coarse + 8)) % 128
             at = tried[np.argmin(cost[tried])]
-            lamp = ((seen <= 0.03) & (now[at] > 0.1) & (weight > 0)).any()
+            lamp = ((seen <= 0.03) & (sun[at] > 0.1) & (weight > 0)).any()
             saturated = 0.0 if lamp else in_training[at]
             seen = np.where(seen > 0.03, 1 - (1 - seen) / self.ratio, saturated)
         readings = np.concatenate([seen, readings[lights:]])
@@ -369,22 +371,23 @@ class Robot:
         """Readings with the light as homeostasis scales it."""
         if not self.adaptation.homeostasis:
             return readings
-        home, bright = self.nominal, 1 - readings[: self.kind.light.count]
+        nominal, bright = self.nominal, 1 - readings[: self.kind.light.count]
         before = bright if self.brightness is None else self.brightness
         self.brightness = before + (bright - before) / max(1, self.scale)
         if self.step_number % 4 == 0:
-            patterns, told = home.patterns.T, []
+            patterns, novelty = nominal.patterns.T, []
             for scale in (self.scale, 1.0):
                 seen = np.minimum(1, scale * self.brightness)
-                miss = patterns[np.argmax(patterns @ seen / home.lengths)] - seen
-                told.append(np.sqrt((miss**2).mean()))
-                if len(told) == 1:
+                miss = patterns[np.argmax(patterns @ seen / nominal.lengths)] - seen
+                novelty.append(np.sqrt((miss**2).mean()))
+                if len(novelty) == 1:
                     pull = scale * (miss @ self.brightness) / (1e-6 + seen @ seen)
             share = 4 * STEP / (5 + 4 * STEP)
-            self.novelty = np.array(told) if self.novelty is None else self.novelty + share * (told - self.novelty)
-            if self.novelty[0] > home.novelty:
+            novelty = np.array(novelty)
+            self.novelty = novelty if self.novelty is None else self.novelty + share * (novelty - self.novelty)
+            if self.novelty[0] > nominal.novelty:
                 self.scale = np.clip(self.scale * np.exp(np.clip(3 * 4 * STEP * pull, -0.2, 0.2)), 0.05, 20)
-            self.change_signal = self.novelty[0] / home.novelty
+            self.change_signal = self.novelty[0] / nominal.novelty
             self.used_scale = self.scale if self.novelty[0] < 0.7 * self.novelty[1] else 1.0
         if self.used_scale != 1:
             readings[: self.kind.light.count] = 1 - np.minimum(1, self.used_scale * self.brightness)
@@ -459,46 +462,48 @@ class Robot:
     def learn(self, activations, rate):
         w_max = self.rule.w_max
         for k, (pre, post) in enumerate(pairwise(activations)):
-            direction = getattr(self, type(self.rule).__name__.lower())(k, pre[:, None], post[None, :], self.kept[k])
+            direction = getattr(self, type(self.rule).__name__.lower())(
+                k, pre[:, None], post[None, :], self.synapse_state[k]
+            )
             self.weights[k] = np.clip(self.weights[k] + rate * self.signs[k] * direction, -w_max, w_max)
             if self.rule.keeps_lengths:
                 now, initial_weight = (np.linalg.norm(w, axis=0) for w in (self.weights[k], self.genes[k]))
                 self.weights[k] = np.clip(self.weights[k] / now * initial_weight, -w_max, w_max)
 
-    def paper(self, layer, pre, post, kept):
-        kept["trace"] = self.rule.trace_decay * kept["trace"] + self.rule.trace_update * (pre * post)
-        return kept["trace"]
+    def paper(self, layer, pre, post, state):
+        state["trace"] = self.rule.trace_decay * state["trace"] + self.rule.trace_update * (pre * post)
+        return state["trace"]
 
-    def oja(self, layer, pre, post, kept):
+    def oja(self, layer, pre, post, state):
         return pre * post - post**2 * self.weights[layer]
 
-    def bcm(self, layer, pre, post, kept):
-        kept["square"] = kept["square"] + STEP / self.rule.threshold_time_s * (post**2 - kept["square"])
-        return pre * post * (post - kept["square"])
+    def bcm(self, layer, pre, post, state):
+        state["square"] = state["square"] + STEP / self.rule.threshold_time_s * (post**2 - state["square"])
+        return pre * post * (post - state["square"])
 
-    def differential(self, layer, pre, post, kept):
+    def differential(self, layer, pre, post, state):
         share = STEP / self.rule.trace_time_s
-        kept["pre"] = kept["pre"] + share * (pre - kept["pre"])
-        kept["post"] = kept["post"] + share * (post - kept["post"])
-        return kept["pre"] * post - pre * kept["post"]
+        state["pre"] = state["pre"] + share * (pre - state["pre"])
+        state["post"] = state["post"] + share * (post - state["post"])
+        return state["pre"] * post - pre * state["post"]
 
-    def abcd(self, layer, pre, post, kept):
+    def abcd(self, layer, pre, post, state):
         A, B, C, D, eta = (self.evolved[name][layer] for name in ("A", "B", "C", "D", "eta"))
         back = self.rule.leak * (self.weights[layer] - self.genes[layer])
         return eta * (A * pre * post + B * pre + C * post + D) - back
 
     abcdshared = abcd
 
-    def abcdneuron(self, layer, pre, post, kept):
+    def abcdneuron(self, layer, pre, post, state):
         (A, _), (_, B), C, D, eta = (self.evolved[name][layer : layer + 2] for name in ("A", "B", "C", "D", "eta"))
         both = C[0][:, None] * C[1] * pre * post + A[:, None] * pre + B * post + D[0][:, None] * D[1]
         return (eta[0][:, None] + eta[1]) / 2 * both - self.rule.leak * (self.weights[layer] - self.genes[layer])
 
-    def modulated(self, layer, pre, post, kept):
+    def modulated(self, layer, pre, post, state):
         A, B, C, D, eta = (self.evolved[name][0] for name in ("A", "B", "C", "D", "eta"))
         return eta * (A * pre * post + B * pre + C * post + D)
 
-    def discrete(self, layer, pre, post, kept):
+    def discrete(self, layer, pre, post, state):
         high, low = 0.8 + 0.2 * self.evolved["high"][0], 0.6 + 0.2 * self.evolved["low"][0]
         if low <= self.fitness <= high:
             return np.zeros(pre.shape[0])[:, None] * post
@@ -506,22 +511,22 @@ class Robot:
         fires = [(x > self.evolved["threshold"][0]).astype(int) for x in (pre, post)]
         return self.evolved["eta"][0] * np.round(table)[2 * fires[0] + fires[1]]
 
-    def online(self, layer, pre, post, kept):
+    def online(self, layer, pre, post, state):
         weights, first = self.weights[layer], sum(g.size for g in self.genes[:layer])
-        if "child" not in kept:
-            kept |= {"child": weights, "parent": weights, "best": -1, "window": []}
-        kept["window"].append(self.fitness)
-        if len(kept["window"]) == int(self.rule.window_s / STEP):
-            mean = sum(kept["window"]) / len(kept["window"])
-            if mean > kept["best"]:
-                kept |= {"parent": kept["child"], "best": mean}
+        if "child" not in state:
+            state |= {"child": weights, "parent": weights, "best": -1, "window": []}
+        state["window"].append(self.fitness)
+        if len(state["window"]) == int(self.rule.window_s / STEP):
+            mean = sum(state["window"]) / len(state["window"])
+            if mean > state["best"]:
+                state |= {"parent": state["child"], "best": mean}
             place = 2**52 + (self.step_number - 1) * 2**17 + first
             drawn = [_NORMAL(self.key, place + k) for k in range(weights.size)]
-            kept |= {"child": kept["parent"] + self.rule.sigma * np.reshape(drawn, weights.shape), "window": []}
-        return kept["child"] - weights
+            state |= {"child": state["parent"] + self.rule.sigma * np.reshape(drawn, weights.shape), "window": []}
+        return state["child"] - weights
 
-    def baldwinn(self, layer, pre, post, kept):
-        return 10 ** self.evolved["theta"][0] * self.paper(layer, pre, post, kept)
+    def baldwinn(self, layer, pre, post, state):
+        return 10 ** self.evolved["theta"][0] * self.paper(layer, pre, post, state)
 
     def move(self, left, right, heading):
         kind = self.kind
@@ -542,11 +547,10 @@ class Robot:
 
 def live(robot, steps):
     """A whole lifetime: the metrics of `epuckhebb.sim.life.Outcome`, in the same order, and the steps."""
-    told, path, arrived, changes, behaviour, contacts = [], 0.0, math.nan, 0.0, 0.0, 0
+    done, path, arrived, changes, behaviour, contacts = [], 0.0, math.nan, 0.0, 0.0, 0
     for step in range(steps):
-        happened = robot.step()
-        x, y, _, readings, _, _, combined, _, _, change = happened
-        told.append(happened)
+        done.append(robot.step())
+        x, y, _, readings, _, _, combined, _, _, change = done[-1]
         path += math.dist((x, y), robot.moved_to)
         distance = robot.goal_distance(robot.moved_to)
         near = distance < robot.world.maze.goal_radius_m
@@ -557,6 +561,6 @@ def live(robot, steps):
         contacts += max(readings[robot.kind.light.count : robot.kind.inputs]) > 0.8
         if robot.over:
             break
-    steps = len(told)
+    steps = len(done)
     reward = 1 - min(1, (1.7 * distance) ** 3)
-    return (arrived, path, distance, behaviour / steps, reward, changes / steps, change, contacts / steps, near), told
+    return (arrived, path, distance, behaviour / steps, reward, changes / steps, change, contacts / steps, near), done

@@ -23,10 +23,10 @@ TINY = ["ga.population=6", "ga.generations=2", "ga.elites=2", "ga.loops=1", "lif
 
 @pytest.mark.parametrize("scenario", ["4obstacles", "lowlight"])
 def test_needs_no_other_setting(here, scenario):
-    told = json.loads(
+    printed = json.loads(
         call("evaluate", "adaptation=late", f"scenario={scenario}", *BRIEF, "lifetime.record_every=8", "--json").stdout
     )
-    metrics = pd.DataFrame(told["runs"][0]["metrics"])
+    metrics = pd.DataFrame(printed["runs"][0]["metrics"])
     assert list(metrics.controller.unique()) == [GA, "late"]
     assert (metrics.weight_change_mean == 0).all()  # three seconds are not late
     with np.load(next((here / "runs").rglob("traces.npz"))) as file:
@@ -39,11 +39,11 @@ def test_needs_no_other_setting(here, scenario):
 @pytest.mark.thorough
 def test_the_bundled_champions_remember():
     for experiment, scenario in TRAINED.items():
-        home = training_world(typed(composed("evaluate", [f"scenario={scenario}"]), EvaluateConfig))
+        world = training_world(typed(composed("evaluate", [f"scenario={scenario}"]), EvaluateConfig))
         for where in ("reference", "reference_1", "reference_140"):
             genome = load_genome(where, experiment)
             assert (genome.network, genome.robot, genome.plan.text()) == (PAPER_NETWORK, "epuck", "234 weights")
-            again = measure_nominal(genome.weights, home)
+            again = measure_nominal(genome.weights, world)
             for name in genome.nominal.__dataclass_fields__:
                 value = getattr(genome.nominal, name)
                 np.testing.assert_array_equal(value, getattr(again, name), err_msg=f"{where} {name}")
@@ -65,13 +65,11 @@ def test_a_champion_keeps_what_it_remembers_and_show_tells():
 def test_older_champions_live_again_and_say_so():
     np.save("old.npy", load_genome("reference_20", "obstacles").genes)
     result = done("evaluate", "adaptation=late", "genome=old.npy", *BRIEF)
-    assert (
-        "genome=old has no nominal statistics at 1 rad/s: it runs 10 lifetimes a side in base first." in result.stderr
-    )
+    assert "it runs 10 lifetimes a side in base first." in result.stderr
     result = call("evaluate", "adaptation=late", "genome=reference_20", "lifetime.gain_rad_s=4", *BRIEF)
-    assert "has no nominal statistics at 4 rad/s: it runs 10 lifetimes a side in base first." in result.stderr
+    assert "4 rad/s: it runs 10 lifetimes a side in base first." in result.stderr
     paper = call("evaluate", "genome=old.npy", *BRIEF)
-    assert "baseline" not in paper.output  # the paper's rule asks for none
+    assert "lifetimes a side" not in paper.output  # the paper's rule needs no nominal statistics
 
 
 @pytest.mark.usefixtures("here")
@@ -104,8 +102,8 @@ def test_a_sweep_over_champions_and_worlds_tells_of_rescue_and_harm(here):
     assert each[["scenario", "controller"]].to_numpy().tolist() == [
         [scenario, controller] for controller in ("late", "always") for scenario in ("base", "2obstacles")
     ]
-    kept = pd.read_csv(here / "out" / "retention.csv")
-    assert kept[["controller", "solves"]].to_numpy().tolist() == [
+    retention = pd.read_csv(here / "out" / "retention.csv")
+    assert retention[["controller", "solves"]].to_numpy().tolist() == [
         [controller, solves] for controller in ("GA", "late", "always") for solves in ("any", "both")
     ]
     report = (here / "out" / "report.md").read_text()

@@ -1,4 +1,4 @@
-"""A world that changes while a robot lives in it."""
+"""A world that changes during a lifetime."""
 
 import math
 
@@ -46,10 +46,12 @@ def changed(*changes, **more):
     keys=st.sets(st.sampled_from(list(SAME)), min_size=1),
     side=st.sampled_from(["left", "right"]),
 )
-def test_a_change_to_the_same_changes_nothing(genomes, lived, times, keys, side):
+def test_a_change_to_the_same_changes_nothing(genomes, run_lifetime, times, keys, side):
     changes = [{"at_s": at_s, **{key: SAME[key] for key in keys}} for at_s in times]
-    told = {"controller": LEARNING, "gain_rad_s": 4}
-    plain, other = (lived(genomes[0], side, scenario=scenario, **told) for scenario in (None, changed(*changes)))
+    settings = {"controller": LEARNING, "gain_rad_s": 4}
+    plain, other = (
+        run_lifetime(genomes[0], side, scenario=scenario, **settings) for scenario in (None, changed(*changes))
+    )
     assert np.array(plain[0]).tobytes() == np.array(other[0]).tobytes()
     for one, two in zip(plain[1], other[1], strict=True):
         assert one.tobytes() == two.tobytes()
@@ -73,12 +75,12 @@ EFFECTS = [
 
 @pytest.mark.parametrize(("change", "seen_in", "later", "side"), EFFECTS)
 @pytest.mark.parametrize("at_s", [0.016, 0.017, 1.0, 4.8])
-def test_a_change_takes_effect_at_its_step_and_not_before(lived, constant, change, seen_in, later, side, at_s):
+def test_a_change_takes_effect_at_its_step_and_not_before(run_lifetime, constant, change, seen_in, later, side, at_s):
     step = math.ceil(at_s / STEP_S)
-    told = {"start": IN_THE_STEM, "controller": LEARNING, "noise": 0}
+    settings = {"start": IN_THE_STEM, "controller": LEARNING, "noise": 0}
     still = constant(0.01, 0.01)
-    _, plain = lived(still, side, scenario=Scenario(), **told)
-    _, other = lived(still, side, scenario=changed({"at_s": at_s, **change}), **told)
+    _, plain = run_lifetime(still, side, scenario=Scenario(), **settings)
+    _, other = run_lifetime(still, side, scenario=changed({"at_s": at_s, **change}), **settings)
     for one, two in zip(plain, other, strict=True):
         assert one[:step].tobytes() == two[:step].tobytes()
     one, two = getattr(plain, seen_in)[step:], getattr(other, seen_in)[step:]
@@ -86,16 +88,16 @@ def test_a_change_takes_effect_at_its_step_and_not_before(lived, constant, chang
     assert one[:later].tobytes() == two[:later].tobytes()
 
 
-def test_what_changes_after_the_end_changes_nothing(genomes, lived):
+def test_what_changes_after_the_end_changes_nothing(genomes, run_lifetime):
     for at_s in (8.0, 8.01, 1000.0):
         moved = changed({"at_s": at_s, "goals": {"left": (0.0, 0.155)}, "obstacles": 4, "light": 1.0})
-        plain, other = (lived(genomes[0], scenario=scenario)[0] for scenario in (None, moved))
+        plain, other = (run_lifetime(genomes[0], scenario=scenario)[0] for scenario in (None, moved))
         assert np.array(plain).tobytes() == np.array(other).tobytes()
 
 
-def test_success_is_measured_at_the_goal_of_the_end(lived):
+def test_success_is_measured_at_the_goal_of_the_end(run_lifetime):
     here = changed({"at_s": 4.0, "goals": {"left": IN_THE_STEM[:2]}})
-    outcome, samples = lived(np.zeros(234), scenario=here, start=IN_THE_STEM, noise=0)
+    outcome, samples = run_lifetime(np.zeros(234), scenario=here, start=IN_THE_STEM, noise=0)
     assert outcome.success
     assert outcome.time_to_goal == pytest.approx(4.0 + STEP_S)
     assert outcome.final_distance == pytest.approx(0.0, abs=1e-12)
@@ -103,13 +105,13 @@ def test_success_is_measured_at_the_goal_of_the_end(lived):
 
 
 @pytest.mark.parametrize("right", [0.9, 0.6])
-def test_new_walls_wait_until_the_robot_is_clear_of_them(lived, constant, right):
+def test_new_walls_wait_until_the_robot_is_clear_of_them(run_lifetime, constant, right):
     before, after = boxes(Scenario().maze), boxes(Scenario().maze, 4)
     new = after[len(before) :]
     world = changed({"at_s": 0.5, "obstacles": 4, "light": 0.7})
-    told = {"start": Pose(0.02, 0.0, np.pi / 2), "gain_rad_s": 2.0, "noise": 0, "seconds": 12}
-    _, alone = lived(constant(0.9, right), **told)
-    _, samples = lived(constant(0.9, right), scenario=world, **told)
+    settings = {"start": Pose(0.02, 0.0, np.pi / 2), "gain_rad_s": 2.0, "noise": 0, "seconds": 12}
+    _, alone = run_lifetime(constant(0.9, right), **settings)
+    _, samples = run_lifetime(constant(0.9, right), scenario=world, **settings)
     step = math.ceil(0.5 / STEP_S)
     assert gap(*alone.pose[step, :2], new) < EPUCK.radius_m  # in the way
     assert (samples.sensors[step, :8] != alone.sensors[step, :8]).any()  # the light does not wait
@@ -124,10 +126,10 @@ def test_new_walls_wait_until_the_robot_is_clear_of_them(lived, constant, right)
     assert all(gap(x, y, before) >= EPUCK.radius_m - 0.002 for x, y, _ in samples.pose)
 
 
-def test_a_robot_that_leans_on_an_old_wall_does_not_keep_new_ones_away(lived, constant):
+def test_a_robot_that_leans_on_an_old_wall_does_not_keep_new_ones_away(run_lifetime, constant):
     beneath = Pose(0.227, 0.1694, np.pi / 2)  # the far wall of an arm, where an obstacle comes from below
     world = changed({"at_s": 3.2, "obstacles": 2})
-    _, samples = lived(constant(), scenario=world, start=beneath, gain_rad_s=4.0, noise=0)
+    _, samples = run_lifetime(constant(), scenario=world, start=beneath, gain_rad_s=4.0, noise=0)
     assert gap(*samples.pose[100, :2], boxes(world.maze)) < EPUCK.radius_m  # leans
     assert (samples.sensors[100, 8:] > samples.sensors[99, 8:] + 0.005).any()
 
@@ -155,7 +157,7 @@ def test_changes_agree_with_the_oracle(genomes, beside_the_oracle):
         ([{"at_s": 2, "light": 1.0}, {"at_s": 2, "light": 0.5}], r"changes\[1\].at_s must be more than 2 s"),
         ([{"at_s": float("nan"), "light": 1.0}], r"changes\[0\].at_s must"),
         ([{"at_s": 1, "light": "dark"}], r"changes\[0\]: "),
-        ([{"at_s": 1, "light": -1}], r"changes\[0\]: scenario.light must be a number, 0 or more, got -1"),
+        ([{"at_s": 1, "light": -1}], r"changes\[0\]: scenario.light"),
         ([{"at_s": 1, "obstacles": 3}], r"changes\[0\]: scenario.obstacles must be one of 0, 2, 4 .* got 3"),
         ([{"at_s": 1, "layout": 1.5, "obstacles": 2}], r"changes\[0\]: "),
         ([{"at_s": 1, "lamp": {"brightness": 1}}], r"changes\[0\]: .*brightness"),

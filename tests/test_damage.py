@@ -211,10 +211,10 @@ def test_weights_that_say_nothing_are_refused():
         Rule(w_max=1e7)
 
 
-def test_a_life_whose_sums_are_not_finite_has_not_finished(lived, genomes, monkeypatch):
+def test_a_life_whose_sums_are_not_finite_has_not_finished(run_lifetime, genomes, monkeypatch):
     monkeypatch.setattr("epuckhebb.sim.plasticity.rule._LARGEST_WEIGHT", 1e308)
     from epuckhebb.sim.plasticity.rules.paper import Paper
 
     controller = Controller(name="huge", rule=Paper(N=1e307, w_max=1e307))
     with pytest.raises(LostRobotError, match="made weights, their change, or what synapses keep"):
-        lived(genomes[0], controller=controller, seconds=4.0, record_every=0)
+        run_lifetime(genomes[0], controller=controller, seconds=4.0, record_every=0)

@@ -29,7 +29,7 @@ from epuckhebb.sim.plasticity.rules.discrete import Discrete
 from epuckhebb.sim.plasticity.rules.modulated import Modulated
 from epuckhebb.sim.plasticity.rules.online import Online
 from epuckhebb.sim.plasticity.update import StepContext, initial_lengths, modulation_of, update_of
-from epuckhebb.sim.plasticity.weight_change import room as weight_change_workspace
+from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.store.genome import load_genome
 
@@ -125,7 +125,7 @@ def test_the_incoming_weights_of_each_neuron_keep_their_length():
 def test_three_windows_of_online_evolution():
     by, state, key = SimpleNamespace(window_s=0.064, sigma=0.5), SimpleNamespace(**Online.synapse_state), np.uint64(3)
 
-    def lived(weight, step, *fitness):
+    def after(weight, step, *fitness):
         """A window of two steps; the weight that is tried next."""
         for k, live in enumerate(fitness):
             towards = Online.synapse(weight, live, key, step + k, 7, state, by)
@@ -134,11 +134,11 @@ def test_three_windows_of_online_evolution():
     def drawn(step):
         return 0.5 * random.normal(key, 2**52 + step * 2**17 + 7)
 
-    first = lived(1.0, 0, 0.4, 0.6)
+    first = after(1.0, 0, 0.4, 0.6)
     assert first == pytest.approx(1.0 + drawn(1))
-    second = lived(first, 2, 0.5, 0.7)  # better: it is the parent now
+    second = after(first, 2, 0.5, 0.7)  # better: it is the parent now
     assert second == pytest.approx(first + drawn(3))
-    assert lived(second, 4, 0.5, 0.6) == pytest.approx(first + drawn(5))  # worse: back to the parent, and another child
+    assert after(second, 4, 0.5, 0.6) == pytest.approx(first + drawn(5))  # worse: back to the parent, and another child
 
 
 def test_what_a_synapse_of_the_neuron_centric_rule_does_follows_from_its_two_neurons():
@@ -170,7 +170,7 @@ def test_a_rule_agrees_with_the_oracle(rule, beside_the_oracle, genomes):
 
 
 @pytest.mark.thorough
-def test_as_much_is_learnt_on_a_metre_at_any_wheel_gain(lived):
+def test_as_much_is_learnt_on_a_metre_at_any_wheel_gain(run_lifetime):
     """N is proportional to the gain; N_gain_rad_s = 0: N at any gain."""
     genes = np.concatenate([np.zeros(234), np.ones(25)])
     changes = {}
@@ -178,17 +178,17 @@ def test_as_much_is_learnt_on_a_metre_at_any_wheel_gain(lived):
         for N_gain_rad_s in (0.0, 4.0):
             rule = ABCDShared(N=1e-6, leak=0.0, N_gain_rad_s=N_gain_rad_s)
             values = {"controller": Controller(name="own", rule=rule), "gain_rad_s": gain}
-            changes[gain, N_gain_rad_s] = lived(genes, seconds=0.032, **values)[0].weight_change_final
+            changes[gain, N_gain_rad_s] = run_lifetime(genes, seconds=0.032, **values)[0].weight_change_final
     assert changes[1.0, 0.0] == changes[4.0, 0.0] == changes[4.0, 4.0] > 0
     assert changes[1.0, 4.0] == pytest.approx(changes[4.0, 4.0] / 4)
 
 
-def test_initial_weights_can_be_drawn_for_each_lifetime(lived):
+def test_initial_weights_can_be_drawn_for_each_lifetime(run_lifetime):
     genes = np.concatenate([np.full(234, 2.0), np.zeros(5 * 234)])  # nothing is learnt
 
     def initial_weights_for(key, initial_weights):
         controller = Controller(name="own", rule=ABCD(N=0.01, initial_weights=initial_weights))
-        return lived(genes, seconds=0.032, key=key, controller=controller)[1].weights[0]
+        return run_lifetime(genes, seconds=0.032, key=key, controller=controller)[1].weights[0]
 
     assert (initial_weights_for(1, InitialWeights.evolved) == 2).all()
     one, again, other = (initial_weights_for(key, InitialWeights.random) for key in (1, 1, 2))

@@ -34,10 +34,10 @@ SLIPS = numba.njit(grip)  # whole numbers wrap around
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_agrees_with_the_oracle(genomes, lived, beside_the_oracle, fault):
-    told = {"controller": GA_ALONE, "seconds": 30.0, "key": 9}
-    outcome, *_ = beside_the_oracle(genomes[3], "left", Scenario(obstacles=4, **FAULTS[fault]), **told)
-    whole, _ = lived(genomes[3], "left", scenario=Scenario(obstacles=4), gain_rad_s=4.0, **told)
+def test_agrees_with_the_oracle(genomes, run_lifetime, beside_the_oracle, fault):
+    settings = {"controller": GA_ALONE, "seconds": 30.0, "key": 9}
+    outcome, *_ = beside_the_oracle(genomes[3], "left", Scenario(obstacles=4, **FAULTS[fault]), **settings)
+    whole, _ = run_lifetime(genomes[3], "left", scenario=Scenario(obstacles=4), gain_rad_s=4.0, **settings)
     assert outcome != whole
 
 
@@ -51,10 +51,11 @@ def test_gain_and_offset_are_of_distance_readings_alone(gain, offset):
     np.testing.assert_allclose(readings, expected, rtol=1e-12)
 
 
-def test_a_heavy_robot_is_slow_to_follow(lived, constant):
+def test_a_heavy_robot_is_slow_to_follow(run_lifetime, constant):
     """What is left of the way to the commanded speed shrinks by the same share at every step."""
     poses = [
-        lived(constant(0.9, 0.9), scenario=Scenario(mass_ratio=ratio), seconds=3.2, noise=0)[1].pose for ratio in (1, 4)
+        run_lifetime(constant(0.9, 0.9), scenario=Scenario(mass_ratio=ratio), seconds=3.2, noise=0)[1].pose
+        for ratio in (1, 4)
     ]
     (full, *_), speeds = np.diff(poses[0][:, 1])[1:], np.diff(poses[1][:, 1])[1:] / STEP_S
     left = 1 - speeds / (full / STEP_S)
@@ -62,7 +63,7 @@ def test_a_heavy_robot_is_slow_to_follow(lived, constant):
 
 
 def test_mass_by_itself_changes_nothing(genomes):
-    """So a heavier robot needs its slow drive to be told from a light one at all; the plain oracle says it too."""
+    """So a heavier robot needs its slow drive to be distinguished from a light one; the plain oracle agrees."""
     heavy = replace(EPUCK, mass_kg=3 * EPUCK.mass_kg, inertia_kg_m2=3 * EPUCK.inertia_kg_m2)
     for friction in (0.0, 0.3):
         pair = [
@@ -76,15 +77,15 @@ def test_mass_by_itself_changes_nothing(genomes):
 
 
 def test_a_wheel_slips_in_spells_for_its_share_of_the_time():
-    lives = [key(seed, Stream.evaluation_noise) for seed in (1, 2)]
-    spells = [[SLIPS(0.2, life, SPELL * k, wheel) for k in range(5000)] for life in lives for wheel in (0, 1)]
+    keys = [key(seed, Stream.evaluation_noise) for seed in (1, 2)]
+    spells = [[SLIPS(0.2, key_, SPELL * k, wheel) for k in range(5000)] for key_ in keys for wheel in (0, 1)]
     assert set(spells[0]) == {1.0, SLIPPING}
     for one in spells:
         assert np.mean(np.array(one) == SLIPPING) == pytest.approx(0.2, abs=0.02)
     assert np.abs(np.corrcoef(spells) - np.eye(4)).max() < 0.05
     for k in range(20):
-        assert {SLIPS(0.2, lives[0], step, 0) for step in range(SPELL * k, SPELL * (k + 1))} == {spells[0][k]}
-    assert {SLIPS(0.0, lives[0], SPELL * k, 0) for k in range(100)} == {1.0}
+        assert {SLIPS(0.2, keys[0], step, 0) for step in range(SPELL * k, SPELL * (k + 1))} == {spells[0][k]}
+    assert {SLIPS(0.0, keys[0], SPELL * k, 0) for k in range(100)} == {1.0}
 
 
 def test_slips_are_drawn_where_no_other_noise_is():
@@ -94,9 +95,9 @@ def test_slips_are_drawn_where_no_other_noise_is():
     assert FAR + 2 * longest < 2**63
 
 
-def test_noise_of_sensors_does_not_depend_on_slips(lived, constant):
+def test_noise_of_sensors_does_not_depend_on_slips(run_lifetime, constant):
     plain, slipping = (
-        lived(constant(0.0, 0.0), scenario=Scenario(left_slip=slip, right_slip=slip))[1] for slip in (0.0, 0.5)
+        run_lifetime(constant(0.0, 0.0), scenario=Scenario(left_slip=slip, right_slip=slip))[1] for slip in (0.0, 0.5)
     )
     assert plain.sensors.tobytes() == slipping.sensors.tobytes()
     assert math.isclose(float(np.ptp(plain.pose)), float(np.ptp(slipping.pose)))

@@ -1,10 +1,14 @@
 """Files of others are never touched, and files of ours that somebody has touched are not believed."""
 
+import errno
 import importlib
+import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from cases import call, contents, done, first_of, refused
+from omegaconf import OmegaConf
 
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import plain
@@ -120,6 +124,24 @@ def test_a_folder_that_was_only_just_begun_is_taken(tmp_path):
     (tmp_path / "other" / "letter.txt").write_text("dear")
     with pytest.raises(ConfigError, match="nothing there is touched"):
         RunFolder.resume(tmp_path / "other", "sweep", None, [], {})
+
+
+def test_a_claim_that_does_not_fit_on_the_disk_leaves_no_file(tmp_path, monkeypatch):
+    own = {Path("my.py"): SimpleNamespace(copy="own_code/1/my.py", sha256={}, copies={"own_code/1/my.py": b"pass"})}
+    write = disk.write_atomic
+
+    def full(target, content):
+        if target.name == "my.py":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(target))
+        write(target, content)
+
+    monkeypatch.setattr(disk, "write_atomic", full)
+    with pytest.raises(ConfigError, match="No space left"):
+        RunFolder.new(tmp_path / "run", "evaluate", OmegaConf.create({"seed": 1}), [], {}, own)
+    assert contents(tmp_path) == {}
+    monkeypatch.setattr(disk, "write_atomic", write)
+    with RunFolder.new(tmp_path / "run", "evaluate", OmegaConf.create({"seed": 1}), [], {}, own):
+        assert (tmp_path / "run" / "own_code" / "1" / "my.py").read_bytes() == b"pass"
 
 
 @pytest.mark.parametrize("harm", first_of(["cut", "changed", "lost"]))

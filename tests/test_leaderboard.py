@@ -315,7 +315,7 @@ def test_reversal_learning_compares_rules(here):
             assert (own.successes_off, own.successes_inverted) == (rewarded.iloc[0], rewarded.iloc[2])
     page = (here / "board" / "report.md").read_text()
     assert "| reward inverted |" in page
-    assert "4 new lives of every champion in reversal learning" in page
+    assert "4 new lifetimes of every champion in reversal learning" in page
 
 
 def test_the_share_of_a_learner_by_hand():

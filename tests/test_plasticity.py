@@ -15,7 +15,7 @@ from epuckhebb.sim.plasticity.rules.differential import Differential
 from epuckhebb.sim.plasticity.rules.oja import Oja
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.plasticity.update import StepContext, effective_rate, next_weight, update_of
-from epuckhebb.sim.plasticity.weight_change import room, total_of
+from epuckhebb.sim.plasticity.weight_change import total_of, weight_change_workspace
 
 RULES = (Paper, Oja, BCM, Differential)
 
@@ -135,7 +135,7 @@ def updated(rule, network, weights, genes, activation, rate, w_max, all_of=None,
         np.ones(network.synapses) if of_updates is None else of_updates,
         tuple(rule(N=1.0, w_max=w_max).numbers().values()),
         np.empty((3, network.synapses)),
-        np.full(room(network), 7.0),
+        np.full(weight_change_workspace(network), 7.0),
     )
 
 
@@ -163,7 +163,7 @@ def test_weights_stay_within_bounds_and_change_is_the_sum_of_differences(rule, s
 @pytest.mark.parametrize("layers", [(2, 2), (3, 2), (16, 2), (16, 3, 2), (16, 7, 5, 8, 4, 2), (40, 9, 2)])
 def test_the_weight_change_adds_up_in_networks_of_all_sizes(layers):
     network = Network(layers)
-    values = np.full(room(network), np.nan)
+    values = np.full(weight_change_workspace(network), np.nan)
     values[: network.synapses] = 2.0 ** np.arange(network.synapses).clip(max=40)
     expected = values[: network.synapses].sum()
     assert total_of(network)(values) == expected

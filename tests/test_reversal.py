@@ -46,7 +46,7 @@ def switching(trial, **task):
 
 
 def drawn(seed):
-    """Genes of the network that is told a reward, and of a rule that hears it."""
+    """Genes of the network with a reward input, and of a rule that receives it."""
     return initial(np.random.default_rng(seed), 1, plan_of(REWARDED, Modulated))[0]
 
 
@@ -85,20 +85,20 @@ def test_a_life_of_trials_agrees_with_the_oracle(controller, side, seed, beside_
 def recorded():
     """A life that comes to the right end in each trial, of which the left is rewarded first, and its samples."""
     genes = drawn(2547)[: REWARDED.synapses]
-    who = Individual(genes=genes, side="left", key=np.uint64(9), network=REWARDED, record=True)
+    individual = Individual(genes=genes, side="left", key=np.uint64(9), network=REWARDED, record=True)
     lifetime = Lifetime(duration_s=60, gain_rad_s=4.0, record_every=1)
-    return live_block([who], switching(3, trials=3), lifetime)[0]
+    return live_block([individual], switching(3, trials=3), lifetime)[0]
 
 
-def test_the_reward_is_told_for_the_last_second_at_an_end(recorded):
+def test_the_reward_is_given_for_the_last_second_at_an_end(recorded):
     outcome, samples = recorded
     assert outcome.trials["good"].tolist() == [-1, -1, 1]
     assert outcome.trials["reached"].tolist() == [1, 1, 1]
-    told, first = np.zeros(len(samples.time)), 0
+    expected, first = np.zeros(len(samples.time)), 0
     for steps, reward in zip(outcome.trials["steps"], (-1, -1, 1), strict=True):
-        told[first + steps : first + steps + 31] = reward  # 31 whole steps are in a second
+        expected[first + steps : first + steps + 31] = reward  # 31 whole steps are in a second
         first += steps + 31
-    np.testing.assert_array_equal(samples.sensors[:, 16], told)
+    np.testing.assert_array_equal(samples.sensors[:, 16], expected)
     assert outcome.steps == first < 60 / 0.032
 
 
@@ -128,15 +128,15 @@ def test_a_robot_stays_where_its_life_was_over(recorded):
 @pytest.mark.thorough
 def test_weights_live_on_and_the_history_of_the_fitness_does_not():
     genes, lifetime = drawn(897), Lifetime(duration_s=60, gain_rad_s=4.0, record_every=1)
-    who = {"genes": genes, "side": "left", "key": np.uint64(9), "network": REWARDED, "record": True}
-    ((outcome, samples),) = live_block([Individual(controller=MODULATED, **who)], switching(2, trials=3), lifetime)
+    settings = {"genes": genes, "side": "left", "key": np.uint64(9), "network": REWARDED, "record": True}
+    ((outcome, samples),) = live_block([Individual(controller=MODULATED, **settings)], switching(2, trials=3), lifetime)
     begin = int(outcome.trials["steps"][0]) + 31
     before, after = samples.weights[begin - 1], samples.weights[begin]
     assert np.abs(before - samples.weights[0]).max() > 0.1
     assert np.abs(after - before).max() < 0.01
     mean = Controller(name="paper", rule=Paper(N=1e-9, signal=Signal.lifetime_mean))
-    who |= {"genes": drawn(2547)[: REWARDED.synapses]}
-    ((outcome, samples),) = live_block([Individual(controller=mean, **who)], switching(2, trials=3), lifetime)
+    settings |= {"genes": drawn(2547)[: REWARDED.synapses]}
+    ((outcome, samples),) = live_block([Individual(controller=mean, **settings)], switching(2, trials=3), lifetime)
     begin = int(outcome.trials["steps"][0]) + 31
     assert samples.fitness[begin] == pytest.approx(samples.fitness[0], abs=1e-4) != samples.fitness[begin - 1]
 
@@ -172,8 +172,8 @@ def test_any_fixed_sequence_of_ways_gets_half_of_the_rewards_exactly():
     task = Reversal(trials=5, last_switch=4)
     for ways in itertools.product((-1, 1), repeat=5):
         for key in range(10):
-            lives = [task.initial_trials(side, key)["good"] for side in ("left", "right")]
-            assert np.mean([good == ways for good in lives]) == 0.5
+            trials = [task.initial_trials(side, key)["good"] for side in ("left", "right")]
+            assert np.mean([good == ways for good in trials]) == 0.5
 
 
 def test_the_optimum_is_that_of_win_stay_lose_shift():
@@ -213,8 +213,8 @@ def test_the_modulatory_neuron_hears_the_reward_or_its_inverse():
     activation[4:6] = 1.0, 0.5
     for reward in (0.0, 1.0, -1.0):
         activation[2] = reward
-        for heard, sign in ((Reward.given, 1), (Reward.inverted, -1)):
-            weights = modulatory_weights(Modulated, values, heard)
+        for given, sign in ((Reward.given, 1), (Reward.inverted, -1)):
+            weights = modulatory_weights(Modulated, values, given)
             drive = 0.2 * (1.0 - 1.0 + 0.5) + sign * 2.0 * reward
             assert modulate(weights, activation) == pytest.approx(np.tanh(drive / 2), rel=1e-14)
     assert plan_of(REWARDED, Modulated).text() == "241 weights, 5 v, 1 A, 1 B, 1 C, 1 D, 1 eta, 1 vr"
@@ -244,10 +244,10 @@ def test_from_evolve_to_show(champions):
     assert f"rewarded share of the fittest in training: {share:.3f} or more" in shown
     assert "reached its goal" not in shown
     brief = ["repeats=2", "task.time_out_s=2", "threads=1", "hydra.run.dir=run"]
-    told = done("evaluate", f"genome={champion}", "task=reversal", "hebbian=modulated", *brief).stdout
-    assert "(task=reversal, task.time_out_s=2): genome modulated" in told
-    assert re.findall(r"^(chance|optimum) +(\S+)", told, re.MULTILINE) == [("chance", "0.500"), ("optimum", "0.863")]
-    assert not re.search("Success|the goal|lamp", told)
+    shown = done("evaluate", f"genome={champion}", "task=reversal", "hebbian=modulated", *brief).stdout
+    assert "(task=reversal, task.time_out_s=2): genome modulated" in shown
+    assert re.findall(r"^(chance|optimum) +(\S+)", shown, re.MULTILINE) == [("chance", "0.500"), ("optimum", "0.863")]
+    assert not re.search("Success|the goal|lamp", shown)
     assert not Path(f"{run}/table.csv").exists()
     rows, trials = pd.read_csv(f"{run}/metrics.csv"), pd.read_csv(f"{run}/reversal_trials.csv")
     names = ["GA", "modulated", "modulated (reward inverted)"]
@@ -273,9 +273,9 @@ def test_from_evolve_to_show(champions):
     shares = pd.read_csv(next(Path("runs/evaluate").glob("*/summary.csv")))
     assert len(shares) == 6
     assert shares.rewarded_share.between(0, 1).all()
-    lived = epuckhebb.evaluate(champion, "task=reversal", "hebbian=modulated", *brief[:3])
-    assert list(repr(lived).split()).count("optimum") == 1
-    assert "Success" not in lived._repr_html_()
+    result = epuckhebb.evaluate(champion, "task=reversal", "hebbian=modulated", *brief[:3])
+    assert list(repr(result).split()).count("optimum") == 1
+    assert "Success" not in result._repr_html_()
     done("replay", run, "--output=page.html")
     done("rerun", run, "-q")
 
@@ -290,14 +290,14 @@ def test_what_makes_no_sense_is_refused(words, named, champions, monkeypatch):
 
 
 def test_the_figure_and_table_of_no_switch_and_of_ties():
-    """All lives alike: the interval is as wide as it must be, and lives without a switch have no place around it."""
+    """All lifetimes alike: a wide interval, and no place around the switch in lifetimes without one."""
     row = {"genome": "g", "controller": "GA", "seed": 1}
-    lives = [{**row, "side": side, "repeat": 0} for side in ("left", "right")]
-    metrics = pd.DataFrame([{**life, "rewarded_share": 0.5} for life in lives])
+    lifetimes = [{**row, "side": side, "repeat": 0} for side in ("left", "right")]
+    metrics = pd.DataFrame([{**lifetime, "rewarded_share": 0.5} for lifetime in lifetimes])
     each = [{"trial": n, "rewarded_side": "left", "reached_side": "left", "rewarded": 1} for n in (1, 2)]
-    trials = pd.DataFrame([{**life, **trial} for life in lives for trial in each])
-    told = reversal.table(metrics, trials, Reversal(), 1)
-    assert told.rewarded_share.tolist() == [0.5, 0.5, 0.8625]
-    assert told.low[0] < 0.5 < told.high[0]
-    assert reversal.figure(told, trials, "a title").startswith(b"\x89PNG")
-    assert "| optimum | 0.863 |" in reversal.to_markdown(told)
+    trials = pd.DataFrame([{**lifetime, **trial} for lifetime in lifetimes for trial in each])
+    table = reversal.table(metrics, trials, Reversal(), 1)
+    assert table.rewarded_share.tolist() == [0.5, 0.5, 0.8625]
+    assert table.low[0] < 0.5 < table.high[0]
+    assert reversal.figure(table, trials, "a title").startswith(b"\x89PNG")
+    assert "| optimum | 0.863 |" in reversal.to_markdown(table)

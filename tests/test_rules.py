@@ -23,7 +23,7 @@ from epuckhebb.sim.plasticity.errors import RuleError
 from epuckhebb.sim.plasticity.rule import Evolved, Rule, arguments_of, coefficients, initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.plasticity.update import StepContext, update_of
-from epuckhebb.sim.plasticity.weight_change import room as weight_change_workspace
+from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual, LostRobotError
 
@@ -71,9 +71,9 @@ class Oracle(reference.Robot):
         return self.rate * (self.slow[layer] + self.bias[layer]) + pull
 
 
-def test_a_rule_with_all_parts_agrees_with_the_oracle(lived):
+def test_a_rule_with_all_parts_agrees_with_the_oracle(run_lifetime):
     genes = initial(np.random.default_rng(130), 1, PLAN)[0]
-    outcome, samples = lived(genes, controller=CONTROLLER, network=SMALL, gain_rad_s=4, seconds=60, key=9)
+    outcome, samples = run_lifetime(genes, controller=CONTROLLER, network=SMALL, gain_rad_s=4, seconds=60, key=9)
     Oracle.all_genes = genes
     oracle = Oracle(genes, Scenario(), "left", CONTROLLER, network=SMALL, gain=4, key=9)
     expected, steps = reference.live(oracle, len(samples.time))
@@ -146,12 +146,12 @@ def test_a_rule_is_compiled_once_and_then_comes_from_disk(monkeypatch, tmp_path)
     assert len(list(tmp_path.glob("kernel-*"))) == 1
 
 
-def test_a_rule_that_makes_nan_is_named(lived):
+def test_a_rule_that_makes_nan_is_named(run_lifetime):
     """Its synapse state is infinite after two steps, and nan after three."""
     genes = initial(np.random.default_rng(130), 1, PLAN)[0]
     controller = Controller(name="own", rule=Everything(N=0.01, leak=1e308))
     with pytest.raises(LostRobotError, match=r"right trial of scenario base, controller own, .* Everything"):
-        lived(genes, "right", controller=controller, network=SMALL)
+        run_lifetime(genes, "right", controller=controller, network=SMALL)
 
 
 class Curious(Rule):
@@ -195,12 +195,12 @@ class Silent(Rule):
         (Silent, "rule Silent .* `synapse`"),
     ],
 )
-def test_a_rule_with_unknown_arguments_is_refused(lived, rule, message):
+def test_a_rule_with_unknown_arguments_is_refused(run_lifetime, rule, message):
     with pytest.raises(ValueError, match=message):
         arguments_of(rule)
     genes = np.zeros(plan_of(PAPER_NETWORK, rule).genes)
     with pytest.raises(ValueError, match=message):
-        lived(genes, controller=Controller(name="x", rule=rule(N=1.0)))
+        run_lifetime(genes, controller=Controller(name="x", rule=rule(N=1.0)))
 
 
 @pytest.mark.parametrize(
@@ -225,9 +225,9 @@ class Muddled(Rule):
         return pre.times(post)
 
 
-def test_a_rule_that_does_not_compile_is_explained_in_few_lines(lived):
+def test_a_rule_that_does_not_compile_is_explained_in_few_lines(run_lifetime):
     with pytest.raises(RuleError) as caught:
-        lived(np.zeros(SMALL.synapses), controller=Controller(name="x", rule=Muddled(N=1.0)), network=SMALL)
+        run_lifetime(np.zeros(SMALL.synapses), controller=Controller(name="x", rule=Muddled(N=1.0)), network=SMALL)
     lines = str(caught.value).splitlines()
     assert len(lines) <= 10
     assert lines[0].startswith("rule Muddled of ")

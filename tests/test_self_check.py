@@ -202,13 +202,13 @@ def test_dead_sensors_are_predicted_from_the_others(places):
 
 
 @pytest.mark.thorough
-def test_a_wheel_that_is_known_to_be_weak_turns_as_an_intact_one(genomes, lived):
+def test_a_wheel_that_is_known_to_be_weak_turns_as_an_intact_one(genomes, run_lifetime):
     assert corrected_wheel(6.28)(0.7, 0.0, 4.0) == 0.7
     assert corrected_wheel(6.28)(0.9, 0.5, 4.0) == 1.57  # no faster than the motor
-    _, intact = lived(genomes[0], seconds=6, controller=GA_ALONE, gain_rad_s=4)
+    _, intact = run_lifetime(genomes[0], seconds=6, controller=GA_ALONE, gain_rad_s=4)
     weak = Scenario(left_wheel=0.9)
     loss = no_corrections(EPUCK)._replace(left_loss=0.1)
-    _, samples = lived(genomes[0], seconds=6, controller=CHECKS, gain_rad_s=4, scenario=weak, corrections=loss)
+    _, samples = run_lifetime(genomes[0], seconds=6, controller=CHECKS, gain_rad_s=4, scenario=weak, corrections=loss)
     np.testing.assert_allclose(samples.pose, intact.pose, atol=1e-9)
 
 
@@ -243,7 +243,7 @@ def test_agrees_with_the_oracle(genomes, memory, in_training, fault, adaptation)
     )
     [(outcome, samples)] = live_block([individual], world, Lifetime(duration_s=10, gain_rad_s=4, record_every=1))
     robot = reference.Robot(
-        genomes[0], world, "right", controller, gain=4, key=KEY, nominal=nominal, home=(memory, in_training)
+        genomes[0], world, "right", controller, gain=4, key=KEY, nominal=nominal, in_training=(memory, in_training)
     )
     np.testing.assert_allclose(robot.loss, [checked.corrections.left_loss, checked.corrections.right_loss], atol=1e-9)
     assert robot.ratio == pytest.approx(checked.corrections.light_ratio, abs=1e-9)
@@ -254,14 +254,14 @@ def test_agrees_with_the_oracle(genomes, memory, in_training, fault, adaptation)
 
 
 @pytest.mark.thorough
-def test_a_late_robot_follows_the_nearer_wall_and_others_do_not(genomes, lived):
+def test_a_late_robot_follows_the_nearer_wall_and_others_do_not(genomes, run_lifetime):
     never_late = no_nominal(16)
     late = never_late._replace(time_to_goal_s=0.5)
     follows = by(change_signal="late", threshold=1.0, exploration=Exploration.wall_following)
     both = {"seconds": 8, "gain_rad_s": 4, "controller": follows}
-    _, alone = lived(genomes[0], seconds=8, gain_rad_s=4, controller=GA_ALONE)
-    assert lived(genomes[0], **both, nominal=never_late)[1].pose.tobytes() == alone.pose.tobytes()
-    _, samples = lived(genomes[0], **both, nominal=late)
+    _, alone = run_lifetime(genomes[0], seconds=8, gain_rad_s=4, controller=GA_ALONE)
+    assert run_lifetime(genomes[0], **both, nominal=never_late)[1].pose.tobytes() == alone.pose.tobytes()
+    _, samples = run_lifetime(genomes[0], **both, nominal=late)
     parts = np.flatnonzero((samples.pose != alone.pose).any(axis=1))[0]
     assert parts * STEP_S == pytest.approx(0.5, abs=0.1)
     nearest = samples.sensors[parts + 60 :, 8:].max(axis=1)

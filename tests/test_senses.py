@@ -174,7 +174,7 @@ AHEAD = Place(0.0, 0.0, 0.0)
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Robot(radius_m=0.0), r"robot\.radius_m must be a number above 0, got 0.0"),
+        (lambda: Robot(radius_m=0.0), r"robot\.radius_m must be more than 0, got 0.0"),
         (lambda: DistanceSensors(reach_m=math.inf), r"robot\.reach_m must"),
         (lambda: LightSensors(places=()), r"robot\.light_places must hold one sensor or more"),
         (
@@ -243,8 +243,8 @@ def test_a_lifetime_with_another_group_of_sensors():
     world = Scenario(robot=WITH_COMPASS)
     network = Network((world.inputs, 5, 2))
     genes = np.random.default_rng(1).uniform(-1, 1, network.synapses)
-    who = Individual(genes=genes, side="left", key=np.uint64(1), network=network, record=True)
-    ((_, samples),) = live_block([who], world, Lifetime(duration_s=1.0, noise=0.0, record_every=1))
+    individual = Individual(genes=genes, side="left", key=np.uint64(1), network=network, record=True)
+    ((_, samples),) = live_block([individual], world, Lifetime(duration_s=1.0, noise=0.0, record_every=1))
     north = (1 + np.sin(samples.pose[:, 2])) / 2
     np.testing.assert_allclose(samples.sensors[:, 8], north, atol=1e-12)
 

@@ -32,9 +32,9 @@ def varied():
 
 def test_a_drawn_layout_that_shuts_the_way_is_refused():
     across = Niche("y", (-0.045, 0.062), (-0.1, -0.05), (0.03, 0.1), (0.05, 0.06))
-    home = Scenario(maze=replace(T_MAZE, niches=(across,)))
+    world = Scenario(maze=replace(T_MAZE, niches=(across,)))
     with pytest.raises(ValueError, match="cannot be reached"):
-        Training(obstacles_share=1.0).worlds(home, FAST, 2, 1, 0)
+        Training(obstacles_share=1.0).worlds(world, FAST, 2, 1, 0)
 
 
 @dataclass(kw_only=True)
@@ -76,7 +76,7 @@ class Alike(Unmoved):
     common_random_numbers = True
 
 
-def judged(optimizer, lifetime=FAST, **more):
+def evolved(optimizer, lifetime=FAST, **more):
     return next(evolve(optimizer, Scenario(), lifetime, seed=1, **more))
 
 
@@ -111,23 +111,23 @@ def test_worlds_depend_on_seed_generation_and_loop_alone(varied):
     assert without_light == replace(varied[5][1].scenario, light=0.1)
 
 
-def test_at_another_pace_a_lifetime_drives_as_far():
+def test_at_another_gain_a_lifetime_drives_as_far():
     kind = training("gain_varied")
-    lived = [kind.worlds(Scenario(), FAST, 1, 1, generation)[0].lifetime for generation in range(400)]
-    gains = np.array([life.gain_rad_s for life in lived])
+    drawn = [kind.worlds(Scenario(), FAST, 1, 1, generation)[0].lifetime for generation in range(400)]
+    gains = np.array([one.gain_rad_s for one in drawn])
     assert gains.min() >= 1.5
     assert gains.max() <= 6.0
     assert np.log(gains).mean() == pytest.approx(np.log(3), abs=0.05)
-    np.testing.assert_allclose([life.duration_s * life.gain_rad_s for life in lived], 240)
-    assert kind.stretch(FAST) == pytest.approx(np.mean([life.duration_s for life in lived]) / 60, rel=0.05)
-    assert kind.worlds(Scenario(), FAST, 3, 1, 5)[2].lifetime == lived[5]
+    np.testing.assert_allclose([one.duration_s * one.gain_rad_s for one in drawn], 240)
+    assert kind.stretch(FAST) == pytest.approx(np.mean([one.duration_s for one in drawn]) / 60, rel=0.05)
+    assert kind.worlds(Scenario(), FAST, 3, 1, 5)[2].lifetime == drawn[5]
 
 
 def test_starts_vary_only_in_varied_loops():
     still, moved = np.zeros((1, 234)), Lifetime(duration_s=0.032, noise=0)
-    in_training = judged(Unmoved(genomes=still), moved)
-    away = judged(Unmoved(genomes=still), moved, training=Training(start_noise=1.0, unvaried_loops=1))
-    only_away = judged(Unmoved(genomes=still), moved, training=Training(start_noise=1.0, unvaried_loops=0))
+    in_training = evolved(Unmoved(genomes=still), moved)
+    away = evolved(Unmoved(genomes=still), moved, training=Training(start_noise=1.0, unvaried_loops=1))
+    only_away = evolved(Unmoved(genomes=still), moved, training=Training(start_noise=1.0, unvaried_loops=0))
     assert in_training.robot_steps == only_away.robot_steps == 2
     assert away.robot_steps == 4
     assert away.fitness[0] == pytest.approx((in_training.fitness[0] + only_away.fitness[0]) / 2, abs=0.02)
@@ -136,7 +136,7 @@ def test_starts_vary_only_in_varied_loops():
 
 def test_a_bonus_is_paid_for_success_at_the_last_step(genomes):
     both = Unmoved(genomes=np.stack([genomes[0], np.zeros(234)]))
-    plain, paid = judged(both), judged(both, training=Training(success_bonus=0.25))
+    plain, paid = evolved(both), evolved(both, training=Training(success_bonus=0.25))
     assert plain.success.tolist() == [1.0, 0.0]
     np.testing.assert_allclose(paid.fitness - plain.fitness, [0.25, 0.0], atol=1e-12)
 
@@ -145,17 +145,17 @@ def test_with_common_random_numbers_only_genes_tell_individuals_apart(genomes):
     twice = np.stack([genomes[0], genomes[0]])
     short = Lifetime(duration_s=3, gain_rad_s=4)
     for kind, count in ((Alike, 1), (Unmoved, 2)):
-        told = judged(kind(genomes=twice), short, training=Training(start_noise=1.0))
-        assert len(set(told.fitness.tolist())) == count
+        last = evolved(kind(genomes=twice), short, training=Training(start_noise=1.0))
+        assert len(set(last.fitness.tolist())) == count
 
 
 def test_the_champion_is_who_does_best_in_fresh_lifetimes(genomes):
     candidates = np.stack([np.zeros(234), genomes[0]])
-    told = judged(Alike(genomes=candidates))
-    np.testing.assert_array_equal(told.champion, genomes[0])
-    assert told.champion_fitness != told.fitness[1]
-    assert told.champion_fitness == pytest.approx(told.fitness[1], abs=0.1)
-    assert told.robot_steps == 2 * 2 * FAST.steps
+    last = evolved(Alike(genomes=candidates))
+    np.testing.assert_array_equal(last.champion, genomes[0])
+    assert last.champion_fitness != last.fitness[1]
+    assert last.champion_fitness == pytest.approx(last.fitness[1], abs=0.1)
+    assert last.robot_steps == 2 * 2 * FAST.steps
 
 
 def test_training_whose_values_are_not_its_files_says_so():

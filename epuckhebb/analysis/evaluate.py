@@ -166,7 +166,6 @@ def evaluate(
 
 
 def _of_trials(trials: NDArray[np.void]) -> dict[str, Any]:
-    """The metrics of a lifetime of many trials."""
     switches = np.flatnonzero(np.diff(trials["good"]))
     return {
         "rewarded_share": float(rewarded(trials).mean()),
@@ -175,7 +174,6 @@ def _of_trials(trials: NDArray[np.void]) -> dict[str, Any]:
 
 
 def _trials(trials: NDArray[np.void]) -> Iterator[dict[str, Any]]:
-    """The trials of a lifetime, a row each."""
     sides = {-1: "left", 0: "", 1: "right"}
     for number, (good, reached, steps, _) in enumerate(trials.tolist(), start=1):
         yield {

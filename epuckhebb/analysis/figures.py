@@ -103,7 +103,6 @@ def plain(text: str) -> str:
 
 @cache
 def _signs() -> frozenset[int]:
-    """The code points of the font that figures are written in."""
     return frozenset(get_font(findfont(FontProperties())).get_charmap())
 
 
@@ -202,14 +201,12 @@ def _draw_path(
 
 
 def _lines(scenario: Scenario, inches: float) -> list[str]:
-    """The changes during the lifetime, in lines of so many inches."""
     return _filled(
         (f"◆{number} {timed_change_text(change)}" for number, change in enumerate(scenario.changes, 1)), inches
     )
 
 
 def _filled(parts: Iterable[str], inches: float) -> list[str]:
-    """The parts one after the other, in lines of so many inches."""
     lines: list[str] = []
     for part in parts:
         if lines and len(lines[-1]) + len(part) < 13 * inches:
@@ -234,7 +231,6 @@ def _legend(scenario: Scenario) -> list[str]:
 
 
 def _write(figure: Figure, lines: list[str]) -> None:
-    """Lines of text at the bottom of a figure."""
     if lines:
         figure.text(0.5, 0.07 / figure.get_figheight(), plain("\n".join(lines)), ha="center", va="bottom", fontsize=8.5)
 

@@ -92,7 +92,6 @@ def _fates(each: pd.DataFrame, experiment: str, scenario: str, kind: str, rate: 
 
 
 def _counts(fates: pd.DataFrame, interval: Callable[..., tuple[float, float]]) -> dict[str, Any]:
-    """How many trials are broken, rescued, intact and harmed, and the two shares with intervals over champions."""
     by_champion = fates.groupby("genome", sort=False).sum()
     row: dict[str, Any] = by_champion.sum().to_dict()
     for part, whole in (("rescued", "broken"), ("harmed", "intact")):
@@ -179,7 +178,7 @@ RULE = (
 _MIXED = (0.25, 0.75)  # a wider interval is inconclusive
 
 
-def claim(text: str, counted: str, part: NDArray[np.int64], whole: NDArray[np.int64]) -> dict[str, str | int | float]:
+def claim(text: str, counted: str, part: NDArray[np.int64], whole: NDArray[np.int64]) -> dict[str, Any]:
     """A claim of the paper as a question to every trial that could show it: its counts, interval and verdict.
 
     counted: which trials these are, and what counts as true. part, whole: for each champion, in how many trials the
@@ -258,7 +257,7 @@ def _obstacle_claims(each: pd.DataFrame) -> Iterator[dict[str, Any]]:
     yield _count("Plasticity reaches the goal sooner", "trials of base in which both arrive", plastic < alone, both)
 
 
-def _unchanged(each: pd.DataFrame, experiment: str, unchanged: int) -> dict[str, str | int | float]:
+def _unchanged(each: pd.DataFrame, experiment: str, unchanged: int) -> dict[str, Any]:
     """The row of a check. It has no interval: the program decides it, not a sample of champions."""
     n = each[each.experiment == experiment].genome.nunique()
     return (
@@ -269,7 +268,7 @@ def _unchanged(each: pd.DataFrame, experiment: str, unchanged: int) -> dict[str,
 
 
 def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tuple[str, int, int]:
-    """The champion whose successes and failures agree most with the paper's, in how many cells, of how many.
+    """The champion that agrees with the paper in most cells, the number of these cells, and of all cells.
 
     Only champions that solve both sides in training without plasticity are considered, or all if none does. Of equals
     the first is taken. It is chosen *for* its likeness: it shows that the pattern exists, not how often.
@@ -304,7 +303,6 @@ def _outcomes(
 
 
 def _solved(each: pd.DataFrame, experiment: str) -> pd.Index:
-    """The trials that the GA solves in its training world."""
     alone = _outcomes(each, experiment, TRAINED[experiment], GA, 0.0)
     return alone[alone].index
 

@@ -138,7 +138,6 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
 
 
 def _success_of(champions: pd.DataFrame, name: str) -> dict[str, float]:
-    """The success of these champions with its interval; nan without champions."""
     trials, successes = champions.trials.to_numpy(np.int64), champions.successes.to_numpy(np.int64)
     low, high = bootstrap_ratio(successes, trials, seed=0)
     share = successes.sum() / trials.sum() if len(trials) else np.nan
@@ -146,7 +145,6 @@ def _success_of(champions: pd.DataFrame, name: str) -> dict[str, float]:
 
 
 def _share(successes: "pd.Series[Any]", trials: "pd.Series[Any]") -> float:
-    """The share of successes; nan without such a control."""
     return np.nan if successes.isna().any() else successes.sum() / trials.sum()
 
 
@@ -225,7 +223,7 @@ def markdown(
     """The page.
 
     costs: CPU seconds, a row for each method and experiment. methods: each with its description. tests: the test worlds
-    of each experiment. provenance: lines on who made this and how.
+    of each experiment. provenance: lines on the origin of the data.
     """
     parts = ["# Leaderboard\n", f"{provenance}\n", _TERMS]
     for experiment, own in board.groupby("experiment", sort=False):

@@ -112,7 +112,6 @@ def _distinct(name: str, genomes: Mapping[str, str]) -> list[str]:
 
 
 def _repeated(whole: pd.DataFrame, again: pd.Series, evaluations: Sequence[Evaluated]) -> str:
-    """A line on evaluations without a new lifetime."""
     without = sorted(set(whole._number) - set(whole._number[~again]))
     if not without:
         return ""

@@ -35,7 +35,6 @@ __all__ = ["Arrival", "arrival", "outcome", "page"]
 
 _MOST_SAMPLES = 1000  # of a lifetime; of more, every so many-th is kept
 _LARGEST = 32767  # of a 16-bit integer
-_WITH = {GA: "without plasticity", HEBBIAN: "with plasticity"}
 _CONSTANT = "its weights stay at their initial values"
 _CHANGING = "its weights change during the lifetime"
 _WAYS = ((8, "front"), (31, "front {}"), (68, "{}, ahead"), (112, "{}"), (172, "back {}"), (180, "back"))  # degrees
@@ -74,50 +73,32 @@ def page(
 
 
 def outcome(side: Side, controllers: Sequence[str], arrivals: Sequence[Arrival]) -> str:
-    """One sentence: which robots reached the goal of this side, and when."""
-    goal = f"the goal on the {side}"
-    robots = list(zip(controllers, arrivals, strict=True))
-    stayed = [one for one in robots if one[1].stayed]
-    others = [one for one in robots if not one[1].stayed]
-    alone, both = len(robots) == 1, len(robots) == 2
-    if alone and stayed:
-        return f"The robot reached {goal} after {arrivals[0].time:.1f} s."
-    if not others:
-        first = f"{'Both' if both else 'All'} robots reached {goal}: "
-    elif stayed:
-        names = " and the one ".join(_with(controller) for controller, _ in stayed)
-        times = " and ".join(f"{arrived.time:.1f} s" for _, arrived in stayed)
-        first = f"Only the robot {names} reached {goal} and stayed there, after {times}; "
-    else:
-        passed = any(arrived.time is not None for arrived in arrivals)
-        none = "The robot never" if alone else "Neither robot" if both else "No robot"
-        first = f"{none} {'stayed at' if passed else 'reached'} {goal}: "
-    ends = (_end("" if alone else f"{_with(controller)} ", arrived) for controller, arrived in others or stayed)
-    return f"{first}{', '.join(ends)}."
+    """A sentence for each robot: whether and when it reached the goal of this side."""
+    sentences, goal = [], f"the goal on the {side}"
+    for controller, arrived in zip(controllers, arrivals, strict=True):
+        name = "The robot" if len(controllers) == 1 else f"{_with(controller)} the robot"
+        away = f"ended {100 * arrived.final_distance:.0f} cm away"
+        if arrived.time is None:
+            sentences.append(f"{name} did not reach {goal}: it {away}.")
+        else:
+            end = "" if arrived.stayed else f", drove on and {away}"
+            sentences.append(f"{name} reached {goal} after {arrived.time:.1f} s{end}.")
+    return " ".join(sentences)
 
 
 def reversal_outcome(side: Side, controllers: Sequence[str], lifetimes: Sequence[Samples]) -> str:
-    """One sentence: which end was rewarded first, and how often each robot reached the rewarded end."""
-    counts = []
+    """Which end was rewarded first, and how often each robot reached the rewarded end."""
+    sentences = [f"The end on the {side} is rewarded first."]
     for controller, samples in zip(controllers, lifetimes, strict=True):
         begins = np.diff(samples.sensors[:, -1], prepend=0.0) * samples.sensors[:, -1] > 0
         good, all_ = (int(begins[samples.sensors[:, -1] > least].sum()) for least in (0, -2))
-        counts.append(f"the robot {_with(controller)} reached an end {all_} times, {good} times the rewarded end")
-    return f"The end on the {side} is rewarded first; {'; '.join(counts)}."
+        sentences.append(f"{_with(controller)} the robot reached an end {all_} times, {good} times the rewarded end.")
+    return " ".join(sentences)
 
 
 def _with(controller: str) -> str:
     known = controller if controller in CONTROLS.values() else f"“{controller}”"
-    return _WITH.get(controller, f"with {known}")
-
-
-def _end(name: str, arrived: Arrival) -> str:
-    away = f"ended {100 * arrived.final_distance:.0f} cm away"
-    if arrived.time is None:
-        return f"{name}it {away}"
-    if arrived.stayed:
-        return f"{name}after {arrived.time:.1f} s"
-    return f"{name}it was there after {arrived.time:.1f} s but drove on and {away}"
+    return {GA: "Without plasticity", HEBBIAN: "With plasticity"}.get(controller, f"With {known}")
 
 
 def _content(

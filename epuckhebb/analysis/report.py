@@ -48,7 +48,7 @@ class Findings:
 
     showcase: for each experiment the champion that is shown, in how many cells it agrees with the paper, of how many.
     champions: how many of each experiment. given: whether one given genome takes their place. repeats: of every
-    condition. provenance: a line on who made this and how.
+    condition. provenance: a line on the origin of the data.
     """
 
     claims: pd.DataFrame
@@ -101,6 +101,7 @@ def html(
     _align(tokens)
     body = parser.renderer.render(tokens, parser.options, {})
     body = body.replace(escape(published.NEW_LINE), "<br>")
+    body = re.sub(r"\[[+-]?\d[^]<]*\]", lambda interval: interval[0].replace(" ", "&nbsp;"), body)
     body = body.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>")
     for name in dict.fromkeys(part.split('"')[0] for part in body.split('src="figures/')[1:]):
         data = base64.b64encode(picture(name)).decode()
@@ -175,7 +176,6 @@ def _deviations(group: pd.DataFrame) -> str:
 
 
 def _at_paper_rates(table: pd.DataFrame) -> pd.DataFrame:
-    """The rows of the GA and of the paper's rates."""
     return table[(table.N == 0) | (table.experiment.map(PAPER_N) == table.N)]
 
 

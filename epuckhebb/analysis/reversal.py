@@ -27,11 +27,11 @@ def table(metrics: pd.DataFrame, trials: pd.DataFrame, task: Reversal, seed: int
     metrics, trials: of `epuckhebb.analysis.evaluate`. seed: of the bootstrap.
     """
     rows: list[tuple[Any, ...]] = []
-    for name, lives in metrics.groupby("controller", sort=False):
-        pairs = lives.groupby("repeat").rewarded_share.mean().to_numpy()
+    for name, lifetimes in metrics.groupby("controller", sort=False):
+        pairs = lifetimes.groupby("repeat").rewarded_share.mean().to_numpy()
         low, high = statistics.bootstrap_mean(pairs, seed, (0.0, 1.0))
         ends = (trials.reached_side[trials.controller == name] != "").mean()
-        rows.append((name, len(lives), pairs.mean(), low, high, ends))
+        rows.append((name, len(lifetimes), pairs.mean(), low, high, ends))
     rows += [(name, None, share, None, None, None) for name, share in limits(task).items()]
     return pd.DataFrame(rows, columns=list(COLUMNS)).astype({"lives": "Int64"})
 
@@ -42,8 +42,8 @@ def to_markdown(table: pd.DataFrame) -> str:
     for row in table.itertuples():
         interval = "" if pd.isna(row.low) else f"{row.low:.3f} to {row.high:.3f}"
         ends = "" if pd.isna(row.end_share) else f"{row.end_share:.3f}"
-        lives = "" if pd.isna(row.lives) else str(row.lives)
-        rows.append([str(row.controller), f"{row.rewarded_share:.3f}", interval, ends, lives])
+        count = "" if pd.isna(row.lives) else str(row.lives)
+        rows.append([str(row.controller), f"{row.rewarded_share:.3f}", interval, ends, count])
     return markdown_table(
         ["", "rewarded share", "95 % interval", "trials in which it reached an end", "lifetimes"], rows
     )
@@ -77,17 +77,15 @@ def figure(table: pd.DataFrame, trials: pd.DataFrame, title: str) -> bytes:
 
 def _around_switch(trials: pd.DataFrame) -> "pd.Series[float]":
     """The share of rewarded trials by the number of trials after the switch; lifetimes without one are left out."""
-    lives = trials.groupby(["side", "repeat"])
-    first = lives.rewarded_side.transform("first")
-    after = trials.trial - trials.trial.where(trials.rewarded_side != first).groupby(
-        [trials.side, trials.repeat]
-    ).transform("min")
+    lifetime = [trials.side, trials.repeat]
+    first = trials.rewarded_side.groupby(lifetime).transform("first")
+    switch = trials.trial.where(trials.rewarded_side != first).groupby(lifetime).transform("min")
+    after = trials.trial - switch
     known = after.between(_BEFORE, _AFTER)
     return trials.rewarded[known].groupby(after[known].astype(int)).mean()
 
 
 def _lines(axes: Axes, levels: Mapping[str, float]) -> None:
-    """Chance, and the optimum over a whole life, as lines with their names."""
     axes.set_ylim(0, 1.05)
     axes.spines[["top", "right"]].set_visible(False)
     left, right = axes.get_xlim()

@@ -58,7 +58,7 @@ def wilson_by_champion(part: NDArray[np.int64], whole: NDArray[np.int64]) -> tup
     interval with it is among the best of those compared by Dean & Pagano, J. Surv. Stat. Methodol. 3 (2015) 484.
 
     Args:
-        part: for each champion, how many of its trials came true, (champions,).
+        part: for each champion, how many of its trials are true, (champions,).
         whole: for each champion, how many trials it had, (champions,); champions without trials do not count.
 
     Returns:

@@ -56,7 +56,6 @@ def over_champions(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
 
 
 def _numeric(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with `N` and the columns of `_BOUNDS` as numbers."""
     return rows.assign(**{name: pd.to_numeric(rows[name]) for name in ("N", *_BOUNDS) if name in rows})
 
 
@@ -65,28 +64,19 @@ def _rewarded(rows: pd.DataFrame) -> list[str]:
     return [_REWARDED] if _REWARDED in rows and rows[_REWARDED].notna().any() else []
 
 
-def _means(lifetimes: pd.DataFrame) -> dict[str, float]:
-    """Means over champions and their intervals."""
+def _means(lifetimes: pd.DataFrame, *, several: bool = True) -> dict[str, float]:
+    """Means over champions and their intervals; for one champion, over its lifetimes, and about the noise."""
     means: dict[str, float] = {"champions": lifetimes.genome.nunique(), "lifetimes": len(lifetimes)}
     for column, bounds in _BOUNDS.items():
         if column == _REWARDED and not _rewarded(lifetimes):
             continue
-        values = lifetimes.groupby("genome", sort=False)[column].mean()
-        low, high = bootstrap_mean(values.to_numpy(float), seed=0, bounds=bounds)
+        values = lifetimes.groupby("genome", sort=False)[column].mean() if several else lifetimes[column]
+        if several or column != "success":
+            low, high = bootstrap_mean(values.to_numpy(float), seed=0, bounds=bounds)
+        else:
+            low, high = wilson(int(values.sum()), len(values))
         means |= {column: values.mean(), f"{column}_low": low, f"{column}_high": high}
     return means
-
-
-def _means_of_one(lifetimes: pd.DataFrame) -> dict[str, float]:
-    """Means over the lifetimes of one champion; their intervals are about the noise."""
-    success, change = lifetimes.success, lifetimes.weight_change_mean.to_numpy(float)
-    found: dict[str, float] = {"lifetimes": len(lifetimes)}
-    for column, mean, (low, high) in (
-        ("success", success.mean(), wilson(int(success.sum()), len(success))),
-        ("weight_change_mean", change.mean(), bootstrap_mean(change, seed=0)),
-    ):
-        found |= {column: mean, f"{column}_low": low, f"{column}_high": high}
-    return found
 
 
 def dose_response(rows: pd.DataFrame, settings: list[str]) -> bytes | None:
@@ -98,7 +88,6 @@ def dose_response(rows: pd.DataFrame, settings: list[str]) -> bytes | None:
     if _RATE not in settings or not len(plastic) or _rewarded(rows):  # such a task has no success at one goal
         return None
     several = has_champions(rows)
-    means_of = _means if several else _means_of_one
     differ = [key for key in settings if key not in (_RATE, "genome") and plastic[key].nunique() > 1]
     world = list(dict.fromkeys(["scenario", "changed", *(key for key in differ if not is_of_plasticity(key))]))
     by = list(dict.fromkeys([*world, *differ, "controller"]))
@@ -107,11 +96,9 @@ def dose_response(rows: pd.DataFrame, settings: list[str]) -> bytes | None:
         place = dict(zip(by, condition, strict=True))
         alone = rows[(rows.controller == GA) & (rows[world] == [place[key] for key in world]).all(axis=1)]
         title = f"{', '.join(_described(place, differ))}: {place['controller']}"
-        for (controller, rate, side), lifetimes in pd.concat([alone, own]).groupby(
-            ["controller", "N", "side"], sort=False
-        ):
+        for (controller, rate, side), cell in pd.concat([alone, own]).groupby(["controller", "N", "side"], sort=False):
             row = {"condition": title, "controller": controller, "N": rate, "side": side}
-            found.append({**row, **means_of(lifetimes)})
+            found.append(row | _means(cell, several=several))
     doses = pd.DataFrame(found)
     each = f"{doses.lifetimes.max()} lifetimes of {rows.genome.iloc[0]} on each side (95 % intervals: noise only)"
     if several:

@@ -116,7 +116,7 @@ def replay(
     """A page, or a film, to watch an evaluation's lifetimes."""
     from epuckhebb.analysis import movie
     from epuckhebb.export.replay import recording, require_video, write_movie, write_page
-    from epuckhebb.store.run import resolve_run
+    from epuckhebb.store import resolve_run
 
     if mp4:
         require_video()
@@ -295,7 +295,7 @@ def export(
 def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
     """Repeat a run, and check that its CSV files are bit-identical."""
     from epuckhebb.runs.rerun import rerun as repeat
-    from epuckhebb.store.run import resolve_run
+    from epuckhebb.store import resolve_run
 
     begin(quiet)
     run = resolve_run(run, "evaluate", "evolve")

@@ -120,7 +120,7 @@ def with_genomes_named(overrides: list[str] | None) -> list[str]:
 
 def _with_genome_named(override: str) -> str:
     from epuckhebb.config.overrides import quoted
-    from epuckhebb.store.run import resolve_run
+    from epuckhebb.store import resolve_run
 
     key, _, value = override.partition("=")
     if key == "genome" and (ends := _FROM_TO.search(value)):

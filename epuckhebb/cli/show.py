@@ -14,8 +14,7 @@ from epuckhebb.config.conf import flat
 from epuckhebb.config.stored import settings
 from epuckhebb.runtime.console import print_line
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.store.genome import load_genome
-from epuckhebb.store.run import Run, below_runs, of_multirun, resolve_run
+from epuckhebb.store import Run, below_runs, load_genome, of_multirun, resolve_run
 
 _LATEST = 10  # runs that are listed when none is named
 _CHANGED = {"light": "lowlight", "obstacles": "4obstacles"}  # a changed world of each experiment

@@ -12,7 +12,7 @@ from epuckhebb.sim.adaptation.nominal import Nominal
 from epuckhebb.sim.adaptation.self_check.findings import find
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
 from epuckhebb.sim.scenario import EXPERIMENTS
-from epuckhebb.store.genome import Genome, is_bundled, load_genome
+from epuckhebb.store import Genome, is_bundled, load_genome
 
 
 def genomes_named(what: str) -> list[tuple[Genome, str]]:

@@ -11,8 +11,7 @@ from epuckhebb.analysis import tables
 from epuckhebb.analysis.self_checks import in_words
 from epuckhebb.config.stored import settings
 from epuckhebb.runtime.console import print_line, print_table
-from epuckhebb.store import traces
-from epuckhebb.store.run import Run
+from epuckhebb.store import Run, read_findings
 
 
 def print_evaluation(path: Path, console: Console) -> None:
@@ -105,7 +104,7 @@ def _print_notes_and_findings(path: Path, console: Console) -> None:
     """Print what a reader of the table must know, and what robots found in their self-checks."""
     for note in Run(path).provenance.get("notes", []):
         console.print(Text(note))
-    findings = in_words(traces.read_findings(Run(path)))
+    findings = in_words(read_findings(Run(path)))
     if findings:
         rows = [(side, text, count) for side, counts in findings.items() for text, count in counts]
         print_table(console, "Found by the self-check", ("side", "it found", "lifetimes"), rows, text=2)

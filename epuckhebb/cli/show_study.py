@@ -13,8 +13,7 @@ from epuckhebb.runtime.console import print_line, print_table
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.scenario import EXPERIMENTS
-from epuckhebb.store import genome
-from epuckhebb.store.run import Run
+from epuckhebb.store import Run, is_bundled, load_genome
 
 
 def print_jobs(folder: Path, listed: list[dict[str, Any]], console: Console) -> None:
@@ -144,8 +143,8 @@ def _print_success(summary: pd.DataFrame, of: str, interval_is: str, console: Co
         cells = ((*place, *(found.get(side, "") for side in SIDES)) for place, found in rows.items())
         print_table(console, f"{title} ({facts})" if facts else title, headings, cells, text=len(shown))
     names = set(summary.get("genome", []))
-    if len(names) == 1 and genome.is_bundled(name := str(names.pop())):
-        notes = {showcase(genome.load_genome(name, experiment)) for experiment in EXPERIMENTS} - {""}
+    if len(names) == 1 and is_bundled(name := str(names.pop())):
+        notes = {showcase(load_genome(name, experiment)) for experiment in EXPERIMENTS} - {""}
         for note in sorted(notes):
             console.print(Text(note))
 

@@ -1,1 +1,1 @@
-"""How controllers are evolved: optimizers, which say who lives next, and the loop in which they live (`evolve`)."""
+"""How controllers are evolved: optimizers, the worlds of training, and the loop over generations (`evolve`)."""

@@ -1,7 +1,7 @@
-"""The generation loop: who is asked for lives, and how well they did is told. It can be stopped and continued.
+"""The generation loop: the optimizer proposes genomes, lifetimes give their fitness.
 
-`evolve` yields after each generation all that is needed to go on from there; continued from that, it yields the same
-bits as if it had never stopped.
+`evolve` yields after each generation all that is needed to resume. A resumed evolution is bit-identical to one that was
+never stopped.
 """
 
 import time
@@ -11,11 +11,11 @@ from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.evolution.optimizer import CANDIDATES, CONFIRM, Optimizer, State
 from epuckhebb.evolution.training import UNVARIED, Training, World
 from epuckhebb.sim import random
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import GenomePlan, plan_of
@@ -29,24 +29,23 @@ from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual
 
 _START_SPREAD = np.array([0.005, 0.010, 0.1])  # m, m, rad at a start noise of 1
-_COPIES, _LIFE_BYTES = 4.0, 1000.0  # of the genes of an individual; of one who shall live, and how it went
+_COPIES, _LIFETIME_BYTES = 4.0, 1000.0  # copies of an individual's genes; memory of a lifetime and its outcome
 _TRIALS = tuple(reversed(SIDES))  # lamp on (right) first, as in the published program
 
 
 @dataclass(frozen=True, kw_only=True)
 class Generation:
-    """One generation, and where to go on.
+    """One generation, and the state to resume from.
 
     number: from 0. fitness: (individuals,). success: (individuals,) share of each one's lifetimes that ended at the
-    goal. champion: (genes,) the fittest; after the last generation, the one that the optimizer's candidates came down
-    to. champion_fitness: what it was chosen by. state: of the search, after this generation. robot_steps, seconds: what
-    it cost.
+    goal. champion: (genes,) the fittest; after the last generation, the best of the optimizer's candidates.
+    champion_fitness: by which it was chosen. state: of the search, after this generation. robot_steps, seconds: cost.
     """
 
     number: int
-    fitness: NDArray[np.float64]
-    success: NDArray[np.float64]
-    champion: NDArray[np.float64]
+    fitness: Floats
+    success: Floats
+    champion: Floats
     champion_fitness: float
     state: State
     robot_steps: int
@@ -64,16 +63,15 @@ def evolve(
     training: Training = UNVARIED,
     network: Network = PAPER_NETWORK,
     controller: Controller = GA_ALONE,
-    weights: NDArray[np.float64] | None = None,
+    weights: Floats | None = None,
 ) -> Iterator[Generation]:
     """Evolve controllers in a scenario; yields one record a generation.
 
-    after: the last record of an earlier, unfinished evolution with the same arguments, to go on from. training: in
-    which worlds they are judged, the scenario itself or others around it. network: what is evolved. controller: what
-    drives the robots besides their genes; with a plasticity rule they learn while they are judged, and what of the rule
-    is evolved is part of the genome. Those who learn all start alike and hear the same noise in a generation, and their
-    champion is the best of three in fresh lifetimes, whatever the optimizer. weights: those of a champion, (synapses,),
-    that are given to all; then only the rule is evolved. None for weights that are evolved too.
+    after: the last record of an unfinished evolution with the same arguments, to resume. training: the worlds in which
+    fitness is measured. network: that of all individuals. controller: with a plasticity rule, individuals learn during
+    evolution, and evolved parameters of the rule are part of the genome. Then all individuals of a generation have the
+    same starts and noise, and the champion is the best of three in fresh lifetimes, with any optimizer. weights: fixed
+    weights of a champion, (synapses,), if only the rule is evolved; None to evolve the weights too.
 
     Raises:
         ValueError: network, robot and rule, or scenario and training, do not fit each other; nothing is evolved.
@@ -83,20 +81,20 @@ def evolve(
     training.check(scenario, lifetime, loops)
     learns = not isinstance(controller.rule, NoRule)
     shared = optimizer.common_random_numbers or learns
-    judge = _Judge(optimizer, loops, scenario, lifetime, training, seed, network, controller, threads, shared)
+    evaluator = _Evaluator(optimizer, loops, scenario, lifetime, training, seed, network, controller, threads, shared)
     plan = evolved_plan(network, controller.rule, given=weights is not None)
     if weights is None and controller.rule.initial_weights is InitialWeights.random:
         weights = np.zeros(network.synapses)
     search = optimizer.search(plan, seed, None if after is None else after.state)
 
-    def whole(genes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Genomes, (individuals, genes), of what is evolved and what is not."""
+    def whole(genes: Floats) -> Floats:
+        """Whole genomes, (individuals, genes), evolved and fixed parts."""
         return genes if weights is None else np.hstack([np.tile(weights, (len(genes), 1)), genes])
 
     for number in range(0 if after is None else after.number + 1, generations):
         began = time.perf_counter()
         population = whole(search.ask())
-        fitness, success, robot_steps = judge.of(population, number)
+        fitness, success, robot_steps = evaluator.evaluate(population, number)
         search.tell(fitness)
         best = int(np.argmax(fitness))
         champion, champion_fitness = population[best], float(fitness[best])
@@ -104,10 +102,10 @@ def evolve(
         if learns and len(candidates) == 1:
             candidates = population[np.argsort(-fitness, kind="stable")[:CANDIDATES]]
         if number == generations - 1 and len(candidates) > 1:
-            # The generations that nobody will have lived are fresh. Their steps are in no row of the history: a row
-            # must not depend on whether it is the last.
+            # Generation numbers after the last give fresh noise. These steps are in no row of the history: a row must
+            # not depend on whether it is the last.
             rounds = -(-max(optimizer.confirm, CONFIRM * learns) // (loops * len(_TRIALS)))
-            fresh = [judge.of(candidates, generations + k)[0] for k in range(rounds)]
+            fresh = [evaluator.evaluate(candidates, generations + k)[0] for k in range(rounds)]
             confirmed = np.mean(fresh, axis=0)
             champion, champion_fitness = candidates[np.argmax(confirmed)], float(confirmed.max())
         yield Generation(
@@ -125,7 +123,7 @@ def evolve(
 def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> GenomePlan:
     """The parts of the genome that are evolved: all, or those of the rule alone.
 
-    given: whether the weights at birth are given. Those that are random are not evolved either.
+    given: whether the initial weights are given. Random ones are not evolved either.
 
     Raises:
         ValueError: nothing is left to evolve.
@@ -134,7 +132,7 @@ def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> Genome
     if not given and rule.initial_weights is InitialWeights.evolved:
         return plan
     if not rule.evolved:
-        why = "the weights are given" if given else "the weights at birth are random"
+        why = "the weights are given" if given else "the initial weights are random"
         has = "there is no rule" if isinstance(rule, NoRule) else f"rule {name_of(type(rule))} has nothing to evolve"
         raise ValueError(
             f"nothing would be evolved: {why}, and {has}; choose another rule, for example hebbian=modulated, or let "
@@ -145,28 +143,26 @@ def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> Genome
 
 def memory_to_evolve(individuals: int, loops: int, genes: int) -> float:
     """How many bytes of memory a generation takes, about."""
-    return individuals * (_COPIES * np.dtype(float).itemsize * genes + len(SIDES) * loops * _LIFE_BYTES)
+    return individuals * (_COPIES * np.dtype(float).itemsize * genes + len(SIDES) * loops * _LIFETIME_BYTES)
 
 
-class _Judge(NamedTuple):
-    """Who lets individuals live, and says how well they did."""
+class _Evaluator(NamedTuple):
+    """Runs the lifetimes of individuals and measures their fitness."""
 
     optimizer: Optimizer
     loops: int
-    home: Scenario
+    scenario: Scenario
     lifetime: Lifetime
     training: Training
     seed: int
     network: Network
     controller: Controller
     threads: int
-    shared: bool  # whether all individuals start alike and hear the same noise
+    shared: bool  # whether all individuals have the same starts and noise
 
-    def of(
-        self, population: NDArray[np.float64], generation: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-        """Fitness and success of each individual, (individuals,), as means over its lifetimes; and the robot-steps."""
-        worlds = self.training.worlds(self.home, self.lifetime, self.loops, self.seed, generation)
+    def evaluate(self, population: Floats, generation: int) -> tuple[Floats, Floats, int]:
+        """Mean fitness and success over each individual's lifetimes, (individuals,) each; and the robot-steps."""
+        worlds = self.training.worlds(self.scenario, self.lifetime, self.loops, self.seed, generation)
         fitness = np.empty((len(population), self.loops, len(_TRIALS)))
         success = np.empty_like(fitness)
         robot_steps = 0
@@ -174,8 +170,8 @@ class _Judge(NamedTuple):
             loops = list(together)
             individuals = list(self._individuals(population, generation, loops, world))
             outcomes = [outcome for outcome, _ in live_block(individuals, world.scenario, world.lifetime, self.threads)]
-            judged = np.array([(self._fitness(outcome), outcome.success) for outcome in outcomes])
-            fitness[:, loops], success[:, loops] = judged.T.reshape(2, len(population), len(loops), len(_TRIALS))
+            both = np.array([(self._fitness(outcome), outcome.success) for outcome in outcomes])
+            fitness[:, loops], success[:, loops] = both.T.reshape(2, len(population), len(loops), len(_TRIALS))
             robot_steps += sum(outcome.steps for outcome in outcomes)
         rows = len(population), -1
         return fitness.reshape(rows).mean(axis=1), success.reshape(rows).mean(axis=1), robot_steps
@@ -183,20 +179,18 @@ class _Judge(NamedTuple):
     def _fitness(self, outcome: Outcome) -> float:
         return outcome.fitness + self.training.success_bonus * outcome.success
 
-    def _individuals(
-        self, population: NDArray[np.float64], generation: int, loops: list[int], world: World
-    ) -> Iterator[Individual]:
-        """Who lives in these loops of a generation, which are in one world: each individual, on either side."""
+    def _individuals(self, population: Floats, generation: int, loops: list[int], world: World) -> Iterator[Individual]:
+        """The individuals of these loops of a generation, which share one world: each genome, on either side."""
         of_updates = signs(
             self.controller.rule.sign, self.network.synapses, random.rng(self.seed, Stream.shuffled_signs)
         )
         noise = max(self.optimizer.start_noise, world.start_noise)
-        drawn = {loop: int(random.key(self.seed, Stream.training_task, generation, loop)) for loop in loops}
+        task_keys = {loop: int(random.key(self.seed, Stream.training_task, generation, loop)) for loop in loops}
         for individual, genes in enumerate(population):
-            hears = 0 if self.shared else individual
+            noise_of = 0 if self.shared else individual
             for loop in loops:
                 for side in _TRIALS:
-                    place = (generation, hears, loop, SIDES.index(side))
+                    place = (generation, noise_of, loop, SIDES.index(side))
                     yield Individual(
                         genes=genes,
                         network=self.network,
@@ -204,7 +198,7 @@ class _Judge(NamedTuple):
                         controller=self.controller,
                         signs=of_updates,
                         key=random.key(self.seed, Stream.training_noise, *place),
-                        task_key=drawn[loop],
+                        task_key=task_keys[loop],
                         start=_start(world.scenario.maze.start, noise, self.seed, place),
                     )
 
@@ -217,7 +211,7 @@ def _start(start: Pose, noise: float, seed: int, place: tuple[int, ...]) -> Pose
 
 
 def history_row(generation: Generation) -> dict[str, Any]:
-    """The row of `history.csv` that tells of a generation."""
+    """The row of `history.csv` for a generation."""
     best = int(np.argmax(generation.fitness))
     return {
         "generation": generation.number,

@@ -19,9 +19,7 @@ from epuckhebb.runtime.console import Terminal
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import Network
-from epuckhebb.store import disk
-from epuckhebb.store.run import Run
-from epuckhebb.store.traces import read_findings, read_traces
+from epuckhebb.store import Run, read_findings, read_traces, write_atomic
 
 
 @dataclass(frozen=True)
@@ -96,6 +94,6 @@ def require_video() -> None:
 
 def _write(target: Path, content: bytes) -> None:
     try:
-        disk.write_atomic(target, content)
+        write_atomic(target, content)
     except OSError as error:
         raise ConfigError(f"cannot write {target}: {error.strerror}") from error

@@ -21,9 +21,7 @@ from epuckhebb.sim.plasticity.rule import InitialWeights
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED
-from epuckhebb.store import disk
-from epuckhebb.store.genome import Genome, load_genome
-from epuckhebb.store.run import Run, resolve_run
+from epuckhebb.store import Genome, Run, load_genome, resolve_run, write_atomic
 
 _LIGHT_FULL_SCALE = 4095.0  # of Webots' e-puck in the dark, where our readings are 1
 _GPS_AXES = [[0, 1.0], [2, -1.0]]  # X and Y of a maze among the axes of a Webots world whose y points up
@@ -55,7 +53,7 @@ def webots(what: str, folder: Path) -> list[Path]:
     }
     try:
         for file, content in written.items():
-            disk.write_atomic(file, content)
+            write_atomic(file, content)
     except OSError as error:
         raise ConfigError(f"cannot write {folder}: {error.strerror}") from error
     return list(written)

@@ -35,9 +35,7 @@ from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.session import LostRobotError
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
-from epuckhebb.store.folder import RunFolder
-from epuckhebb.store.genome import Genome, load_genome
-from epuckhebb.store.traces import traces_file
+from epuckhebb.store import Genome, RunFolder, load_genome, traces_file
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,9 +165,7 @@ def _check_genome(genome: Genome, config: EvaluateConfig) -> None:
     world, robot = config.world, config.world.robot
     named = f"genome={genome.name}"
     if genome.network.rewarded != world.task.gives_reward:
-        has = (
-            "has no input for the reward of" if world.task.gives_reward else "has one for a reward, and none is told in"
-        )
+        has = "has no input for the reward of" if world.task.gives_reward else "has an input for a reward, unlike"
         raise ConfigError(
             f"{named} is for a network of layers {genome.network}, which {has} task={world.task.name}; "
             f"give task={genome.task or ONE_TRIAL.name}, or a champion that was evolved with task={world.task.name}"

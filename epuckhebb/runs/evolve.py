@@ -34,13 +34,8 @@ from epuckhebb.sim.genome import WEIGHTS, GenomePlan, plan_of
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.rule import NoRule, name_of
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
-from epuckhebb.store import provenance
+from epuckhebb.store import CHAMPION, CHECKPOINT, CONFIG, Genome, Run, RunFolder, champion_file, load_genome, provenance
 from epuckhebb.store.checkpoint import Checkpoint
-from epuckhebb.store.disk import CHAMPION, CHECKPOINT, CONFIG
-from epuckhebb.store.folder import RunFolder
-from epuckhebb.store.genome import Genome, champion_file, load_genome
-from epuckhebb.store.records import OwnCode
-from epuckhebb.store.run import Run
 
 RESUME = "resume="
 
@@ -251,7 +246,7 @@ def _check_weights(prepared: Prepared, after: Checkpoint | None, path: Path) -> 
         raise ConfigError(f"genome={prepared.config.genome} does not hold the weights with which {path} began")
 
 
-def _check_own_files(path: Path, own: Mapping[Path, plugins.OwnFile], before: Mapping[str, OwnCode]) -> None:
+def _check_own_files(path: Path, own: Mapping[Path, plugins.OwnFile], before: Mapping[str, Any]) -> None:
     """Refuse to resume with other files of the user's than those with which the evolution began."""
     for file, now in own.items():
         if str(file) not in before or now.copy != before[str(file)]["copy"]:

@@ -28,8 +28,7 @@ from epuckhebb.config.overrides import SWEEP_DIR, alternatives, check_folders, q
 from epuckhebb.config.schema import SCHEMAS, Config, typed
 from epuckhebb.runtime.errors import ConfigError, JobFailedError, exit_with_parent
 from epuckhebb.runtime.resources import data_folder, path_of, thread_count
-from epuckhebb.store.folder import check_folder_of_multirun
-from epuckhebb.store.run import of_multirun
+from epuckhebb.store import check_folder_of_multirun, of_multirun
 
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _HYDRAS_WORDS = "Error executing job with overrides"  # before what a job raised
@@ -101,7 +100,7 @@ def run(command: str, job: Callable[[Any], None], arguments: list[str], config_d
 
 
 def _with_rules_found(argument: str) -> str:
-    """An override whose rules of the user's own are found from every folder, where a worker may have been started."""
+    """An override in which the files of the user's rules have absolute paths: a worker may start in another folder."""
     if not argument.startswith("hebbian.rule=") or ":" not in argument:
         return argument
     (rules,) = alternatives([argument]).values()
@@ -113,7 +112,7 @@ def _with_rules_found(argument: str) -> str:
 def call(
     command: str, job: Callable[[Any], None], arguments: list[str], stamp: str, config_dir: str | None = None
 ) -> None:
-    """Call Hydra as its own command line would; see `run`. The folders of the runs bear the stamp."""
+    """Call Hydra as its own command line would; see `run`. The stamp is part of the names of folders."""
     options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)} if IS_HYDRA_1_4 else VERSION_BASE
     entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, **options)(job)
     words = cast(TextIO, _WithoutHydrasWords(sys.stderr))
@@ -135,14 +134,14 @@ def call(
 
 
 def call_many(command: str, job: Callable[[Any], None], arguments: list[str], stamp: str) -> None:
-    """Call Hydra for jobs that all have a configuration: it need not compose each of them before the first begins."""
+    """Call Hydra for jobs that have their configurations already: it does not compose them before the first begins."""
     with _without(Sweeper, "validate_batch_is_legal"):
         call(command, job, arguments, stamp)
 
 
 @contextmanager
 def _without(owner: type, method: str) -> Iterator[None]:
-    """Time in which a method of one of Hydra's classes does nothing, and returns None."""
+    """Replace a method of one of Hydra's classes by one that does nothing and returns None."""
     before = getattr(owner, method)
     setattr(owner, method, lambda *_, **__: None)
     try:
@@ -152,13 +151,13 @@ def _without(owner: type, method: str) -> Iterator[None]:
 
 
 def new_stamp() -> str:
-    """When, and a random part that keeps apart what begins in the same second."""
+    """The time, and a random part that tells apart what begins in the same second."""
     return f"{datetime.now():%Y%m%d-%H%M%S}-{token_hex(4)}"
 
 
 @contextmanager
 def job_folder() -> Iterator[Path]:
-    """The folder that Hydra has made for this job; if the job is refused, what is empty of it goes again."""
+    """The folder that Hydra has made for this job; if the job is refused, it is removed unless files are in it."""
     path = output_folder()
     try:
         yield path
@@ -177,7 +176,7 @@ def job_overrides() -> list[str]:
 
 
 def job_command(command: str) -> list[str]:
-    """What could be typed to have this job alone done again in this folder."""
+    """A command line that does this job alone, typed in the current folder."""
     sources = unresolved(HydraConfig.get().runtime)["config_sources"]
     found = next((Path(source["path"]) for source in sources if source["provider"] == USERS), None)
     words = ["epuckhebb", command, *job_overrides()]
@@ -192,20 +191,20 @@ def in_multirun() -> bool:
     return bool(HydraConfig.get().mode == RunMode.MULTIRUN)
 
 
-def threads_of_job(asked: int) -> int:
-    """Threads of this job; jobs of a parallel launcher get one each unless told otherwise, and never more than fit."""
+def threads_of_job(threads: int) -> int:
+    """The threads of this job, from its setting; under a parallel launcher one by default, and no more than fit."""
     launcher = HydraConfig.get().launcher
     if not in_multirun() or launcher._target_.endswith("BasicLauncher"):
-        return thread_count(asked)
+        return thread_count(threads)
     if launcher._target_.endswith("JoblibLauncher"):
         cores = thread_count(0)
         width = launcher.n_jobs if launcher.n_jobs > 0 else max(1, cores + 1 + launcher.n_jobs)
-        return int(max(1, min(asked, cores // width)))
-    return max(1, asked)
+        return int(max(1, min(threads, cores // width)))
+    return max(1, threads)
 
 
 class _WithoutHydrasWords:
-    """Standard error without what Hydra says before it raises what a job raised, which is told once, by us."""
+    """Standard error without what Hydra prints before it raises the error of a job, which we print once."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -219,11 +218,11 @@ class _WithoutHydrasWords:
 
 @contextmanager
 def _as_command_line(command: str, arguments: list[str], stamp: str) -> Iterator[None]:
-    """What Hydra reads: the argument list, and a wish to have errors raised instead of printed."""
-    told = {STAMP: stamp, "HYDRA_FULL_ERROR": "1"}
-    argv, environment = sys.argv, {name: os.environ.get(name) for name in told}
+    """Set what Hydra reads: the argument list, and that errors are raised, not printed."""
+    variables = {STAMP: stamp, "HYDRA_FULL_ERROR": "1"}
+    argv, environment = sys.argv, {name: os.environ.get(name) for name in variables}
     sys.argv = [f"epuckhebb {command}", *arguments]
-    os.environ.update(told)
+    os.environ.update(variables)
     try:
         yield
     finally:
@@ -237,10 +236,7 @@ def _as_command_line(command: str, arguments: list[str], stamp: str) -> Iterator
 
 @contextmanager
 def _workers_that_end_with_us() -> Iterator[None]:
-    """Have each worker of joblib's watch, before its first job, whether this process is there: launchers cannot.
-
-    A worker that waits for a job would wait for five minutes more, and hold the terminal's pipe.
-    """
+    """Let each worker of joblib end when this process ends: a waiting one would hold the terminal for five minutes."""
     from joblib.parallel import BACKENDS, register_parallel_backend
 
     loky = BACKENDS["loky"]

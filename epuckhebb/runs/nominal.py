@@ -23,7 +23,7 @@ from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, can_check_its
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.session import LostRobotError
-from epuckhebb.store.genome import Genome
+from epuckhebb.store import Genome
 
 _Memory = TypeVar("_Memory", Nominal, SelfMemory)
 _made: dict[tuple[object, ...], Nominal | SelfMemory] = {}

@@ -10,7 +10,7 @@ from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.runtime.resources import REFERENCE, data_folder
 from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.scenario import EXPERIMENTS, TRAINED, Scenario
-from epuckhebb.store.genome import Genome, load_genome
+from epuckhebb.store import Genome, load_genome
 
 
 def notes_of(genome: Genome, config: EvaluateConfig) -> list[str]:

@@ -13,9 +13,7 @@ from epuckhebb.runs.hydra import new_stamp
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.progress import say
 from epuckhebb.runtime.resources import thread_count
-from epuckhebb.store import provenance
-from epuckhebb.store.genome import load_genome
-from epuckhebb.store.run import Run
+from epuckhebb.store import Run, load_genome, provenance
 
 
 def rerun(path: Path) -> tuple[Path, str]:

@@ -1,7 +1,4 @@
-"""Many lifetimes in the same world, on as many threads as asked for; results do not depend on that.
-
-Each robot is alone in its space, so lifetimes run one after the other in the same spaces (`epuckhebb.sim.stage`).
-"""
+"""Many lifetimes in the same world, on any number of threads; results do not depend on that number."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor

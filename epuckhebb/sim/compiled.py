@@ -1,14 +1,13 @@
 """How the science is compiled: plain functions of numbers and arrays, turned into machine code by numba.
 
-A building block stays an ordinary Python function, which a test or a reader can call; when a kernel calls it, numba
-compiles it into that kernel. A *kernel* is a whole loop (a lifetime) that Python calls. Its parts, such as the
-plasticity rule or the robot's senses, are chosen when it is made: `kernel(live, learn=...)` is `live` in which the
-name `learn` means that function. So parts cost nothing while the loop runs, and only those in use are compiled.
+A building block is an ordinary Python function, which tests can call; when a kernel calls it, numba compiles it into
+that kernel. A *kernel* is a whole loop (a lifetime) that Python calls. Its parts, such as the plasticity rule or the
+robot's senses, are chosen when it is made: `kernel(live, learn=...)` is `live` in which the name `learn` means that
+function. So parts cost nothing while the loop runs, and only those in use are compiled.
 
-Arithmetic is IEEE float64 in the order in which it is written (no `fastmath`), so that the same lifetime gives the
-same bits whatever runs beside it. `error_model="numpy"` only says that 1 / 0 is infinite instead of an exception.
-`_nrt=False` leaves out numba's own memory: a kernel makes no array, so nothing need count who uses one. That took up to
-a third of a step with an adaptation.
+Arithmetic is IEEE float64 in the written order (no `fastmath`), so the same lifetime is always bit-identical.
+`error_model="numpy"` makes 1 / 0 infinite instead of an exception. `_nrt=False` leaves out numba's counting of
+references: a kernel makes no array, and the counting took up to a third of a step with an adaptation.
 """
 
 import hashlib
@@ -42,9 +41,9 @@ _njit: Any = numba.njit
 
 
 def compiled(function: Function) -> Function:
-    """Make a building block usable in kernels; in Python it remains the function that it is.
+    """Make a building block usable in kernels; in Python it remains the same function.
 
-    Forced inlining spares a call with dozens of arguments (an array is seven) and lets constants reach the loops.
+    Forced inlining avoids calls with dozens of arguments (an array is seven) and lets constants reach the loops.
     """
     return cast(Function, _building_block(function))
 
@@ -52,8 +51,7 @@ def compiled(function: Function) -> Function:
 def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]], arguments: str) -> Any:
     """A building block that calls another one in turn: with each of these constants, then with its own arguments.
 
-    It is written out, a call for each, because numbers that stand in the code become constants of the machine code,
-    and a loop over them would not; and so the function is compiled only once.
+    The calls are written out, because numbers in the code become constants of the machine code.
 
     arguments: their names, separated by commas.
     """
@@ -64,9 +62,9 @@ def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]],
 def kernel(function: Function, **parts: object) -> Function:
     """Compile a function that Python calls, with these parts in place of its module's global names.
 
-    The machine code is kept on disk for the next start, in a folder that is named by the code that the kernel is
-    really made of (`digest`): change one equation, of ours or of a user, and it is compiled anew. Where no cache can
-    be written, what is there is damaged, or a digest cannot read all of the code, it is compiled in memory.
+    The machine code is stored on disk, in a folder named by the digest of the kernel's code. After any change of an
+    equation, ours or a user's, it is compiled anew. If the cache cannot be written, is damaged, or the digest cannot
+    read all code, the kernel is compiled in memory.
     """
     made = _with_globals(function, parts)
     try:
@@ -81,7 +79,7 @@ def kernel(function: Function, **parts: object) -> Function:
     before, _settings.CACHE_DIR = _settings.CACHE_DIR, str(folder)
     try:
         dispatcher = _njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(made)
-    except (OSError, RuntimeError):  # the folder has gone, is full, or may only be read by now
+    except (OSError, RuntimeError):  # the folder is gone, full or read-only by now
         return cast(Function, _njit(**_OPTIONS)(made))
     finally:
         _settings.CACHE_DIR = before
@@ -102,12 +100,11 @@ def _with_globals(function: Callable[..., Any], parts: dict[str, object]) -> typ
 
 
 def _distrust(cache: Any) -> None:
-    """Let a cache that is damaged, full or lost be as if it were empty: then the kernel is compiled.
+    """Treat a cache that is damaged, full or lost as empty: then the kernel is compiled.
 
-    What is intact is read by `_load_overload`: `load_overload` would first import all that compiling needs, and SciPy.
-
-    A file ends with the SHA-256 of what is before it, which unpickling does not look at. What does not bear it is not
-    read: machine code with a flipped bit would give other digits, or end the process.
+    Each file ends with the SHA-256 of its content, which unpickling ignores. A file without it is not read: machine
+    code with a flipped bit would give other results, or end the process. `_load_overload` is called because
+    `load_overload` would first import all that compiling needs, and SciPy.
     """
     files = cache._cache_file
     open_file, load_index, load_data = files._open_for_write, files._load_index, files._load_data
@@ -123,13 +120,13 @@ def _distrust(cache: Any) -> None:
     def load_or_none(signature: object, target: object) -> object:
         try:
             return load(signature, target)
-        except Exception:  # what unpickling may raise has no end: a module of which the code is may have gone
+        except Exception:  # unpickling may raise anything, for example if a module of the code is gone
             with suppress(OSError):
                 cache.flush()
             return None
 
     def save_if_possible(signature: object, result: object) -> None:
-        with suppress(OSError):  # without a place on disk, it lives in memory
+        with suppress(OSError):  # without space on disk, it stays in memory
             save(signature, result)
 
     files._open_for_write = open_with_checksum
@@ -157,11 +154,7 @@ def in_module(function: Function, name: str) -> Function:
 
 
 def _cache_root() -> Path:
-    """Where kernels are kept.
-
-    Raises:
-        RuntimeError: no home folder is known, as in some containers.
-    """
+    """Where kernels are stored; a RuntimeError if no home folder is known, as in some containers."""
     if named := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(named)
     if caches := os.environ.get("XDG_CACHE_HOME"):  # on every system, as other programs of this kind do

@@ -1,4 +1,4 @@
-"""A controller, as a column of a table names it: a plasticity rule, and the adaptation that is laid over it."""
+"""A controller, as tables name it: a plasticity rule, and an adaptation that decides when it acts."""
 
 from dataclasses import dataclass, field
 
@@ -12,9 +12,9 @@ CONTROLS = {Sign.hebbian: HEBBIAN, Sign.anti: "anti-Hebbian", Sign.shuffled: "sh
 
 @dataclass(frozen=True, kw_only=True)
 class Controller:
-    """What is done to a genome in its life.
+    """What controls a robot besides its genes.
 
-    name: in tables. rule: how its weights change. adaptation: when they do, and what else happens then.
+    name: in tables. rule: how the weights change. adaptation: when they do, and what else happens then.
     """
 
     name: str = GA
@@ -23,7 +23,7 @@ class Controller:
 
     @property
     def is_ga_alone(self) -> bool:
-        """Whether it does nothing at all: the control that every other is paired with."""
+        """Whether it is the control: the network alone, without plasticity or adaptation."""
         return isinstance(self.rule, NoRule) and not self.adaptation.acts
 
 

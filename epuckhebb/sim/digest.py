@@ -1,6 +1,6 @@
-"""What the code of a function depends on: a digest of all of it, and whether it draws random numbers of its own.
+"""A digest of all code that a function depends on, and whether it draws random numbers of its own.
 
-Code of Python, NumPy and numba is known by its version; all other code is read, whatever its module is called.
+Python, NumPy and numba count by their versions; all other code is read.
 """
 
 import dis
@@ -37,13 +37,13 @@ _NOTHING = object()
 
 
 class UnknownPartError(ValueError):
-    """A function uses an object that a digest cannot tell from another one."""
+    """A function uses an object whose content a digest cannot read."""
 
 
 def digest(function: Callable[..., Any]) -> str:
     """Sixteen hexadecimal digits that name a function by its code and by all that it calls or reads, recursively.
 
-    What counts is the bytecode and the values that global names and closures have now, not the text of a file.
+    Bytecode and the present values of global names and closures count, not the text of a file.
 
     Raises:
         UnknownPartError: it uses an object whose content cannot be read.
@@ -87,7 +87,7 @@ def digest(function: Callable[..., Any]) -> str:
         elif _is_of_a_library(value):
             add(f"{value.__module__}.{value.__qualname__}")  # type: ignore[attr-defined]
         else:
-            raise UnknownPartError(f"{value!r} cannot be told from another {type(value).__name__}")
+            raise UnknownPartError(f"the content of {value!r}, a {type(value).__name__}, cannot be read")
 
     def take_class(kind: type) -> None:
         if _is_known_module(kind.__module__):
@@ -95,7 +95,7 @@ def digest(function: Callable[..., Any]) -> str:
         elif issubclass(kind, tuple | Enum | BaseException):
             add(f"{kind.__qualname__}{getattr(kind, '_fields', '')}{list(kind) if issubclass(kind, Enum) else ''}")
         else:
-            raise UnknownPartError(f"what methods class {kind.__qualname__} has cannot be read")
+            raise UnknownPartError(f"the methods of class {kind.__qualname__} cannot be read")
 
     def take_function(python: types.FunctionType) -> None:
         take_code(python.__code__, python.__doc__)
@@ -108,7 +108,7 @@ def digest(function: Callable[..., Any]) -> str:
         for constant in code.co_consts:
             if isinstance(constant, types.CodeType):
                 take_code(constant)
-            elif not (isinstance(constant, str) and constant == docstring):  # it says nothing about the result
+            elif not (isinstance(constant, str) and constant == docstring):  # it does not change the result
                 take(constant)
 
     take(function)
@@ -126,11 +126,7 @@ def python_of(value: Any) -> types.FunctionType | None:
 
 
 def _options(value: Any) -> str:
-    """How numba is to compile an object: its options, and the types that it is restricted to.
-
-    Raises:
-        UnknownPartError: an option is an object whose content cannot be read.
-    """
+    """How numba is to compile an object: its options, and the types that it is restricted to."""
     inner = getattr(value, "_dispatcher", value)  # of @vectorize and @guvectorize
     compiler = getattr(inner, "_compiler", None)
     found = [
@@ -146,9 +142,9 @@ def _options(value: Any) -> str:
 
 
 def random_generator(function: Callable[..., Any]) -> str | None:
-    """The generator of random numbers that a function, or one that it calls, draws from, such as `np.random`.
+    """The global random generator that a function, or one that it calls, uses, such as `np.random`; None if none.
 
-    Its state is not a lifetime's, so no run could be repeated. None if there is no such generator.
+    Its state is not part of a lifetime, so no run could be repeated.
     """
     seen: set[types.FunctionType] = set()
     waiting = [python_of(function)]
@@ -173,10 +169,7 @@ def random_generator(function: Callable[..., Any]) -> str | None:
 
 
 def _loaded(code: types.CodeType, python: types.FunctionType) -> Iterator[Any]:
-    """The values that code of a function loads by global names and from its closure, and what it takes of modules.
-
-    For what is no global, as the functions that Python has, that is its name.
-    """
+    """The values that the code of a function loads from globals, its closure and modules; of builtins, the names."""
     cells = dict(zip(python.__code__.co_freevars, python.__closure__ or (), strict=True))
     value: Any = _NOTHING
     for step in dis.get_instructions(code):
@@ -198,7 +191,7 @@ def _loaded(code: types.CodeType, python: types.FunctionType) -> Iterator[Any]:
 
 
 def _used(python: types.FunctionType) -> Iterable[Any]:
-    """The values that a function uses, or might use; to read all steps of its code takes long, and is seldom needed."""
+    """The values that a function may use. Only if one is not simple, all steps of its code are read, which is slow."""
     names = _names(python.__code__) & python.__globals__.keys()
     used = {name: python.__globals__[name] for name in sorted(names)}
     used |= {f"closure {place}": cell.cell_contents for place, cell in enumerate(python.__closure__ or ())}
@@ -229,7 +222,7 @@ def _is_of_a_library(value: Any) -> bool:
 
 
 def _is_known_module(module: Any) -> bool:
-    """Whether this is a module, or the name of one, of a library that is known by its version."""
+    """Whether this is a module, or the name of one, of Python, NumPy or numba."""
     if isinstance(module, str):
         module = sys.modules.get(module)
     if not isinstance(module, types.ModuleType):
@@ -239,10 +232,7 @@ def _is_known_module(module: Any) -> bool:
 
 
 def is_installed(file: Path) -> bool:
-    """Whether a file or folder is of this program, of Python or of an installed package.
-
-    Packages may be installed into any folder; there a record tells of them.
-    """
+    """Whether a file or folder is of this program, of Python or of an installed package (which has a RECORD)."""
     place = file.resolve()
     if _is_known(str(place)) or place.is_relative_to(_OURS) or set(_INSTALLED) & set(place.parts):
         return True
@@ -252,7 +242,7 @@ def is_installed(file: Path) -> bool:
 
 @functools.cache
 def _is_known(file: str) -> bool:
-    """Whether a file is of a library that is known by its version."""
+    """Whether a file is of Python, NumPy or numba."""
     if file.startswith("<frozen "):
         return True
     place = Path(file).resolve()

@@ -1,15 +1,14 @@
-"""What is wrong with a robot, as numbers for the kernel, and what that does to its readings and its wheels.
+"""Faults of a robot, as numbers for the kernel, and their effect on sensor readings and wheels.
 
-A wheel *slips* in spells: time is cut into half seconds, and in so many of them, drawn at random for each wheel, the
-floor lets through half of its speed. Which ones depends on the key of the lifetime alone, as sensor noise does.
+A wheel *slips* in spells of half a second, which are drawn at random for each wheel. In a spell the wheel moves the
+robot at half its speed. Like sensor noise, the spells depend on the key of the lifetime alone.
 
-A robot that is heavier than its drive was made for is slow to follow. The drive of this world brings a robot of its
-own mass from any speed to the commanded one within a step, by the force m (wanted - actual) / step. The same force
-brings m times the ratio only 1 / ratio of the way, so the speed of each wheel trails behind its command. Mass does
-nothing else here: walls stand fast, they push on the robot's middle, and the friction of a wall grows with its mass.
+A robot that is heavier than its drive was made for *lags*. The drive gives a robot of the usual mass m the commanded
+speed within a step, by the force m (wanted - actual) / step. A mass of m times ratio then covers only 1 / ratio of the
+way, so each wheel's speed follows its command slowly. Mass has no other effect: walls do not move, they push on the
+robot's centre, and the friction of a wall grows with the mass.
 
-Dead sensors and weak wheels are numbers that every kernel knows. The other faults are a part of it, which is there in
-the worlds that have one.
+Every kernel has dead sensors and weak wheels. The other faults are a part that only some kernels have.
 """
 
 from collections.abc import Callable
@@ -18,21 +17,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.random import uniform
 from epuckhebb.sim.robot import STEP_S, Robot
 
 SPELL = round(0.5 / STEP_S)  # steps for which a wheel slips or grips
 SLIPPING = 0.5  # share of its speed that the floor lets through then
-FAR = 2**50  # slips are drawn at numbers where neither sensor noise nor exploration ever comes
+FAR = 2**50  # slips are drawn at numbers that neither sensor noise nor exploration reaches
 
 
 class Faults(NamedTuple):
-    """What is wrong with a robot.
+    """The faults of a robot.
 
-    dead_sensors: numbers of its blind places. distance_gain, distance_offset: what its distance readings are
-    multiplied by, and what is added to them. left_wheel, right_wheel: how well each turns. left_slip, right_slip:
-    share of the time for which it slips. lag: share of the way to the commanded speed that a step leaves undone.
+    dead_sensors: numbers of its blind places. distance_gain, distance_offset: factor on its distance readings, and what
+    is added then. left_wheel, right_wheel: share of the commanded speed. left_slip, right_slip: share of the time for
+    which the wheel slips. lag: share of the way to the commanded speed that a step leaves undone.
     """
 
     dead_sensors: NDArray[np.int64]
@@ -46,12 +46,12 @@ class Faults(NamedTuple):
 
     @property
     def more(self) -> bool:
-        """Whether more is wrong than dead sensors and weak wheels."""
+        """Whether there are other faults than dead sensors and weak wheels."""
         return (self.distance_gain, self.distance_offset, self.left_slip, self.right_slip, self.lag) != (1, 0, 0, 0, 0)
 
 
 def lag_of(mass_ratio: float) -> float:
-    """The lag of a robot that is so many times as heavy as its drive was made for."""
+    """The lag of a robot with this ratio of its mass to that for which its drive was made."""
     return 1.0 - 1.0 / mass_ratio
 
 
@@ -75,12 +75,12 @@ class Hooks(NamedTuple):
 
 
 def hooks(robot: Robot, more: bool) -> Hooks:
-    """The functions for a robot; `more` than dead sensors and weak wheels is wrong, or not."""
+    """The functions for a robot. more: whether it has other faults than dead sensors and weak wheels."""
     return Hooks(_miscalibrated(robot), _slow_and_slipping) if more else Hooks(_as_it_is, _at_once)
 
 
 @compiled
-def _as_it_is(readings: NDArray[np.float64], faults: Faults) -> None:
+def _as_it_is(readings: Floats, faults: Faults) -> None:
     pass
 
 
@@ -88,7 +88,7 @@ def _as_it_is(readings: NDArray[np.float64], faults: Faults) -> None:
 def _at_once(
     faults: Faults, tally: Any, left: float, right: float, gain: float, key: np.uint64, step: int
 ) -> tuple[float, float]:
-    tally.left_speed = gain * faults.left_wheel * left  # for a kernel that knows more faults, which may go on with it
+    tally.left_speed = gain * faults.left_wheel * left  # for a kernel with more faults, which may follow
     tally.right_speed = gain * faults.right_wheel * right
     return tally.left_speed, tally.right_speed
 
@@ -98,7 +98,7 @@ def _miscalibrated(robot: Robot) -> Callable[..., None]:
     first, last = distances.start, distances.stop
 
     @compiled
-    def apply_sensor_faults(readings: NDArray[np.float64], faults: Faults) -> None:
+    def apply_sensor_faults(readings: Floats, faults: Faults) -> None:
         for i in range(first, last):
             readings[i] = min(1.0, max(0.0, readings[i] * faults.distance_gain + faults.distance_offset))
 

@@ -8,21 +8,19 @@
     reward    = 1 - min(1, (1.7 distance)^3)   nearness to the goal [m]
     final     = (combined + reward) / 2
 
-`forward` and `spin` are kept within [0, 1], which the paper leaves unsaid and its published code does.
+`forward` and `spin` are clipped to [0, 1], as in the published code; the paper does not mention it.
 """
 
 import math
 from enum import IntEnum
 
-import numpy as np
-from numpy.typing import NDArray
-
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.robot import STEP_S
 
 
 class Signal(IntEnum):
-    """Which live fitness F scales plasticity; what each means stands at `live_fitness`."""
+    """Which live fitness F scales plasticity; see `live_fitness`."""
 
     behaviour = 0
     final = 1
@@ -30,8 +28,8 @@ class Signal(IntEnum):
     light_code = 3
 
 
-# `lifetime_mean` begins as if the robot had lived two lifetimes of 250 s at F = 0.50 before, because the published
-# program never resets its running mean; the obstacle tables come out with this history (and not without it).
+# `lifetime_mean` starts from a history of two lifetimes of 250 s at F = 0.50: the published program never resets its
+# running mean. The obstacle tables are reproduced with this history, and not without it.
 HISTORY_STEPS = 2 * 250 / STEP_S
 HISTORY_MEAN = 0.50
 
@@ -72,11 +70,11 @@ def reward(distance: float) -> float:
 
 
 @compiled
-def light_code(readings: NDArray[np.float64], left: float, right: float) -> float:
-    """F as the published program of the light experiment computes it, which is not what the paper says.
+def light_code(readings: Floats, left: float, right: float) -> float:
+    """F as the published program of the light experiment computes it, unlike the paper.
 
-    Six terms instead of five, a "follow the light" term among them, no junction; and `avoid` looks at inputs 3 to 10
-    (five light and three proximity sensors), so that any dark sensor makes it nearly 0.
+    It has a "follow the light" term and no junction, and `avoid` takes inputs 3 to 10 (five light and three proximity
+    sensors), so that any dark sensor makes it nearly 0.
     """
     right_half = (readings[0] + readings[1] + readings[2] + readings[3]) / 4.0
     left_half = (readings[4] + readings[5] + readings[6] + readings[7]) / 4.0
@@ -90,26 +88,26 @@ def light_code(readings: NDArray[np.float64], left: float, right: float) -> floa
 @compiled
 def live_fitness(
     signal: int,
-    readings: NDArray[np.float64],
+    readings: Floats,
     left: float,
     right: float,
     behaviour: float,
     distance: float,
-    lived: float,
+    trial_steps: float,
     undirected_sum: float,
 ) -> float:
     """The live fitness F that scales plasticity at this step.
 
     behaviour: this step's combined fitness (the paper as written). final: its mean with the goal reward at this
     distance [m]. lifetime_mean: running mean of combined fitness without the junction term, `undirected_sum` over
-    `lived` steps. light_code: see there.
+    `trial_steps`. light_code: see there.
     """
     if signal == _BEHAVIOUR:
         return behaviour
     if signal == _FINAL:
         return (behaviour + reward(distance)) / 2.0
     if signal == _LIFETIME_MEAN:
-        return (HISTORY_STEPS * HISTORY_MEAN + undirected_sum) / (HISTORY_STEPS + lived)
+        return (HISTORY_STEPS * HISTORY_MEAN + undirected_sum) / (HISTORY_STEPS + trial_steps)
     return light_code(readings, left, right)
 
 

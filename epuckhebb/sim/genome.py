@@ -1,11 +1,11 @@
-"""A genome: what is evolved, in named parts. The weights of the network come first, then parameters of a rule."""
+"""A genome in named parts: first the weights of the network, then evolved parameters of a rule."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.rule import NoRule, Rule, evolved_by, evolved_sizes
 
@@ -14,10 +14,10 @@ WEIGHTS = "weights"
 
 @dataclass(frozen=True)
 class Part:
-    """Genes that mean the same.
+    """Genes of one meaning.
 
-    name: `weights`, or that of a rule's parameter. size: how many. start: in the first generation they are uniform in
-    +-start. limit: they are clipped to +-limit; None leaves that to the optimizer (`ga.gene_limit`).
+    name: `weights`, or that of a rule's parameter. size: number of genes. start: in the first generation they are
+    uniform in +-start. limit: they are clipped to +-limit; None for the optimizer's (`ga.gene_limit`).
     """
 
     name: str
@@ -34,10 +34,10 @@ class GenomePlan:
 
     @cached_property
     def genes(self) -> int:
-        """How many genes there are; 234 in the paper."""
+        """The number of genes; 234 in the paper."""
         return sum(part.size for part in self.parts)
 
-    def split(self, genes: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+    def split(self, genes: Floats) -> dict[str, Floats]:
         """The genes of each part, by name; (..., size) of (..., genes).
 
         Raises:
@@ -51,7 +51,7 @@ class GenomePlan:
             first += part.size
         return parts
 
-    def pick(self, genes: NDArray[np.float64], wanted: "GenomePlan") -> NDArray[np.float64]:
+    def pick(self, genes: Floats, wanted: "GenomePlan") -> Floats:
         """The genes of another plan's parts, in its order.
 
         Raises:
@@ -60,7 +60,7 @@ class GenomePlan:
         parts = self.split(genes)
         for part in wanted.parts:
             if part.name not in parts or parts[part.name].shape[-1] != part.size:
-                raise ValueError(f"the genome has {self.text()}; wanted are {wanted.text()}")
+                raise ValueError(f"the genome has {self.text()}; needed are {wanted.text()}")
         return np.concatenate([parts[part.name] for part in wanted.parts], axis=-1)
 
     @property

@@ -1,9 +1,8 @@
 """How numba compiles a function that is only ever inlined into a kernel: without machine code of its own.
 
-Numba makes every function that it meets ready to be called by itself, from Python and from C. Of a building block only
-the intermediate code is wanted, which LLVM puts into the kernel that calls it; the rest took a quarter of the time of
-compiling the paper's kernel (numba 0.68: 9.0 CPU s with it, 6.8 without). It decides nothing that a kernel computes:
-`tests/test_digest.py` holds the bits of its results.
+Numba prepares every function to be called by itself, from Python and from C. A building block needs only the
+intermediate code, which LLVM puts into the kernel that calls it; the rest took a quarter of the compile time of the
+paper's kernel (numba 0.68: 9.0 CPU s with it, 6.8 without). Results do not depend on it (`tests/test_digest.py`).
 """
 
 from typing import Any
@@ -19,7 +18,7 @@ class _IntermediateCode(JITCodeLibrary):
     """The code of a function, to be linked into that of others."""
 
     def _finalize_final_module(self) -> None:
-        """Leave it as it is; numba would translate it for the processor and load it."""
+        """Leave the code as it is; numba would translate it for the processor and load it."""
         self._finalize_dynamic_globals()
         self._finalized = True
 
@@ -33,8 +32,8 @@ class _LoweringToInline(NativeLowering):
     def run_pass(self, state: Any) -> bool:
         """Lower a function to LLVM's code, without loading it.
 
-        Numba finds the code of a function by the Python object that calls it. One is made, with the address 0: nobody
-        calls it, as all calls are inlined.
+        Numba finds the code of a function by the Python object that calls it. The one made here has the address 0: all
+        calls are inlined, so it is never called.
         """
         state.library = _IntermediateCode(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags = state.flags.copy()
@@ -42,11 +41,11 @@ class _LoweringToInline(NativeLowering):
         super().run_pass(state)
         lowered = state["cr"]
         kept_alive = (state.library,)
-        stands_for_it = _dynfunc.make_function(
+        placeholder = _dynfunc.make_function(
             lowered.fndesc.lookup_module(), state.func_id.func_name, "", 0, lowered.env, kept_alive
         )
-        state.targetctx.insert_user_function(stands_for_it, lowered.fndesc, [state.library])
-        state["cr"] = lowered._replace(cfunc=stands_for_it)
+        state.targetctx.insert_user_function(placeholder, lowered.fndesc, [state.library])
+        state["cr"] = lowered._replace(cfunc=placeholder)
         return True
 
 
@@ -56,6 +55,6 @@ class InlinedCompiler(CompilerBase):
     def define_pipelines(self) -> list[PassManager]:
         """Numba's own steps, but for the last."""
         steps = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        steps.passes = [(_LoweringToInline if step is NativeLowering else step, told) for step, told in steps.passes]
+        steps.passes = [(_LoweringToInline if step is NativeLowering else step, text) for step, text in steps.passes]
         steps.finalize()
         return [steps]

@@ -33,11 +33,10 @@ def kernel_of(
 ) -> Any:
     """`live` with these parts, compiled or from the cache.
 
-    more_faults: whether it knows more faults than dead sensors and weak wheels. task: only its kind matters.
+    more_faults: whether there are other faults than dead sensors and weak wheels. task: only its kind matters.
 
     Raises:
-        ValueError: the rule asks for something unknown, the network does not fit the robot and the task, or
-            the robot cannot do what the adaptation asks of it.
+        ValueError: the rule has unknown arguments, or network, robot, task and adaptation do not fit each other.
     """
     hooks = adaptation.hooks(
         change_signal,
@@ -77,11 +76,7 @@ def _made(
 
 
 def check_inputs(network: Network, robot: Robot, task: Task) -> None:
-    """Check that a network fits the readings of a robot and the reward of its task.
-
-    Raises:
-        ValueError: it does not fit.
-    """
+    """Check that a network fits the sensors of a robot and the reward of its task; else a ValueError."""
     wanted = robot.inputs + task.input_count
     reward = f" and the reward of task={task.name}" if task.gives_reward else ""
     if network.inputs != wanted:
@@ -90,5 +85,5 @@ def check_inputs(network: Network, robot: Robot, task: Task) -> None:
             f"{list(network.layers)}"
         )
     if network.rewarded != task.gives_reward:
-        other = "tells" if network.rewarded else "does not tell"
-        raise ValueError(f"the last input of the network {other} a reward, and task={task.name} has it otherwise")
+        other = "is" if network.rewarded else "is not"
+        raise ValueError(f"the last input of the network {other} a reward, unlike in task={task.name}")

@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate, initial_adaptation_state
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.faults import Faults
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, Network
-from epuckhebb.sim.plasticity.weight_change import room as weight_change_workspace
+from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
 from epuckhebb.sim.random import noise_workspace_size
+from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.senses import SenseWorkspace, sense_workspace
 from epuckhebb.sim.task import NO_TRIALS
@@ -30,21 +32,21 @@ TALLY = np.dtype(
         ("step", np.int64),  # done so far
         ("contacts", np.int64),  # steps with a distance reading above 0.8
         ("arrived", np.bool_),  # whether the robot ever was at its goal
-        ("lost", np.bool_),  # whether its pose stopped making sense
+        ("lost", np.bool_),  # whether it left the arena or its pose is not finite
         ("junction", np.float64),  # 1 once it has been in the correct arm
         ("undirected_sum", np.float64),  # of combined fitness without the junction term
         ("behaviour_sum", np.float64),  # of combined fitness
         ("weight_change", np.float64),  # sum of |W - W_gene|
         ("weight_change_sum", np.float64),
         ("scale", np.float64),  # of the weights from the light sensors, by homeostasis
-        ("scaling", np.float64),  # sum of |W - W_gene| that it amounts to
+        ("scaling", np.float64),  # sum of |W - W_gene| from that scale
         ("path_length", np.float64),  # m
         ("goal_distance", np.float64),  # m
         ("time_to_goal", np.float64),  # s, nan until it arrives
         ("need", np.float64),  # g of the last step
         ("change_signal", np.float64),  # nan without a signal
         ("away_s", np.float64),  # since the start, or since it was at the goal
-        ("late_s", np.float64),  # for how long the signal of change has been above its threshold
+        ("late_s", np.float64),  # how long the signal of change has been above its threshold
         ("noise_left", np.float64),  # on the wheels' outputs, of exploration
         ("noise_right", np.float64),
         ("left_speed", np.float64),  # rad/s at which the wheels move the robot
@@ -68,9 +70,6 @@ class Lifetime:
 
     duration_s: its length [s]. gain_rad_s: wheel speed [rad/s] of a network output of 1. noise: 1 for the sensors' own
     noise, 0 for none, other values scale it. record_every: steps between two recorded samples, 0 to record nothing.
-
-    Raises:
-        ValueError: a value is outside the range named in the message.
     """
 
     duration_s: float = 250.0
@@ -85,10 +84,8 @@ class Lifetime:
                 f"lifetime.duration_s must be at least one step, {STEP_S} s, and at most {_LONGEST_S:g} s, "
                 f"got {self.duration_s}"
             )
-        if not (math.isfinite(self.gain_rad_s) and self.gain_rad_s > 0):
-            raise ValueError(f"lifetime.gain_rad_s must be more than 0, got {self.gain_rad_s}")
-        if not (math.isfinite(self.noise) and self.noise >= 0):
-            raise ValueError(f"lifetime.noise must be 0 or more, got {self.noise}")
+        check_range(self, "lifetime", "gain_rad_s", above=True)
+        check_range(self, "lifetime", "noise")
         if not 0 <= self.record_every <= _LONGEST_S / STEP_S:
             raise ValueError(
                 f"lifetime.record_every must be 0 or more, and at most the steps of {_LONGEST_S:g} s, "
@@ -102,13 +99,13 @@ class Lifetime:
 
 
 class Workspace(NamedTuple):
-    """Arrays that a step fills and nobody reads afterwards; lifetimes that run one after the other may share them."""
+    """Temporary arrays of a step; lifetimes that run one after the other may share them."""
 
     senses: SenseWorkspace
-    noise: NDArray[np.float64]
-    drive: NDArray[np.float64]
-    synapses: NDArray[np.float64]
-    change: NDArray[np.float64]
+    noise: Floats
+    drive: Floats
+    synapses: Floats
+    change: Floats
 
 
 def workspace_for(network: Network, robot: Robot) -> Workspace:
@@ -123,20 +120,20 @@ def workspace_for(network: Network, robot: Robot) -> Workspace:
 
 
 class Genotype(NamedTuple):
-    """What a lifetime begins with and never changes.
+    """What a lifetime starts with and never changes.
 
     weights: (synapses,), the genes. synapse_state: (synapses,) records, the initial state of each synapse.
-    coefficients: (names, synapses) evolved parameters of the rule. modulatory: weights of its modulatory neuron, none
-    if it has none. lengths: (neurons,) of each neuron's incoming weights, none if the rule does not keep them. signs:
-    (synapses,) of the updates.
+    coefficients: (names, synapses) from evolved parameters of the rule. modulatory: weights of its modulatory neuron,
+    if any. lengths: (neurons,) of each neuron's incoming weights, if the rule keeps them. signs: (synapses,) of the
+    updates.
     """
 
-    weights: NDArray[np.float64]
+    weights: Floats
     synapse_state: NDArray[np.void]
-    coefficients: NDArray[np.float64]
-    modulatory: NDArray[np.float64]
-    lengths: NDArray[np.float64]
-    signs: NDArray[np.float64]
+    coefficients: Floats
+    modulatory: Floats
+    lengths: Floats
+    signs: Floats
 
 
 class Life(NamedTuple):
@@ -147,9 +144,9 @@ class Life(NamedTuple):
     """
 
     tally: NDArray[np.void]
-    weights: NDArray[np.float64]
+    weights: Floats
     synapse_state: NDArray[np.void]
-    activation: NDArray[np.float64]
+    activation: Floats
     adaptation: AdaptationState
     trials: NDArray[np.void]
     workspace: Workspace
@@ -226,21 +223,21 @@ class Samples(NamedTuple):
     included; weights: (samples, synapses), after the step's update, without the scale of homeostasis.
     """
 
-    time: NDArray[np.float64]
-    pose: NDArray[np.float64]
-    sensors: NDArray[np.float64]
-    motors: NDArray[np.float64]
-    fitness: NDArray[np.float64]
-    change_signal: NDArray[np.float64]
-    rate: NDArray[np.float64]
-    weight_change: NDArray[np.float64]
+    time: Floats
+    pose: Floats
+    sensors: Floats
+    motors: Floats
+    fitness: Floats
+    change_signal: Floats
+    rate: Floats
+    weight_change: Floats
     weights: NDArray[np.float32]
 
 
 def empty_samples(count: int, network: Network) -> Samples:
     """Arrays for so many samples."""
 
-    def numbers(*shape: int) -> NDArray[np.float64]:
+    def numbers(*shape: int) -> Floats:
         return np.zeros((count, *shape))
 
     return Samples(
@@ -261,8 +258,8 @@ def sample_bytes(network: Network) -> int:
     return sum(array.nbytes for array in empty_samples(1, network))
 
 
-def pad_samples(samples: Samples, life: Life, robot: Robot, record_every: int, pose: NDArray[np.float64]) -> None:
-    """Fill the samples after the end of a lifetime that was over early: the robot stands still where it was.
+def pad_samples(samples: Samples, life: Life, robot: Robot, record_every: int, pose: Floats) -> None:
+    """Fill the samples after an early end of a lifetime: the robot stays where it was.
 
     record_every: as in `live`. pose: x, y [m], heading [rad] at the end.
     """
@@ -294,23 +291,23 @@ class Setup(NamedTuple):
 
 
 class CalibrationRecord(NamedTuple):
-    """What a robot did and sensed in the calibration manoeuvre before its lifetime.
+    """The calibration manoeuvre of a robot before its lifetime.
 
     poses: (steps + 1, 3) x, y [m], heading [rad]. speeds: (steps, 2) commanded wheel speeds [rad/s]. readings: (steps,
-    inputs) as sensed.
+    inputs) sensor readings.
     """
 
-    poses: NDArray[np.float64]
-    speeds: NDArray[np.float64]
-    readings: NDArray[np.float64]
+    poses: Floats
+    speeds: Floats
+    readings: Floats
 
 
 def count_calibration(
     life: Life, calibration: CalibrationRecord, gain: float, record_every: int, samples: Samples
 ) -> None:
-    """Make a calibration manoeuvre the first steps of a lifetime: its time, its way and its samples count.
+    """Make a calibration manoeuvre the first steps of a lifetime: its time, path and samples count.
 
-    It is not scored: its live fitness is 0. gain, record_every, samples: as in `live`.
+    Its live fitness is 0. gain, record_every, samples: as in `live`.
     """
     steps, inputs = calibration.readings.shape
     tally = life.tally

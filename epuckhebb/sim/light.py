@@ -1,4 +1,4 @@
-"""Light in the maze: a sun that shines from ahead and right, and the lamp that tells which way to turn.
+"""Light in the maze: a sun that shines from ahead and right, and the lamp that shows which way to turn.
 
 A sensor reads *low when bright*. Irradiance E adds ambient light (1, whatever the light level), the sun (2.7 times the
 light level, times the cosine of its angle to the sensor) and, on right trials, the lamp. Walls cast no shadow.
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.ranges import check_range
 
 SUN_X, SUN_Y = 0.465, 0.427  # horizontal part of the unit vector towards the sun; the sensors look level
 SUN_IRRADIANCE = 2.7  # at light level 1
@@ -18,13 +19,10 @@ NOISE = 0.01  # standard deviation of a reading, as a fraction of it
 
 @dataclass(kw_only=True)
 class Lamp:
-    """A spot light in the plane of the sensors: where it is, the way it shines, how wide and how bright.
+    """A spot light in the plane of the sensors. The paper's shines to the left (-X) from the stem's right wall.
 
-    The paper's shines to the left (-X) from inside the stem's right wall. x_m, y_m: place. towards_x, towards_y: the
-    way it shines, of any length. beam_rad: half-angle of its beam. intensity: irradiance at 1 m.
-
-    Raises:
-        ValueError: a number is not finite, the beam is not in (0, pi], it shines nowhere, or is darker than dark.
+    x_m, y_m: place. towards_x, towards_y: direction, of any length. beam_rad: half-angle of its beam. intensity:
+    irradiance at 1 m.
     """
 
     x_m: float = 0.1
@@ -35,16 +33,15 @@ class Lamp:
     intensity: float = 2.0
 
     def __post_init__(self) -> None:
-        """Refuse a lamp that cannot be."""
+        """Validate the settings."""
         for name in ("x_m", "y_m", "towards_x", "towards_y"):
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"scenario.lamp.{name} must be a finite number, got {getattr(self, name)}")
         if math.hypot(self.towards_x, self.towards_y) == 0:
-            raise ValueError("scenario.lamp.towards_x and towards_y must not both be 0: the lamp must shine some way")
+            raise ValueError("scenario.lamp.towards_x and towards_y must not both be 0: the lamp needs a direction")
         if not 0 < self.beam_rad <= math.pi:
             raise ValueError(f"scenario.lamp.beam_rad must lie in (0, pi], got {self.beam_rad}")
-        if not (math.isfinite(self.intensity) and self.intensity >= 0):
-            raise ValueError(f"scenario.lamp.intensity must be 0 or more, got {self.intensity}")
+        check_range(self, "scenario.lamp", "intensity")
 
 
 class Lights(NamedTuple):

@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.sim import random
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.random import Stream
+from epuckhebb.sim.ranges import check_range
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
@@ -56,10 +57,9 @@ class Place(NamedTuple):
 class Niche(NamedTuple):
     """Where an obstacle of a random layout may stand: against a wall of a corridor.
 
-    along: the axis along which the corridor runs, `x` or `y`. walls: where its two walls are on the other axis [m].
-    between: where the obstacle's middle may be along the corridor [m]. length: its size along it [m]. depth: how far
-    it juts in [m]. both: 0 for one obstacle, at either wall; else two, one at each wall, that jut in by so much [m]
-    together.
+    along: the axis along which the corridor runs, `x` or `y`. walls: positions of its two walls on the other axis [m].
+    between, length, depth: ranges of the obstacle's middle along the corridor, of its size along it, and of how far it
+    juts in [m]. both: 0 for one obstacle, at either wall; else two, one at each wall, with this sum of depths [m].
     """
 
     along: str
@@ -74,13 +74,13 @@ class Niche(NamedTuple):
 class Maze:
     """A maze.
 
-    walls, obstacles: boxes by name; obstacles are there in the order given, as many as the scenario says.
-    obstacle_counts: how many a scenario may have. niches: where random layouts put obstacles. start: of the robot.
-    goals: of each side. goal_radius_m: at the goal when nearer than this. arms: of each side, the region in which the
-    robot has turned the right way. arena_m: no robot gets farther from the middle than this along X or Y.
+    walls, obstacles: boxes by name; a scenario has the first few obstacles. obstacle_counts: how many a scenario may
+    have. niches: where random layouts put obstacles. start: of the robot. goals: of each side. goal_radius_m: the robot
+    is at the goal when nearer than this. arms: of each side, the region in which the robot has turned the right way.
+    arena_m: half side; a robot farther from the middle is lost.
 
     Raises:
-        ValueError: a box has no size, two boxes have one name, the start is in a wall, or something lies outside.
+        ValueError: a box has no size, two boxes have one name, or something lies outside.
     """
 
     name: str
@@ -95,11 +95,9 @@ class Maze:
     arena_m: float = 0.5
 
     def __post_init__(self) -> None:
-        """Refuse mazes that cannot be."""
-        if not 0 < self.arena_m <= _LARGEST:
-            raise ValueError(f"maze.arena_m must be more than 0 and at most {_LARGEST:g}, got {self.arena_m}")
-        if not (math.isfinite(self.goal_radius_m) and self.goal_radius_m > 0):
-            raise ValueError(f"maze.goal_radius_m must be a number above 0, got {self.goal_radius_m}")
+        """Validate the settings."""
+        check_range(self, "maze", "arena_m", most=_LARGEST, above=True)
+        check_range(self, "maze", "goal_radius_m", above=True)
         twice = sorted(self.walls.keys() & self.obstacles.keys())
         if twice:
             raise ValueError(f"maze.walls and maze.obstacles must have different names, both have {', '.join(twice)}")
@@ -178,7 +176,7 @@ T_MAZE = Maze(
 
 
 def random_obstacles(maze: Maze, layout: int) -> list[Box]:
-    """Obstacles in the niches of a maze, at random, each from a wall; the same for the same number of the layout."""
+    """Random obstacles in the niches of a maze; the same for the same layout number."""
     rng = random.rng(layout, Stream.layout)
 
     def between(low: float, high: float) -> float:
@@ -190,11 +188,8 @@ def random_obstacles(maze: Maze, layout: int) -> list[Box]:
         if niche.both:
             first = between(*niche.depth)
             for wall, depth, inwards in ((low, first, 1), (high, niche.both - first, -1)):
-                placed.append(
-                    _in_corridor(
-                        niche, between(*niche.between), wall + inwards * depth / 2, depth, between(*niche.length)
-                    )
-                )
+                across = wall + inwards * depth / 2
+                placed.append(_in_corridor(niche, between(*niche.between), across, depth, between(*niche.length)))
         else:
             length, depth = between(*niche.length), between(*niche.depth)
             across = low + depth / 2 if rng.random() < 0.5 else high - depth / 2
@@ -206,24 +201,24 @@ def _in_corridor(niche: Niche, along: float, across: float, depth: float, length
     return Box(along, across, length, depth) if niche.along == "x" else Box(across, along, depth, length)
 
 
-def edges(placed: list[Box]) -> NDArray[np.float64]:
+def edges(placed: list[Box]) -> Floats:
     """Boxes as (boxes, 4): left, right, bottom and top edge [m]."""
     rows = [(b.x - b.width / 2, b.x + b.width / 2, b.y - b.height / 2, b.y + b.height / 2) for b in placed]
     return np.array(rows, float).reshape(-1, 4)
 
 
-def boxes(maze: Maze, obstacles: int = 0, layout: int = 0) -> NDArray[np.float64]:
-    """The walls and the first so many obstacles of a layout: (boxes, 4) left, right, bottom and top edge [m]."""
+def boxes(maze: Maze, obstacles: int = 0, layout: int = 0) -> Floats:
+    """The walls and the first obstacles of a layout: (boxes, 4) left, right, bottom and top edge [m]."""
     return edges([*maze.walls.values(), *(obstacles_of(maze, layout)[:obstacles])])
 
 
 def obstacles_of(maze: Maze, layout: int) -> list[Box]:
-    """All obstacles of a layout: 0 as the maze has them, k > 0 at random, the k-th way."""
+    """All obstacles of a layout: 0 as in the maze, k > 0 the k-th random layout."""
     return random_obstacles(maze, layout) if layout else list(maze.obstacles.values())
 
 
-def added(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
+def added(before: Floats, after: Floats) -> Floats:
     """The boxes of `after` (boxes, 4) that are not among those of `before`."""
     known = (after[:, None] == before).all(axis=2).any(axis=1)
-    new: NDArray[np.float64] = after[~known]
+    new: Floats = after[~known]
     return new

@@ -22,7 +22,7 @@ from epuckhebb.sim.vectors import WIDTH, alike, plus, read, times, whole, write
 WEIGHT_LIMIT = 2.0  # weights are loaded clipped to +-2, the bound of plasticity in the paper
 HIDDEN = (7, 5, 8, 4)  # the paper's hidden layers
 OUTPUTS = 2  # left wheel, right wheel
-_LARGEST = 100_000  # synapses; more is surely a slip
+_LARGEST = 100_000  # synapses; more is surely a typing error
 
 _STEPS_PER_UNIT = 32
 _TANH_IS_1 = 20.0  # from about 19 on, tanh is 1 to the last bit
@@ -33,8 +33,8 @@ _TANH = np.array([math.tanh(k / _STEPS_PER_UNIT) for k in range(int(_TANH_IS_1) 
 class Network:
     """The shape of a network.
 
-    layers: how many neurons each layer has, sensors first, the two wheels last. rewarded: whether the last input tells
-    a reward (`epuckhebb.sim.task`).
+    layers: how many neurons each layer has, sensors first, the two wheels last. rewarded: whether the last input is a
+    reward (`epuckhebb.sim.task`).
 
     Raises:
         ValueError: there are fewer than two layers, a layer is empty, or the last has not two neurons.
@@ -44,7 +44,7 @@ class Network:
     rewarded: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse shapes that cannot be."""
+        """Validate the layers."""
         whole = all(isinstance(size, int) and size > 0 for size in self.layers)
         if len(self.layers) < 2 or not whole or self.layers[-1] != OUTPUTS:
             raise ValueError(
@@ -56,12 +56,12 @@ class Network:
 
     @cached_property
     def inputs(self) -> int:
-        """How many sensor readings it takes."""
+        """The number of inputs."""
         return self.layers[0]
 
     @cached_property
     def bias(self) -> int:
-        """Where the constant 1 stands among the activations: behind the readings."""
+        """Where the constant 1 stands among the activations: after the inputs."""
         return self.inputs
 
     @cached_property
@@ -113,7 +113,7 @@ class Network:
 
     @cached_property
     def neurons(self) -> int:
-        """All activations, the readings and the bias among them."""
+        """The number of activations, inputs and bias included."""
         return self.inputs + 1 + sum(self.layers[1:])
 
     @cached_property
@@ -135,7 +135,7 @@ PAPER_NETWORK = Network()
 
 
 def initial_weights_of(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A copy of the inherited weights, clipped to +-2: what plasticity changes and death forgets."""
+    """The weights at the start of a lifetime: a copy of the inherited ones, clipped to +-2."""
     return np.clip(weights, -WEIGHT_LIMIT, WEIGHT_LIMIT)
 
 
@@ -144,7 +144,7 @@ def tanh(x: float) -> float:
     """Tanh x to within 4 units in the last place, at a quarter of the cost of the C library's.
 
     tanh(a + d) = (tanh a + tanh d) / (1 + tanh a tanh d), with tanh a from a table and four terms of the series of
-    tanh d, |d| <= 1/64. Only + - * / and a look-up, hence the same bits on every processor.
+    tanh d, |d| <= 1/64. It uses only + - * / and a table, so every processor gives the same bits.
     """
     size = min(_TANH_IS_1, abs(x))
     k = np.floor(size * _STEPS_PER_UNIT + 0.5)
@@ -159,9 +159,9 @@ Pass = Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
 
 
 def forward_pass(network: Network) -> Pass:
-    """The function `forward(weights, activation, drive)` that passes readings through this network: y = tanh(x W).
+    """The function `forward(weights, activation, drive)` that passes inputs through this network: y = tanh(x W).
 
-    weights: (synapses,). activation: (neurons,), readings and bias given, the rest filled. drive: workspace, whole
+    weights: (synapses,). activation: (neurons,), inputs and bias given, the rest filled. drive: workspace, whole
     vectors of four for the widest layer, a layer's x W. The sizes are constants in the machine code.
     """
     forward: Pass = in_turn(_fire, network.vectors, "weights, activation, drive")

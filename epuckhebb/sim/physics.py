@@ -2,16 +2,16 @@
 
 A lifetime takes thousands of steps, and a call from Python costs more than the physics. So pymunk builds the space
 through its public interface, and the compiled lifetime calls the same C functions that pymunk's own `Space.step` and
-`pymunk.batch` call. Their addresses are registered with LLVM by name, hence the machine code can be cached on disk.
-`tests/reference.py` lives the same lifetime through pymunk's public interface and must agree.
+`pymunk.batch` call. Their addresses are registered with LLVM by name, so the machine code can be cached on disk.
+`tests/reference.py` runs the same lifetime through pymunk's public interface and must agree.
 
-The robot is pushed, never placed: force and torque that would give the wanted speeds in one step, in a space that
-damps everything else away. Overwriting velocities instead discards the solver's corrections and sinks it into walls.
+The robot is pushed, never placed: by the force and torque that give the wanted speeds in one step, in a space with full
+damping. Overwriting velocities instead would discard the solver's corrections and sink the robot into walls.
 
-Far from walls a step of pymunk is one line of arithmetic, so it is asked only when a wall is near or was lately: the
-result is the same to the last bit, and most of the time is saved (`tests/test_physics.py` holds both). The one
-exception is a robot that touches two walls at once: pymunk solves their contacts in an order that
-depends on when it was asked before (`docs/inside.md`). Either order is right, and ours is the same in every run.
+Far from walls a step of pymunk is one line of arithmetic. So pymunk is called only when a wall is near or was recently.
+The result is bit-identical and takes a fraction of the time (`tests/test_physics.py` checks both). The one exception is
+a robot that touches two walls at once: pymunk solves their contacts in an order that depends on earlier calls
+(`docs/inside.md`). Either order is right, and ours is the same in every run.
 """
 
 import math
@@ -93,8 +93,8 @@ class _Exchange:
 class PymunkSpace:
     """Walls and one robot. Built once; `place_robot` begins each lifetime and leaves no trace of the one before.
 
-    boxes: (boxes, 4) left, right, bottom, top edge of each wall [m]. robot: of which kind. wall_friction: coefficient
-    of friction between robot and walls.
+    boxes: (boxes, 4) left, right, bottom, top edge of each wall [m]. wall_friction: coefficient of friction between
+    robot and walls.
     """
 
     def __init__(self, boxes: NDArray[np.float64], robot: Robot, wall_friction: float = 0.0) -> None:
@@ -147,7 +147,7 @@ class PymunkSpace:
         self.handles.state[:3] = pose
 
     def take_over(self, before: "PymunkSpace") -> None:
-        """Put a robot where the one of another space is, moving as it moves; what it touches is found out anew."""
+        """Put a robot where the one of another space is, with the same motion and without its contacts."""
         motion = before.handles.state[:_CLEAR_FOR].copy()
         self.place_robot(Pose(*motion[:3].tolist()))
         lib.cpBodySetVelocity(self._body, tuple(motion[[_V_X, _V_Y]].tolist()))
@@ -179,10 +179,10 @@ Move = Callable[[Handles, float, float, float, float], None]
 
 
 def mover(robot: Robot) -> Move:
-    """The function `move(space, cos, sin, left, right)` that lets a step pass for a robot of this kind.
+    """The function `move(space, cos, sin, left, right)` that moves a robot of this kind for one step.
 
     It pushes a robot that looks along (cos, sin) so that its wheels turn at left and right [rad/s]. pymunk moves
-    bodies first and applies forces afterwards: the robot moves by this command in the *next* step.
+    bodies first and applies forces afterwards, so the command takes effect in the *next* step.
     """
     mass, inertia, wheel_radius, axle = robot.mass_kg, robot.inertia_kg_m2, robot.wheel_radius_m, robot.axle_m
     near = (robot.radius_m + _CLEAR_GAP) ** 2
@@ -220,7 +220,7 @@ def mover(robot: Robot) -> Move:
 
 @compiled
 def _is_clear(x: float, y: float, walls: NDArray[np.float64], near: float) -> bool:
-    """Whether a robot with its centre at (x, y) touches no wall. near: square of the distance that would [m2]."""
+    """Whether a robot with its centre at (x, y) touches no wall. near: square of the distance of contact [m2]."""
     for wall in range(walls.shape[0]):
         beside = max(walls[wall, 0] - x, x - walls[wall, 1], 0.0)
         before = max(walls[wall, 2] - y, y - walls[wall, 3], 0.0)
@@ -231,5 +231,5 @@ def _is_clear(x: float, y: float, walls: NDArray[np.float64], near: float) -> bo
 
 @compiled
 def is_lost(x: float, y: float, heading: float, arena: float) -> bool:
-    """Whether a pose is not made of numbers or outside the arena [m]; pymunk lets both happen in silence."""
+    """Whether a pose is not finite or outside the arena [m]; pymunk reports neither."""
     return not (abs(x) < arena and abs(y) < arena and math.isfinite(heading))

@@ -1,8 +1,8 @@
-"""Random numbers: everything random has a place in a study, and its numbers depend on the seed and that place alone.
+"""Random numbers: each draw has a place in a study, and depends on the seed and that place alone.
 
-So nothing changes when work is done in another order, on more threads, or continued after an interruption. Sensor noise
-goes one step further: it depends on the key of a lifetime and on the step, and there is no generator whose state could
-be shared. A robot has the same noise alone, in a block, on any thread and after a pause.
+So results do not depend on the order of the work, on threads or on interruptions. Sensor noise depends on the key of a
+lifetime and on the step, without a generator whose state could be shared. A robot has the same noise alone, in a block,
+on any thread and after a pause.
 """
 
 from collections.abc import Callable
@@ -10,13 +10,13 @@ from enum import IntEnum
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 
 
 class Stream(IntEnum):
-    """What random numbers are for. The numbers are part of every result: never renumber."""
+    """Uses of random numbers. These values are part of every result: never renumber."""
 
     variation = 0
     training_noise = 1
@@ -54,9 +54,9 @@ _LOW_16 = np.uint64(0xFFFF)
 _A_DRAW = 4  # numbers that one draw of 64 bits gives
 
 
-def _normal_quantiles(count: int) -> NDArray[np.float64]:
-    """The middles of `count` equally likely slices of the normal distribution, scaled to variance 1."""
-    quantiles: NDArray[np.float64] = np.array([NormalDist().inv_cdf((k + 0.5) / count) for k in range(count)])
+def _normal_quantiles(count: int) -> Floats:
+    """The medians of `count` equally likely slices of the normal distribution, scaled to variance 1."""
+    quantiles: Floats = np.array([NormalDist().inv_cdf((k + 0.5) / count) for k in range(count)])
     quantiles /= np.sqrt(np.mean(quantiles**2))
     return quantiles
 
@@ -90,7 +90,7 @@ def noise_workspace_size(count: int) -> int:
     return -(-count // _A_DRAW) * _A_DRAW
 
 
-def normal_numbers(count: int) -> Callable[[np.uint64, int, NDArray[np.float64]], None]:
+def normal_numbers(count: int) -> Callable[[np.uint64, int, Floats], None]:
     """The function that fills an array of `noise_workspace_size(count)` with normal numbers for a key and a step.
 
     One draw of 64 bits gives four 12-bit places in `QUANTILES`.
@@ -99,7 +99,7 @@ def normal_numbers(count: int) -> Callable[[np.uint64, int, NDArray[np.float64]]
     per_step = np.uint64(draws)
 
     @compiled
-    def fill(key: np.uint64, step: int, out: NDArray[np.float64]) -> None:
+    def fill(key: np.uint64, step: int, out: Floats) -> None:
         for draw in range(draws):
             z = bits(key, np.uint64(step) * per_step + np.uint64(draw))
             for k in range(_A_DRAW):

@@ -1,4 +1,4 @@
-"""Where in a maze a robot can get to, and how far it is from the walls."""
+"""Which places of a maze a robot can reach, and how far it is from the walls."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -6,20 +6,21 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.maze import SIDES, Maze, Place, Side, boxes
 
-GRID = 0.002  # m: of the places that are looked at for a way to the goal
+GRID = 0.002  # m: of the places that are searched for a way to the goal
 _BYTES_PER_PLACE = 46.0  # of the grid, at most at one time
-_SPARE = 0.001  # m: the physics lets a robot sink into a wall by about so much
+_SPARE = 0.001  # m: by about this much a robot sinks into a wall in the physics
 
 
-def gap(x: float, y: float, walls: NDArray[np.float64]) -> float:
+def gap(x: float, y: float, walls: Floats) -> float:
     """Distance [m] from a point to the nearest box of `walls` (boxes, 4); 0 inside one."""
     return float(_gaps(np.array([x]), np.array([y]), walls)[0, 0])
 
 
 def check_reachable(maze: Maze, goals: Mapping[Side, Place], obstacles: int, layout: int, radius: float) -> None:
-    """Check that a robot of this radius [m] can stand at the start of a maze and get to its goals.
+    """Check that a robot of this radius [m] fits at the start of a maze and can reach its goals.
 
     Raises:
         ValueError: the start is in a wall, or no way leads to a goal.
@@ -47,14 +48,14 @@ def _check_reachable(walls: bytes, maze: Maze, goals: tuple[Place, ...], radius:
 
 
 def grid_bytes(arena_m: float) -> float:
-    """How many bytes of memory it takes, about, to look for a way to the goals in an arena of this half side [m]."""
+    """How many bytes of memory the search for a way to the goals takes, about, in an arena of this half side [m]."""
     return _BYTES_PER_PLACE * (2 * arena_m / GRID + 1) ** 2
 
 
-def reachable(maze: Maze, walls: NDArray[np.float64], radius: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Where the middle of a robot of this radius [m] can get to from the start, among these walls (boxes, 4).
+def reachable(maze: Maze, walls: Floats, radius: float) -> tuple[Floats, NDArray[np.bool_]]:
+    """The places that the centre of a robot of this radius [m] can reach from the start among these walls (boxes, 4).
 
-    Returns the places of a grid along X, which are those along Y too [m], and (x, y) whether each can be reached.
+    Returns the coordinates of a grid along X and Y [m], and (x, y) whether each place can be reached.
     """
     axis = np.arange(-maze.arena_m, maze.arena_m + GRID / 2, GRID)
     free = _gaps(axis, axis, walls) >= radius - _SPARE
@@ -63,19 +64,19 @@ def reachable(maze: Maze, walls: NDArray[np.float64], radius: float) -> tuple[ND
     return axis, _flooded(free, there)
 
 
-def _gaps(x: NDArray[np.float64], y: NDArray[np.float64], walls: NDArray[np.float64]) -> NDArray[np.float64]:
+def _gaps(x: Floats, y: Floats, walls: Floats) -> Floats:
     """Distances (x, y) from points of a grid to the nearest box."""
     nearest = np.full((len(x), len(y)), np.inf)
     for left, right, bottom, top in walls:
         beside = np.maximum(np.maximum(left - x, x - right), 0.0)
         before = np.maximum(np.maximum(bottom - y, y - top), 0.0)
         np.minimum(nearest, beside[:, None] ** 2 + before[None, :] ** 2, out=nearest)
-    distances: NDArray[np.float64] = np.sqrt(nearest)
+    distances: Floats = np.sqrt(nearest)
     return distances
 
 
 def _flooded(free: NDArray[np.bool_], there: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """All free cells that can be reached from `there`, straight run by straight run."""
+    """All free cells that can be reached from `there`, by straight runs along the axes."""
     while True:
         before = there.sum()
         for axis in (0, 1):

@@ -1,6 +1,6 @@
 """A robot as data: a disc on two wheels and its groups of sensors.
 
-The e-puck has eight places on its rim that feel both infra-red echoes and ambient light; its numbers are those of
+The e-puck has eight places on its rim that sense both infra-red echoes and ambient light. Its numbers are those of
 Webots' model (version 1), which was calibrated on a real one. Robot frame: x forward, y left, in metres; angles
 anticlockwise from x. The robots of `conf/robot/` have the keys of `Robot` and of its groups.
 """
@@ -9,21 +9,19 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
-from epuckhebb.sim.sensors import DistanceSensors, LightSensors, SensorGroup, check_positive, slices
+from epuckhebb.sim.ranges import check_range
+from epuckhebb.sim.sensors import DistanceSensors, LightSensors, SensorGroup, slices
 
 STEP_S = 0.032  # one control step: sensing, acting, learning and physics
 
 
 @dataclass(frozen=True, kw_only=True)
 class Robot:
-    """The body and the senses of a robot; the defaults are the e-puck's.
+    """The body and the sensors of a robot; the defaults are the e-puck's.
 
     radius_m, mass_kg, inertia_kg_m2 (about the vertical axis): of its disc. wheel_radius_m, axle_m (between the
-    wheels), motor_limit_rad_s: of its drive. sensors: its groups, in the order of the network's inputs, light and
-    distance sensors among them. Sensors of the same number in different groups share a place on its rim.
-
-    Raises:
-        ValueError: a value is outside the range named in the message.
+    wheels), motor_limit_rad_s: of its drive. sensors: groups in the order of the network's inputs, light and distance
+    sensors included. Sensors of the same number in different groups share a place on the rim.
     """
 
     name: str = "epuck"
@@ -38,7 +36,7 @@ class Robot:
     def __post_init__(self) -> None:
         """Validate the settings."""
         sizes = ("radius_m", "mass_kg", "inertia_kg_m2", "wheel_radius_m", "axle_m", "motor_limit_rad_s")
-        check_positive(self, sizes)
+        check_range(self, "robot", *sizes, above=True)
         names = [group.name for group in self.sensors]
         if not {LightSensors.name, DistanceSensors.name} <= set(names) or len(set(names)) < len(names):
             raise ValueError(f"robot.sensors must be light, distance and perhaps others, each once, got {names}")
@@ -66,12 +64,12 @@ class Robot:
 
     @cached_property
     def inputs(self) -> int:
-        """How many readings the network gets."""
+        """The number of sensor readings."""
         return sum(group.count for group in self.sensors)
 
     @property
     def sensor_numbers(self) -> int:
-        """How many numbers a sensor can have: sensors of the same number share a place."""
+        """The count of the largest group: sensors of the same number share a place."""
         return max(group.count for group in self.sensors)
 
 

@@ -1,4 +1,4 @@
-"""A scenario: the world in which a robot lives, as the paper varies it, and when in its life that world changes."""
+"""A scenario: the world of a lifetime, as the paper varies it, and how that world changes meanwhile."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -7,6 +7,7 @@ from typing import Any
 
 from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.maze import SIDES, T_MAZE, Maze, Place, Side
+from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.reachable import check_reachable
 from epuckhebb.sim.robot import EPUCK, STEP_S, Robot
 from epuckhebb.sim.sensors import InputGroup
@@ -24,20 +25,16 @@ class Scenario:
     """How light it is, how many obstacles stand in the maze, where its lamp is (lit on right trials), what is broken.
 
     light: level of the sun, 1 as in bright training, 0.1 dimmed. obstacles: how many; 0, 2 or 4 in the paper's maze.
-    layout: where they stand, 0 as the maze has them, k > 0 moved and resized at random, the k-th way. goals: of each
-    side, None where the maze has them. dead_sensors: numbers of the places on the robot's rim where it is blind (feels
-    the dark and no wall). distance_gain, distance_offset: what its distance readings, 0 to 1, are multiplied by, and
-    what is added then. left_wheel, right_wheel: share of the commanded speed that the wheel turns at. left_slip,
-    right_slip: share of the time for which the wheel slips. mass_ratio: how many times as heavy it is as its drive was
-    made for. wall_friction: coefficient of friction between it and the walls. changes: what changes in mid-life, in
-    the order of time; each is `at_s` [s] and new values of keys of this class (`CHANGEABLE`).
-    maze, robot, task: which. experiment: which of the paper's two this belongs to, `light` or `obstacles`. paper_N,
-    paper_duration_s: the base rate and the time [s] of an evaluation that the paper used there.
+    layout: where they stand, 0 as in the maze, k > 0 the k-th random layout. goals: of each side, None for the maze's.
+    dead_sensors: numbers of the places on the robot's rim where it is blind (senses the dark and no wall).
+    distance_gain, distance_offset: factor on its distance readings, 0 to 1, and what is added then. left_wheel,
+    right_wheel: share of the commanded speed at which the wheel turns. left_slip, right_slip: share of the time for
+    which the wheel slips. mass_ratio: the robot's mass over that for which its drive was made. wall_friction:
+    coefficient of friction between robot and walls. changes: what changes during a lifetime, in the order of time; each
+    is `at_s` [s] and new values of keys of this class (`CHANGEABLE`). experiment: that of the paper to which the
+    scenario belongs, `light` or `obstacles`. paper_N, paper_duration_s: the paper's base rate and evaluation time [s].
 
-    A scenario may have goals out of reach; `check` says so.
-
-    Raises:
-        ValueError: a value is outside the range named in the message.
+    Whether the goals can be reached is not checked here; see `check`.
     """
 
     name: str = "base"
@@ -67,8 +64,7 @@ class Scenario:
         """Validate the settings."""
         if self.experiment not in EXPERIMENTS:
             raise ValueError(f"scenario.experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
-        if not (math.isfinite(self.light) and self.light >= 0):
-            raise ValueError(f"scenario.light must be a number, 0 or more, got {self.light}")
+        check_range(self, "scenario", "light")
         if self.obstacles not in self.maze.obstacle_counts:
             allowed = ", ".join(map(str, self.maze.obstacle_counts))
             raise ValueError(
@@ -104,33 +100,29 @@ class Scenario:
                 raise ValueError(f"scenario.changes[{number - 1}]: {error}" if number else str(error)) from error
 
     def _check_faults(self) -> None:
-        for wheel in ("left_wheel", "right_wheel"):
-            if not 0 <= getattr(self, wheel) <= 1:
-                raise ValueError(f"scenario.{wheel} must lie in [0, 1], got {getattr(self, wheel)}")
+        check_range(self, "scenario", "left_wheel", "right_wheel", most=1)
         for side in SIDES:
             slip = getattr(self, f"{side}_slip")
             if not 0 <= slip < 1:
                 raise ValueError(
-                    f"scenario.{side}_slip must lie in [0, 1), got {slip}; a wheel that always slips is a weak one: "
-                    f"scenario.{side}_wheel"
+                    f"scenario.{side}_slip must lie in [0, 1), got {slip}; for a weak wheel give scenario.{side}_wheel"
                 )
         if not (math.isfinite(self.distance_gain) and self.distance_gain > 0):
             raise ValueError(
-                f"scenario.distance_gain must be a number above 0, got {self.distance_gain}; a sensor that tells "
-                "nothing is a dead one: scenario.dead_sensors"
+                f"scenario.distance_gain must be a number above 0, got {self.distance_gain}; for a dead sensor give "
+                "scenario.dead_sensors"
             )
         if not -1 < self.distance_offset < 1:
             raise ValueError(f"scenario.distance_offset must lie between -1 and 1, got {self.distance_offset}")
         if not (math.isfinite(self.mass_ratio) and self.mass_ratio >= 1):
             raise ValueError(
                 f"scenario.mass_ratio must be 1, the robot's own mass, or more, got {self.mass_ratio}; a lighter robot "
-                "would be no quicker, because its drive gives it the commanded speed within a step as it is"
+                "would move as with 1"
             )
-        if not (math.isfinite(self.wall_friction) and self.wall_friction >= 0):
-            raise ValueError(f"scenario.wall_friction must be a number, 0 or more, got {self.wall_friction}")
+        check_range(self, "scenario", "wall_friction")
 
     def _check_changes(self) -> None:
-        last, now = 0.0, self
+        last, world = 0.0, self
         for number, change in enumerate(self.changes):
             where = f"scenario.changes[{number}]"
             unknown = sorted(set(change) - {"at_s", *CHANGEABLE})
@@ -144,7 +136,7 @@ class Scenario:
                 raise ValueError(f"{where}.at_s must be more than {last:g} s, the time before it, got {at_s}")
             last = at_s
             try:
-                now = _changed(now, change)
+                world = _changed(world, change)
             except (ValueError, TypeError) as error:
                 raise ValueError(f"{where}: {error}") from error
 
@@ -165,23 +157,23 @@ class Scenario:
 
     @property
     def phases(self) -> "list[tuple[int, Scenario]]":
-        """The world as it is from each control step on, until the next; without changes, itself from step 0 on."""
-        told = [(0, replace(self, changes=()) if self.changes else self)]
+        """The worlds of a lifetime, each with the control step from which on it holds."""
+        phases = [(0, replace(self, changes=()) if self.changes else self)]
         for change in self.changes:
             first = math.ceil(change["at_s"] / STEP_S - 1e-9)  # the first step that is not before the change
-            told.append((first, _changed(told[-1][1], change)))
-        return told
+            phases.append((first, _changed(phases[-1][1], change)))
+        return phases
 
     def changed_from(self, named: "Scenario", maze: Maze = T_MAZE, robot: Robot = EPUCK) -> str:
-        """What differs from another scenario in this maze with this robot, as it would be typed; nothing if nothing."""
-        told = []
+        """What differs from another scenario in this maze with this robot, as overrides; empty if nothing."""
+        words = []
         for kind, mine, its in (("maze", self.maze, maze), ("robot", self.robot, robot)):
             if mine != its:
-                told.append(f"{kind}={mine.name}" + (" changed" if mine.name == its.name else ""))
+                words.append(f"{kind}={mine.name}" + (" changed" if mine.name == its.name else ""))
         if self.task != named.task:
             usual = type(self.task)()
-            told.append(f"task={self.task.name}")
-            told += [
+            words.append(f"task={self.task.name}")
+            words += [
                 f"task.{setting.name}={_plain(getattr(self.task, setting.name))}"
                 for setting in fields(self.task)
                 if getattr(self.task, setting.name) != getattr(usual, setting.name)
@@ -189,7 +181,7 @@ class Scenario:
         for field_ in fields(self):
             mine, its = getattr(self, field_.name), getattr(named, field_.name)
             if field_.name == "lamp":
-                told += [
+                words += [
                     f"lamp.{part.name}={_plain(getattr(mine, part.name))}"
                     for part in fields(Lamp)
                     if getattr(mine, part.name) != getattr(its, part.name)
@@ -198,38 +190,32 @@ class Scenario:
             elif field_.name in ("maze", "robot", "task", "name"):
                 continue
             elif field_.name == "goals" and mine != its:
-                told.append("goals=" + "/".join(f"{side}:{x:g},{y:g}" for side, (x, y) in self.goals_now.items()))
+                words.append("goals=" + "/".join(f"{side}:{x:g},{y:g}" for side, (x, y) in self.goals_now.items()))
             elif field_.name == "changes" and mine != its:
-                told += [
+                words += [
                     " ".join([*(f"{key}={_plain(value)}" for key, value in change.items() if key != "at_s")])
                     + f" at {change['at_s']:g} s"
                     for change in mine
                 ]
             elif mine != its:
-                told.append(f"{field_.name}={_plain(mine)}")
-        return ", ".join(told)
+                words.append(f"{field_.name}={_plain(mine)}")
+        return ", ".join(words)
 
 
-def _changed(now: Scenario, change: Mapping[str, Any]) -> Scenario:
-    """The world after a change."""
+def _changed(world: Scenario, change: Mapping[str, Any]) -> Scenario:
     values = {key: value for key, value in change.items() if key != "at_s"}
     for key, value in values.items():
         _check_kind(key, value)
     if isinstance(values.get("dead_sensors"), list):
         values["dead_sensors"] = tuple(values["dead_sensors"])
     if "lamp" in values:
-        values["lamp"] = replace(now.lamp, **values["lamp"])
+        values["lamp"] = replace(world.lamp, **values["lamp"])
     if values.get("goals") is not None:
-        values["goals"] = {**now.goals_now, **{side: Place(*place) for side, place in values["goals"].items()}}
-    return replace(now, changes=(), **values)
+        values["goals"] = {**world.goals_now, **{side: Place(*place) for side, place in values["goals"].items()}}
+    return replace(world, changes=(), **values)
 
 
 def _check_dead(dead: object, robot: Robot) -> None:
-    """Refuse dead sensors that the robot has not, or has only once.
-
-    Raises:
-        ValueError: They cannot be dead.
-    """
     last = robot.sensor_numbers - 1
     if not isinstance(dead, list | tuple) or not all(
         isinstance(number, int) and not isinstance(number, bool) and 0 <= number <= last for number in dead
@@ -247,11 +233,6 @@ def _is_number(value: object) -> bool:
 
 
 def _check_kind(key: str, value: object) -> None:
-    """Refuse a new value that is not of the kind that its key has.
-
-    Raises:
-        ValueError: It is not.
-    """
     if key in ("light", "wall_friction", *FAULTS) and not _is_number(value):
         raise ValueError(f"{key} must be a number, got {value!r}")
     if key in ("obstacles", "layout") and (not isinstance(value, int) or isinstance(value, bool)):

@@ -1,4 +1,4 @@
-"""How a robot senses, compiled for its groups of sensors."""
+"""The sensing of a robot, compiled for its groups of sensors."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.robot import Robot
@@ -17,8 +18,8 @@ Sense = Callable[..., None]
 class SenseWorkspace(NamedTuple):
     """Workspace of `sense`: rays (6, sensors) of each ring of places, and of each group a number for each sensor."""
 
-    rays: tuple[NDArray[np.float64], ...]
-    scratch: tuple[NDArray[np.float64], ...]
+    rays: tuple[Floats, ...]
+    scratch: tuple[Floats, ...]
 
 
 def sense_workspace(robot: Robot) -> SenseWorkspace:
@@ -28,11 +29,10 @@ def sense_workspace(robot: Robot) -> SenseWorkspace:
 
 
 def senses(robot: Robot) -> Sense:
-    """The function that fills the readings of all groups of sensors.
+    """The function `sense(x, y, cos, sin, walls, lit, noise, noise_level, workspace, readings)` of a robot.
 
-    `sense(x, y, cos, sin, walls, lit, noise, noise_level, workspace, readings)`: pose of the robot; walls (boxes, 4);
-    the lights; standard normal numbers, one for each input; 1 for the sensors' own noise, 0 for none; workspace; and
-    where the readings go.
+    It fills the readings, (inputs,), from the pose of the robot, the walls (boxes, 4), the lights, standard normal
+    noise, one number for each input, and the noise level, 1 for the sensors' own.
     """
     rings = _rings(robot)
     parts: dict[str, Any] = {"put_rays": put_rays}
@@ -45,8 +45,8 @@ def senses(robot: Robot) -> Sense:
         parts[f"read_{k}"], parts[f"look_{k}"] = group.kernels(robot.inputs_of(group).start, robot.radius_m)
         look.append(f"look_{k}({own})")
         read.append(f"read_{k}({own}, readings)")
-    # The calls are written out, because each group has functions of its own. All look before any reads: a group that
-    # reads straight after its look waits for memory, which makes sensing 15 to 20 % dearer.
+    # The calls are written out, because each group has its own functions. All groups look before any reads: a group
+    # that reads right after its look waits for memory, and sensing takes 15 to 20 % longer.
     calls = ", ".join([*put, *look, *read])
     feel = compiled(eval(f"lambda x, y, cos, sin, around, rays, scratch, readings: ({calls},)", parts))
 
@@ -56,12 +56,12 @@ def senses(robot: Robot) -> Sense:
         y: float,
         cos: float,
         sin: float,
-        walls: NDArray[np.float64],
+        walls: Floats,
         lit: Lights,
-        noise: NDArray[np.float64],
+        noise: Floats,
         noise_level: float,
         workspace: SenseWorkspace,
-        readings: NDArray[np.float64],
+        readings: Floats,
     ) -> None:
         around = Surroundings(x, y, walls, lit, noise, noise_level)
         feel(x, y, cos, sin, around, workspace.rays, workspace.scratch, readings)
@@ -70,25 +70,25 @@ def senses(robot: Robot) -> Sense:
 
 
 def _rings(robot: Robot) -> list[tuple[Place, ...]]:
-    """The places of all groups, those that groups share only once: their rays are put once."""
+    """The places of all groups; groups that share places share their rays."""
     return list(dict.fromkeys(group.places for group in robot.sensors))
 
 
-def _in_frame(places: tuple[Place, ...]) -> NDArray[np.float64]:
+def _in_frame(places: tuple[Place, ...]) -> Floats:
     """Sensors in the robot's frame, (4, n): x, y, and the unit vector each looks along."""
     azimuth = np.radians([place.azimuth for place in places])
     x, y = [place.x for place in places], [place.y for place in places]
     return np.array([x, y, np.cos(azimuth), np.sin(azimuth)])
 
 
-def blinding(robot: Robot) -> Callable[[NDArray[np.float64], NDArray[np.int64]], None]:
-    """The function that makes the sensors of these numbers dead, in all groups: they feel the dark, and no wall."""
+def blinding(robot: Robot) -> Callable[[Floats, NDArray[np.int64]], None]:
+    """The function that makes the sensors of these numbers dead, in all groups: they sense the dark, and no wall."""
     firsts = np.array([robot.inputs_of(group).start for group in robot.sensors])
     counts = np.array([group.count for group in robot.sensors])
     dead = np.array([group.dead for group in robot.sensors])
 
     @compiled
-    def blind(readings: NDArray[np.float64], numbers: NDArray[np.int64]) -> None:
+    def blind(readings: Floats, numbers: NDArray[np.int64]) -> None:
         for k in range(numbers.shape[0]):
             number = numbers[k]
             for group in range(firsts.shape[0]):
@@ -98,13 +98,13 @@ def blinding(robot: Robot) -> Callable[[NDArray[np.float64], NDArray[np.int64]],
     return blind
 
 
-def largest_distance_reading(robot: Robot) -> Callable[[NDArray[np.float64]], float]:
-    """The function that gives the largest of a robot's distance readings: how near the nearest wall is."""
+def largest_distance_reading(robot: Robot) -> Callable[[Floats], float]:
+    """The function that gives the largest of a robot's distance readings."""
     inputs = robot.inputs_of(robot.distance)
     first, end = inputs.start, inputs.stop
 
     @compiled
-    def largest(readings: NDArray[np.float64]) -> float:
+    def largest(readings: Floats) -> float:
         most = float(readings[first])
         for i in range(first + 1, end):
             most = max(most, readings[i])

@@ -1,7 +1,7 @@
-"""What a network is given: groups of inputs, one after the other. Sensors have places on the robot's rim.
+"""The inputs of a network, in groups: light sensors, distance sensors, a reward. Sensors sit on the robot's rim.
 
-To add a kind of sensor: a subclass of `SensorGroup`, with what it feels (`kernels`) and what a dead one reads (`dead`);
-`Robot.sensors` says which groups a robot has, in the order of the network's inputs.
+To add a kind of sensor, write a subclass of `SensorGroup` with what it senses (`kernels`) and what a dead one reads
+(`dead`). `Robot.sensors` has the groups of a robot, in the order of the network's inputs.
 """
 
 import math
@@ -9,15 +9,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.sim import light
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
-
-_Array = NDArray[np.float64]
+from epuckhebb.sim.ranges import check_range
 
 
 class Place(NamedTuple):
@@ -29,14 +28,14 @@ class Place(NamedTuple):
 
 
 class CurvePoint(NamedTuple):
-    """What a distance sensor says at a distance [m]: its value, and its noise (standard deviation / value)."""
+    """A point of a distance sensor's curve: distance [m], value, and noise (standard deviation / value)."""
 
     distance: float
     value: float
     noise: float
 
 
-_E_PUCK_PLACES = (  # of its eight infra-red sensors, which feel ambient light too
+_E_PUCK_PLACES = (  # of its eight infra-red sensors, which also sense ambient light
     Place(0.030, -0.010, -17.2),
     Place(0.022, -0.025, -45.9),
     Place(0.000, -0.031, -90.0),
@@ -61,38 +60,38 @@ _E_PUCK_CURVE = (
 
 
 class Surroundings(NamedTuple):
-    """What sensors can feel. x, y: the robot's place [m]. walls: (boxes, 4) edges [m]. lit: the lights.
+    """What sensors can sense. x, y: the robot's place [m]. walls: (boxes, 4) edges [m]. lit: the lights.
 
     noise: standard normal numbers, one for each input. noise_level: 1 for the sensors' own noise, 0 for none.
     """
 
     x: float
     y: float
-    walls: NDArray[np.float64]
+    walls: Floats
     lit: light.Lights
-    noise: NDArray[np.float64]
+    noise: Floats
     noise_level: float
 
 
 @compiled
-def _nothing(around: Surroundings, rays: _Array, scratch: _Array) -> None:
+def _nothing(around: Surroundings, rays: Floats, scratch: Floats) -> None:
     pass
 
 
 class Kernels(NamedTuple):
-    """What a group of sensors does in a step; first all groups look, then all read.
+    """The functions of a group of sensors in a step; first all groups look, then all read.
 
-    read(around, rays, scratch, readings): fills their readings. look(around, rays, scratch): what takes long, into a
-    workspace of a number for each sensor. around: `Surroundings`. rays: (6, sensors), see `put_rays`.
+    read(around, rays, scratch, readings): fills the readings. look(around, rays, scratch): slow work, into `scratch`,
+    one number for each sensor. around: `Surroundings`. rays: (6, sensors), see `put_rays`.
     """
 
-    read: Callable[[Surroundings, _Array, _Array, _Array], None]
-    look: Callable[[Surroundings, _Array, _Array], None] = _nothing
+    read: Callable[[Surroundings, Floats, Floats, Floats], None]
+    look: Callable[[Surroundings, Floats, Floats], None] = _nothing
 
 
 @dataclass(frozen=True, kw_only=True)
 class InputGroup:
-    """Inputs of a network that mean the same. name: in the program. label, short: in pages and in figures."""
+    """Inputs of a network of one kind. name: in the program. label, short: in pages and in figures."""
 
     name: ClassVar[str]
     label: ClassVar[str]
@@ -100,13 +99,13 @@ class InputGroup:
 
     @property
     def count(self) -> int:
-        """How many inputs there are."""
+        """The number of inputs."""
         return 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class RewardInput(InputGroup):
-    """The reward of a task, 1, -1 or 0, which the task gives the network itself (`epuckhebb.sim.task`)."""
+    """The reward of a task, 1, -1 or 0 (`epuckhebb.sim.task`)."""
 
     name: ClassVar[str] = "reward"
     label: ClassVar[str] = "reward"
@@ -135,15 +134,12 @@ class SensorGroup(InputGroup, ABC):
 
     @property
     def count(self) -> int:
-        """How many sensors there are."""
+        """The number of sensors."""
         return len(self.places)
 
     @abstractmethod
     def kernels(self, first: int, radius_m: float) -> Kernels:
-        """What these sensors do, as building blocks of a kernel.
-
-        first: the place of the first of them among the inputs. radius_m: of the robot.
-        """
+        """The functions of these sensors. first: place of the first among the inputs. radius_m: of the robot."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +156,7 @@ class LightSensors(SensorGroup):
         count = self.count
 
         @compiled
-        def read(around: Surroundings, rays: _Array, scratch: _Array, readings: _Array) -> None:
+        def read(around: Surroundings, rays: Floats, scratch: Floats, readings: Floats) -> None:
             noise, noise_level = around.noise, around.noise_level
             for i in range(count):
                 dark = light.reading(light.irradiance(rays[0, i], rays[1, i], rays[2, i], rays[3, i], around.lit))
@@ -173,12 +169,9 @@ class LightSensors(SensorGroup):
 class DistanceSensors(SensorGroup):
     """Infra-red sensors or laser rays, which read 0 where no wall is near.
 
-    curve: value at each distance, from 0 on, linear between; beyond the last point the last value. stretch: how many
-    times farther a wall seems than it is (the paper's walls are red and rough, and the e-puck's beams rise). reach_m:
-    real distance beyond which nothing is felt. full_scale: the value that reads 1.
-
-    Raises:
-        ValueError: a value is outside the range named in the message.
+    curve: value at each distance, from 0 on, linear between; beyond the last point the last value. stretch: apparent
+    over real distance (the paper's walls are red and rough, and the e-puck's beams rise). reach_m: real distance beyond
+    which nothing is sensed. full_scale: the value that reads 1.
     """
 
     name: ClassVar[str] = "distance"
@@ -194,7 +187,7 @@ class DistanceSensors(SensorGroup):
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
-        check_positive(self, ("stretch", "reach_m", "full_scale"))
+        check_range(self, "robot", "stretch", "reach_m", "full_scale", above=True)
         distances = [point.distance for point in self.curve]
         steps = [b - a for a, b in pairwise(distances)]
         if len(distances) < 2 or distances[0] != 0 or not all(step > 0 for step in steps):
@@ -209,11 +202,11 @@ class DistanceSensors(SensorGroup):
         count, full_scale, reach, echo = self.count, self.full_scale, radius_m + self.reach_m, self.echo()
 
         @compiled
-        def look(around: Surroundings, rays: _Array, scratch: _Array) -> None:
+        def look(around: Surroundings, rays: Floats, scratch: Floats) -> None:
             cast(around.x, around.y, rays, count, around.walls, reach, scratch)
 
         @compiled
-        def read(around: Surroundings, rays: _Array, scratch: _Array, readings: _Array) -> None:
+        def read(around: Surroundings, rays: Floats, scratch: Floats, readings: Floats) -> None:
             noise, noise_level = around.noise, around.noise_level
             for i in range(count):
                 value, fraction = echo(scratch[i])
@@ -223,7 +216,7 @@ class DistanceSensors(SensorGroup):
         return Kernels(read, look)
 
     def echo(self) -> Callable[[float], tuple[float, float]]:
-        """The function that gives a sensor's value, and its noise fraction, at a real distance [m]."""
+        """The function that gives a sensor's value and its noise fraction at a real distance [m]."""
         curve = np.array(self.curve, float)
         last, stretch, reach = len(curve) - 1, self.stretch, self.reach_m
 
@@ -243,18 +236,6 @@ class DistanceSensors(SensorGroup):
         return echo
 
 
-def check_positive(owner: Any, names: Iterable[str]) -> None:
-    """Check that these settings of a robot are finite numbers above 0.
-
-    Raises:
-        ValueError: one is not.
-    """
-    for name in names:
-        value = getattr(owner, name)
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"robot.{name} must be a number above 0, got {value}")
-
-
 def slices(groups: Iterable[InputGroup]) -> dict[str, slice]:
     """Where each group is among the inputs, by name."""
     found, first = {}, 0
@@ -265,7 +246,7 @@ def slices(groups: Iterable[InputGroup]) -> dict[str, slice]:
 
 
 @compiled
-def put_rays(x: float, y: float, cos: float, sin: float, places: NDArray[np.float64], rays: _Array) -> None:
+def put_rays(x: float, y: float, cos: float, sin: float, places: Floats, rays: Floats) -> None:
     """Put sensors into the maze. places: (4, n) x, y, look x, look y in the robot's frame.
 
     Fills `rays` (6, n): x, y [m], the unit vector each looks along, and 1 / its x and 1 / its y.
@@ -279,19 +260,10 @@ def put_rays(x: float, y: float, cos: float, sin: float, places: NDArray[np.floa
 
 
 @compiled
-def cast(
-    x: float,
-    y: float,
-    rays: _Array,
-    count: int,
-    boxes: NDArray[np.float64],
-    reach: float,
-    distance: NDArray[np.float64],
-) -> None:
-    """How far so many rays run before they meet a wall; infinite where they meet none.
+def cast(x: float, y: float, rays: Floats, count: int, boxes: Floats, reach: float, distance: Floats) -> None:
+    """Fill `distance` [m]: how far the first `count` rays run to a wall; infinite if they meet none.
 
-    Fills `distance` [m]. Boxes farther than `reach` [m] from a robot at (x, y) are left out. A ray that starts inside a
-    box has distance 0.
+    Boxes farther than `reach` [m] from a robot at (x, y) are left out. A ray that starts inside a box has distance 0.
     """
     for i in range(count):
         distance[i] = math.inf

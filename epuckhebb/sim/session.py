@@ -1,7 +1,7 @@
-"""A lifetime in progress: an individual in a world, run as many steps at a time as asked for.
+"""A lifetime in progress: an individual in a world, run any number of steps at a time.
 
 A lifetime that is run in pieces is bit-identical to the same lifetime run at once. `epuckhebb.sim.block` runs whole
-lifetimes; who wants to look at a robot, or to change its world, between two steps uses `Session`.
+lifetimes; with `Session` one can watch a robot, or change its world, between two steps.
 """
 
 import math
@@ -55,13 +55,13 @@ _Tally = _namedtuple("_Tally", TALLY.names)  # a whole tally is read in the time
 
 @dataclass(frozen=True, kw_only=True)
 class Individual:
-    """Who runs: genes, the network that they are for, a side, a controller, a noise key, a start.
+    """What one lifetime needs besides its world: genes and their network, a side, a controller, a noise key, a start.
 
-    task_key: of what its task draws; individuals that are compared have the same, and so have both sides.
-    genes: of all parts of the genome (`epuckhebb.sim.genome`), 234 in the paper. start: None where the maze has it.
-    signs: of the plastic updates, (synapses,), None for what the rule's sign says; shuffled ones must be given.
-    nominal: what an adaptation compares with. corrections: what a self-check found to correct, None for nothing.
-    calibration: the manoeuvre before its lifetime, if it is part of the lifetime. record: whether samples are kept.
+    genes: of all parts of the genome (`epuckhebb.sim.genome`), 234 in the paper. key: of all noise. task_key: of the
+    task's random numbers; individuals that are compared have the same, and so have both sides. start: None for the
+    maze's. signs: of the plastic updates, (synapses,), None for the rule's sign; shuffled ones must be given. nominal:
+    what an adaptation compares with. corrections: from a self-check, None for none. calibration: the manoeuvre before
+    its lifetime, if it is part of the lifetime. record: whether samples are recorded.
     """
 
     genes: NDArray[np.float64]
@@ -79,17 +79,16 @@ class Individual:
 
 
 class LostRobotError(ArithmeticError):
-    """A robot's pose or weights stopped being finite, or it left the arena, so nothing that it did means anything."""
+    """A robot's pose or weights stopped being finite, or it left the arena: its lifetime means nothing."""
 
 
 class Session:
     """A lifetime in progress, run with `step`, in a world that `change` may replace at any time.
 
-    individual, lifetime: as given. world: the scenario as it is now. life, genotype: what the individual carries, and
-    what it began with. samples: what is recorded, of length 0 where nothing is.
+    individual, lifetime: as given. world: the present scenario. life, genotype: the present state, and what it started
+    with. samples: what is recorded, of length 0 where nothing is.
 
-    stage: only for lifetimes that run one after the other and share one; without it, any number of sessions may be in
-    progress at once.
+    stage: shared by lifetimes that run one after the other; without it, any number of sessions may be in progress.
 
     Raises:
         ValueError: genes, network, robot and rule do not fit each other.
@@ -157,10 +156,10 @@ class Session:
         return now - first
 
     def change(self, world: Scenario) -> None:
-        """Let the robot be in this world from the next step on.
+        """Put the robot into this world from the next step on.
 
-        The world's own `changes` count from the start of the lifetime: those of the past hold already, those ahead come
-        in their time. A wall that would appear where the robot stands waits until it has left.
+        The world's own `changes` count from the start of the lifetime: past ones hold already, others come in their
+        time. A wall that would appear where the robot stands waits until it has left.
 
         Raises:
             ValueError: the world has another robot or task.
@@ -202,7 +201,7 @@ class Session:
         return len(self.life.trials) > 0 and bool(self._tally["over"])
 
     def _enter(self, phase: Phase) -> None:
-        """Begin a phase; its walls come as soon as the robot is not in their way."""
+        """Begin a phase; its walls appear as soon as the robot is not in their way."""
         individual, lifetime, kind = self.individual, self.lifetime, self._kind
         self._phase, self.world = phase, phase.scenario
         self._setup = Setup(
@@ -223,7 +222,7 @@ class Session:
         phase = self._phase
         while self._space is not phase.space and self.steps < until and not self._has_ended():
             if phase.is_blocked(self._space):
-                self._live(self.steps + 1)  # new walls appear where the robot is not
+                self._live(self.steps + 1)  # the new walls wait until the robot has left
             else:
                 phase.space.take_over(self._space)
                 self._space = phase.space
@@ -240,7 +239,7 @@ class Session:
         self._check()
 
     def _check(self) -> None:
-        """Refuse to go on with a lifetime that makes no sense any more."""
+        """Check that the lifetime still has finite numbers."""
         life, who, tally = self.life, self.individual, self._read_tally()
         finite = bool(np.isfinite(life.weights).all() and np.isfinite(life.synapse_state.view(np.float64)).all())
         finite = finite and math.isfinite(tally.weight_change_sum)
@@ -258,11 +257,7 @@ class Session:
 
 
 def _genotype_of(individual: Individual, kind: Kind, world: Scenario) -> Genotype:
-    """What an individual begins with.
-
-    Raises:
-        ValueError: something that it is given does not fit it, its robot or its rule.
-    """
+    """What an individual starts with; a ValueError if its arguments do not fit each other."""
     if individual.nominal is not None:
         check_nominal(individual.nominal, world.robot.inputs)
     if individual.controller.adaptation.homeostasis:

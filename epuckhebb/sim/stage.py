@@ -1,4 +1,4 @@
-"""What lifetimes share that run one after the other: the world's phases, their pymunk spaces, kernels, workspaces."""
+"""What lifetimes that run one after the other share: the world's phases, pymunk spaces, kernels and workspaces."""
 
 import math
 from collections.abc import Callable
@@ -24,7 +24,7 @@ from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.reachable import gap
 from epuckhebb.sim.scenario import Scenario
 
-_NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task in which neither way is the right one
+_NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task that has no correct side
 
 
 class Phase(NamedTuple):
@@ -36,7 +36,7 @@ class Phase(NamedTuple):
     walls: NDArray[np.float64]
 
     def is_blocked(self, space: PymunkSpace) -> bool:
-        """Whether the robot of another space stands where this phase has walls that the other space has not."""
+        """Whether the robot of another space stands where this phase has new walls."""
         x, y = space.handles.state[:2].tolist()
         return gap(x, y, added(space.handles.walls, self.walls)) < self.scenario.robot.radius_m
 
@@ -44,7 +44,7 @@ class Phase(NamedTuple):
 class Kind(NamedTuple):
     """What individuals with the same controller and network share.
 
-    unused: the arrays of an adaptation, for individuals without one, which never write there; None with an adaptation.
+    unused: arrays of an adaptation for individuals without one, which never write there; None with an adaptation.
     """
 
     live: Callable[..., None]
@@ -61,11 +61,11 @@ class Kind(NamedTuple):
 class Stage:
     """What lifetimes that run one after the other share: the world's spaces, kernels and workspaces.
 
-    fallback_rule: individuals without a rule share its kernel, with N = 0: bit-identical, as fast, and one less to
-    compile.
+    fallback_rule: individuals without a rule share its kernel, with N = 0. The results are bit-identical, and there is
+    one kernel less to compile.
 
     Raises:
-        ValueError: the robot's motors do not reach the wheel gain.
+        ValueError: the wheel gain is above the limit of the robot's motors.
     """
 
     def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: type[Rule] = Paper) -> None:
@@ -81,7 +81,7 @@ class Stage:
         self._kinds: dict[tuple[int, int, bool], Kind] = {}
 
     def phases_of(self, world: Scenario, since: int = 0, before: Phase | None = None) -> list[Phase]:
-        """The phases of a world, the first of them that which holds at step `since`. before: the phase until then."""
+        """The phases of a world from step `since` on. before: the phase until then."""
         begins = world.phases
         steps = [step for step, _ in begins]
         first = max(number for number, step in enumerate(steps) if step <= since)
@@ -97,7 +97,7 @@ class Stage:
         return phases
 
     def kind_of(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
-        """What individuals with this controller and network share. more_faults: whether their kernel knows these."""
+        """What individuals with this controller and network share. more_faults: whether their kernel has these."""
         place = (id(controller), id(network), more_faults)
         if place not in self._kinds:
             self._kinds[place] = self._kind(controller, network, more_faults)
@@ -143,15 +143,12 @@ class Stage:
 
 
 def have_more_faults(phases: list[Phase]) -> bool:
-    """Whether anything but dead sensors and weak wheels is wrong in one of these phases."""
+    """Whether one of these phases has other faults than dead sensors and weak wheels."""
     return any(faults_of(phase.scenario).more for phase in phases)
 
 
 def trial_of(scenario: Scenario, side: Side, start: Pose | None = None) -> Trial:
-    """What a robot on this side is to do in a world, and what is wrong with it there.
-
-    start: of each trial, if there are many; None where the maze has it.
-    """
+    """The task and faults of a robot on this side in a world. start: of each trial; None for the maze's."""
     goals, maze, task = scenario.goals_now, scenario.maze, scenario.task
     goal = goals[side]
     return Trial(
@@ -166,7 +163,7 @@ def trial_of(scenario: Scenario, side: Side, start: Pose | None = None) -> Trial
 
 
 def faults_of(scenario: Scenario) -> Faults:
-    """What is wrong with the robot in a world."""
+    """The faults of the robot in a world."""
     return Faults(
         np.array(scenario.dead_sensors, np.int64),
         float(scenario.distance_gain),

@@ -66,15 +66,19 @@ class Checkpoint:
         if not path.exists():
             return None
         with one_error(f"{path} cannot be read as a checkpoint of this run's configuration"):
-            held = Arrays(Run(run).content(CHECKPOINT))
-            known, history, fitness = held.text("settings"), held.text("history"), held.take("fitness", "f", (None,))
+            arrays = Arrays(Run(run).content(CHECKPOINT))
+            known, history, fitness = (
+                arrays.text("settings"),
+                arrays.text("history"),
+                arrays.take("fitness", "f", (None,)),
+            )
             generation = Generation(
-                number=int(held.take("generation", "iu", ())),
+                number=int(arrays.take("generation", "iu", ())),
                 fitness=fitness,
-                success=held.take("success", "f", fitness.shape),
-                champion=held.take("champion", "f", (genes,)),
-                champion_fitness=float(held.take("champion_fitness", "f", ())),
-                state={name: held.take(name, "fiuU") for name in held.names if name not in _OF_A_GENERATION},
+                success=arrays.take("success", "f", fitness.shape),
+                champion=arrays.take("champion", "f", (genes,)),
+                champion_fitness=float(arrays.take("champion_fitness", "f", ())),
+                state={name: arrays.take(name, "fiuU") for name in arrays.names if name not in _OF_A_GENERATION},
                 robot_steps=0,
                 seconds=0.0,
             )

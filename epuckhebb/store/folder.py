@@ -88,7 +88,7 @@ class RunFolder:
         facts: what else belongs into `provenance.json`, for example the genome's SHA-256. own: the user's files, which
         the folder keeps as copies.
         """
-        told = provenance(command, arguments) | _own_code(own) | facts
+        content = provenance(command, arguments) | _own_code(own) | facts
         try:
             path.mkdir(parents=True, exist_ok=True)
             if not (path / STATUS).exists():
@@ -100,11 +100,11 @@ class RunFolder:
             ) from None
         except OSError as error:
             raise _cannot_write(path, error) from error
-        run = cls(path, None, told)
+        run = cls(path, None, content)
         try:
             with suppress(BlockingIOError):  # the claim is what counts
                 run._lock = disk.lock(path, _PATIENCE_S)
-            run._begin(told, config, arguments, own)
+            run._begin(content, config, arguments, own)
         except OSError as error:
             written = (STATUS, OVERRIDES, *run._written)
             for name in written:
@@ -133,24 +133,24 @@ class RunFolder:
         content and gets an entry with these facts. The arguments are those of `new`, with `config` None where each
         job has its own; `results` are files of earlier calls that stay.
         """
-        lock, told = None, provenance(command, arguments) | _own_code(own) | facts
+        lock, content = None, provenance(command, arguments) | _own_code(own) | facts
         try:
             path.mkdir(parents=True, exist_ok=True)
             before = Run(path)
             before.check_version()
             _refuse_foreign(path, command)
             lock = disk.lock(path, _PATIENCE_S)
-            run = cls(path, lock, told)
+            run = cls(path, lock, content)
             with suppress(ConfigError):  # nothing can be read where nothing has begun
                 earlier, status = before.provenance, before.status
                 run._started = status.get("started", run._started)
                 names = {result.relative_to(path).as_posix() for result in results}
                 for name, sha256 in status.get("sha256", {}).items():
                     (run._kept if name in names else run._earlier)[name] = sha256
-                again = {"started": _now(), "command_line": told["command_line"], **facts, "code": told["code"]}
-                told = {**earlier, "resumed": [*earlier.get("resumed", []), again]}
+                again = {"started": _now(), "command_line": content["command_line"], **facts, "code": content["code"]}
+                content = {**earlier, "resumed": [*earlier.get("resumed", []), again]}
             _remove_half_done(path)
-            run._begin(told, config, None, own)
+            run._begin(content, config, None, own)
         except BlockingIOError:
             raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
         except OSError as error:
@@ -193,7 +193,7 @@ class RunFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Write whether the work finished, was interrupted or failed; raise what is reported."""
+        """Write whether the work finished, was interrupted or failed; raise the error for the user."""
         errors.open_folders.remove(self._interrupted)
         try:
             if error is None:
@@ -204,7 +204,7 @@ class RunFolder:
             elif errors.is_interruption(error):
                 raise KeyboardInterrupt(self._interrupted()) from None
             elif isinstance(error, Exception):
-                with suppress(OSError):  # on a full disk the error itself is told
+                with suppress(OSError):  # on a full disk the error itself matters
                     text = "".join(traceback.format_exception(error))
                     self._write_status("failed", error=str(error), traceback=text)
                 if not isinstance(error, (ConfigError, JobFailedError)):
@@ -214,7 +214,7 @@ class RunFolder:
 
     def _begin(
         self,
-        told: dict[str, Any],
+        facts: dict[str, Any],
         config: str | None,
         overrides: list[str] | None,
         own: Mapping[Path, OwnFile] | None,
@@ -228,7 +228,7 @@ class RunFolder:
             self.write(OVERRIDES, yaml.safe_dump(overrides, allow_unicode=True))
         if config is not None:
             self.write(CONFIG, config)
-        self.write(PROVENANCE, as_json(told))
+        self.write(PROVENANCE, as_json(facts))
         for one in (own or {}).values():
             for place, content in one.copies.items():
                 self.write(place, content)

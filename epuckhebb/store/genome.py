@@ -23,7 +23,7 @@ from epuckhebb.store.disk import CHAMPION
 from epuckhebb.store.npz import MOST, Arrays, Shape, compressed, one_error
 from epuckhebb.store.run import Run
 
-_NOMINAL = "memory_"  # how the names of a baseline's arrays begin
+_NOMINAL = "memory_"  # how the names of the arrays of nominal statistics begin
 _SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
 _OF_SEED = re.compile(rf"{REFERENCE}_\d+")
 _TEXTS = ("robot", "experiment", "optimizer", "training", "rule", "task")  # of a champion
@@ -31,20 +31,19 @@ _TEXTS = ("robot", "experiment", "optimizer", "training", "rule", "task")  # of 
 
 @dataclass(frozen=True, kw_only=True)
 class Genome:
-    """Genes, a name for tables, what they are for, and what the champion remembers, if it does.
+    """Genes, a name for tables, what they are for, and what the champion remembers.
 
     Attributes:
         genes: All genes, (genes,); 234 weights in the paper.
         name: What tables call it.
         network: The network that the weights are for.
         robot: The name of the robot that it was evolved for.
-        lights: How many of its readings are of light; the others are of distance.
+        lights: How many of its sensor readings are of light; the others are of distance.
         plan: The parts of the genes; the weights come first.
-        experiment, optimizer, training: Of which experiment it is, the names of what it was evolved by, and in which
-            worlds; nothing if that is not known.
-        rule: The name of the plasticity rule that it evolved with; nothing without one, or if that is not known.
-        task: The name of the task that it evolved for, if it is another than the paper's.
-        baseline: What the champion remembers of its training world.
+        experiment, optimizer, training: Names of what it was evolved in and by; "" if unknown.
+        rule: The name of the plasticity rule with which it was evolved; "" without one, or if unknown.
+        task: The name of the task for which it was evolved, if it is not the paper's.
+        nominal: Statistics of the champion in its training world.
         self_memory: What its self-check compares with.
     """
 
@@ -74,12 +73,12 @@ class Genome:
 
     @property
     def nominal_sha256(self) -> str:
-        """SHA-256 of what the champion remembers; nothing if it remembers nothing."""
+        """SHA-256 of the nominal statistics; "" if there are none."""
         return _sha256(self.nominal)
 
     @property
     def self_memory_sha256(self) -> str:
-        """SHA-256 of what the self-check compares with; nothing if there is nothing."""
+        """SHA-256 of what the self-check compares with; "" if there is nothing."""
         return _sha256(self.self_memory)
 
 
@@ -178,24 +177,24 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
     with one_error(f"genome={path} cannot be read as .npz or .npy"):
         if path.stat().st_size > MOST:
             raise ValueError(f"it has {path.stat().st_size} bytes; at most {MOST} are read")
-        held = Arrays(Run(path.parent).content(path.name))
-        own = held.layers()
-        texts = {name: held.text(name) for name in _TEXTS if name in held}
-        lights = int(held.take("lights", "iu", ())) if "lights" in held else EPUCK.light.count
-        rewarded = bool(held.take("rewarded", "iu", ())) if "rewarded" in held else False
+        arrays = Arrays(Run(path.parent).content(path.name))
+        own = arrays.layers()
+        texts = {name: arrays.text(name) for name in _TEXTS if name in arrays}
+        lights = int(arrays.take("lights", "iu", ())) if "lights" in arrays else EPUCK.light.count
+        rewarded = bool(arrays.take("rewarded", "iu", ())) if "rewarded" in arrays else False
         parts = None
-        if "parts" in held and "part_sizes" in held:
-            names = held.take("parts", "U", (None,)).tolist()
-            sizes = held.take("part_sizes", "iu", (len(names),)).tolist()
+        if "parts" in arrays and "part_sizes" in arrays:
+            names = arrays.take("parts", "U", (None,)).tolist()
+            sizes = arrays.take("part_sizes", "iu", (len(names),)).tolist()
             parts = tuple(map(Part, names, sizes))
             if min(sizes, default=0) < 0 or len(set(names)) < len(names):
                 raise ValueError("each of its parts must have a name of its own, and a size of 0 or more")
-        key = held.names[0] if "genome" not in held and len(held.names) == 1 else "genome"
-        if key not in held:
+        key = arrays.names[0] if "genome" not in arrays and len(arrays.names) == 1 else "genome"
+        if key not in arrays:
             raise ConfigError(
-                f"genome={path} must hold one array or one named `genome`, it holds {sorted(held.names)[:20]}"
+                f"genome={path} must hold one array or one named `genome`, it holds {sorted(arrays.names)[:20]}"
             )
-        genes = held.take(key, "fiu")
+        genes = arrays.take(key, "fiu")
     if own is not None and layers is not None and own != layers:
         raise ConfigError(f"genome={path} is of layers {list(own)}, and network.layers asks for {list(layers)}")
     try:
@@ -215,43 +214,43 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
         network=network,
         lights=lights,
         plan=plan,
-        nominal=_nominal(held, path, network.inputs, lights),
-        self_memory=_self_memory(held, path, network.inputs),
+        nominal=_nominal(arrays, path, network.inputs, lights),
+        self_memory=_self_memory(arrays, path, network.inputs),
         **texts,
     )
 
 
-def _nominal(held: Arrays, path: Path, inputs: int, lights: int) -> Nominal | None:
-    """The baseline in a champion's file, if there is one."""
+def _nominal(arrays: Arrays, path: Path, inputs: int, lights: int) -> Nominal | None:
+    """The nominal statistics in a champion's file, if there are any."""
     shapes: dict[str, Shape] = {"success": (2,), "time_to_goal_s": (2,), "away_s": (2,), "fitness": (2, None)}
     shapes |= {"reading_mean": (2, inputs), "reading_spread": (2, inputs), "patterns": (PATTERNS, lights)}
     shapes |= {"gain_rad_s": (), "novelty": ()}
-    with one_error(f"genome={path} holds a baseline of the training world that this program cannot read"):
-        values = _memory(held, _NOMINAL, shapes)
+    with one_error(f"genome={path} holds nominal statistics that this program cannot read"):
+        values = _memory(arrays, _NOMINAL, shapes)
         if values and not values["fitness"].size:
             raise ValueError("its fitness is of no second")
         return Nominal(**values) if values else None
 
 
-def _self_memory(held: Arrays, path: Path, inputs: int) -> SelfMemory | None:
+def _self_memory(arrays: Arrays, path: Path, inputs: int) -> SelfMemory | None:
     """What the self-check of a champion compares with, if it is in its file."""
     steps, terms = len(STEPS), 1 + inputs + inputs * (inputs + 1) // 2
     shapes: dict[str, Shape] = {"mean": (2, steps, inputs), "spread": (steps, inputs)}
     shapes |= {"effects": (EFFECTS, steps, inputs), "moments": (terms * (terms + 1) // 2,), "light": ()}
     with one_error(f"genome={path} holds a memory of the self-check that this program cannot read"):
-        values = _memory(held, _SELF_MEMORY, shapes)
+        values = _memory(arrays, _SELF_MEMORY, shapes)
         for name in shapes if values else ():
             if name != "light" and not np.isfinite(values[name]).all():
                 raise ValueError(f"{name} must hold finite numbers")
-        return SelfMemory(lights=int(held.take(f"{_SELF_MEMORY}lights", "iu", ())), **values) if values else None
+        return SelfMemory(lights=int(arrays.take(f"{_SELF_MEMORY}lights", "iu", ())), **values) if values else None
 
 
-def _memory(held: Arrays, prefix: str, shapes: Mapping[str, Shape]) -> dict[str, Any]:
+def _memory(arrays: Arrays, prefix: str, shapes: Mapping[str, Shape]) -> dict[str, Any]:
     """What a champion's file remembers under names with this prefix; nothing if there are none."""
-    if not any(name.startswith(prefix) for name in held.names):
+    if not any(name.startswith(prefix) for name in arrays.names):
         return {}
-    values: dict[str, Any] = {name: held.text(prefix + name) for name in ("experiment", "scenario")}
+    values: dict[str, Any] = {name: arrays.text(prefix + name) for name in ("experiment", "scenario")}
     for name, shape in shapes.items():
-        value = held.take(prefix + name, "f", shape).astype(np.float64)
+        value = arrays.take(prefix + name, "f", shape).astype(np.float64)
         values[name] = value if shape else float(value)
     return values

@@ -12,7 +12,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import LATEST
 from epuckhebb.store import columns
 from epuckhebb.store.disk import CHAMPION, CONFIG, PROVENANCE, SCHEMA, STATUS, bytes_of, is_locked
-from epuckhebb.store.records import Provenance, Status, checked_table, record
+from epuckhebb.store.records import Cost, JobFile, ListOfJobs, Provenance, Status, checked_table, record
 
 _RESULTS = (".csv", "champion.npz")  # endings of the files on which other runs and tables rely
 _TABLE_OF_FOLDER = {"lifetimes": "metrics.csv", "history": "history.csv"}  # a reproduction keeps many of one kind
@@ -83,6 +83,11 @@ class Run:
                 "it again"
             )
         return found
+
+    def json(self, name: str) -> dict[str, Any]:
+        """The values of a JSON file of a study; its fields, which follow from its name, are checked."""
+        kind = {"sweep.json": ListOfJobs, "cost.json": Cost}.get(name, JobFile)
+        return {**record(self.content(name), self.path / name, kind)}
 
     def check_folder(self, folder: str) -> None:
         """Refuse a folder inside the run of which a file is not as the run wrote it."""

@@ -36,18 +36,18 @@ def read_traces(run: Run, lifetimes: int, samples: int) -> tuple[Traces, NDArray
     with one_error(f"{run.path / TRACES} cannot be read (the run is {run.status['state']})"):
         if not (run.path / TRACES).is_file():
             raise ValueError("there is no such file")
-        held = Arrays(run.content(TRACES))
-        network = Network(held.layers() or PAPER_NETWORK.layers)
+        arrays = Arrays(run.content(TRACES))
+        network = Network(arrays.layers() or PAPER_NETWORK.layers)
         found = {}
         for name, empty in empty_samples(0, network)._asdict().items():
-            found[name] = held.take(name, "f", (lifetimes, samples, *empty.shape[1:]))
+            found[name] = arrays.take(name, "f", (lifetimes, samples, *empty.shape[1:]))
             if name != "change_signal" and not np.isfinite(found[name]).all():
                 raise ValueError(f"{name} must hold finite numbers")
-        controllers, sides = (held.take(name, "U", (lifetimes,)).tolist() for name in ("controller", "side"))
+        controllers, sides = (arrays.take(name, "U", (lifetimes,)).tolist() for name in ("controller", "side"))
         if not set(sides) <= set(SIDES) or len(set(zip(controllers, sides, strict=True))) < lifetimes:
             raise ValueError(f"side must be one of {', '.join(SIDES)}, and each controller's lifetime there one")
         traces = Traces(controller=controllers, side=sides, samples=Samples(**found))
-        return traces, checked_genes(held.take("genome", "f", (network.synapses,)), TRACES, plan_of(network)), network
+        return traces, checked_genes(arrays.take("genome", "f", (network.synapses,)), TRACES, plan_of(network)), network
 
 
 def read_findings(run: Run) -> list[dict[str, Any]]:

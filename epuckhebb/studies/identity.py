@@ -11,8 +11,7 @@ from epuckhebb.config.schema import EvaluateConfig, Plain
 from epuckhebb.config.stored import from_values
 from epuckhebb.runs.evaluate import prepare
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.store import provenance
-from epuckhebb.store.genome import load_genome
+from epuckhebb.store import load_genome, provenance
 from epuckhebb.store.provenance import digest
 from epuckhebb.studies.jobs import NO_EFFECT
 
@@ -81,7 +80,7 @@ class Identities:
         adaptations = [controller.adaptation for controller in shared.controllers]
         return {
             "genome": genome.sha256,
-            "baseline": genome.nominal_sha256 if any(one.needs_nominal for one in adaptations) else "",
+            "nominal": genome.nominal_sha256 if any(one.needs_nominal for one in adaptations) else "",
             "self_memory": genome.self_memory_sha256 if any(one.self_check for one in adaptations) else "",
             "own_code": plugins.sources(config),
             "science": provenance.science_version(),

@@ -22,10 +22,7 @@ from epuckhebb.config.schema import Checked, Plain, dump
 from epuckhebb.runs import hydra
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import TaskProgress, counting
-from epuckhebb.store import disk
-from epuckhebb.store.folder import UNFINISHED, OwnFile, RunFolder, discard, set_aside
-from epuckhebb.store.records import JobFile, ListOfJobs, record
-from epuckhebb.store.run import Run
+from epuckhebb.store import SCHEMA, UNFINISHED, OwnFile, Run, RunFolder, as_json, discard, set_aside, write_atomic
 
 NO_EFFECT = ("threads",)  # keys on which no result depends
 _LIST, _JOBS, _STOP = "sweep.json", "jobs", "stop"
@@ -235,7 +232,7 @@ def count(folder: Path, jobs: Sequence[Job], attempts: Sequence[Path]) -> tuple[
     return done, sum(Run(path).state == "failed" for path in attempts if path.name in there)
 
 
-def one_job(cfg: Any, name_of: Callable[[Plain], str], work: Callable[[Path, JobFile, dict[str, Any]], None]) -> None:
+def one_job(cfg: Any, name_of: Callable[[Plain], str], work: Callable[[Path, Plain, dict[str, Any]], None]) -> None:
     """Do one job of a study, in the process that the launcher gives it.
 
     Args:
@@ -250,7 +247,7 @@ def one_job(cfg: Any, name_of: Callable[[Plain], str], work: Callable[[Path, Job
     if stop.exists():
         attempt.rmdir()
         return
-    listed = record(Run(folder).content(_LIST), folder / _LIST, ListOfJobs)
+    listed = Run(folder).json(_LIST)
     try:
         work(attempt, read_job(folder, run, name_of), {"command_line": listed["command_line"], "sweep": listed["name"]})
     except Exception:
@@ -265,10 +262,9 @@ def one_job(cfg: Any, name_of: Callable[[Plain], str], work: Callable[[Path, Job
         discard(attempt, folder)
 
 
-def read_job(folder: Path, run: str, name_of: Callable[[Plain], str]) -> JobFile:
+def read_job(folder: Path, run: str, name_of: Callable[[Plain], str]) -> Plain:
     """Read the file of a job; refuse one that would no longer lead to the run of this name."""
-    name = f"{_JOBS}/{run}.json"
-    job = record(Run(folder).content(name), folder / name, JobFile)
+    job = Run(folder).json(f"{_JOBS}/{run}.json")
     try:
         now = name_of(job["config"])
     except ConfigError:
@@ -284,8 +280,8 @@ def _write_jobs(study: RunFolder, facts: dict[str, Any], jobs: Sequence[Job], mi
     """Write what the jobs read: a file for each that is missing, and a list of them all."""
     for job in missing:  # the next call would write them anew, so they need not last; there may be ten thousand
         content = json.dumps({"overrides": job.overrides, "config": job.config}).encode()
-        disk.write_atomic(study.path / _JOBS / f"{job.run}.json", content, lasting=False)
-    study.write(_LIST, disk.as_json({"schema": disk.SCHEMA, **facts, "jobs": [job.run for job in jobs]}))
+        write_atomic(study.path / _JOBS / f"{job.run}.json", content, lasting=False)
+    study.write(_LIST, as_json({"schema": SCHEMA, **facts, "jobs": [job.run for job in jobs]}))
 
 
 def _arguments(folder: Path, missing: Sequence[Job], launcher: list[str], stamp: str) -> list[str]:

@@ -22,10 +22,7 @@ from epuckhebb.runtime.errors import JobFailedError
 from epuckhebb.runtime.progress import say
 from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.sim.tasks.reversal import Reversal
-from epuckhebb.store import disk
-from epuckhebb.store.folder import RunFolder
-from epuckhebb.store.records import Cost, JobFile, record
-from epuckhebb.store.run import Run
+from epuckhebb.store import Run, RunFolder, as_json, write_atomic
 from epuckhebb.studies import jobs as study_jobs
 from epuckhebb.studies.leaderboard_jobs import identity, world_named
 from epuckhebb.studies.leaderboard_plan import Leaderboard
@@ -60,7 +57,7 @@ def leaderboard_job(cfg: Any) -> None:
     study_jobs.one_job(cfg, identity, _work)
 
 
-def _work(path: Path, job: JobFile, facts: dict[str, Any]) -> None:
+def _work(path: Path, job: Plain, facts: dict[str, Any]) -> None:
     wanted, folder = job["config"], path.parents[1]
     values = dict(wanted["config"])
     if wanted["champion"]:
@@ -74,7 +71,7 @@ def _work(path: Path, job: JobFile, facts: dict[str, Any]) -> None:
     run = evolve.new_run(path, config, job["overrides"], facts)
     began = time.process_time()
     evolve.evolve_into(run, prepared, None, threads=hydra.threads_of_job(config.threads), quiet=True)
-    disk.write_atomic(path / _COST, _cost_since(began))
+    write_atomic(path / _COST, _cost_since(began))
 
 
 def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], facts: dict[str, Any]) -> None:
@@ -95,7 +92,7 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
 
 
 def _cost_since(began: float) -> bytes:
-    return disk.as_json({"cpu_s": round(time.process_time() - began, 2)})
+    return as_json({"cpu_s": round(time.process_time() - began, 2)})
 
 
 def _report(study: RunFolder, planned: Leaderboard) -> None:
@@ -124,22 +121,22 @@ def _report(study: RunFolder, planned: Leaderboard) -> None:
 def _provenance(planned: Leaderboard) -> str:
     config = planned.config
     last = config.first_seed + config.champions - 1
-    chosen = f"Settings of methods were chosen on seeds below {_FIRST_REPORTED}, and none on these."
+    chosen = f"Settings of methods were chosen on seeds below {_FIRST_REPORTED}, none on these."
     if config.first_seed < _FIRST_REPORTED:
-        chosen = f"**Settings of methods were chosen on seeds below {_FIRST_REPORTED}, so these figures flatter.**"
+        chosen = f"**Settings of methods were chosen on seeds below {_FIRST_REPORTED}: these figures are too high.**"
     tested, worlds = [], ""
     if any(planned.tests.values()):
-        tested.append(f"{config.repeats} noise repeats of every champion, side and world")
+        tested.append(f"{config.repeats} repeats of every champion, side and world")
         worlds = (
-            f" Test worlds are those of the sweeps {', '.join(config.tests)}; no training uses one, but light levels "
-            "and weak wheels of tests lie between those of varied training."
+            f" Test worlds are those of the sweeps {', '.join(config.tests)}. No training uses one of them. Light "
+            "levels and weak wheels of tests lie between those of varied training."
         )
     if board.REVERSAL in planned.tests:
-        tested.append(f"{2 * config.reversal_repeats} new lives of every champion in reversal learning")
+        tested.append(f"{2 * config.reversal_repeats} new lifetimes of every champion in reversal learning")
     few = "**A smoke test: so few champions say nothing about a method.** " if config.champions < _ENOUGH else ""
     return (
         f"{few}Made by `epuckhebb leaderboard`: {config.champions} champions of each method and experiment, seeds "
-        f"{config.first_seed} to {last}, evolved in as many robot-steps as the table tells; {' and '.join(tested)} "
+        f"{config.first_seed} to {last}, evolved in the robot-steps of the table; {' and '.join(tested)} "
         f"(seed {config.seed}). {chosen}{worlds}"
     )
 
@@ -174,4 +171,4 @@ def _tables(planned: Leaderboard) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFr
 
 
 def _cpu_s(run: Path) -> float:
-    return float(record(Run(run).content(_COST), run / _COST, Cost)["cpu_s"])
+    return float(Run(run).json(_COST)["cpu_s"])

@@ -29,10 +29,7 @@ from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
-from epuckhebb.store import provenance
-from epuckhebb.store.folder import RunFolder
-from epuckhebb.store.genome import Genome, load_genome
-from epuckhebb.store.run import Run
+from epuckhebb.store import Genome, Run, RunFolder, load_genome, provenance
 from epuckhebb.studies import jobs
 from epuckhebb.studies.jobs import Task
 
@@ -227,7 +224,7 @@ def _findings(study: _Study, run: RunFolder) -> report.Findings:
         champions=count,
         given=given is not None,
         repeats=config.repeats,
-        provenance=f"Made by `epuckhebb reproduce`: {who}; {config.repeats} noise repeats of every condition "
+        provenance=f"Made by `epuckhebb reproduce`: {who}; {config.repeats} repeats of every condition "
         f"(seed {config.seed}); live fitness: {config.signal.value}.",
     )
     for name, table in tables.items():

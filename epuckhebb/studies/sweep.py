@@ -17,16 +17,13 @@ from epuckhebb.analysis import rescue, summary
 from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather, repeated
 from epuckhebb.config import compose, words
 from epuckhebb.config.overrides import alternatives
-from epuckhebb.config.schema import EvaluateConfig
+from epuckhebb.config.schema import EvaluateConfig, Plain
 from epuckhebb.config.stored import from_values
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import evaluate_into
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.progress import say
-from epuckhebb.store import disk, provenance
-from epuckhebb.store.folder import RunFolder, as_bytes
-from epuckhebb.store.records import JobFile
-from epuckhebb.store.run import Run, read_table
+from epuckhebb.store import Run, RunFolder, as_bytes, provenance, read_table, write_atomic
 from epuckhebb.studies import identity
 from epuckhebb.studies.jobs import Job, Outcome, folder_and_launcher, for_hydra, launch, one_job, open_study
 
@@ -36,7 +33,7 @@ def evaluate_job(cfg: Any) -> None:
     one_job(cfg, identity.Identities().of, _evaluate)
 
 
-def _evaluate(path: Path, job: JobFile, facts: dict[str, Any]) -> None:
+def _evaluate(path: Path, job: Plain, facts: dict[str, Any]) -> None:
     config = from_values(job["config"], EvaluateConfig, f"job {path}")
     evaluate_into(path, config, job["overrides"], facts, threads=hydra.threads_of_job(config.threads))
 
@@ -122,7 +119,7 @@ def write_summary_of_multirun(folder: Path, finished: Sequence[Path]) -> None:
         for number, path in enumerate(finished)
     ]
     gathered = gather([_evaluated(folder / job.run, job.settings, {}) for job in jobs])
-    _write_over_all(lambda name, content: disk.write_atomic(folder / name, as_bytes(content)), gathered)
+    _write_over_all(lambda name, content: write_atomic(folder / name, as_bytes(content)), gathered)
 
 
 def _write_over_all(write: Callable[[str, bytes | str | pd.DataFrame], None], gathered: Gathered) -> None:

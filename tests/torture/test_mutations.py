@@ -23,7 +23,7 @@ from cases import call, done
 
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.sim.compiled import kernel
-from epuckhebb.store import disk, records
+from epuckhebb.store import disk
 from epuckhebb.store.folder import RunFolder
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
@@ -231,7 +231,7 @@ def loaded(folder):
 def job_read(folder):
     """What a job of a sweep reads."""
     try:
-        told = records.record(Run(folder).content("sweep.json"), folder / "sweep.json", records.ListOfJobs)
+        told = Run(folder).json("sweep.json")
         job = jobs.read_job(folder, min(told["jobs"]), identity.Identities().of)
     except (ConfigError, JobFailedError) as error:
         return 2, str(error)

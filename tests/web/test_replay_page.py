@@ -176,9 +176,13 @@ def test_a_link_leads_to_its_moment(visit, run, traces):
 
 def test_trials_are_switched_with_their_sentence(visit, run):
     page = visit(run)
-    expect(page.get_by_role("heading", level=1)).to_have_text(re.compile("reached the goal on the left: without"))
+    expect(page.get_by_role("heading", level=1)).to_have_text(
+        re.compile("With plasticity the robot reached the goal on the left")
+    )
     page.get_by_label("lamp on, goal right").check()
-    expect(page.get_by_role("heading", level=1)).to_have_text(re.compile("reached the goal on the right: without"))
+    expect(page.get_by_role("heading", level=1)).to_have_text(
+        re.compile("With plasticity the robot reached the goal on the right")
+    )
     assert state(page)["side"] == "right"
 
 

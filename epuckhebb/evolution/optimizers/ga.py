@@ -1,30 +1,30 @@
-"""The genetic algorithm: pure functions of a random generator (same generator, same offspring), and their search.
+"""The genetic algorithm of the paper: pure functions of a random generator, and their search.
 
-Two presets differ in numbers only (`conf/ga/`): `textbook`, what the paper says with the usual choices where it is
-silent, and `as_coded`, what its published program does.
+Two presets differ in numbers only (`conf/ga/`): `textbook`, what the paper says, completed by the usual choices, and
+`as_coded`, what its published program does.
 """
 
 import json
-import math
 from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.evolution.optimizer import Optimizer, Schedule, Search, State, initial, limits
 from epuckhebb.evolution.training import Training
 from epuckhebb.sim import random
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.genome import GenomePlan
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.random import Stream
+from epuckhebb.sim.ranges import check_range
 
-_MOST_DRAWS = 100_000  # of a tournament; with so many it is always the fittest who wins
+_MOST_DRAWS = 100_000  # of a tournament; with this number the fittest always wins
 
 
 class Selection(Enum):
-    """Who may be drawn for a tournament: everyone, or (as coded) only the best and the worst."""
+    """Which individuals enter a tournament: any, or (as coded) only the best and the worst."""
 
     everyone = "everyone"
     best_or_worst = "best_or_worst"
@@ -41,14 +41,11 @@ class Crossover(Enum):
 class GA(Optimizer):
     """A genetic algorithm.
 
-    population, generations, elites: as in the paper. loops: how often an individual lives a lamp-on and a lamp-off
+    population, generations, elites: as in the paper. loops: how often an individual runs a lamp-on and a lamp-off
     lifetime. tournament: draws, with replacement; the fittest becomes a parent. crossover_rate: share of the slots
-    that get a child; in the others that individual survives as it is. mutation_rate: share of a child's genes that
-    change by a uniform number within +-mutation_range. gene_limit: weights are clipped to +- this. start_noise: 0, or
-    how much starts vary in training; at 1 by up to 5 mm sideways, 10 mm ahead and 0.1 rad.
-
-    Raises:
-        ValueError: a value is outside the range named in the message.
+    that get a child; in the others the individual survives. mutation_rate: share of a child's genes that change by a
+    uniform number within +-mutation_range. gene_limit: weights are clipped to +- this. start_noise: how much starts
+    vary in training; at 1 by up to 5 mm sideways, 10 mm ahead and 0.1 rad.
     """
 
     key: ClassVar[str] = "ga"
@@ -67,30 +64,23 @@ class GA(Optimizer):
     start_noise: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse algorithms that cannot be."""
+        """Validate the settings."""
         if self.tournament > _MOST_DRAWS:
             raise ValueError(f"ga.tournament must lie between 1 and {_MOST_DRAWS}, got {self.tournament}")
-        for name in ("population", "generations", "loops", "tournament"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"ga.{name} must be 1 or more, got {getattr(self, name)}")
+        check_range(self, "ga", "population", "generations", "loops", "tournament", least=1)
         if not 0 <= self.elites <= self.population:
             raise ValueError(f"ga.elites must lie between 0 and ga.population ({self.population}), got {self.elites}")
-        for name in ("crossover_rate", "mutation_rate"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ValueError(f"ga.{name} must lie in [0, 1], got {getattr(self, name)}")
-        for name in ("mutation_range", "gene_limit"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise ValueError(f"ga.{name} must be more than 0, got {getattr(self, name)}")
-        if not (math.isfinite(self.start_noise) and self.start_noise >= 0):
-            raise ValueError(f"ga.start_noise must be 0 or more, got {self.start_noise}")
+        check_range(self, "ga", "crossover_rate", "mutation_rate", most=1)
+        check_range(self, "ga", "mutation_range", "gene_limit", above=True)
+        check_range(self, "ga", "start_noise")
 
     @property
     def individuals(self) -> int:
-        """How many live in the largest generation."""
+        """The size of a generation."""
         return self.population
 
     def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:  # noqa: ARG002  # others need them
-        """As it is set, in whatever worlds."""
+        """As set, in any worlds."""
         return Schedule(self.generations, self.loops)
 
     def search(self, plan: GenomePlan, seed: int, state: State | None = None) -> "GASearch":
@@ -99,7 +89,7 @@ class GA(Optimizer):
 
 
 class GASearch(Search):
-    """A genetic algorithm at work. Between two generations, the offspring of the last are there already."""
+    """A genetic algorithm in progress. After `tell`, the offspring exist already."""
 
     def __init__(self, ga: GA, plan: GenomePlan, seed: int, state: State | None) -> None:
         self._ga, self._plan = ga, plan
@@ -116,35 +106,29 @@ class GASearch(Search):
                 )
         self._fittest = self._population[:1]
 
-    def ask(self) -> NDArray[np.float64]:
+    def ask(self) -> Floats:
         """The population."""
         return self._population
 
-    def tell(self, fitness: NDArray[np.float64]) -> None:
+    def tell(self, fitness: Floats) -> None:
         """Let the fittest have offspring."""
         self._fittest = self._population[[np.argmax(fitness)]]
         self._population = next_generation(self._rng, self._population, fitness, self._ga, self._plan)
 
-    def candidates(self) -> NDArray[np.float64]:
+    def candidates(self) -> Floats:
         """The fittest alone: its fitness is taken at its word, as in the paper."""
         return self._fittest
 
     @property
     def state(self) -> State:
-        """The population that is to live next, and the state of the generator that will vary it."""
+        """The next population, and the state of the random generator."""
         return {"population": self._population, "rng_state": np.array(json.dumps(self._rng.bit_generator.state))}
 
 
-def next_generation(
-    rng: np.random.Generator,
-    population: NDArray[np.float64],
-    fitness: NDArray[np.float64],
-    ga: GA,
-    plan: GenomePlan,
-) -> NDArray[np.float64]:
+def next_generation(rng: np.random.Generator, population: Floats, fitness: Floats, ga: GA, plan: GenomePlan) -> Floats:
     """The elites unchanged, then one individual for every other slot.
 
-    population: (population, genes). fitness: (population,), the more the better. Returns (population, genes).
+    population: (population, genes). fitness: (population,), larger is better. Returns (population, genes).
     """
     limit = limits(plan, ga.gene_limit)
     ranked = population[np.argsort(-fitness, kind="stable")]
@@ -156,19 +140,17 @@ def next_generation(
     return offspring
 
 
-def select(rng: np.random.Generator, ranked: NDArray[np.float64], ga: GA) -> NDArray[np.float64]:
+def select(rng: np.random.Generator, ranked: Floats, ga: GA) -> Floats:
     """A parent: the fittest of a few drawn with replacement from `ranked` (population, genes), best first."""
     if ga.selection is Selection.best_or_worst:
         drawn = rng.choice([0, len(ranked) - 1], ga.tournament)
     else:
         drawn = rng.integers(0, len(ranked), ga.tournament)
-    parent: NDArray[np.float64] = ranked[drawn.min()]
+    parent: Floats = ranked[drawn.min()]
     return parent
 
 
-def crossover(
-    rng: np.random.Generator, mother: NDArray[np.float64], father: NDArray[np.float64], ga: GA
-) -> NDArray[np.float64]:
+def crossover(rng: np.random.Generator, mother: Floats, father: Floats, ga: GA) -> Floats:
     """A child's genes, (genes,), each from one of its parents."""
     middle = len(mother) // 2
     if ga.crossover is Crossover.middle:
@@ -176,9 +158,7 @@ def crossover(
     return np.where(rng.random(len(mother)) < 0.5, mother, father)
 
 
-def mutate(
-    rng: np.random.Generator, child: NDArray[np.float64], ga: GA, limit: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def mutate(rng: np.random.Generator, child: Floats, ga: GA, limit: Floats) -> Floats:
     """The child (genes,) with a few genes changed, each clipped to +-its limit (genes,)."""
     mutated = rng.random(len(child)) < ga.mutation_rate
     change = rng.uniform(-ga.mutation_range, ga.mutation_range, len(child))

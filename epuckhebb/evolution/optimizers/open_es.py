@@ -1,4 +1,4 @@
-"""An evolution strategy with antithetic pairs: the mean goes where the fitter half of a cloud of genomes is.
+"""An evolution strategy with antithetic pairs: the mean moves towards the fitter half of a cloud of genomes.
 
     theta_i = theta + sigma e_i and theta - sigma e_i    e_i ~ N(0, 1): a pair
     theta   = theta + alpha / (n sigma) sum_i u_i e_i    u_i: rank of the fitness among all n, from -.5 to .5
@@ -6,16 +6,15 @@
 alpha is `learning_rate` times `learning_rate_decay` to the power of the generations so far.
 
 Source: Salimans, Ho, Chen, Sidor & Sutskever, Evolution strategies as a scalable alternative to reinforcement learning,
-2017, with the constants of Najarro & Risi, NeurIPS 2020; theirs has a population of 200 and 300 generations, here there
-are as many robot-steps as every optimizer has, and a smaller population. Its generator is seeded anew for each
-generation, so that there is no state of it to keep.
+2017, with the constants of Najarro & Risi, NeurIPS 2020. Theirs has a population of 200 and 300 generations; here the
+population is smaller, and the robot-steps are those of every optimizer. The random generator is seeded anew for each
+generation, so its state need not be stored.
 
-Evolve and merge: where every synapse has a rule of its own, the rules are clustered from time to time into half as many
-(k-means), and the synapses of a cluster go on with one rule, its centre. Source: Pedersen & Risi, Evolving and merging
+Evolve and merge: if every synapse has its own rule, the rules are clustered from time to time into half as many
+(k-means), and the synapses of a cluster get its centre as their rule. Source: Pedersen & Risi, Evolving and merging
 Hebbian learning rules, GECCO 2021; five merges leave one rule of 32, as theirs did.
 """
 
-import math
 import warnings
 from dataclasses import dataclass
 from typing import ClassVar
@@ -23,30 +22,21 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.evolution.optimizer import (
-    CANDIDATES,
-    EvolutionStrategy,
-    Search,
-    State,
-    initial,
-    limits,
-    units,
-)
+from epuckhebb.evolution.optimizer import CANDIDATES, EvolutionStrategy, Search, State, initial, limits, units
 from epuckhebb.sim import random
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.genome import GenomePlan
 from epuckhebb.sim.random import Stream
+from epuckhebb.sim.ranges import check_range
 
 
 @dataclass(kw_only=True)
 class OpenEs(EvolutionStrategy):
     """An evolution strategy with antithetic pairs.
 
-    learning_rate: alpha. learning_rate_decay: by which it is multiplied after each generation. merges: how often the
-    rules of synapses are merged into half as many, each time after `merge_every` generations. For the others, see
-    `EvolutionStrategy`; population is even, and sigma stays as it is.
-
-    Raises:
-        ValueError: a value is outside the range named in the message.
+    learning_rate: alpha. learning_rate_decay: factor on it after each generation. merges: how often the rules of
+    synapses are merged into half as many, each time after `merge_every` generations. For the others, see
+    `EvolutionStrategy`; population is even, and sigma is constant.
     """
 
     least: ClassVar[dict[str, int]] = {**EvolutionStrategy.least, "population": 2, "merges": 0, "merge_every": 1}
@@ -59,19 +49,15 @@ class OpenEs(EvolutionStrategy):
     merge_every: int = 10
 
     def __post_init__(self) -> None:
-        """Refuse algorithms that cannot be."""
+        """Validate the settings."""
         super().__post_init__()
         if self.population % 2:
             raise ValueError(f"optimizer.population must be even, as individuals come in pairs, got {self.population}")
-        if not (math.isfinite(self.learning_rate) and self.learning_rate > 0):
-            raise ValueError(f"optimizer.learning_rate must be more than 0, got {self.learning_rate}")
-        if not 0 < self.learning_rate_decay <= 1:
-            raise ValueError(
-                f"optimizer.learning_rate_decay must be more than 0 and at most 1, got {self.learning_rate_decay}"
-            )
+        check_range(self, "optimizer", "learning_rate", above=True)
+        check_range(self, "optimizer", "learning_rate_decay", most=1, above=True)
 
     def check(self, plan: GenomePlan) -> None:
-        """Refuse merges where synapses have no rules of their own."""
+        """See `Optimizer`: merging needs a rule for each synapse."""
         if self.merges:
             _rules(plan)
 
@@ -81,7 +67,7 @@ class OpenEs(EvolutionStrategy):
 
 
 class OpenEsSearch(Search):
-    """The strategy at work. Genes are in units of their part's start; `_told` generations have been told of."""
+    """The strategy in progress. Genes are in units of their part's start; `_told`: calls of `tell` so far."""
 
     def __init__(self, settings: OpenEs, plan: GenomePlan, seed: int, state: State | None) -> None:
         self._settings, self._plan, self._seed = settings, plan, seed
@@ -98,8 +84,8 @@ class OpenEsSearch(Search):
             raise ValueError(f"it holds rules of {self._rule_of.size} synapses, not of {self._rules.shape[1]}")
         self._noise = self._population = self._ranked = np.empty((0, plan.genes))
 
-    def ask(self) -> NDArray[np.float64]:
-        """At first genomes at random, then pairs on both sides of the mean."""
+    def ask(self) -> Floats:
+        """First random genomes, then pairs on both sides of the mean."""
         rng = random.rng(self._seed, Stream.variation, self._told)
         if self._told == 0:
             self._population = initial(rng, self._settings.starts, self._plan) / self._unit
@@ -111,8 +97,8 @@ class OpenEsSearch(Search):
             self._population = np.clip(wanted, -self._bound, self._bound)
         return self._population * self._unit
 
-    def tell(self, fitness: NDArray[np.float64]) -> None:
-        """Begin at the fittest, or move the mean towards the fitter."""
+    def tell(self, fitness: Floats) -> None:
+        """Start at the fittest, or move the mean towards the fitter half."""
         order = np.argsort(-fitness, kind="stable")
         self._ranked = self._population[order]
         if self._told == 0:
@@ -121,7 +107,7 @@ class OpenEsSearch(Search):
             count, rate = len(order), self._settings.learning_rate
             rate *= self._settings.learning_rate_decay ** (self._told - 1)
             ranks = np.linspace(0.5, -0.5, count)
-            towards = (ranks[:, None] * self._noise[order]).sum(axis=0)  # genes that are alike stay so to the last bit
+            towards = (ranks[:, None] * self._noise[order]).sum(axis=0)  # genes that are alike stay bit-identical
             self._mean = self._mean + rate / (count * self._settings.sigma) * towards
             self._mean = np.clip(self._mean, -self._bound, self._bound)
             if (
@@ -132,13 +118,13 @@ class OpenEsSearch(Search):
         self._told += 1
 
     def _merge(self) -> None:
-        """Cluster the rules into half as many; from now on the synapses of a cluster have its centre for a rule."""
+        """Cluster the rules into half as many; the synapses of a cluster then have its centre as their rule."""
         from scipy.cluster.vq import kmeans2
 
         firsts, place = np.unique(self._rule_of, return_inverse=True)
         rules = self._mean[self._rules[:, firsts]].T
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a cluster may be empty: then there is one less
+            warnings.simplefilter("ignore")  # a cluster may be empty
             centres, cluster = kmeans2(
                 rules, -(-len(rules) // 2), minit="++", rng=random.rng(self._seed, Stream.merging, self._told)
             )
@@ -147,28 +133,24 @@ class OpenEsSearch(Search):
         first_of = {number: synapse for synapse, number in reversed(list(enumerate(cluster_of.tolist())))}
         self._rule_of = np.array([first_of[number] for number in cluster_of.tolist()])
 
-    def candidates(self) -> NDArray[np.float64]:
+    def candidates(self) -> Floats:
         """The mean, and the two fittest."""
         return np.array([self._mean, *self._ranked[: CANDIDATES - 1]]) * self._unit
 
     @property
     def state(self) -> State:
-        """How many generations have been told of, the mean, and for each synapse the first that has the same rule."""
+        """The number of calls of `tell`, the mean, and for each synapse the first that has the same rule."""
         return {"told": np.array(self._told), "mean": self._mean.copy(), "rule_of": self._rule_of.copy()}
 
 
 def _rules(plan: GenomePlan) -> NDArray[np.int64]:
-    """Where the genes of the synapses' rules stand, (parameters, synapses).
-
-    Raises:
-        ValueError: synapses have no rules of their own.
-    """
+    """Where the genes of the synapses' rules stand, (parameters, synapses)."""
     parts = plan.of_rule.parts
     sizes = {part.size for part in parts}
     if len(sizes) != 1 or sizes == {1}:
         raise ValueError(
-            f"optimizer.merges needs a rule of which all is evolved for each synapse, as hebbian=abcd; a genome of "
-            f"{plan.text()} has none"
+            f"optimizer.merges needs a rule with all parameters evolved per synapse, such as hebbian=abcd; the genome "
+            f"has {plan.text()}"
         )
     places = plan.split(np.arange(float(plan.genes)))
     return np.array([places[part.name] for part in parts], np.int64)

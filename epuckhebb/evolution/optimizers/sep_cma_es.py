@@ -1,30 +1,22 @@
 """Separable CMA-ES: a cloud of genomes that moves and learns how wide it should be along each gene (Ros & Hansen 2008).
 
-The algorithm is `SepCMA` of the library cmaes; here stand how it begins, how long it goes on, and how it is stored. The
-library has no public way to store a search but pickle, so its private numbers are read and set by name (`_KEPT`). Its
-generator is seeded anew for each generation, so that there is no state of it to keep.
+The algorithm is `SepCMA` of the library cmaes; this file starts and stores it. The library can only pickle a search,
+so its private numbers are read and set by name (`_STORED`). The random generator is seeded anew for each generation, so
+its state need not be stored.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from cmaes import SepCMA
-from numpy.typing import NDArray
 
-from epuckhebb.evolution.optimizer import (
-    CANDIDATES,
-    EvolutionStrategy,
-    Search,
-    State,
-    initial,
-    limits,
-    units,
-)
+from epuckhebb.evolution.optimizer import CANDIDATES, EvolutionStrategy, Search, State, initial, limits, units
 from epuckhebb.sim import random
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.genome import GenomePlan
 from epuckhebb.sim.random import Stream
 
-_KEPT = ("_mean", "_sigma", "_C", "_p_sigma", "_pc", "_g")  # all that changes in a SepCMA, and is used again
+_STORED = ("_mean", "_sigma", "_C", "_p_sigma", "_pc", "_g")  # all that changes in a SepCMA
 
 
 @dataclass(kw_only=True)
@@ -37,17 +29,17 @@ class SepCmaEs(EvolutionStrategy):
 
 
 class SepCmaEsSearch(Search):
-    """Separable CMA-ES at work. Genes are in units of their part's start; `_told` generations have been told of."""
+    """Separable CMA-ES in progress. Genes are in units of their part's start; `_told`: calls of `tell` so far."""
 
     def __init__(self, settings: SepCmaEs, plan: GenomePlan, seed: int, state: State | None) -> None:
         self._settings, self._plan, self._seed = settings, plan, seed
         self._unit = units(plan)
         self._told = 0 if state is None else int(state["told"])
-        self._cma = None if state is None else self._going_on(state)
+        self._cma = None if state is None else self._resumed(state)
         self._population = np.empty((0, plan.genes))
         self._ranked = self._population
 
-    def _begun(self, mean: NDArray[np.float64]) -> SepCMA:
+    def _started(self, mean: Floats) -> SepCMA:
         bound = limits(self._plan, self._settings.gene_limit) / self._unit
         return SepCMA(
             mean=np.clip(mean, -bound, bound),
@@ -56,21 +48,21 @@ class SepCmaEsSearch(Search):
             population_size=self._settings.population,
         )
 
-    def _going_on(self, state: State) -> SepCMA:
+    def _resumed(self, state: State) -> SepCMA:
         for name in ("_mean", "_C", "_p_sigma", "_pc"):
             if state[name[1:]].shape != (self._plan.genes,):
                 raise ValueError(
                     f"its {name[1:]} has shape {state[name[1:]].shape}, the configuration asks for "
                     f"({self._plan.genes},)"
                 )
-        cma = self._begun(state["mean"])
-        for name in _KEPT:
+        cma = self._started(state["mean"])
+        for name in _STORED:
             value = state[name[1:]]
             setattr(cma, name, value.copy() if value.ndim else value.item())
         return cma
 
-    def ask(self) -> NDArray[np.float64]:
-        """At first genomes at random, then those that the cloud of genomes gives."""
+    def ask(self) -> Floats:
+        """First random genomes, then samples of the distribution."""
         rng = random.rng(self._seed, Stream.variation, self._told)
         if self._cma is None:
             self._population = initial(rng, self._settings.starts, self._plan) / self._unit
@@ -79,21 +71,21 @@ class SepCmaEsSearch(Search):
             self._population = np.array([self._cma.ask() for _ in range(self._settings.population)])
         return self._population * self._unit
 
-    def tell(self, fitness: NDArray[np.float64]) -> None:
-        """Begin around the fittest, or move the cloud towards the fitter half."""
+    def tell(self, fitness: Floats) -> None:
+        """Start around the fittest, or move the distribution towards the fitter half."""
         self._ranked = self._population[np.argsort(-fitness, kind="stable")]
         if self._cma is None:
-            self._cma = self._begun(self._ranked[0])
+            self._cma = self._started(self._ranked[0])
         else:
-            self._cma.tell([(genes, -float(judged)) for genes, judged in zip(self._population, fitness, strict=True)])
+            self._cma.tell([(genes, -float(value)) for genes, value in zip(self._population, fitness, strict=True)])
         self._told += 1
 
-    def candidates(self) -> NDArray[np.float64]:
+    def candidates(self) -> Floats:
         """The mean, and the two fittest."""
         assert self._cma is not None  # since the first `tell`
         return np.array([self._cma.mean, *self._ranked[: CANDIDATES - 1]]) * self._unit
 
     @property
     def state(self) -> State:
-        """How many generations have been told of, and all of the library's search that changes."""
-        return {"told": np.array(self._told)} | {name[1:]: np.array(getattr(self._cma, name)) for name in _KEPT}
+        """The number of calls of `tell`, and all of the library's search that changes."""
+        return {"told": np.array(self._told)} | {name[1:]: np.array(getattr(self._cma, name)) for name in _STORED}

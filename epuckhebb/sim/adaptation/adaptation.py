@@ -10,7 +10,6 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.sim.adaptation import change_signals as signals
 from epuckhebb.sim.adaptation import exploration
@@ -26,9 +25,11 @@ from epuckhebb.sim.adaptation.self_check.corrections import (
     no_corrections,
 )
 from epuckhebb.sim.adaptation.wall_following import wall_following
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.network import HIDDEN
 from epuckhebb.sim.random import noise_workspace_size
+from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S, Robot
 
 NONE = "none"
@@ -66,9 +67,6 @@ class Adaptation:
     manoeuvre before its lifetime and corrects what it finds. calibration_counts: whether that manoeuvre is part of the
     lifetime; otherwise the clock starts after it. homeostasis: whether the weights from the light sensors are scaled
     until the light looks as in the training world.
-
-    Raises:
-        ValueError: a value is outside the range named in the message.
     """
 
     name: str = NONE
@@ -90,10 +88,7 @@ class Adaptation:
             raise ValueError(
                 f"adaptation.change_signal must be one of {', '.join(allowed)}, got {self.change_signal!r}"
             )
-        for name in ("active_s", "rest_s", "motor_noise"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise ValueError(f"adaptation.{name} must be 0 or more, got {value}")
+        check_range(self, "adaptation", "active_s", "rest_s", "motor_noise")
         if not math.isfinite(self.threshold):
             raise ValueError(f"adaptation.threshold must be a finite number, got {self.threshold}")
         if not self.slope > 0:
@@ -168,12 +163,12 @@ class AdaptationState(NamedTuple):
     while it follows none. corrections, correcting: what it corrects, and the state of that. noise: workspace.
     """
 
-    recent: NDArray[np.float64]
-    hand: NDArray[np.float64]
+    recent: Floats
+    hand: Floats
     corrections: Corrections
     correcting: CorrectionState
     homeostasis: HomeostasisState
-    noise: NDArray[np.float64]
+    noise: Floats
 
 
 def initial_adaptation_state(robot: Robot, corrections: Corrections | None = None) -> AdaptationState:
@@ -237,18 +232,13 @@ def hooks(
 
 
 @compiled
-def _as_sensed(readings: NDArray[np.float64], by: Corrections, state: CorrectionState) -> None:
+def _as_sensed(readings: Floats, by: Corrections, state: CorrectionState) -> None:
     pass
 
 
 @compiled
 def _unscaled(
-    readings: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    tally: Any,
-    state: HomeostasisState,
-    nominal: NominalOfSide,
-    step: int,
+    readings: Floats, weights: Floats, tally: Any, state: HomeostasisState, nominal: NominalOfSide, step: int
 ) -> None:
     pass
 
@@ -263,7 +253,7 @@ def _always_open(
     gate: Gate,
     tally: Any,
     state: AdaptationState,
-    readings: NDArray[np.float64],
+    readings: Floats,
     fitness: float,
     nominal: NominalOfSide,
     at_goal: bool,
@@ -275,13 +265,7 @@ def _always_open(
 
 @compiled
 def _as_it_is(
-    gate: Gate,
-    tally: Any,
-    state: AdaptationState,
-    readings: NDArray[np.float64],
-    left: float,
-    right: float,
-    gain: float,
+    gate: Gate, tally: Any, state: AdaptationState, readings: Floats, left: float, right: float, gain: float
 ) -> tuple[float, float]:
     return left, right
 
@@ -292,7 +276,7 @@ def _gated_by(signal: ChangeSignal) -> Callable[..., float]:
         gate: Gate,
         tally: Any,
         state: AdaptationState,
-        readings: NDArray[np.float64],
+        readings: Floats,
         fitness: float,
         nominal: NominalOfSide,
         at_goal: bool,
@@ -320,13 +304,7 @@ def _gated_by(signal: ChangeSignal) -> Callable[..., float]:
 def _with_motor_noise(motor_limit: float) -> Callable[..., tuple[float, float]]:
     @compiled
     def explore(
-        gate: Gate,
-        tally: Any,
-        state: AdaptationState,
-        readings: NDArray[np.float64],
-        left: float,
-        right: float,
-        gain: float,
+        gate: Gate, tally: Any, state: AdaptationState, readings: Floats, left: float, right: float, gain: float
     ) -> tuple[float, float]:
         if gate.motor_noise > 0.0 and tally.need > 0.0:
             left = exploration.within_motor(left, tally.noise_left, gain, motor_limit)
@@ -341,13 +319,7 @@ def _following(follow: Callable[..., tuple[float, float]], motor_limit: float) -
 
     @compiled
     def explore(
-        gate: Gate,
-        tally: Any,
-        state: AdaptationState,
-        readings: NDArray[np.float64],
-        left: float,
-        right: float,
-        gain: float,
+        gate: Gate, tally: Any, state: AdaptationState, readings: Floats, left: float, right: float, gain: float
     ) -> tuple[float, float]:
         if tally.need > 0.0:
             left, right = follow(readings, state.hand)

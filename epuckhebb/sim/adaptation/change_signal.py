@@ -9,8 +9,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.robot import STEP_S
 
@@ -27,7 +27,7 @@ class SignalContext(NamedTuple):
     time_s: float
     away_s: float
     arrived: bool
-    recent: NDArray[np.float64]
+    recent: Floats
 
 
 class NominalOfSide(NamedTuple):
@@ -41,11 +41,11 @@ class NominalOfSide(NamedTuple):
 
     time_to_goal_s: float
     away_s: float
-    fitness: NDArray[np.float64]
-    reading_mean: NDArray[np.float64]
-    reading_spread: NDArray[np.float64]
-    patterns: NDArray[np.float64]
-    lengths: NDArray[np.float64]
+    fitness: Floats
+    reading_mean: Floats
+    reading_spread: Floats
+    patterns: Floats
+    lengths: Floats
     novelty: float
 
 
@@ -57,11 +57,7 @@ def no_nominal(inputs: int) -> NominalOfSide:
 
 
 def check_nominal(nominal: NominalOfSide, inputs: int) -> None:
-    """Check that nominal statistics fit a robot with this number of readings.
-
-    Raises:
-        ValueError: they do not.
-    """
+    """Check that nominal statistics fit a robot with this number of readings; else a ValueError."""
     for name in ("reading_mean", "reading_spread"):
         if getattr(nominal, name).shape != (2, inputs):
             raise ValueError(
@@ -76,7 +72,7 @@ ChangeSignal = Callable[[SignalContext, NominalOfSide], float]
 
 
 @compiled
-def update_recent(recent: NDArray[np.float64], readings: NDArray[np.float64], live_fitness: float, step: int) -> None:
+def update_recent(recent: Floats, readings: Floats, live_fitness: float, step: int) -> None:
     """Update the recent means, (inputs + 1,), with this step's readings and live fitness F."""
     share = 1.0 if step == 0 else STEP_S / (RECENT_S + STEP_S)
     inputs = recent.shape[0] - 1

@@ -19,10 +19,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.sim import light
 from epuckhebb.sim.adaptation.change_signal import RECENT_S, NominalOfSide
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.robot import STEP_S
 
@@ -39,7 +39,7 @@ _DARK = 1e-6  # keeps the length of a pattern from being 0
 _SAMPLES = 8000  # from which the patterns are made: a quarter of twenty lifetimes, evenly spread
 
 
-def light_patterns(lifetimes: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np.float64], float]:
+def light_patterns(lifetimes: Sequence[Floats]) -> tuple[Floats, float]:
     """What the light looks like in training: patterns of brightness, (64, lights), and the largest novelty n(1).
 
     The patterns are the centres of clusters (k-means) of the recorded brightness.
@@ -67,9 +67,9 @@ def light_patterns(lifetimes: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np
     return patterns, float(most)
 
 
-def lengths_of(patterns: NDArray[np.float64]) -> NDArray[np.float64]:
+def lengths_of(patterns: Floats) -> Floats:
     """The lengths of patterns, (patterns, lights), never 0."""
-    lengths: NDArray[np.float64] = np.sqrt(_DARK + (patterns**2).sum(axis=1))
+    lengths: Floats = np.sqrt(_DARK + (patterns**2).sum(axis=1))
     return lengths
 
 
@@ -98,9 +98,9 @@ class HomeostasisState(NamedTuple):
     brightness, nan at first. alike: workspace.
     """
 
-    values: NDArray[np.float64]
-    bright: NDArray[np.float64]
-    alike: NDArray[np.float64]
+    values: Floats
+    bright: Floats
+    alike: Floats
 
 
 def initial_homeostasis_state(lights: int) -> HomeostasisState:
@@ -111,9 +111,7 @@ def initial_homeostasis_state(lights: int) -> HomeostasisState:
 
 
 @compiled
-def compare(
-    bright: NDArray[np.float64], k: float, nominal: NominalOfSide, alike: NDArray[np.float64]
-) -> tuple[float, float]:
+def compare(bright: Floats, k: float, nominal: NominalOfSide, alike: Floats) -> tuple[float, float]:
     """The distance rms(t - v) of the scaled brightness from the nearest pattern, and how fast k would follow."""
     lights = bright.shape[0]
     for m in range(alike.shape[0]):
@@ -156,7 +154,7 @@ def homeostasis(lights: int, post: int) -> Callable[..., None]:
             state.values[0] = min(MOST, max(LEAST, k * math.exp(step)))
 
     @compiled
-    def change_of_weights(weights: NDArray[np.float64], k: float) -> float:
+    def change_of_weights(weights: Floats, k: float) -> float:
         """The sum of |W - W_gene| that the scale k amounts to: of the weights, and of the biases."""
         change = 0.0
         for j in range(post):
@@ -170,12 +168,7 @@ def homeostasis(lights: int, post: int) -> Callable[..., None]:
 
     @compiled
     def scale(
-        readings: NDArray[np.float64],
-        weights: NDArray[np.float64],
-        tally: Any,
-        state: HomeostasisState,
-        nominal: NominalOfSide,
-        step: int,
+        readings: Floats, weights: Floats, tally: Any, state: HomeostasisState, nominal: NominalOfSide, step: int
     ) -> None:
         share = 1.0 / max(1.0, state.values[0])  # noise is smoothed as much as it is magnified
         for i in range(lights):

@@ -37,9 +37,6 @@ class Nominal:
     time_to_goal_s: (2,) slowest arrival, nan if it never arrived. away_s: (2,) longest excursion from the goal
     afterwards. fitness: (2, seconds) least recent live fitness. reading_mean, reading_spread: (2, inputs). patterns:
     (64, lights) what the light looks like. novelty: the largest distance from these.
-
-    Raises:
-        ValueError: a number is outside the range named in the message.
     """
 
     experiment: str

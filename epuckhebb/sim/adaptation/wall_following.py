@@ -9,9 +9,7 @@ The robot follows the wall that is nearer when it begins. This is a hand-written
 
 from collections.abc import Callable
 
-import numpy as np
-from numpy.typing import NDArray
-
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.robot import Robot
 
@@ -20,7 +18,7 @@ NEAR = 0.3  # the distance reading at which it keeps a wall: 12 mm from an e-puc
 _FRONT, _AHEAD, _SIDE = 31.5, 68.0, 112.0  # degrees: up to which a sensor looks to the front, ahead and to the side
 
 
-def wall_following(robot: Robot) -> Callable[[NDArray[np.float64], NDArray[np.float64]], tuple[float, float]]:
+def wall_following(robot: Robot) -> Callable[[Floats, Floats], tuple[float, float]]:
     """The function that follows a wall: `follow(readings, hand)` gives the wheels' speeds [rad/s].
 
     hand: (1,) 1 for a wall on its left, -1 on its right, 0 to choose the nearer one; it is written.
@@ -32,14 +30,14 @@ def wall_following(robot: Robot) -> Callable[[NDArray[np.float64], NDArray[np.fl
     speed = min(SPEED_RAD_S, robot.motor_limit_rad_s)
 
     @compiled
-    def nearest(readings: NDArray[np.float64], sensors: tuple[int, ...]) -> float:
+    def nearest(readings: Floats, sensors: tuple[int, ...]) -> float:
         most = 0.0
         for sensor in sensors:
             most = max(most, readings[sensor])
         return most
 
     @compiled
-    def follow(readings: NDArray[np.float64], hand: NDArray[np.float64]) -> tuple[float, float]:
+    def follow(readings: Floats, hand: Floats) -> tuple[float, float]:
         left, before_left = nearest(readings, side_left), nearest(readings, ahead_left)
         right, before_right = nearest(readings, side_right), nearest(readings, ahead_right)
         if hand[0] == 0.0:

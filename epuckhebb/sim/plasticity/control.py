@@ -3,7 +3,8 @@
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
+
+from epuckhebb.sim.arrays import Floats
 
 
 class Sign(Enum):
@@ -14,7 +15,7 @@ class Sign(Enum):
     shuffled = "shuffled"  # a fixed random sign for each synapse
 
 
-def signs(sign: Sign, synapses: int, rng: np.random.Generator | None = None) -> NDArray[np.float64]:
+def signs(sign: Sign, synapses: int, rng: np.random.Generator | None = None) -> Floats:
     """S for each synapse, (synapses,) of 1 and -1; shuffled signs need a generator."""
     if sign is Sign.shuffled:
         assert rng is not None

@@ -5,10 +5,13 @@
 A, B, C and D0 (D in the papers) are evolved, and multiplied by the evolved learning rate eta.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.plasticity.rule import Rule
+from epuckhebb.sim.ranges import check_range
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,8 +32,12 @@ class FourTerms(Rule):
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
-        if self.leak < 0:
-            raise ValueError(f"hebbian.leak must be 0 or more, got {self.leak}")
+        check_range(self, "hebbian", "leak")
+
+    @classmethod
+    def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:
+        """Eta in A, B, C and D."""
+        return {name: parameters["eta"] * parameters[name] for name in cls.coefficients}
 
     @staticmethod
     def synapse(

@@ -12,10 +12,12 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.digest import random_generator
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.control import Sign
+from epuckhebb.sim.ranges import check_range
 
 QUANTITIES = (
     "correlation",
@@ -49,7 +51,7 @@ class Evolved(NamedTuple):
     per: str | int = "network"
     start: float = 1.0
     limit: float = 1.0
-    value: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
+    value: Callable[[Floats], Floats] | None = None
 
 
 class InitialWeights(Enum):
@@ -96,9 +98,6 @@ class Rule:
     parameters that replace or join those in `evolved` where the network has a reward input. coefficients: the names
     that `express` returns, for `synapse` instead of those in `evolved`. keeps_lengths: whether the incoming weights of
     each neuron are scaled after each update to their initial length, the root of the sum of their squares.
-
-    Raises:
-        ValueError: a number is not finite or outside the range named in the message.
     """
 
     synapse_state: ClassVar[Mapping[str, float]] = {}
@@ -126,11 +125,8 @@ class Rule:
         for name, value in self.numbers().items():
             if not math.isfinite(value):
                 raise ValueError(f"hebbian.{name} must be a finite number, got {value}")
-        for name in ("N", "N_gain_rad_s", "floor"):
-            if getattr(self, name) < 0:
-                raise ValueError(f"hebbian.{name} must be 0 or more, got {getattr(self, name)}")
-        if not 0 < self.w_max <= _LARGEST_WEIGHT:
-            raise ValueError(f"hebbian.w_max must be more than 0 and at most {_LARGEST_WEIGHT:g}, got {self.w_max}")
+        check_range(self, "hebbian", "N", "N_gain_rad_s", "floor")
+        check_range(self, "hebbian", "w_max", most=_LARGEST_WEIGHT, above=True)
         if self.reward is not Reward.given and not receives_reward(type(self)):
             raise ValueError(
                 f"hebbian.reward={self.reward.name} does nothing with rule {name_of(type(self))}, which gets no reward"
@@ -142,7 +138,7 @@ class Rule:
         raise TypeError("a plasticity rule needs a static method `synapse`")
 
     @classmethod
-    def express(cls, parameters: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
+    def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:
         """The coefficients for `synapse`, by name, (synapses,) each: made once from the evolved parameters.
 
         parameters: by name, (synapses,) each; (numbers, synapses) for a parameter of several numbers.
@@ -161,16 +157,6 @@ class Rule:
     def numbers(self) -> dict[str, float]:
         """The settings that are numbers, by name."""
         return {name: float(getattr(self, name)) for name in self.settings()}
-
-    def in_unit_interval(self, *names: str) -> None:
-        """Check that settings lie in [0, 1].
-
-        Raises:
-            ValueError: one does not.
-        """
-        for name in names:
-            if not 0 <= getattr(self, name) <= 1:
-                raise ValueError(f"hebbian.{name} must lie in [0, 1], got {getattr(self, name)}")
 
 
 class NoRule(Rule):
@@ -250,9 +236,7 @@ def evolved_by(rule: type[Rule], network: Network) -> dict[str, Evolved]:
     return {**rule.evolved, **(rule.with_reward if network.rewarded else {})}
 
 
-def values_of(
-    rule: type[Rule], network: Network, genes: Mapping[str, NDArray[np.float64]]
-) -> dict[str, NDArray[np.float64]]:
+def values_of(rule: type[Rule], network: Network, genes: Mapping[str, Floats]) -> dict[str, Floats]:
     """The values of all parts of a genome by name: the genes, or what `Evolved.value` makes of them."""
     values = dict(genes)
     for name, evolved in evolved_by(rule, network).items():
@@ -297,13 +281,13 @@ def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
     }
 
 
-def coefficients(rule: type[Rule], network: Network, genes: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+def coefficients(rule: type[Rule], network: Network, genes: Mapping[str, Floats]) -> Floats:
     """The coefficients of every synapse, (names, synapses), from the values of the evolved parameters by name."""
     names = coefficient_names(rule)
     spread = np.empty((len(names), network.synapses))
     if not names:
         return spread
-    parameters: dict[str, NDArray[np.float64]] = {}
+    parameters: dict[str, Floats] = {}
     for name, evolved in rule.evolved.items():
         if evolved.per == "layer":
             parameters[name] = np.repeat(genes[name], [n * m for n, m in network.shapes])
@@ -327,9 +311,7 @@ def neurons_of(network: Network) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return np.concatenate(pre), np.concatenate(post)
 
 
-def modulatory_weights(
-    rule: type[Rule], genes: Mapping[str, NDArray[np.float64]], reward: Reward = Reward.given
-) -> NDArray[np.float64]:
+def modulatory_weights(rule: type[Rule], genes: Mapping[str, Floats], reward: Reward = Reward.given) -> Floats:
     """The weights of a rule's modulatory neuron: from neurons, its bias, from the reward input if any; or none."""
     name = _modulator(rule)
     if name is None:

@@ -12,7 +12,7 @@ SATURATED = 0.995  # of w_max: a weight above it counts as saturated
 _LANES = 16  # numbers that are added to each other first, so that the processor can do four sums at a time
 
 
-def room(network: Network) -> int:
+def weight_change_workspace(network: Network) -> int:
     """The length of an array for the changes of all weights: whole groups of 16."""
     return -(-network.synapses // _LANES) * _LANES
 
@@ -34,7 +34,7 @@ def total_of(network: Network) -> Callable[[NDArray[np.float64]], float]:
     The processor can do four sums at a time in this order: one half is added to the other, four times over; the rest is
     added one by one.
     """
-    used, length = network.synapses, room(network)
+    used, length = network.synapses, weight_change_workspace(network)
     left = length // _LANES
     half, quarter, eighth = length // 2, length // 4, length // 8
 

@@ -1,1 +1,1 @@
-"""Tasks: what a robot is to do in its life. One task a file; `epuckhebb.sim.task` says what each of them has."""
+"""Tasks: what a robot is to do in a lifetime. One file each; see `epuckhebb.sim.task`."""

@@ -1,4 +1,4 @@
-"""A life is one trial, as in the paper: lamp on, go right; lamp off, go left."""
+"""The paper's task: a lifetime is one trial. Lamp on, go right; lamp off, go left."""
 
 from dataclasses import dataclass
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim import faults
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import kernel
 from epuckhebb.sim.life import TALLY, CalibrationRecord, Lifetime, Trial, Workspace, workspace_for
 from epuckhebb.sim.light import Lights, lights
@@ -31,7 +32,7 @@ _HOLD = 12  # steps for which it waits near a wall
 _CLEAR_M = 0.001  # a robot nearer to a wall than this may touch it
 
 
-def _steps() -> NDArray[np.float64]:
+def _steps() -> Floats:
     rest, ahead, back, left, right = [(0.0, 0.0)], [(1.0, 1.0)], [(-1.0, -1.0)], [(-1.0, 1.0)], [(1.0, -1.0)]
     there = left * _QUARTER + rest + ahead * _TO_LEFT + rest * _HOLD + back * _TO_LEFT + rest + left * _QUARTER
     across = right * (3 * _QUARTER) + rest + ahead * _TO_RIGHT + rest * _HOLD + back * _TO_RIGHT + rest

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.light import SUN_IRRADIANCE, SUN_X, SUN_Y
 from epuckhebb.sim.robot import Robot
@@ -37,12 +38,12 @@ class Corrections(NamedTuple):
     """
 
     light_ratio: float
-    seeing: NDArray[np.float64]
-    sun_now: NDArray[np.float64]
-    sun_training: NDArray[np.float64]
+    seeing: Floats
+    sun_now: Floats
+    sun_training: Floats
     dead: NDArray[np.int64]
     others: NDArray[np.int64]
-    regression: NDArray[np.float64]
+    regression: Floats
     left_loss: float
     right_loss: float
 
@@ -64,11 +65,7 @@ def no_corrections(robot: Robot) -> Corrections:
 
 
 def check_corrections(corrections: Corrections, robot: Robot) -> None:
-    """Check that corrections are finite and fit this robot.
-
-    Raises:
-        ValueError: they are not, or do not.
-    """
+    """Check that corrections are finite and fit this robot; else a ValueError."""
     lights, inputs = len(corrections.seeing), len(corrections.others) + len(corrections.dead)
     if (lights, inputs) != (robot.light.count, robot.inputs):
         raise ValueError(
@@ -87,7 +84,7 @@ def check_corrections(corrections: Corrections, robot: Robot) -> None:
             )
 
 
-def sunlit(robot: Robot, level: float) -> NDArray[np.float64]:
+def sunlit(robot: Robot, level: float) -> Floats:
     """Light readings under a sun of this level alone, by the sun's direction: (lights, HEADINGS + 2 * 8).
 
     reading = clip(1 - E, 0, 1), E = 2.7 level height cos(direction - azimuth), nothing from behind
@@ -95,19 +92,17 @@ def sunlit(robot: Robot, level: float) -> NDArray[np.float64]:
     azimuth = np.radians([place.azimuth for place in robot.light.places])
     towards = np.arange(HEADINGS + 2 * _COARSE) * (2 * math.pi / HEADINGS)
     facing = np.maximum(0.0, np.cos(towards[None, :] - azimuth[:, None]))
-    by_heading: NDArray[np.float64] = np.clip(
-        1.0 - SUN_IRRADIANCE * level * math.hypot(SUN_X, SUN_Y) * facing, 0.0, 1.0
-    )
+    by_heading: Floats = np.clip(1.0 - SUN_IRRADIANCE * level * math.hypot(SUN_X, SUN_Y) * facing, 0.0, 1.0)
     return by_heading
 
 
 class CorrectionState(NamedTuple):
     """What corrections carry from step to step: smooth (lights,) brightness, nan at first; and workspace."""
 
-    smooth: NDArray[np.float64]
-    cost: NDArray[np.float64]
-    known: NDArray[np.float64]
-    weighted: NDArray[np.float64]
+    smooth: Floats
+    cost: Floats
+    known: Floats
+    weighted: Floats
 
 
 def initial_correction_state(robot: Robot) -> CorrectionState:
@@ -121,7 +116,7 @@ def initial_correction_state(robot: Robot) -> CorrectionState:
 
 
 @compiled
-def from_darker(readings: NDArray[np.float64], ratio: float, smooth: NDArray[np.float64]) -> None:
+def from_darker(readings: Floats, ratio: float, smooth: Floats) -> None:
     """Light readings in a light of `ratio` < 1 times training's, as they would be in training.
 
     u' = u' + rho (1 - reading - u'), reading = clip(1 - u' / rho, 0, 1)      smoothed as much as it is magnified
@@ -133,7 +128,7 @@ def from_darker(readings: NDArray[np.float64], ratio: float, smooth: NDArray[np.
 
 
 @compiled
-def from_brighter(readings: NDArray[np.float64], by: Corrections, cost: NDArray[np.float64]) -> None:
+def from_brighter(readings: Floats, by: Corrections, cost: Floats) -> None:
     """Light readings in a light of rho > 1 times training's, as they would be in training.
 
     reading = 1 - (1 - reading) / rho where the sensor is not saturated. A saturated one reads what training's sun
@@ -154,7 +149,7 @@ def from_brighter(readings: NDArray[np.float64], by: Corrections, cost: NDArray[
 
 
 @compiled
-def _direction_of_the_sun(readings: NDArray[np.float64], by: Corrections, cost: NDArray[np.float64]) -> int:
+def _direction_of_the_sun(readings: Floats, by: Corrections, cost: Floats) -> int:
     """The direction from which the present sun fits the readings best."""
     _costs(readings, by, cost, 0, _COARSE)
     nearest = _COARSE * _least(cost)
@@ -164,7 +159,7 @@ def _direction_of_the_sun(readings: NDArray[np.float64], by: Corrections, cost: 
 
 
 @compiled
-def _costs(readings: NDArray[np.float64], by: Corrections, cost: NDArray[np.float64], first: int, apart: int) -> None:
+def _costs(readings: Floats, by: Corrections, cost: Floats, first: int, apart: int) -> None:
     """Weighted squared errors of the present sun's readings, for sixteen directions from `first` on."""
     for k in range(2 * _COARSE):
         cost[k] = 0.0
@@ -176,7 +171,7 @@ def _costs(readings: NDArray[np.float64], by: Corrections, cost: NDArray[np.floa
 
 
 @compiled
-def _least(cost: NDArray[np.float64]) -> int:
+def _least(cost: Floats) -> int:
     place = 0
     for k in range(1, cost.shape[0]):
         if cost[k] < cost[place]:
@@ -185,7 +180,7 @@ def _least(cost: NDArray[np.float64]) -> int:
 
 
 @compiled
-def predict_dead(readings: NDArray[np.float64], by: Corrections, state: CorrectionState) -> None:
+def predict_dead(readings: Floats, by: Corrections, state: CorrectionState) -> None:
     """Predict what dead sensors would read from the others, by a quadratic regression on training readings.
 
     reading = clip(z Q z, 0, 1), z = (1, the other readings)
@@ -207,7 +202,7 @@ def predict_dead(readings: NDArray[np.float64], by: Corrections, state: Correcti
 
 
 @compiled
-def corrected_readings(readings: NDArray[np.float64], by: Corrections, state: CorrectionState) -> None:
+def corrected_readings(readings: Floats, by: Corrections, state: CorrectionState) -> None:
     """Sensor readings as in the training world: first of the light, then of dead sensors, predicted from the others."""
     if by.light_ratio < 1.0:
         from_darker(readings, by.light_ratio, state.smooth)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim import light
 from epuckhebb.sim.adaptation.self_check.memory import REPEATS, SelfMemory
+from epuckhebb.sim.arrays import Floats
 
 MISFIT = 2.0  # spreads; a larger misfit is not explained by known causes
 _LEAST_SPREAD = 0.003  # of a reading
@@ -36,15 +37,15 @@ class Findings:
 
     lamp: bool
     dead_sensors: tuple[int, ...]
-    wheel_loss: NDArray[np.float64]
-    wheel_loss_error: NDArray[np.float64]
+    wheel_loss: Floats
+    wheel_loss_error: Floats
     light_ratio: float
     light_ratio_error: float
     distance_misfit: float
     light_misfit: float
 
 
-def find(readings: NDArray[np.float64], memory: SelfMemory) -> Findings:
+def find(readings: Floats, memory: SelfMemory) -> Findings:
     """Compare the sensor readings of a calibration manoeuvre, (steps, inputs), with those in training."""
     lights = memory.lights
     dead = dead_sensors(readings[:, lights:])
@@ -67,15 +68,13 @@ def find(readings: NDArray[np.float64], memory: SelfMemory) -> Findings:
     )
 
 
-def dead_sensors(distances: NDArray[np.float64]) -> NDArray[np.int64]:
+def dead_sensors(distances: Floats) -> NDArray[np.int64]:
     """The numbers of distance sensors that always read exactly 0, at most half of them; distances: (steps, sensors)."""
     silent = np.flatnonzero((distances == 0.0).all(axis=0))
     return silent if 2 * len(silent) <= distances.shape[1] else silent[:0]
 
 
-def least_squares(
-    design: NDArray[np.float64], target: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def least_squares(design: Floats, target: Floats) -> tuple[Floats, Floats, float]:
     """Coefficients that fit the columns of `design` to `target`, their standard errors, and the misfit m.
 
     c = (X'X)^-1 X'y, error = sqrt(diag (X'X)^-1 max(1, m^2)), m = root mean square of y - X c
@@ -92,18 +91,14 @@ def least_squares(
     return found, np.sqrt(np.diag(inverse)) * max(1.0, left), left
 
 
-def _causes(
-    readings: NDArray[np.float64], memory: SelfMemory, used: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def _causes(readings: Floats, memory: SelfMemory, used: NDArray[np.int64]) -> tuple[Floats, Floats, float]:
     """How much of each cause of `memory.effects` is in the readings of these numbers; see `least_squares`."""
     spread = memory.spread[1:, used] + _LEAST_SPREAD  # nothing has moved before the first step
     design = np.stack([(effect[1:, used] / spread).ravel() for effect in memory.effects], axis=1)
     return least_squares(design, ((readings[1:, used] - memory.mean[0][1:, used]) / spread).ravel())
 
 
-def light_ratio(
-    bright: NDArray[np.float64], nominal: NDArray[np.float64], spread: NDArray[np.float64]
-) -> tuple[float, float, float]:
+def light_ratio(bright: Floats, nominal: Floats, spread: Floats) -> tuple[float, float, float]:
     """Present light over training's, its standard error, and the misfit; 1, infinite and nan without usable sensors.
 
     rho = sum(u u0) / sum(u0^2), error = max(0.01, std(u - rho u0)) / sqrt(sum(u0^2))
@@ -124,7 +119,7 @@ def light_ratio(
     return ratio, max(light.NOISE, float(left.std())) / math.sqrt(total), misfit
 
 
-def lamp_is_lit(bright: NDArray[np.float64], nominal: NDArray[np.float64], ratio: float) -> bool:
+def lamp_is_lit(bright: Floats, nominal: Floats, ratio: float) -> bool:
     """Whether the lamp is lit: which of the two fits better where it makes a difference.
 
     u = clip(rho u0, 0, 1) without, clip(rho u0 + lamp, 0, 1) with it; lamp: what it adds in training

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim import random
 from epuckhebb.sim.adaptation.self_check.calibration import calibrate, check_space
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.maze import SIDES, Pose, Side
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.robot import Robot
@@ -35,10 +36,10 @@ class SelfMemory:
     scenario: str
     light: float
     lights: int
-    mean: NDArray[np.float64]
-    spread: NDArray[np.float64]
-    effects: NDArray[np.float64]
-    moments: NDArray[np.float64]
+    mean: Floats
+    spread: Floats
+    effects: Floats
+    moments: Floats
 
     @property
     def inputs(self) -> int:
@@ -47,11 +48,7 @@ class SelfMemory:
 
 
 def check_robot(robot: Robot) -> None:
-    """Check that a robot has the sensors for a self-check.
-
-    Raises:
-        ValueError: it has not.
-    """
+    """Check that a robot has the sensors for a self-check; else a ValueError."""
     others = len(robot.sensors) > 2
     if others or robot.light.places != robot.distance.places or not robot.distance.curve[-1].value > 0:
         raise ValueError(
@@ -71,7 +68,7 @@ def can_check_itself(world: Scenario) -> bool:
     return True
 
 
-def measure_self(training_world: Scenario, readings: Sequence[NDArray[np.float64]]) -> SelfMemory:
+def measure_self(training_world: Scenario, readings: Sequence[Floats]) -> SelfMemory:
     """Measure calibration manoeuvres in the training world; the same arguments always give the same memory.
 
     readings: (samples, inputs) each, of lifetimes there.
@@ -83,9 +80,7 @@ def measure_self(training_world: Scenario, readings: Sequence[NDArray[np.float64
     check_space(training_world)
     start = np.array(training_world.maze.start)
 
-    def measured(
-        kind: int, world: Scenario, side: Side = "left", beside: NDArray[np.float64] | float = 0.0
-    ) -> NDArray[np.float64]:
+    def measured(kind: int, world: Scenario, side: Side = "left", beside: Floats | float = 0.0) -> Floats:
         place = Pose(*(start + beside).tolist())
         keys = [random.key(0, Stream.calibration_noise, kind, SIDES.index(side), repeat) for repeat in range(REPEATS)]
         return np.array([calibrate(world, side, key, start=place).readings for key in keys])
@@ -109,7 +104,7 @@ def measure_self(training_world: Scenario, readings: Sequence[NDArray[np.float64
     )
 
 
-def moments(readings: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+def moments(readings: Sequence[Floats]) -> Floats:
     """The moments of sensor readings, (samples, inputs) each; see `SelfMemory`."""
     inputs = readings[0].shape[1]
     first, second = np.triu_indices(inputs)
@@ -117,13 +112,11 @@ def moments(readings: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     for s in readings:
         terms = np.column_stack([np.ones(len(s)), s, s[:, first] * s[:, second]])
         total += terms.T @ terms
-    means: NDArray[np.float64] = total[np.triu_indices(len(total))] / sum(map(len, readings))
+    means: Floats = total[np.triu_indices(len(total))] / sum(map(len, readings))
     return means
 
 
-def regression(
-    moments: NDArray[np.float64], inputs: int, dead: NDArray[np.int64], others: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def regression(moments: Floats, inputs: int, dead: NDArray[np.int64], others: NDArray[np.int64]) -> Floats:
     """Q of the regression z Q z, z = (1, the others), for the inputs `dead`: (dead, others + 1, others + 1).
 
     Ridge regression of each on the constant, the others and their products of two: c = (T'T + 1e-4 I)^-1 T'y, means

@@ -8,12 +8,8 @@ start as N(0, 1) without bounds; here they start uniform in +-1 and stay within 
 divide the weights of a layer by the largest after each update; here all are clipped, as in the paper.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.sim.plasticity.four_terms import FourTerms
 from epuckhebb.sim.plasticity.rule import Evolved, InitialWeights
@@ -28,8 +24,3 @@ class ABCD(FourTerms):
     evolved: ClassVar = dict.fromkeys(("A", "B", "C", "D", "eta"), _EACH)
 
     initial_weights: InitialWeights = InitialWeights.random
-
-    @classmethod
-    def express(cls, parameters: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
-        """Eta in A, B, C and D."""
-        return {name: parameters["eta"] * parameters[name] for name in cls.coefficients}

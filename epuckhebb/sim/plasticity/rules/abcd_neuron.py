@@ -10,9 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.plasticity.four_terms import FourTerms
 from epuckhebb.sim.plasticity.rule import Evolved
 
@@ -26,7 +24,7 @@ class ABCDNeuron(FourTerms):
     evolved: ClassVar = dict.fromkeys(("A", "B", "C", "D", "eta"), _EACH)
 
     @classmethod
-    def express(cls, parameters: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
+    def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:
         """The coefficients of each synapse, from the numbers of its neurons."""
         p = parameters
         eta = (p["eta_pre"] + p["eta_post"]) / 2.0

@@ -7,12 +7,8 @@ rule; here those of a layer do from the start. The leak is added here: one rule 
 them to their bounds.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.sim.plasticity.four_terms import FourTerms
 from epuckhebb.sim.plasticity.rule import Evolved
@@ -27,8 +23,3 @@ class ABCDShared(FourTerms):
     evolved: ClassVar = dict.fromkeys(("A", "B", "C", "D", "eta"), _EACH)
 
     leak: float = 3.0
-
-    @classmethod
-    def express(cls, parameters: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
-        """Eta in A, B, C and D."""
-        return {name: parameters["eta"] * parameters[name] for name in cls.coefficients}

@@ -11,10 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.plasticity.rule import Evolved, Rule
+from epuckhebb.sim.ranges import check_range
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,10 +31,10 @@ class BaldwinN(Rule):
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
-        self.in_unit_interval("trace_decay", "trace_update")
+        check_range(self, "hebbian", "trace_decay", "trace_update", most=1)
 
     @classmethod
-    def express(cls, parameters: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
+    def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:
         """The factor on N."""
         return {"factor": 10.0 ** parameters["theta"]}
 

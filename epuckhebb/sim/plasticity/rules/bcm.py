@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from epuckhebb.sim.plasticity.rule import Rule
+from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S
 
 
@@ -25,10 +26,7 @@ class BCM(Rule):
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
-        if self.threshold_time_s < STEP_S:
-            raise ValueError(
-                f"hebbian.threshold_time_s must be at least one step, {STEP_S} s, got {self.threshold_time_s}"
-            )
+        check_range(self, "hebbian", "threshold_time_s", least=STEP_S)
 
     @staticmethod
     def synapse(correlation: float, post: float, synapse_state: Any, by: Any) -> float:

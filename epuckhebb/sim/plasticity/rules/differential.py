@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from epuckhebb.sim.plasticity.rule import Rule
+from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S
 
 
@@ -26,8 +27,7 @@ class Differential(Rule):
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
-        if self.trace_time_s < STEP_S:
-            raise ValueError(f"hebbian.trace_time_s must be at least one step, {STEP_S} s, got {self.trace_time_s}")
+        check_range(self, "hebbian", "trace_time_s", least=STEP_S)
 
     @staticmethod
     def synapse(pre: float, post: float, synapse_state: Any, by: Any) -> float:

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.plasticity.rule import Evolved, Rule
 
 
@@ -50,7 +50,7 @@ class Discrete(Rule):
     floor: float = 1.0
 
     @classmethod
-    def express(cls, parameters: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
+    def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:
         """The table as sums, multiplied by eta: r = both a_j a_i + pre a_j + post a_i + none."""
         p = parameters
         expressed = {"threshold": p["threshold"], "high": 0.8 + 0.2 * p["high"], "low": 0.6 + 0.2 * p["low"]}

@@ -21,22 +21,22 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.plasticity.rule import MODULATOR, REWARD, Evolved, Rule
 
 _ONE = Evolved("network", start=0.5, limit=2.0)
 
 
-def _mild(genes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _mild(genes: Floats) -> Floats:
     return 0.2 * genes
 
 
-def _strong(genes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _strong(genes: Floats) -> Floats:
     return 4.0 * (1.0 + genes)
 
 
-def _by_powers(genes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _by_powers(genes: Floats) -> Floats:
     return np.asarray(10.0 ** np.clip(genes, -1.5, 1.0) / 0.3)
 
 
@@ -62,7 +62,7 @@ class Modulated(Rule):
     floor: float = 1.0
 
     @classmethod
-    def express(cls, parameters: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
+    def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:
         """Eta in A, B, C and D."""
         return {name: parameters["eta"] * parameters[name] for name in cls.coefficients}
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from epuckhebb.sim.plasticity.rule import Rule
 from epuckhebb.sim.random import normal
+from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S
 
 _FAR = 2**52  # its random numbers lie where no other noise of a lifetime is
@@ -39,10 +40,8 @@ class Online(Rule):
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
-        if self.window_s < STEP_S:
-            raise ValueError(f"hebbian.window_s must be at least one step, {STEP_S} s, got {self.window_s}")
-        if self.sigma <= 0:
-            raise ValueError(f"hebbian.sigma must be more than 0, got {self.sigma}")
+        check_range(self, "hebbian", "window_s", least=STEP_S)
+        check_range(self, "hebbian", "sigma", above=True)
 
     @staticmethod
     def synapse(

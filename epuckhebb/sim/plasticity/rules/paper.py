@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from epuckhebb.sim.plasticity.rule import Rule
+from epuckhebb.sim.ranges import check_range
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +26,7 @@ class Paper(Rule):
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
-        self.in_unit_interval("trace_decay", "trace_update")
+        check_range(self, "hebbian", "trace_decay", "trace_update", most=1)
 
     @staticmethod
     def synapse(correlation: float, synapse_state: Any, by: Any) -> float:
