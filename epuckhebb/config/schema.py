@@ -319,5 +319,5 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
 
 
 def said(error: BaseException) -> str:
-    """The line of an error that says what is wrong: OmegaConf adds where, and for what it was asked."""
+    """The line of an error that says what is wrong: OmegaConf adds other lines."""
     return _OF_A_RESOLVER.sub("", str(error).splitlines()[0])

@@ -18,7 +18,7 @@ from epuckhebb.config.schema import OPEN, SCHEMAS
 from epuckhebb.runtime.errors import ConfigError, near, question
 from epuckhebb.runtime.resources import data_folder
 
-_BOTH = ("evaluate", "evolve")  # who misspells a key of one may have the other in mind
+_BOTH = ("evaluate", "evolve")  # a misspelt key of one may be a key of the other
 _MANY, _SOME = 30, 4  # choices that are no longer listed in a message, and how many of them are
 _OF_ANY_KEYS = [group for group in OPEN if "." not in group]
 _FEW = 3  # names in a question

@@ -60,10 +60,10 @@ def recording(path: Path) -> Recording:
     samples = -(-config.lifetime.steps // config.lifetime.record_every)
     traces, weights, network = read_traces(run, lifetimes, samples)
     title = caption(config, facts.get("genome", "genome"), list(zip(metrics.controller, metrics.N, strict=True)))
-    return Recording(traces, weights, network, config, title, found_in(run, config), facts.get("notes", []))
+    return Recording(traces, weights, network, config, title, sentences_of(run, config), facts.get("notes", []))
 
 
-def found_in(run: Run, config: EvaluateConfig) -> dict[str, str]:
+def sentences_of(run: Run, config: EvaluateConfig) -> dict[str, str]:
     """A sentence for each side on what the robots of the recorded lifetimes found in their self-check."""
     shown = [row for row in read_findings(run) if row["repeat"] == 0]
     adaptations = " and ".join(f"“{one.name}”" for one in config.controllers if one.adaptation.self_check)

@@ -102,7 +102,7 @@ def _asking() -> list[int]:
 
 
 def exit_with_parent(parent: int) -> None:
-    """Let this process end when its parent does, however that ends: a worker must not outlive who started it.
+    """Let this process end when its parent does, however that ends: a worker must not outlive its parent.
 
     parent: the process that started this one; where the system has given this one another parent, it has ended.
     """

@@ -28,13 +28,13 @@ def is_quiet() -> bool:
 
 
 def say(note: str) -> None:
-    """Tell the user something on standard error, unless this call is quiet."""
+    """Print a note on standard error, unless this call is quiet."""
     if not is_quiet():
         Terminal(stderr=True).print(note, markup=False, soft_wrap=True)
 
 
 def say_once(note: str) -> None:
-    """Tell the user something that holds for many jobs of this process."""
+    """Print a note once for all jobs of this process."""
     if note not in _said and not is_quiet():
         _said.add(note)
         say(note)
@@ -42,7 +42,7 @@ def say_once(note: str) -> None:
 
 @contextmanager
 def saying_if_slow(note: str, after_s: float = 2.0) -> Iterator[None]:
-    """Tell somebody at a terminal if what is done meanwhile takes longer than usual."""
+    """Print a note at a terminal if what is done meanwhile takes longer than usual."""
     timer = threading.Timer(after_s, say, [note])
     timer.daemon = True
     if Terminal(stderr=True).is_watched:
