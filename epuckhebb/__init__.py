@@ -1,9 +1,9 @@
 """Evolved controllers that learn: an e-puck in a T-maze, a genetic algorithm, and Hebbian plasticity on top.
 
 A controller (a network of 234 weights, its genome) is evolved to drive an e-puck through a T-maze: lamp on, go right;
-lamp off, go left. While it lives, Hebbian plasticity may change its weights every 32 ms, the faster the better it does;
-when it dies the changes are forgotten. This package evolves such controllers, lets them live in worlds with other light
-or with obstacles, and says what plasticity did for them.
+lamp off, go left. During a lifetime, Hebbian plasticity may change its weights every 32 ms, the faster the better the
+robot does; each lifetime begins with the evolved weights. This package evolves such controllers, runs their lifetimes
+in worlds with other light or with obstacles, and measures what plasticity did for them.
 
 Axes: X to the robot's right and Y ahead of it at the start; headings anticlockwise from X. Units: m, s, rad, kg.
 Read in this order: sim/maze, light, robot, network, plasticity/rules/paper, fitness, physics, life, lifetime, session,
@@ -95,7 +95,7 @@ def evaluate(
     progress: bool = True,
     **keys: Any,
 ) -> "Evaluation":
-    """Let a genome live with and without plasticity, on the same random numbers. Nothing is written.
+    """Run a genome's lifetimes with and without plasticity, on the same random numbers. Nothing is written.
 
     Every key of the command line is a keyword: `scenario="4obstacles"`, `repeats=5`, `threads=1`. What has a dot is
     given as settings, `lifetime={"duration_s": 60}`, or as text, `"lifetime.duration_s=60"`. Objects go where they

@@ -18,10 +18,10 @@ from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.lifetimes import Evaluated, gather
 from epuckhebb.analysis.self_checks import Checks
 from epuckhebb.config.build import controller_of, network_for, with_controls
-from epuckhebb.config.compose import composed
-from epuckhebb.config.keywords import MASKED, check_keywords, overrides_of, value_text
+from epuckhebb.config.compose import load
+from epuckhebb.config.keywords import overrides_of, value_text
 from epuckhebb.config.overrides import check_config_dir, quoted
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, say_unusual, typed
+from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, say_unusual
 from epuckhebb.evolution.evolve import history_row
 from epuckhebb.runs.evaluate import Prepared, caption, prepare, with_robot
 from epuckhebb.runs.evolve import EvolutionProgress
@@ -77,7 +77,7 @@ class Page:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Evaluation:
-    """What the lifetimes of an evaluation came to; a notebook shows the paper's table.
+    """The results of an evaluation's lifetimes; a notebook shows the paper's table.
 
     Attributes:
         metrics: A row a lifetime, with the columns of `metrics.csv`.
@@ -152,7 +152,7 @@ class Evaluation:
 
 
 class Evolution(NamedTuple):
-    """What an evolution came to. champion: its genes. history: a row a generation, as in `history.csv`."""
+    """The result of an evolution. champion: its genes. history: a row a generation, as in `history.csv`."""
 
     champion: NDArray[np.float64]
     history: pd.DataFrame
@@ -171,7 +171,7 @@ def evaluate(
             raise ConfigError(f"{genome} is no genome; give that first: evaluate('reference', {str(genome)!r})")
         path = resolve_run(genome, "evolve") if str(genome) == LATEST else genome
         words = with_robot([*words, f"genome={quoted(str(path))}"], folder)
-    config = typed(composed("evaluate", words, folder), EvaluateConfig)
+    config = load(EvaluateConfig, words, folder)
     if rule is not None:
         if rule.N == 0 and not isinstance(rule, NoRule):
             raise ConfigError(
@@ -191,15 +191,15 @@ def evaluate(
 def evolve(overrides: Sequence[Any], config_dir: str | Path | None, show: bool, keys: Mapping[str, Any]) -> Evolution:
     """See `epuckhebb.evolve`."""
     progress.be_quiet(not show)
-    config = typed(composed("evolve", overrides_of(overrides, keys), _folder(config_dir)), EvolveConfig)
+    config = load(EvolveConfig, overrides_of(overrides, keys), _folder(config_dir))
     say_unusual(config)
     prepared = prepare_evolution(config)
-    lived = []
+    generations = []
     with EvolutionProgress(config.schedule.generations, quiet=not show, each=False) as bar:
         for generation in prepared.generations(thread_count(config.threads)):
-            lived.append(generation)
+            generations.append(generation)
             bar.show(generation)
-    return Evolution(lived[-1].champion, pd.DataFrame(map(history_row, lived)))
+    return Evolution(generations[-1].champion, pd.DataFrame(map(history_row, generations)))
 
 
 def sweep(
@@ -211,7 +211,6 @@ def sweep(
     keys: Mapping[str, Any],
 ) -> pd.DataFrame:
     """See `epuckhebb.sweep`."""
-    check_keywords(keys)
     if not isinstance(over, Mapping) or not over:
         raise ConfigError(f"over must be keys with their values, as {{'hebbian.N': [0.0002, 0.002]}}, got {over!r}")
     for key, values in over.items():
@@ -221,18 +220,18 @@ def sweep(
             raise ConfigError(f"{key} is given twice, in `over` and by itself")
     progress.be_quiet(not show)
     jobs = [dict(zip(over, values, strict=True)) for values in itertools.product(*over.values())]
-    found = []
+    evaluations = []
     with TaskProgress([1.0] * len(jobs), each=False) as bar:
         for number, job in enumerate(jobs):
             settings = {key: _label(key, value) for key, value in job.items()}
             bar.show(number, ", ".join(f"{key}={value}" for key, value in settings.items()))
             quick = {"lifetime.record_every": 0, **keys, **job}
-            who = quick.pop("genome", genome)
-            result = evaluate(who, overrides, config_dir, False, quick)
-            where = str(who) if isinstance(who, str | Path) else ""
+            given = quick.pop("genome", genome)
+            result = evaluate(given, overrides, config_dir, False, quick)
+            where = str(given) if isinstance(given, str | Path) else ""
             sha256, ids = result.genome.sha256, result.prepared.lifetime_ids
-            found.append(Evaluated(settings=settings, where=where, sha256=sha256, ids=ids, rows=result.metrics))
-    gathered = gather(found)
+            evaluations.append(Evaluated(settings=settings, where=where, sha256=sha256, ids=ids, rows=result.metrics))
+    gathered = gather(evaluations)
     progress.be_quiet(not show)
     if gathered.repeated:
         progress.say(gathered.repeated)
@@ -264,8 +263,6 @@ def _genome_of(given: Any, config: EvaluateConfig) -> Genome:
             "genome must be genes (an array), `reference`, `reference_7`, or where a champion is, got "
             f"{type(given).__name__}"
         )
-    if isinstance(genes, np.ma.MaskedArray):
-        raise ConfigError(MASKED.format("genome"))
     network = network_for(config.world, config.layers)
     plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
     array = np.asarray(genes)

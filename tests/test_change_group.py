@@ -11,9 +11,10 @@ from cases import contents, done, refused
 
 import epuckhebb
 from epuckhebb.cli import completion
-from epuckhebb.config.compose import composed, plain
+from epuckhebb.config.compose import composed
 from epuckhebb.config.conf import groups, rows
 from epuckhebb.config.names import world_of
+from epuckhebb.config.schema import plain
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.studies import leaderboard_jobs, sweep
 
@@ -142,8 +143,8 @@ def test_settings_of_ones_own_are_a_change_too():
         (["change=[narrow,wide]"], ["narrow and wide both change maze"]),
         (["scenario=base_slip_left", "change=[slip]"], ["slip_left and slip both"]),
         (["scenario=base_slip_slip"], ["slip and slip both"]),
-        (["change=[slp_left]"], ["change=slp_left", "Did you mean: slip_left", "epuckhebb keys change"]),
-        (["scenario=base_slp_left"], ["Did you mean: base_slip_left"]),
+        (["change=[slp_left]"], ["change=slp_left", "Did you mean slip_left", "epuckhebb keys change"]),
+        (["scenario=base_slp_left"], ["Did you mean base_slip_left"]),
         (["change=[30]"], ["change=['30']"]),
         (["change=3"], ["change=3"]),
         (["change={light: 0.3}"], ["change.light", "settings of a scenario", "0.3"]),

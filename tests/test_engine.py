@@ -4,15 +4,16 @@ import json
 import time
 
 import pytest
-from omegaconf import OmegaConf
 
+from epuckhebb.config.compose import load
+from epuckhebb.config.schema import ReproduceConfig
 from epuckhebb.runtime import errors, progress
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.runtime.progress import TaskProgress, be_quiet, counting
+from epuckhebb.runtime.progress import Bar, TaskProgress, be_quiet, counting
 from epuckhebb.store import disk
 from epuckhebb.studies.jobs import Task, is_whole, open_study, run_tasks
 
-CFG = OmegaConf.create({"seed": 1})
+CONFIG = load(ReproduceConfig, [])
 
 
 @pytest.fixture
@@ -39,8 +40,8 @@ def status(folder):
 def test_only_what_is_missing_is_done_in_order(study):
     folder, done, task = study
     table = Task("table", (), lambda _: done.append("table"))
-    run_tasks(folder, "study", CFG, ["a"], [task("one"), table])
-    run_tasks(folder, "study", CFG, ["a", "b"], [task("zero"), task("one"), task("two"), table])
+    run_tasks(folder, "study", CONFIG, ["a"], [task("one"), table])
+    run_tasks(folder, "study", CONFIG, ["a", "b"], [task("zero"), task("one"), task("two"), table])
     assert done == ["one", "table", "zero", "two", "table"]
     told = json.loads((folder / "provenance.json").read_text())
     assert told["command_line"] == ["epuckhebb", "study", "a"]
@@ -51,10 +52,10 @@ def test_only_what_is_missing_is_done_in_order(study):
 def test_a_result_that_was_damaged_or_lost_is_made_again(study):
     folder, done, task = study
     both = [task("one"), task("two"), task("three")]
-    run_tasks(folder, "study", CFG, [], both)
+    run_tasks(folder, "study", CONFIG, [], both)
     (folder / "one").write_bytes(b"One")
     (folder / "two").unlink()
-    run_tasks(folder, "study", CFG, [], both)
+    run_tasks(folder, "study", CONFIG, [], both)
     assert done == ["one", "two", "three", "one", "two"]
     assert (folder / "one").read_bytes() == b"one"
     assert set(status(folder)["sha256"]) >= {"one", "two", "three"}
@@ -66,13 +67,13 @@ def test_tables_of_an_earlier_call_that_this_one_has_not_are_no_longer_there(stu
     def tables(*names):
         return Task("tables", (), lambda run: [*(run.write(name, name) for name in names), run.remove_stale()])
 
-    run_tasks(folder, "study", CFG, [], [tables("both.csv", "stale.csv", "mine.csv")])
+    run_tasks(folder, "study", CONFIG, [], [tables("both.csv", "stale.csv", "mine.csv")])
     (folder / "mine.csv").write_text("with notes")
     (folder / "notes.txt").write_text("dear")
     with pytest.raises(KeyboardInterrupt):  # the record of what was written outlasts an interruption
-        run_tasks(folder, "study", CFG, [], [task("two", KeyboardInterrupt()), tables("both.csv")])
+        run_tasks(folder, "study", CONFIG, [], [task("two", KeyboardInterrupt()), tables("both.csv")])
     assert (folder / "stale.csv").exists()
-    run_tasks(folder, "study", CFG, [], [tables("both.csv")])
+    run_tasks(folder, "study", CONFIG, [], [tables("both.csv")])
     names = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
     (aside,) = (name for name in names if name.startswith("set_aside/mine.csv"))
     assert (folder / aside).read_text() == "with notes"
@@ -92,11 +93,11 @@ def test_tables_of_an_earlier_call_that_this_one_has_not_are_no_longer_there(stu
 def test_how_it_ends_is_written_down_and_it_can_go_on(study, error, raised, state):
     folder, done, task = study
     with pytest.raises(raised) as told:
-        run_tasks(folder, "study", CFG, [], [task("one"), task("two", error)])
+        run_tasks(folder, "study", CONFIG, [], [task("one"), task("two", error)])
     assert status(folder)["state"] == state
     assert ("lost" if state == "failed" else "1 of 2 jobs are done") in str(told.value)
-    assert errors.at_work == []
-    run_tasks(folder, "study", CFG, [], [task("one"), task("two")])
+    assert errors.open_folders == []
+    run_tasks(folder, "study", CONFIG, [], [task("one"), task("two")])
     assert done == ["one", "two"]
     assert (status(folder)["state"], "error" in status(folder)) == ("finished", False)
 
@@ -106,14 +107,14 @@ def test_one_process_at_a_time(study):
     with open_study(folder, "study", None, [], []):
         assert status(folder)["state"] == "running"
         with pytest.raises(ConfigError, match="another process is working on"):
-            run_tasks(folder, "study", CFG, [], [task("one")])
+            run_tasks(folder, "study", CONFIG, [], [task("one")])
         assert status(folder)["state"] == "running"
     assert done == []
 
 
 def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work(study):
     folder, _, task = study
-    run_tasks(folder, "study", CFG, [], [task("one")])
+    run_tasks(folder, "study", CONFIG, [], [task("one")])
     killed, working = (f"unfinished/20261122-010203-0123abcd_{number}" for number in (0, 1))
     for name in ("deep", killed, working, "unfinished/of_someone_else"):
         (folder / name).mkdir(parents=True)
@@ -138,13 +139,22 @@ def test_a_result_is_a_file_or_a_run_that_has_finished(tmp_path):
 def test_it_is_told_how_far_a_task_is_and_what_was_done_before_does_not_count(study, monkeypatch, capsys):
     folder, _, task = study
     be_quiet(False)
-    run_tasks(folder, "study", CFG, [], [task("one")])
+    run_tasks(folder, "study", CONFIG, [], [task("one")])
     shown = []
-    monkeypatch.setattr(TaskProgress, "put", lambda _, resolve_names, told: shown.append((resolve_names, told.strip())))
+    monkeypatch.setattr(TaskProgress, "put", lambda _, done, text: shown.append((done, text.strip())))
     half = Task("two", (), lambda run: run.advanced(0.5, "world 2 of 3"), size=4.0)
-    run_tasks(folder, "study", CFG, [], [task("one"), half, Task("three", (), lambda _: None)])
+    run_tasks(folder, "study", CONFIG, [], [task("one"), half, Task("three", (), lambda _: None)])
     assert shown == [(0.0, "2/3  two"), (2.0, "2/3  two  world 2 of 3"), (4.0, "3/3  three")]
     assert "3/3  three  0 s left" in capsys.readouterr().err
+
+
+def test_the_bar_shows_how_much_is_done(monkeypatch):
+    be_quiet(False)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    with Bar("generation", 10) as bar:
+        bar.put(4, "best 0.5")
+        (shown,) = bar.tasks
+    assert (shown.completed, shown.total, shown.description) == (4, 10, "best 0.5")
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import pytest
 from cases import call, contents, done, first_of, refused
-from omegaconf import OmegaConf
 
-from epuckhebb.config.compose import composed, plain
+from epuckhebb.config.compose import composed
+from epuckhebb.config.schema import plain
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.progress import be_quiet
 from epuckhebb.store import disk, genome, provenance
@@ -136,10 +136,10 @@ def test_a_claim_that_does_not_fit_on_the_disk_leaves_no_file(tmp_path, monkeypa
 
     monkeypatch.setattr(disk, "write_atomic", full)
     with pytest.raises(ConfigError, match="No space left"):
-        RunFolder.new(tmp_path / "run", "evaluate", OmegaConf.create({"seed": 1}), [], {}, own)
+        RunFolder.new(tmp_path / "run", "evaluate", "seed: 1\n", [], {}, own)
     assert contents(tmp_path) == {}
     monkeypatch.setattr(disk, "write_atomic", write)
-    with RunFolder.new(tmp_path / "run", "evaluate", OmegaConf.create({"seed": 1}), [], {}, own):
+    with RunFolder.new(tmp_path / "run", "evaluate", "seed: 1\n", [], {}, own):
         assert (tmp_path / "run" / "own_code" / "1" / "my.py").read_bytes() == b"pass"
 
 

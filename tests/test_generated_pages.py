@@ -55,7 +55,7 @@ def all_keys():
 
 
 def row_of(key):
-    return [f"`{key.name}`", f"`{key.default}`" if key.default else "", plain(key.told)]
+    return [f"`{key.name}`", f"`{key.default}`" if key.default else "", plain(key.description)]
 
 
 def parameters():
@@ -88,7 +88,7 @@ def test_the_page_of_methods_has_the_parameters_of_conf(generated):
 
 @pytest.mark.parametrize("command", ["evaluate", "evolve", "reproduce", "leaderboard"])
 def test_every_key_is_told(command):
-    told = {key.name: key.told for group in keys.all_groups() for _, own in sections(group) for key in own}
+    told = {key.name: key.description for group in keys.all_groups() for _, own in sections(group) for key in own}
     assert [name for name, meaning in told.items() if not meaning] == []
     assert [name for group in keys.all_groups() for name, meaning in group.choices.items() if not meaning] == []
     names = {f"{group}.name" for group in groups(command)}  # of files, which the program fills in

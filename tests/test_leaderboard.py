@@ -207,7 +207,7 @@ def test_a_row_of_the_users_own_does_only_what_is_missing(copy, conf, here):
     listed = json.loads(done(*words).stdout)["jobs"]
     assert [job["done"] for job in listed] == [False] * 6  # two champions of the GA, their lives, those with the rule
     (method,) = methods_named(["mine.py:Forgets"], [data_folder("conf")])[1:]
-    assert (method.champions_of, method.told) == ("ga", "a rule of mine.py, laid over")
+    assert (method.champions_of, method.description) == ("ga", "a rule of mine.py, added")
     done(*MADE, conf)
     assert promised(copy) == before
     assert {file: file.stat().st_mtime_ns for file in copy.glob("*/metrics.csv")} == stamps
@@ -366,7 +366,7 @@ def test_every_method_of_the_program_can_be_planned_and_says_what_it_is(here):
     planned = leaderboard_plan.plan("obstacles", ["champions=1"])
     methods = [entry.method for entry in planned.entries]
     assert sorted(method.name for method in methods) == groups("leaderboard")["method"]
-    assert all(method.told for method in methods)
+    assert all(method.description for method in methods)
     kinds = {entry.method.name: entry.row.kind for entry in planned.entries}
     assert (kinds["ga"], kinds["evolve_and_merge"], kinds["best"]) == ("plain", "evolved", "post_hoc")
     assert len(planned.tests["obstacles"]) == 8 + 29
@@ -487,7 +487,7 @@ def test_the_page_of_the_reference_results_tells_what_is_in_their_csv(folder, ge
 # What is refused
 
 BAD = {
-    "no such method": (["methods=abdc"], ["methods=abdc", "did you mean abcd?", "sep_cma_es_varied", "FILE.py:NAME"]),
+    "no such method": (["methods=abdc"], ["methods=abdc", "Did you mean abcd?", "sep_cma_es_varied", "FILE.py:NAME"]),
     "no method": (["methods="], ["methods must name one method"]),
     "a group": (["method=ga"], ["give methods=ga"]),
     "no such file": (["methods=no.py:Mine"], ["no.py", "there is no file"]),

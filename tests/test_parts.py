@@ -133,11 +133,11 @@ def test_a_rerun_takes_the_copy(copy, run, after):
         (copy / "my_rules.py").write_text(ANOTHER)
     else:
         (copy / "my_rules.py").unlink()
-    assert "same bytes" in done("rerun", run).stdout
+    assert "bit-identical" in done("rerun", run).stdout
     (again,) = (copy / "runs").glob("*/*")
     assert copies(again) == [MY_RULES]
     assert hashes(again) == hashes(run)
-    assert "same bytes" in done("rerun", str(again)).stdout
+    assert "bit-identical" in done("rerun", str(again)).stdout
 
 
 @pytest.mark.parametrize("copied", [ANOTHER, None])
@@ -289,7 +289,7 @@ def test_what_changed_is_told_wherever_the_scenario_is(here):
     told = "base (left_wheel=0.8, lifetime.duration_s=2)"
     assert told in (run / "replay.html").read_text()
     assert told in done("show", str(run)).stdout.replace("\n", " ")
-    assert "same bytes" in done("rerun", str(run)).stdout
+    assert "bit-identical" in done("rerun", str(run)).stdout
 
 
 @pytest.mark.thorough
@@ -371,7 +371,7 @@ def test_a_champion_of_another_robot_or_network(others, here, name, layers, robo
     done("replay", "out")
     assert (here / "out" / "replay.html").stat().st_size > 10_000
     done("show", "out")
-    assert "same bytes" in done("rerun", "out").stdout
+    assert "bit-identical" in done("rerun", "out").stdout
     assert genes == len(genome.genes)
 
 
@@ -392,4 +392,4 @@ def test_a_change_in_mid_life_from_end_to_end(here):
     assert (here / "run" / "figures" / "trajectories.png").read_bytes().startswith(b"\x89PNG")
     done("replay", "run")
     assert "light=1 at 1 s" in (here / "run" / "replay.html").read_text()
-    assert "same bytes" in done("rerun", "run").stdout
+    assert "bit-identical" in done("rerun", "run").stdout

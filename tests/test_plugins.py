@@ -10,7 +10,8 @@ from cases import done, refused
 
 from epuckhebb import Rule
 from epuckhebb.config import plugins
-from epuckhebb.config.compose import composed, plain
+from epuckhebb.config.compose import composed
+from epuckhebb.config.schema import plain
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.studies.identity import Identities
 
@@ -137,7 +138,7 @@ def test_a_run_keeps_two_rules_of_one_file_name_and_needs_the_files_no_more():
     done("replay", "run", "-o", "after.html")
     assert Path("after.html").read_bytes() == Path("before.html").read_bytes()
     assert "Left out, as one controller is taken of a run: a, b" in done("export", "run", "--webots", "-o", "c").stdout
-    assert "same bytes" in done("rerun", "run").stdout
+    assert "bit-identical" in done("rerun", "run").stdout
     assert not Path("done").exists()
 
 

@@ -103,7 +103,6 @@ evaluate -q --cfg=job ~scenario=1.5                     | ~scenario=1.5
 evaluate hebbian.N                                      | hebbian.N | KEY=VALUE
 evaluate hebbian.N=0,0.002 scenario=base,4obstacles     | --multirun
 evaluate -m hebbian.N=0,-1                              | hebbian.N | -1
-evaluate compare.x={{N:0.1,N:0.2}}                      | {{N:0.1,N:0.2}}
 evaluate compare.a=5                                    | compare.a | 5
 evaluate +compare.a={{N:-1}}                            | compare.a | N must be 0 or more
 evaluate +compare.GA={{N:1}}                            | compare.GA

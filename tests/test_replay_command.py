@@ -10,7 +10,6 @@ import webbrowser
 import numpy as np
 import pytest
 from cases import call, done, refused
-from omegaconf import OmegaConf
 from PIL import Image
 
 from epuckhebb.analysis import movie
@@ -88,7 +87,7 @@ def test_a_run_that_recorded_nothing_says_how_to_record(tmp_path):
 
 
 def test_a_run_of_evolve_points_to_evaluate(tmp_path):
-    run = RunFolder.new(tmp_path / "run", "evolve", OmegaConf.create({"seed": 1}), [], {})
+    run = RunFolder.new(tmp_path / "run", "evolve", "seed: 1\n", [], {})
     with run:
         pass
     assert f"epuckhebb evaluate genome={run.path}" in refused("replay", run.path)

@@ -29,7 +29,7 @@ def _no_figures(monkeypatch):
 def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("reproduce"))
-        patch.setattr(TaskProgress, "put", lambda _, resolve_names, told: SHOWN.append((resolve_names, told)))
+        patch.setattr(TaskProgress, "put", lambda _, done, text: SHOWN.append((done, text)))
         result = done(*ALL)
         (folder,) = (tmp_path_factory.getbasetemp() / "reproduce0" / "runs" / "reproduce").iterdir()
         yield folder, result
@@ -48,8 +48,8 @@ def test_it_leaves_report_tables_and_figures(made):
 
 @pytest.mark.usefixtures("made")
 def test_the_bar_moves_within_the_steps():
-    resolve_names, told = zip(*SHOWN, strict=True)
-    assert list(resolve_names) == sorted(resolve_names)
+    shares, told = zip(*SHOWN, strict=True)
+    assert list(shares) == sorted(shares)
     assert [line.strip() for line in told[:4]] == [
         "1/9  evolve light_seed001",
         "1/9  evolve light_seed001  compiling …",

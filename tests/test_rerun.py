@@ -68,8 +68,8 @@ def test_show_tells_all_of_it(run):
 
 def test_a_repeated_run_is_the_same_bytes(run):
     result = done("rerun", str(run))
-    assert result.stdout.startswith("same bytes: runs/")
-    again = Path(result.stdout.removeprefix("same bytes: ").strip())
+    assert result.stdout.startswith("bit-identical: runs/")
+    again = Path(result.stdout.removeprefix("bit-identical: ").strip())
     assert json.loads((again / "provenance.json").read_text())["rerun_of"] == "run"
 
 

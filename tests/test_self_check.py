@@ -15,7 +15,7 @@ from epuckhebb.analysis.replay import page
 from epuckhebb.analysis.self_checks import findings, in_words, self_checks, text
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
-from epuckhebb.export.replay import found_in
+from epuckhebb.export.replay import sentences_of
 from epuckhebb.sim.adaptation.adaptation import Adaptation, Exploration
 from epuckhebb.sim.adaptation.change_signal import no_nominal
 from epuckhebb.sim.adaptation.self_check.calibration import STEPS, calibrate, check_space
@@ -367,7 +367,7 @@ def test_the_page_of_a_replay_says_what_was_found(genomes, memory, tmp_path):
     checks = self_checks(memory, weak, 1.0, repeats=1, seed=1)
     findings(checks).to_csv(tmp_path / "findings.csv", index=False)
     config = typed(composed("evaluate", ["adaptation=self_check", "scenario=highlight_weak"]), EvaluateConfig)
-    found = found_in(Run(tmp_path), config)
+    found = sentences_of(Run(tmp_path), config)
     sentence = "Before its life, the robot with “self_check” found: left wheel 10 % slow."
     assert found == {"left": sentence, "right": sentence}
     lifetime = Lifetime(duration_s=1, gain_rad_s=4, record_every=8)

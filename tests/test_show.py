@@ -141,4 +141,4 @@ def test_it_is_told_that_robots_came_to_the_goal_and_drove_on(capsys):
     )
     metrics = metrics.assign(success=[0, 0, 1], time_to_goal_s=[12.0, np.nan, 20.0])
     show_run.print_metrics(metrics, Console(width=200))
-    assert "1 of 3 lifetimes came to the goal and drove on; success is asked at the end." in capsys.readouterr().out
+    assert "1 of 3 lifetimes reached the goal and drove on" in capsys.readouterr().out

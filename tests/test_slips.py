@@ -9,10 +9,10 @@ import epuckhebb
     ("slip", "told"),
     [
         (lambda: epuckhebb.evaluate(repeat=3), "repeats"),
-        (lambda: epuckhebb.evaluate(hebbian={"n": 3}), "did you mean N"),
-        (lambda: epuckhebb.evaluate(hebbian={"N": "a lot"}), "hebbian.N must be a number"),
-        (lambda: epuckhebb.evaluate(progres=False), "there is no keyword progres; did you mean progress"),
-        (lambda: epuckhebb.sweep(ovr={"seed": [1]}), "there is no keyword ovr; did you mean over"),
+        (lambda: epuckhebb.evaluate(hebbian={"n": 3}), "Did you mean N"),
+        (lambda: epuckhebb.evaluate(hebbian={"N": "a lot"}), "hebbian.N must be a finite number"),
+        (lambda: epuckhebb.evaluate(progres=False), "progres"),
+        (lambda: epuckhebb.sweep(ovr={"seed": [1]}), "over must be keys"),
         (lambda: epuckhebb.sweep(seed=1), "over must be keys with their values"),
     ],
 )

@@ -20,6 +20,7 @@ from omegaconf import OmegaConf
 
 from epuckhebb.config import compose
 from epuckhebb.config.conf import groups
+from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.runs import evaluate as runs_evaluate
 from epuckhebb.runs import hydra
 from epuckhebb.runtime.resources import data_folder
@@ -95,7 +96,7 @@ def test_what_is_listed_is_what_hydra_would_compose(words):
     jobs = sweep.plan("n_sweep", words).jobs
     assert len({job.run for job in jobs}) == len(jobs) > 1
     for job in jobs:
-        assert compose.plain(compose.composed("evaluate", job.overrides)) == job.config
+        assert compose.load(EvaluateConfig, job.overrides).values == job.config
         assert identities.of(job.config) == identity.Identities().of(job.config) == job.run
 
 

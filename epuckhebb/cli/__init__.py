@@ -1,5 +1,5 @@
 """The command line: commands, their options, completion, and everything that is printed.
 
 It imports what is heavy inside a command, so that help and completion come at once.
-Others may import `verbs.main` alone.
+Others may import `commands.main` alone.
 """

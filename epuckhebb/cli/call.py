@@ -67,9 +67,9 @@ def print_study(folder: Path, as_json: bool, quiet: bool) -> None:
 
 
 def print_jobs(
-    command: str, folder: Path, jobs: "list[Job]", as_json: bool, quiet: bool, told: "dict[str, str] | None" = None
+    command: str, folder: Path, jobs: "list[Job]", as_json: bool, quiet: bool, purposes: "dict[str, str] | None" = None
 ) -> None:
-    """List the jobs of a study that is not run. told: what each run is for; its overrides unless given."""
+    """List the jobs of a study that is not run. purposes: of each run; its overrides unless given."""
     from epuckhebb.cli import show_study
     from epuckhebb.studies import jobs as study_jobs
 
@@ -79,7 +79,7 @@ def print_jobs(
             "run": job.run,
             "done": job.run not in todo,
             "overrides": job.overrides,
-            "told": told[job.run] if told else " ".join(job.overrides),
+            "what": purposes[job.run] if purposes else " ".join(job.overrides),
         }
         for job in jobs
     ]

@@ -81,7 +81,7 @@ def evaluate(
     as_json: Json = False,
     open_page: Open = False,
 ) -> None:
-    """Let a genome live in a scenario, with and without plasticity."""
+    """A genome's lifetimes with and without plasticity."""
     from epuckhebb.runs.evaluate import evaluate_job, prepare, recorded_job, with_robot
 
     if open_page and (multirun or cfg):
@@ -248,14 +248,16 @@ def show(
 def keys(
     group: Annotated[
         str | None,
-        typer.Argument(metavar="GROUP", help="One group, or a verb.  [all]", autocompletion=completion.complete_group),
+        typer.Argument(
+            metavar="GROUP", help="One group, or a command.  [all]", autocompletion=completion.complete_group
+        ),
     ] = None,
 ) -> None:
     """Every key, its default, what it is, and choices of groups."""
-    from epuckhebb.cli.keys import tell
+    from epuckhebb.cli.keys import print_groups
     from epuckhebb.config import keys as known
 
-    tell([known.group_named(group)] if group else known.all_groups(), Terminal())
+    print_groups([known.group_named(group)] if group else known.all_groups(), Terminal())
 
 
 @app.command()
@@ -291,7 +293,7 @@ def export(
 @app.command()
 @report_errors()
 def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
-    """Repeat a run, and say whether its CSV files are the same bytes."""
+    """Repeat a run, and check that its CSV files are bit-identical."""
     from epuckhebb.runs.rerun import rerun as repeat
     from epuckhebb.store import resolve_run
 
@@ -300,7 +302,7 @@ def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
     new, difference = repeat(run)
     found = {"command": "rerun", "run": str(run), "new": str(new), "difference": difference}
     hidden = quiet or bool(difference)
-    print_result(as_json, hidden, lambda: found, lambda console: print_line(console, f"same bytes: {new}"))
+    print_result(as_json, hidden, lambda: found, lambda console: print_line(console, f"bit-identical: {new}"))
     if difference:
         print_error(f"{new}: {difference}")
         raise typer.Exit(JOB_FAILED)

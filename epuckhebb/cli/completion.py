@@ -44,7 +44,7 @@ def complete_shown(incomplete: str) -> list[str]:
 
 
 def complete_group(incomplete: str) -> list[str]:
-    """Completions of a group of keys; a verb stands for its own ones."""
+    """Completions of a group of keys; a command stands for its own ones."""
     commands = ("evaluate", "evolve", "reproduce", "leaderboard")
     known = [*commands, *(name for command in commands for name in groups(command) if name != "experiment")]
     return [name for name in dict.fromkeys(known) if name.startswith(incomplete)]

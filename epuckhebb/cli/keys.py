@@ -13,15 +13,15 @@ from epuckhebb.config.keys import Group, Key
 from epuckhebb.runtime.console import print_table
 
 
-def tell(wanted: Sequence[Group], console: Console) -> None:
+def print_groups(wanted: Sequence[Group], console: Console) -> None:
     """Print groups: their choices, then their keys."""
     for group in wanted:
         console.print(Text(title(group), style="bold"))
         if group.choices:
             print_table(console, "", ("choice", "what it is"), group.choices.items(), text=2)
-        for told, keys in sections(group):
-            rows = ((key.name, key.default, key.told) for key in keys)
-            print_table(console, told, ("key", "default", "what it is"), rows, text=3)
+        for before, keys in sections(group):
+            rows = ((key.name, key.default, key.description) for key in keys)
+            print_table(console, before, ("key", "default", "what it is"), rows, text=3)
 
 
 def title(group: Group) -> str:

@@ -16,7 +16,7 @@ _FROM_TO = re.compile(rf"{REFERENCE}_(\d+),\.\.\.,{REFERENCE}_(\d+)")
 
 
 class ConfiguredCommand(TyperCommand):
-    """A verb that takes `key=value`; its help lists the configuration groups."""
+    """A command that takes `key=value`; its help lists the configuration groups."""
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write examples, then the groups and their choices, below the options."""
@@ -112,8 +112,8 @@ def with_experiment(words: list[str] | None, usual: str) -> tuple[str, list[str]
 def with_genomes_named(overrides: list[str] | None) -> list[str]:
     """Overrides in which the folder of the latest evolution stands in place of `genome=latest` and `resume=latest`.
 
-    So what is written down of a call stays true when there are later ones. `genome=reference_1,...,reference_20` gets
-    the names between.
+    A run then notes which evolution it used, whatever evolves later. `genome=reference_1,...,reference_20` gets the
+    names between.
     """
     return list(map(_with_genome_named, overrides or []))
 

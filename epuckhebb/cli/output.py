@@ -80,7 +80,7 @@ def json_text(values: Any) -> str:
 
 
 def begin(quiet: bool) -> None:
-    """What a verb does first, when all that it needs is imported: see `main`."""
+    """What a command does first, when all that it needs is imported: see `main`."""
     from epuckhebb.runtime import progress
 
     gc.freeze()

@@ -50,15 +50,15 @@ def print_finished(finished: list[Path], console: Console) -> None:
 
 
 def _print_next_steps(run: Path, console: Console) -> None:
-    """Print what to type to see the champion of a new evolution, and to let it live."""
+    """Print what to type to see the champion of a new evolution, and to evaluate it."""
     champion = load_genome(str(run), "")
     if champion.task:
         settings = f"task={champion.task} hebbian={champion.rule or 'none'} repeats=100"
-        print_line(console, f"To let it live new lives: epuckhebb evaluate genome=latest {settings}")
+        print_line(console, f"To evaluate it in new lifetimes: epuckhebb evaluate genome=latest {settings}")
     else:
         changed = _CHANGED[champion.nominal.experiment if champion.nominal else "obstacles"]
         print_line(console, "What it remembers of its training world: epuckhebb show latest")
-        print_line(console, f"To let it live in a changed one: epuckhebb evaluate genome=latest scenario={changed}")
+        print_line(console, f"To evaluate it in a changed world: epuckhebb evaluate genome=latest scenario={changed}")
 
 
 def _print_multirun(finished: list[Path], console: Console, *, each: bool) -> None:

@@ -55,8 +55,8 @@ def _print_self_memory(memory: SelfMemory, console: Console) -> None:
         for wheel, error in zip(("Left", "Right"), expected.wheel_loss_error, strict=True)
     ]
     rows.append(("Light", f"± {100 * expected.light_ratio_error:.1f} % of {memory.scenario}'s"))
-    title = f"Self-check: a dance of {len(memory.spread)} steps, remembered of {memory.scenario}; standard errors"
-    print_table(console, title, ("", "is told to"), rows)
+    title = f"Self-check: a calibration of {len(memory.spread)} steps, remembered of {memory.scenario}; standard errors"
+    print_table(console, title, ("", "is known to"), rows)
 
 
 def _print_nominal(nominal: Nominal, genome: Genome, console: Console) -> None:
@@ -73,8 +73,8 @@ def _print_nominal(nominal: Nominal, genome: Genome, console: Console) -> None:
     for kind, first, count in (("Light", 0, genome.lights), ("Distance", genome.lights, inputs - genome.lights)):
         for place in range(count):
             means, spreads = nominal.reading_mean[:, first + place], nominal.reading_spread[:, first + place]
-            told = (f"{mean:.2f} ± {spread:.2f}" for mean, spread in zip(means, spreads, strict=True))
-            rows.append((f"{kind} reading {place}", *told))
+            cells = (f"{mean:.2f} ± {spread:.2f}" for mean, spread in zip(means, spreads, strict=True))
+            rows.append((f"{kind} reading {place}", *cells))
     title = f"Nominal: {nominal.scenario} at {nominal.gain_rad_s:g} rad/s"
     print_table(console, title, ("", "left (lamp off)", "right (lamp on)"), rows)
 

@@ -31,7 +31,7 @@ def print_metrics(metrics: pd.DataFrame, console: Console) -> None:
     drove_on = int(((metrics.success == 0) & metrics.time_to_goal_s.notna()).sum())
     if drove_on:
         of = f"{drove_on} of {len(metrics)} lifetimes"
-        print_line(console, f"{of} came to the goal and drove on; success is asked at the end.")
+        print_line(console, f"{of} reached the goal and drove on; success counts at the end.")
 
 
 def evaluation_in_short(path: Path) -> str:
@@ -83,8 +83,8 @@ def _fittest(path: Path, last: pd.Series) -> str:
         return f"the fittest reached its goal in {100 * last.best_success:.0f} % of its training lifetimes"
     bonus = task["end_bonus"] + task["progress_bonus"] + config["training"]["success_bonus"] * last.best_success
     return (
-        f"rewarded share of the fittest in training: {max(0.0, last.best_fitness - bonus):.3f} or more (its fitness "
-        f"without the {bonus:.3g} that a robot gets which comes to an end in every trial)"
+        f"rewarded share of the fittest in training: {max(0.0, last.best_fitness - bonus):.3f} or more (its "
+        f"fitness without {bonus:.3g}, the bonus of a robot that reaches an end in every trial)"
     )
 
 
@@ -104,7 +104,7 @@ def _print_notes_and_findings(path: Path, console: Console) -> None:
     """Print what a reader of the table must know, and what robots found in their self-checks."""
     for note in Run(path).provenance.get("notes", []):
         console.print(Text(note))
-    found = in_words(read_findings(Run(path)))
-    if found:
-        rows = [(side, text, count) for side, said in found.items() for text, count in said]
+    findings = in_words(read_findings(Run(path)))
+    if findings:
+        rows = [(side, text, count) for side, counts in findings.items() for text, count in counts]
         print_table(console, "Found by the self-check", ("side", "it found", "lifetimes"), rows, text=2)

@@ -18,7 +18,7 @@ from epuckhebb.store import Run, is_bundled, load_genome
 
 def print_jobs(folder: Path, listed: list[dict[str, Any]], console: Console) -> None:
     """List the jobs of a sweep or a leaderboard that is not run: what each is for, or what would be typed."""
-    rows = [(n, "done" if job["done"] else "to do", job["told"]) for n, job in enumerate(listed)]
+    rows = [(n, "done" if job["done"] else "to do", job["what"]) for n, job in enumerate(listed)]
     print_table(console, f"{len(listed)} jobs in {folder}/", ("job", "", "what"), rows, text=3)
     done = sum(job["done"] for job in listed)
     print_line(console, f"{done} done, {len(listed) - done} to do; nothing was run.")

@@ -10,12 +10,12 @@ from epuckhebb.config.parts import (
     NONE,
     PAPER,
     optimizer_class,
-    part_settings,
     rule_class,
     rule_names,
     task_class,
 )
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
+from epuckhebb.config.values import part_settings
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.adaptation import Adaptation
@@ -99,7 +99,7 @@ def optimizer_from(settings: Mapping[str, Any], ga: Optimizer | None) -> Optimiz
 
 
 def not_its_settings(optimizer: str) -> ConfigError:
-    """The error of who gives settings of the genetic algorithm to another optimizer."""
+    """The error of settings of the genetic algorithm for another optimizer."""
     return ConfigError(
         f"ga and its keys are settings of optimizer=ga; those of optimizer={optimizer} are optimizer.population and so "
         "on. Leave out ga, or give optimizer=ga"
@@ -107,12 +107,12 @@ def not_its_settings(optimizer: str) -> ConfigError:
 
 
 def controller_from(hebbian: Mapping[str, Any], adaptation: Adaptation, key: str = "hebbian") -> Controller:
-    """The controller of a run: its rule and what is laid over it, by the paper's name if it is the paper's rule."""
+    """The controller of a run: its rule and its adaptation, by the paper's name if the rule is the paper's."""
     return controller_of(rule_from(hebbian, key), adaptation, hebbian.get("name") or "")
 
 
 def controller_of(rule: Rule, adaptation: Adaptation, called: str = "") -> Controller:
-    """The controller of a rule and what is laid over it. called: the name of the rule; its class unless given."""
+    """The controller of a rule and an adaptation. called: the name of the rule; its class unless given."""
     control = "" if rule.sign is Sign.hebbian else f" ({rule.sign.name})"
     if adaptation.acts:
         name = f"{adaptation.name}{control}"
@@ -154,9 +154,9 @@ def compared(name: str, settings: Any, paper_rate: float) -> Controller:
 
 
 def with_controls(controller: Controller, task: Task) -> list[Controller]:
-    """A controller, unless it does nothing, and the control that it has in a task that tells a reward.
+    """A controller, unless it does nothing, and the control that it has in a task that gives a reward.
 
-    The control is the same controller, whose rule hears the reward inverted; a rule that hears none has no control.
+    The control is the same controller, whose rule receives the reward inverted. A rule without reward has no control.
     """
     if controller.is_ga_alone:
         return []
@@ -244,7 +244,7 @@ def check_signal(controller: Controller, robot: Robot) -> None:
 
 
 def check_task(controller: Controller, task: Task) -> None:
-    """Refuse what a task leaves no sense: an adaptation where there is no one goal, a reward that nobody tells."""
+    """Refuse an adaptation where there is no one goal, and a setting of a reward that the task does not give."""
     if task.has_trials and controller.adaptation.acts:
         raise ValueError(
             f"adaptation={controller.adaptation.name} compares a life with those in the training world, where there is "
@@ -252,12 +252,12 @@ def check_task(controller: Controller, task: Task) -> None:
         )
     if controller.rule.reward is not Reward.given and not task.gives_reward:
         raise ValueError(
-            f"hebbian.reward={controller.rule.reward.name} does nothing with task={task.name}, which tells no reward"
+            f"hebbian.reward={controller.rule.reward.name} does nothing with task={task.name}, which gives no reward"
         )
 
 
 def check_self_check(adaptation: Adaptation, world: Scenario, lifetime: Lifetime) -> None:
-    """Refuse a self-check for a robot that has not the sensors, and a dance that counts and has no time."""
+    """Refuse a self-check for a robot that has not the sensors, and a calibration that counts and has no time."""
     if adaptation.self_check:
         check_robot(world.robot)
     if adaptation.calibration_counts:

@@ -19,9 +19,10 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config.conf import groups
 from epuckhebb.config.explain import explain
-from epuckhebb.config.hydra_cache import parse_once, refuse_repeated_keys, users_first
+from epuckhebb.config.hydra_cache import parse_once, users_first
 from epuckhebb.config.names import resolve_names, world_name
 from epuckhebb.config.overrides import with_names_compared
+from epuckhebb.config.schema import SCHEMAS, Config, Plain, command_of, plain, typed
 from epuckhebb.config.stored import as_config
 from epuckhebb.config.words import check_words
 from epuckhebb.config.yaml_file import NO_ENVIRONMENT
@@ -37,27 +38,32 @@ _REFERENCE = re.compile(rf"\$\{{[^}}]*\b({'|'.join(_ALONE)})\b")
 _KEPT = 64  # compositions that are kept for the next combination
 VERSION_BASE: dict[str, Any] = {} if IS_HYDRA_1_4 else {"version_base": "1.3"}  # from 1.4 on it is warned about
 parse_once()
-refuse_repeated_keys()
 
 
-Plain = dict[str, Any]  # a configuration of plain values
-
-
-def composed(
-    command: str, overrides: list[str], config_dir: str | None = None, *, with_hydra: bool = False
-) -> DictConfig:
-    """The configuration that a verb would run with these overrides.
+def load(schema: type[Config], overrides: list[str], config_dir: str | None = None) -> Config:
+    """The checked configuration of a command: `conf/`, the user's folder and overrides.
 
     Args:
-        command: The command.
+        schema: Its dataclass, which belongs to one command.
         overrides: As on the command line.
         config_dir: A folder with more configuration files.
-        with_hydra: Whether to include what Hydra keeps for itself.
 
     Raises:
-        ConfigError: They do not make one.
+        ConfigError: They do not make one, or a value is outside its range; the message names the key.
     """
-    return _with_names(*_composed(command, overrides, config_dir), with_hydra=with_hydra)
+    return typed(composed(command_of(schema), overrides, config_dir), schema)
+
+
+def swept(overrides: list[str], config_dir: str | None = None) -> dict[str, str]:
+    """For each key the values that a named sweep of `evaluate` gives it; empty if the overrides name none."""
+    params = _composed("evaluate", overrides, config_dir)[1].sweeper.params
+    return {str(key): str(values) for key, values in (params or {}).items()}
+
+
+def composed(command: str, overrides: list[str], config_dir: str | None = None) -> DictConfig:
+    """The configuration that a command would run with these overrides, all names in it."""
+    cfg, hydras, folders = _composed(command, overrides, config_dir)
+    return resolve_names(cfg, hydras.runtime.choices, folders)
 
 
 def _composed(command: str, overrides: list[str], config_dir: str | None) -> tuple[DictConfig, DictConfig, list[Path]]:
@@ -73,14 +79,6 @@ def _composed(command: str, overrides: list[str], config_dir: str | None) -> tup
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
         hydras = cfg.pop("hydra")
     return cfg, hydras, folders_of(hydras.runtime)
-
-
-def _with_names(cfg: DictConfig, hydras: DictConfig, folders: list[Path], *, with_hydra: bool = False) -> DictConfig:
-    resolve_names(cfg, hydras.runtime.choices, folders)
-    if with_hydra:
-        with flag_override(cfg, ["struct", "readonly"], [False, False]):
-            cfg.hydra = hydras
-    return cfg
 
 
 def folders_of(runtime: Any) -> list[Path]:
@@ -113,19 +111,12 @@ _register("epuckhebb.other_light", lambda light: DIM if light > (BRIGHT + DIM) /
 _register("oc.env", _environment, replace=True)  # what is written down of a run would tell what its environment holds
 
 
-def plain(cfg: DictConfig) -> Plain:
-    """A composed configuration as plain values, every reference resolved."""
-    values = OmegaConf.to_container(cfg, resolve=True, enum_to_str=True)
-    assert isinstance(values, dict)
-    return {str(key): value for key, value in values.items()}
-
-
 def combinations(
     command: str,
     fixed: list[str],
     choices: dict[str, list[str]],
     config_dir: str | None,
-    meet: Callable[[Plain, DictConfig], object] = lambda _config, _cfg: None,
+    validate_shared: Callable[[Plain, Callable[[], Any]], object] = lambda _values, _load: None,
 ) -> Iterator[tuple[list[str], Plain]]:
     """Every combination of the choices (as from `alternatives`), as overrides and as a configuration of plain values.
 
@@ -137,7 +128,8 @@ def combinations(
         fixed: Overrides that all have.
         choices: For each key the overrides that it has in turn.
         config_dir: A folder with more configuration files.
-        meet: Is given each configuration that others share but for a genome, a seed and the like, also as Hydra has it.
+        validate_shared: Is given each configuration that others share but for a genome, a seed and the like, as plain
+            values, and a function that makes the checked configuration of it.
     """
     values = {key for key in choices if _VALUE_KEY.fullmatch(key) and key not in groups(command)}
 
@@ -151,19 +143,19 @@ def combinations(
         return one.key_or_group, one.value()
 
     @functools.cache
-    def shared(asked: tuple[tuple[str, str], ...]) -> tuple[Plain, bool]:
+    def shared(pairs: tuple[tuple[str, str], ...]) -> tuple[Plain, bool]:
         """A configuration, and whether something in it refers to a genome, a seed or the like."""
-        raw, hydras, folders = of_groups(tuple(override for key, override in asked if key not in values))
+        raw, hydras, folders = of_groups(tuple(override for key, override in pairs if key not in values))
         cfg = copy.deepcopy(raw)
         try:
-            for key, override in asked:
+            for key, override in pairs:
                 if key in values:
                     OmegaConf.update(cfg, *parsed(override))
         except OmegaConfBaseException:  # Hydra can put it in, or says why not
-            cfg = _composed(command, [*fixed, *(override for _, override in asked)], config_dir)[0]
-        _with_names(cfg, hydras, folders)
+            cfg = _composed(command, [*fixed, *(override for _, override in pairs)], config_dir)[0]
+        resolve_names(cfg, hydras.runtime.choices, folders)
         config = plain(cfg)
-        meet(config, cfg)
+        validate_shared(config, functools.partial(typed, cfg, SCHEMAS[command]))
         return config, bool(_REFERENCE.search(str(unresolved(cfg))))
 
     @functools.cache
@@ -176,11 +168,11 @@ def combinations(
             raise ConfigError(explain(error)) from error
 
     for overrides in itertools.product(*choices.values()):
-        asked = tuple(zip(choices, overrides, strict=True))
-        alone = [override for key, override in asked if key in _ALONE and "${" not in override]
-        config, refers = shared(tuple(pair for pair in asked if pair[1] not in alone))
+        pairs = tuple(zip(choices, overrides, strict=True))
+        alone = [override for key, override in pairs if key in _ALONE and "${" not in override]
+        config, refers = shared(tuple(pair for pair in pairs if pair[1] not in alone))
         if refers:
-            config = shared(asked)[0]
+            config = shared(pairs)[0]
         else:
             for override in alone:
                 config = {**config, **of_type(override)}

@@ -15,7 +15,7 @@ _ROW = re.compile(r'^((?:# .*\n)+)"?(\w+)"?:', re.MULTILINE)  # comments, and th
 
 
 def groups(command: str) -> dict[str, list[str]]:
-    """The configuration groups of a verb and their choices, as the names of the files say."""
+    """The configuration groups of a command and their choices, as the names of the files say."""
     defaults = command_file(command).read_text(encoding="utf-8")
     conf = data_folder("conf")
     names = sorted({*TABLES, *(path.name for path in conf.iterdir() if path.is_dir())})
@@ -49,7 +49,7 @@ def _comment(lines: Sequence[str]) -> str:
 
 
 def command_file(command: str) -> Path:
-    """The configuration file of a verb; a sweep is of evaluations."""
+    """The configuration file of a command; a sweep is of evaluations."""
     return data_folder("conf") / f"{'evaluate' if command == 'sweep' else command}.yaml"
 
 

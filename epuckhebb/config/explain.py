@@ -6,8 +6,8 @@ from hydra.errors import MissingConfigException, OverrideParseException
 
 from epuckhebb.config.conf import groups, rows
 from epuckhebb.config.schema import said
-from epuckhebb.config.words import asked, choices_of, near_keys
-from epuckhebb.runtime.errors import near
+from epuckhebb.config.words import choices_of, near_keys
+from epuckhebb.runtime.errors import did_you_mean, question
 
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}  # what is missing of Hydra's -> the extra of this package that has it
 _KINDS = {"Float": "a number", "Integer": "a whole number", "Boolean": "true or false"}  # OmegaConf's words, and ours
@@ -59,32 +59,32 @@ def _missing(error: MissingConfigException, missing: str) -> str:
     file = re.match(r"In '(\w+/[^']+)': Could not load", str(error))
     known = groups("evolve").get(group, groups("evaluate").get(group, []))
     if file:
-        return f"{file[1]}.yaml: there is no {group}={name}, which its defaults name{asked(near(name, known))}"
+        return f"{file[1]}.yaml: there is no {group}={name}, which its defaults name{did_you_mean(name, known, 3)}"
     options = list(error.options or known)
     changed = [f"{one}_{change}" for one in options for change in rows("change")] if group == "scenario" else []
     return (
-        f"there is no {group}={name}{asked(near(name, [*options, *changed]))}\n{choices_of(group, options)}\n"
+        f"there is no {group}={name}{did_you_mean(name, [*options, *changed], 3)}\n{choices_of(group, options)}\n"
         f"Is it a file of yours, {group}/{name}.yaml? Then add --config-dir and the folder of {group}/"
     )
 
 
-def _of_file(group: str, name: str, key: str, told: str) -> str:
+def _of_file(group: str, name: str, key: str, message: str) -> str:
     """What to say of a key in a file of a group."""
-    file, unknown = f"{group}/{name}.yaml", re.match(r"Key '([^']+)' not in", told)
+    file, unknown = f"{group}/{name}.yaml", re.match(r"Key '([^']+)' not in", message)
     if not unknown:
-        return f"{file}: {_of_key(key, told)}"
+        return f"{file}: {_of_key(key, message)}"
     if unknown[1] == group == "experiment":
         return f"{file} must begin with the line `# @package _global_`: its keys are those of the whole configuration"
     if unknown[1] == group:
         return f"{file}: leave out the line `{group}:`, and begin the keys below it at the left edge"
-    return f"{file}: there is no key {key}{asked(near_keys('evaluate', key))}"
+    return f"{file}: there is no key {key}{question(near_keys('evaluate', key))}"
 
 
-def _of_key(key: str, told: str) -> str:
+def _of_key(key: str, message: str) -> str:
     """What OmegaConf says of a key or its value."""
-    kind = re.match(r"Value '(.*)' of type '\w+' could not be converted to (\w+)", told)
+    kind = re.match(r"Value '(.*)' of type '\w+' could not be converted to (\w+)", message)
     if kind and kind[2] in _KINDS:
         return f"{key} must be {_KINDS[kind[2]]}, got {kind[1]}"
-    if "is not Optional" in told or told.startswith("Incompatible value 'None'"):
+    if "is not Optional" in message or message.startswith("Incompatible value 'None'"):
         return f"{key} must have a value, got null"
-    return f"there is no key {key}" if told.startswith("Key ") else f"{key}: {told}"
+    return f"there is no key {key}" if message.startswith("Key ") else f"{key}: {message}"

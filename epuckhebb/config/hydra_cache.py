@@ -17,7 +17,6 @@ from typing import Any
 from hydra._internal import config_repository, defaults_list
 from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
 from hydra.core.object_type import ObjectType
-from hydra.core.override_parser import overrides_visitor
 from hydra.core.plugins import Plugins
 from hydra.plugins.config_source import ConfigResult, ConfigSource
 from hydra.plugins.search_path_plugin import SearchPathPlugin
@@ -110,20 +109,6 @@ def parse_once() -> None:
         repository.load_config = _remembering(repository.load_config)
     if hasattr(lists, "_create_interpolation_map"):
         lists._create_interpolation_map = _where_needed(lists._create_interpolation_map)
-
-
-def refuse_repeated_keys() -> None:
-    """From now on, refuse `{N: 1, N: 2}` as the value of an override: Hydra would take the last one."""
-    visitor: Any = overrides_visitor.HydraOverrideVisitor
-    visit = visitor.visitDictContainer
-
-    def visit_each_once(self: Any, ctx: Any) -> Any:
-        found = visit(self, ctx)
-        if len(found) < (ctx.getChildCount() - 1) // 2:  # brackets and commas stand around the pairs
-            raise ConfigError(f"{ctx.getText()}: a key is given twice")
-        return found
-
-    visitor.visitDictContainer = visit_each_once
 
 
 def _remembering(load: Load) -> Load:

@@ -25,19 +25,19 @@ _PLAIN = ("number", "text")  # need not be said
 
 @dataclass(frozen=True)
 class Key:
-    """A key. name: dotted. default: as it stands in the file. told: what it is, and what may be given."""
+    """A key. name: dotted. default: as it stands in the file. description: what it is, and what may be given."""
 
     name: str
     default: str
-    told: str
+    description: str
 
 
 @dataclass(frozen=True)
 class Group:
     """Settings that belong together.
 
-    name: of the group, or of the verb whose own keys they are. choices: the files of the group, and what each is. keys:
-    of the choice `of`; and those that only other choices have, by choice.
+    name: of the group, or of the command whose own keys they are. choices: the files of the group, and what each is.
+    keys: of the choice `of`. more: those that only other choices have, by choice.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Group:
 
 @functools.cache
 def all_groups() -> tuple[Group, ...]:
-    """The verbs with their own keys, then the groups of all of them."""
+    """The commands with their own keys, then the groups of all of them."""
     own = [
         Group(command, {}, "", list(_keys(_conf(f"{command}.yaml"), "", SCHEMAS[command])), {}) for command in SCHEMAS
     ]
@@ -61,7 +61,7 @@ def group_named(name: str) -> Group:
     """The group of a name."""
     known = {group.name: group for group in all_groups()}
     if name not in known:
-        raise ConfigError(f"keys {name}: {did_you_mean(name, known)}the group must be one of {', '.join(known)}")
+        raise ConfigError(f"keys {name}: the group must be one of {', '.join(known)}{did_you_mean(name, known)}")
     return known[name]
 
 
@@ -70,7 +70,7 @@ def _conf(name: str) -> Path:
 
 
 def _group(name: str) -> Group:
-    """A group of `conf/`; its first choice is the one that a verb takes by itself and that has the most keys."""
+    """A group of `conf/`; its first choice is the one that a command takes by itself and that has the most keys."""
     if name in TABLES:
         choices, found = dict(sorted(rows(name).items())), dict(sorted(_of_rows(name)))
     else:
@@ -98,7 +98,7 @@ def _of_rows(name: str) -> Iterator[tuple[str, list[Key]]]:
 
 
 def _usual(name: str) -> list[str]:
-    """The choices of a group that verbs take by themselves."""
+    """The choices of a group that commands take by themselves."""
     entries = (entry for command in SCHEMAS for entry in yaml.safe_load(_text(_conf(f"{command}.yaml")))["defaults"])
     return [str(entry[name]) for entry in entries if isinstance(entry, dict) and name in entry]
 
@@ -140,7 +140,7 @@ def _below(node: yaml.MappingNode, prefix: str, schema: Any, lines: list[str], *
             within = kind if is_dataclass(kind) else None
             yield from _below(value, f"{prefix}{key.value}.", within, lines, deep=deep)
             continue
-        yield Key(prefix + key.value, _default(value, lines), _told(_comment(lines, key, value), _kind(kind)))
+        yield Key(prefix + key.value, _default(value, lines), _described(_comment(lines, key, value), _kind(kind)))
 
 
 def _default(value: yaml.Node, lines: list[str]) -> str:
@@ -153,11 +153,11 @@ def _comment(lines: list[str], key: yaml.Node, value: yaml.Node) -> str:
     """The comment beside a key, and the comments by themselves below it."""
     line = key.start_mark.line
     one_line = value.start_mark.line == value.end_mark.line == line
-    _, mark, told = lines[line][value.end_mark.column if one_line else key.end_mark.column :].partition("# ")
+    _, mark, text = lines[line][value.end_mark.column if one_line else key.end_mark.column :].partition("# ")
     if not mark:
         return ""
-    column = lines[line].index(f"# {told}")
-    parts = [told.strip()]
+    column = lines[line].index(f"# {text}")
+    parts = [text.strip()]
     for following in lines[line + 1 :]:
         if not following.startswith(" " * column + "# "):
             break
@@ -165,7 +165,7 @@ def _comment(lines: list[str], key: yaml.Node, value: yaml.Node) -> str:
     return " ".join(parts)
 
 
-def _told(comment: str, kind: str) -> str:
+def _described(comment: str, kind: str) -> str:
     """What a comment says, and of what kind the value is, unless the comment names all that it may be."""
     known = kind in _PLAIN or all(one in comment for one in kind.split(", "))
     return comment if known or not comment else f"{comment.rstrip(';,')} ({kind})"

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +10,9 @@ import numpy as np
 
 from epuckhebb.config.conf import groups
 from epuckhebb.config.overrides import quoted
-from epuckhebb.runtime.errors import ConfigError, did_you_mean
+from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.sim.plasticity.rule import Rule
-
-_PARAMETERS = ("config_dir", "over", "progress")  # keywords of these functions that are no keys of the configuration
-MASKED = "{} must have a value everywhere, got a masked array; give one without a mask, for example array.filled(0)"
 
 
 def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]:
@@ -27,20 +23,11 @@ def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]
                 f"overrides are texts such as 'scenario=4obstacles', or keywords such as scenario='4obstacles'; got "
                 f"{override!r}"
             )
-    check_keywords(keys)
     for key, value in keys.items():
         if key in groups("evaluate") and key != "change" and isinstance(value, list | tuple | np.ndarray):
             raise ConfigError(f"{key} must be one, got {value!r}; for several in turn: sweep(over={{{key!r}: [...]}})")
     words = [word for key, value in keys.items() for word in keyword_overrides(key, value)]
     return [*words, *overrides]
-
-
-def check_keywords(keys: Mapping[str, Any]) -> None:
-    """Refuse a parameter of these functions that is misspelt, and would be taken for a key of the configuration."""
-    for key in keys:
-        asked = did_you_mean(key, _PARAMETERS)
-        if asked:
-            raise ConfigError(f"there is no keyword {key}; {asked}".rstrip())
 
 
 def keyword_overrides(key: str, value: Any) -> Iterator[str]:
@@ -64,8 +51,6 @@ def keyword_overrides(key: str, value: Any) -> Iterator[str]:
 
 def value_text(value: Any, key: str) -> str:
     """A value as an override has it."""
-    if isinstance(value, np.ma.MaskedArray):
-        raise ConfigError(MASKED.format(key))
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
     if value is None:
@@ -76,8 +61,6 @@ def value_text(value: Any, key: str) -> str:
         return str(value).lower()
     if isinstance(value, int | float):
         return repr(value)
-    if isinstance(value, Real):  # a Fraction
-        return repr(float(value))
     if isinstance(value, str | Path):
         return quoted(str(value))
     if isinstance(value, Mapping):

@@ -16,24 +16,24 @@ from epuckhebb.runtime.resources import path_of
 from epuckhebb.sim.plasticity.rule import InitialWeights
 
 ALL = "all"
-_OWN_PLAIN, _OWN_OVER = "sep_cma_es_varied", "ga"  # what a rule of the user's own is compared with, and laid over
+_OWN_PLAIN, _OWN_OVER = "sep_cma_es_varied", "ga"  # what a user's rule is compared with, and whose champions it takes
 RULE_GROUPS, TRAINING_GROUPS = ("hebbian",), ("optimizer", "ga", "training")  # groups of settings
 REVERSAL_TASK = {"task": "reversal"}  # settings of any life in reversal learning
 
 
 @dataclass(frozen=True, kw_only=True)
 class Method:
-    """A row of the leaderboard: how controllers come about, and what is done to them in their lives.
+    """A row of the leaderboard: how controllers are evolved, and what plasticity their lifetimes have.
 
     Attributes:
         name: What the table calls it.
         over: The method whose champions it takes; empty if it evolves its own.
         evolve: Settings of `epuckhebb evolve` by key: of its champions, or of the rule alone that they then get; empty
             if nothing is evolved.
-        evaluate: Settings of `epuckhebb evaluate` by key: what is laid over the champions of `champions_of`.
+        evaluate: Settings of `epuckhebb evaluate` by key: what is added to the champions of `champions_of`.
         matched_control: The method that is the same but has no plasticity; for a method that takes another's
             champions, that other.
-        told: What it is.
+        description: What it is.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Method:
     evolve: Mapping[str, Any] = field(default_factory=dict)
     evaluate: Mapping[str, Any] = field(default_factory=dict)
     matched_control: str = ""
-    told: str = ""
+    description: str = ""
 
     @property
     def compared_with(self) -> str:
@@ -58,7 +58,7 @@ class Method:
         return {key: value for key, value in {**self.evolve, **self.evaluate}.items() if is_in_groups(key, RULE_GROUPS)}
 
 
-_KEYS = {key.name: key.type for key in fields(Method) if key.name not in ("name", "told")}
+_KEYS = {key.name: key.type for key in fields(Method) if key.name not in ("name", "description")}
 
 
 def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]:
@@ -69,23 +69,23 @@ def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]
         folders: Where to look for `method/`, first found first taken.
     """
     known = sorted(choice_names("method", folders))
-    found: dict[str, Method] = {}
+    chosen: dict[str, Method] = {}
 
     def read(name: str, why: str, waiting: tuple[str, ...]) -> None:
         method = _own(name, known) if ".py:" in name else _read(name, why, known, folders)
         if name in waiting:
             raise ConfigError(f"method {name}: {' is compared with '.join((*waiting, name))}; that leads nowhere")
-        if method.name not in found:
+        if method.name not in chosen:
             if method.compared_with:
                 key = "champions_of" if method.champions_of else "matched_control"
                 read(method.compared_with, f"method {name}: {key}", (*waiting, name))
-            found[method.name] = method
-        elif found[method.name] != method:
+            chosen[method.name] = method
+        elif chosen[method.name] != method:
             raise ConfigError(f"{why}={name}: another rule has the name {method.name}, too; give one of them another")
 
     for name in _wanted(names, known):
         read(name, "methods", ())
-    return list(found.values())
+    return list(chosen.values())
 
 
 def is_in_groups(key: str, groups: Sequence[str]) -> bool:
@@ -105,20 +105,21 @@ def _read(name: str, why: str, known: Sequence[str], folders: Sequence[Path]) ->
     settings = choice_settings("method", name, folders)
     if settings is None:
         raise ConfigError(
-            f"{why}={name}: {did_you_mean(name, known)}a method is one of {', '.join(known)}, or FILE.py:NAME, "
-            "a rule of your own"
+            f"{why}={name}: a method is one of {', '.join(known)}, or FILE.py:NAME, a rule of your own"
+            f"{did_you_mean(name, known)}"
         )
     own = choice_file("method", name, folders)
     file = own or f"{table_file('method')}: {name}"
     held: Any = OmegaConf.to_container(settings)
     for key, value in held.items():
         if key not in _KEYS:
-            asked = did_you_mean(str(key), _KEYS)
-            raise ConfigError(f"{file}: {key} is not a key of a method; {asked}it has {', '.join(_KEYS)}")
+            raise ConfigError(
+                f"{file}: {key} is not a key of a method; it has {', '.join(_KEYS)}{did_you_mean(str(key), _KEYS)}"
+            )
         if not isinstance(value, str if _KEYS[key] is str else dict):
             wanted = "the name of a method" if _KEYS[key] is str else "settings, as {hebbian: abcd, training: varied}"
             raise ConfigError(f"{file}: {key} must be {wanted}, got {value!r}")
-    method = Method(name=name, told=rows("method")[name] if own is None else first_comment(own), **held)
+    method = Method(name=name, description=rows("method")[name] if own is None else first_comment(own), **held)
     _check(method, file)
     return method
 
@@ -139,25 +140,25 @@ def _check(method: Method, file: Path | str) -> None:
             "evolved runs as it was evolved"
         )
     if method.champions_of and not (method.evolve or method.evaluate):
-        raise ConfigError(f"{file}: give evaluate, what is laid over champions of {method.champions_of}, or evolve")
+        raise ConfigError(f"{file}: give evaluate, what is added to champions of {method.champions_of}, or evolve")
     taken = {"seed", "genome", "threads"} & {*method.evolve, *method.evaluate}
     if taken:
         raise ConfigError(f"{file}: {taken.pop()} is filled in by the program; leave it out")
 
 
 def _own(where: str, known: Sequence[str]) -> Method:
-    """A rule of the user's own: evolved with the weights if it has something to evolve, laid over champions if not."""
+    """A rule of the user's own: evolved with the weights if it has something to evolve, added to champions if not."""
     file, _, name = where.rpartition(":")
     path = path_of(file, "methods").absolute()
     kind = rule_class(f"{path}:{name}", "hebbian")
     if name in known:
         raise ConfigError(f"methods={where}: the name {name} is taken by a method; give your rule another one")
-    rule = {"hebbian.rule": f"{path}:{name}"}
+    rule, described = {"hebbian.rule": f"{path}:{name}"}, f"a rule of {path.name}"
     initial_weights = kind.__dataclass_fields__["initial_weights"].default
     if kind.evolved or initial_weights is InitialWeights.random:
         evolve = {**rule, "optimizer": "sep_cma_es", "training": "varied"}
-        return Method(name=name, evolve=evolve, matched_control=_OWN_PLAIN, told=f"a rule of {path.name}, evolved")
-    return Method(name=name, evaluate=rule, champions_of=_OWN_OVER, told=f"a rule of {path.name}, laid over")
+        return Method(name=name, evolve=evolve, matched_control=_OWN_PLAIN, description=f"{described}, evolved")
+    return Method(name=name, evaluate=rule, champions_of=_OWN_OVER, description=f"{described}, added")
 
 
 def typed_as(settings: Mapping[str, Any]) -> list[str]:

@@ -2,8 +2,8 @@
 
 A file of `conf/` is known by its own name, so it need not say `name:`. Hydra knows which files were chosen and where it
 looked for them; here the names are filled in, and a value that is not that of the named scenario, or of the lifetime
-that is usual there, is told in the key `changed`, which tables, folders and pages show. A configuration that has been
-completed is left as it is.
+that is usual there, is named in the key `changed`, which tables, folders and pages show. A configuration that has all
+names is left as it is.
 """
 
 import functools
@@ -29,7 +29,7 @@ from epuckhebb.config.choices import (
 from epuckhebb.config.overrides import literal
 from epuckhebb.config.parts import NONE, PAPER, rule_class, rule_file
 from epuckhebb.config.parts_from_yaml import maze_from
-from epuckhebb.config.schema import ScenarioConfig, said
+from epuckhebb.config.schema import ScenarioConfig, plain, said
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.controller import HEBBIAN
@@ -77,8 +77,8 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
             if isinstance(settings, DictConfig) and isinstance(settings.get("adaptation"), str):
                 settings.adaptation = _adaptation(settings.adaptation, f"compare.{name}.adaptation", folders)
         try:
-            told = [_changed(cfg, str(choices.get("scenario")), folders), *_changed_lifetime(cfg, choices, folders)]
-            cfg.changed = literal(", ".join(filter(None, told)))
+            changes = [_changed(cfg, str(choices.get("scenario")), folders), *_changed_lifetime(cfg, choices, folders)]
+            cfg.changed = literal(", ".join(filter(None, changes)))
             cfg.change = {}  # they are in the scenario, and in its name
         except (ValueError, OmegaConfBaseException) as error:
             raise ConfigError(said(error)) from error
@@ -103,10 +103,10 @@ def world_name(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Pa
     """The world of a configuration as part of the name of a folder: the scenario, and what differs from it."""
     try:
         known = resolve_names(cfg, choices, folders)
-    except (ValueError, OmegaConfBaseException):  # the job will tell what is wrong, and leave no folder
+    except (ValueError, OmegaConfBaseException):  # the job says what is wrong, and leaves no folder
         return str(choices.get("scenario"))
-    told = [str(known.scenario.name), *(str(known.changed).split(", ") if known.changed else [])]
-    return "+".join(re.sub(r"[^\w.]+", "-", part) for part in told)[:_LONGEST].rstrip("+-")
+    parts = [str(known.scenario.name), *(str(known.changed).split(", ") if known.changed else [])]
+    return "+".join(re.sub(r"[^\w.]+", "-", part) for part in parts)[:_LONGEST].rstrip("+-")
 
 
 def _is_changed(training: DictConfig, choice: str, folders: Sequence[Path]) -> bool:
@@ -139,9 +139,9 @@ def _own_rules(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> None:
     for key in [key for key in chosen if key not in {"rule", *kind.__dataclass_fields__}]:
         if cfg.hebbian._get_node(key) == chosen._get_node(key):
             del cfg.hebbian[key]
-    told = {*Rule.__dataclass_fields__, *cfg.hebbian}
+    given = {*Rule.__dataclass_fields__, *cfg.hebbian}
     for key, field in kind.__dataclass_fields__.items():  # what the user left as it is in the class
-        if key not in told and isinstance(field.default, bool | int | float | str):
+        if key not in given and isinstance(field.default, bool | int | float | str):
             cfg.hebbian[key] = field.default
     if cfg.hebbian.get("name") == choice:
         cfg.hebbian.name = kind.__name__.lower()
@@ -162,11 +162,11 @@ def _adaptation(choice: str, key: str, folders: Sequence[Path]) -> Any:
 
 def _compared(compare: DictConfig, folders: Sequence[Path]) -> dict[str, Any]:
     """What is compared, where a name alone stands for the adaptation or the rule of this name."""
-    found: dict[str, Any] = {}
+    controllers: dict[str, Any] = {}
     for key, given in compare.items():
         name = str(key)
-        if given is None and name in (NONE, PAPER):  # what lives anyway is told by its name
-            found[HEBBIAN] = {}
+        if given is None and name in (NONE, PAPER):  # the run has it anyway
+            controllers[HEBBIAN] = {}
             continue
         settings = _rule_brought(name, folders) if given is None else given
         if settings is None:
@@ -178,8 +178,8 @@ def _compared(compare: DictConfig, folders: Sequence[Path]) -> dict[str, Any]:
         over = choice_settings("adaptation", name, folders) if given is None else None
         if over is not None:
             settings.adaptation = over.adaptation
-        found[name] = settings
-    return found
+        controllers[name] = settings
+    return controllers
 
 
 def _rule_brought(choice: str, folders: Sequence[Path]) -> DictConfig | None:
@@ -193,35 +193,29 @@ def _changed(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> str:
 
     What bears the name of a scenario of the program's is compared with that, whatever file it is of.
     """
-    maze, robot = _plain(cfg.maze), _plain(cfg.robot)
+    maze, robot = plain(cfg.maze), plain(cfg.robot)
     name = str(cfg.scenario.name)
     if is_choice("scenario", name, OURS):
         choice = name
     folders = where_known("scenario", choice, folders)
     original = scenario_of(choice, folders, maze, robot)
-    task = _plain(cfg.task) if "task" in cfg else None
-    lived = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task)
-    return "" if original is None else lived.changed_from(original, maze_brought(choice, folders) or T_MAZE, EPUCK)
+    task = plain(cfg.task) if "task" in cfg else None
+    world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task)
+    return "" if original is None else world.changed_from(original, maze_brought(choice, folders) or T_MAZE, EPUCK)
 
 
 def _changed_lifetime(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> Iterator[str]:
-    """How long, how fast or how noisy lives are, where that is not what this verb or the task has by itself."""
+    """Settings of lifetimes that are not those which this command, or the task, has by itself."""
     command = "evolve" if "training" in cfg else "evaluate"
     task = str(choices.get("task"))
     choice = default_override("task", task, _BRINGS_LIFETIME, where_known("task", task, folders)) or command
     found = choice_settings("lifetime", choice, where_known("lifetime", choice, folders))
     if found is None or "lifetime" not in cfg:
         return
-    usual = _plain(OmegaConf.create({"lifetime": found, "scenario": cfg.scenario}).lifetime)
-    for key, value in _plain(cfg.lifetime).items():
+    usual = plain(OmegaConf.create({"lifetime": found, "scenario": cfg.scenario}).lifetime)
+    for key, value in plain(cfg.lifetime).items():
         if key != _RECORDING and value != usual.get(key):
             yield f"lifetime.{key}={value:g}"
-
-
-def _plain(node: DictConfig) -> dict[str, Any]:
-    values = OmegaConf.to_container(node, resolve=True)
-    assert isinstance(values, dict)
-    return {str(key): value for key, value in values.items()}
 
 
 def scenario_of(choice: str, folders: Sequence[Path], maze: dict[str, Any], robot: dict[str, Any]) -> Scenario | None:
@@ -249,7 +243,7 @@ def _maze_settings(choice: str, folders: Sequence[Path]) -> dict[str, Any] | Non
     """The settings of that maze."""
     brought = default_override("scenario", choice, BRINGS_MAZE, folders)
     found = None if brought is None else choice_settings("maze", brought, folders)
-    return None if found is None else _plain(found)
+    return None if found is None else plain(found)
 
 
 def world_of(choice: str, folders: Sequence[Path], robot: dict[str, Any]) -> Scenario | None:
@@ -258,7 +252,7 @@ def world_of(choice: str, folders: Sequence[Path], robot: dict[str, Any]) -> Sce
 
 
 def maze_asked(choice: str, maze: dict[str, Any]) -> dict[str, Any]:
-    """The maze that is home: this one, but the paper's where this one comes with the scenario, which is a change."""
+    """The maze of the training world: this one; the paper's if this one comes with the scenario, as a change."""
     brought = maze_brought(choice, OURS)
     return maze if brought is None or brought != maze_from(maze) else _usual_maze()
 
@@ -267,4 +261,4 @@ def _usual_maze() -> dict[str, Any]:
     """The settings of the paper's maze."""
     usual = choice_settings("maze", T_MAZE.name, OURS)
     assert usual is not None  # the program has this file
-    return _plain(usual)
+    return plain(usual)

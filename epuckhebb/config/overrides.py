@@ -65,7 +65,7 @@ def alternatives(overrides: list[str]) -> dict[str, list[str]]:
         raise ConfigError(explain(error)) from error
     if math.prod(map(len, found.values())) > _MOST_JOBS:
         most = max(found, key=lambda key: len(found[key]))
-        raise ConfigError(f"at most {_MOST_JOBS} jobs can be asked for in one call; give {most} fewer values")
+        raise ConfigError(f"at most {_MOST_JOBS} jobs fit one call; give {most} fewer values")
     return found
 
 

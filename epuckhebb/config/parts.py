@@ -1,19 +1,16 @@
-"""Finds the class of a rule, an optimizer or a task by its name, and checks the settings that it is given."""
+"""Finds the class of a rule, an optimizer or a task by its name."""
 
 import importlib
 import pkgutil
 import types
-import typing
 from collections.abc import Mapping
-from dataclasses import MISSING, fields
-from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from epuckhebb.config.plugins import class_named
+from epuckhebb.config.plugins import Base, class_named
 from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Optimizer
-from epuckhebb.runtime.errors import ConfigError, did_you_mean
+from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import path_of
 from epuckhebb.sim import tasks
 from epuckhebb.sim.plasticity import rules as rule_files
@@ -29,27 +26,6 @@ def rule_names() -> list[str]:
     return _names_in(rule_files)
 
 
-def part_settings(kind: Any, given: Mapping[str, Any], key: str, told: str) -> dict[str, Any]:
-    """The settings that are given below a key, as the dataclass of a part declares them."""
-    known = {field.name: field for field in fields(kind)}
-    hints = typing.get_type_hints(kind)
-    values = {}
-    for name, value in given.items():
-        if name not in known:
-            raise ConfigError(
-                f"{key}.{name} is not a setting of {told}; {did_you_mean(name, known)}it has {', '.join(known)}"
-            )
-        values[name] = _as_declared(value, hints[name], f"{key}.{name}")
-    missing = [
-        name
-        for name, field in known.items()
-        if name not in values and field.default is MISSING and field.default_factory is MISSING
-    ]
-    if missing:
-        raise ConfigError(f"{key}.{missing[0]} is missing: {told} has no default for it")
-    return values
-
-
 def rule_class(where: str, key: str) -> type[Rule]:
     """The class of a rule, of the program's own or of a file."""
     if ":" not in where:
@@ -58,8 +34,7 @@ def rule_class(where: str, key: str) -> type[Rule]:
                 f"{key}.rule={where} must be one of {', '.join([NONE, *rule_names()])}, or a rule of your own, "
                 "FILE.py:NAME"
             )
-        known: type[Rule] = _class_of(rule_files, where, Rule, f"{key}.rule")
-        return known
+        return _class_of(rule_files, where, Rule, f"{key}.rule")
     kind = class_named(where, Rule, f"{key}.rule")
     try:
         arguments_of(kind)
@@ -74,26 +49,6 @@ def rule_file(settings: Mapping[str, Any]) -> Path | None:
     return path_of(file, "hebbian.rule") if colon else None
 
 
-def _as_declared(value: Any, kind: Any, key: str) -> Any:
-    """A value of a configuration as the type that a dataclass declares."""
-    if isinstance(kind, type) and issubclass(kind, Enum):
-        names = [member.name for member in kind]
-        name = value.name if isinstance(value, Enum) else value
-        if name not in names:
-            raise ConfigError(f"{key} must be one of {', '.join(names)}, got {value!r}")
-        return kind[name]
-    if isinstance(kind, types.UnionType):  # a type, or nothing
-        if value is None:
-            return None
-        kind = next(one for one in typing.get_args(kind) if one is not types.NoneType)
-    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    if kind in (int, bool, str) and type(value) is kind:
-        return value
-    wanted = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}.get(kind, str(kind))
-    raise ConfigError(f"{key} must be {wanted}, got {value!r}")
-
-
 def optimizer_names() -> list[str]:
     """The optimizers that the program has."""
     return _names_in(optimizers)
@@ -101,8 +56,7 @@ def optimizer_names() -> list[str]:
 
 def optimizer_class(algorithm: Any) -> type[Optimizer]:
     """The class of the optimizer of this name, whose fields are its settings."""
-    kind: type[Optimizer] = _class_of(optimizers, algorithm, Optimizer, "optimizer.algorithm")
-    return kind
+    return _class_of(optimizers, algorithm, Optimizer, "optimizer.algorithm")  # type: ignore[type-abstract]
 
 
 def task_names() -> list[str]:
@@ -112,15 +66,14 @@ def task_names() -> list[str]:
 
 def task_class(name: Any) -> type[Task]:
     """The class of the task of this name, whose fields are its settings."""
-    kind: type[Task] = _class_of(tasks, name, Task, "task.kind")
-    return kind
+    return _class_of(tasks, name, Task, "task.kind")
 
 
 def _names_in(package: types.ModuleType) -> list[str]:
     return sorted(module.name for module in pkgutil.iter_modules(package.__path__))
 
 
-def _class_of(package: types.ModuleType, name: Any, base: Any, key: str) -> Any:
+def _class_of(package: types.ModuleType, name: Any, base: type[Base], key: str) -> type[Base]:
     """The subclass of a base that the module of this name has of its own."""
     known = _names_in(package)
     if name not in known:

@@ -11,10 +11,11 @@ import importlib
 import importlib.util
 import re
 import sys
+import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from importlib.abc import Loader, MetaPathFinder
+from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
 from types import CodeType, ModuleType
@@ -54,8 +55,8 @@ class OwnFile:
     @property
     def digest(self) -> str:
         """Twelve hexadecimal digits that name the content of all files, wherever they are."""
-        told = sorted((place, _sha256(content)) for place, (_, content) in self.sources.items())
-        return _sha256(repr(told).encode())[:12]
+        parts = sorted((place, _sha256(content)) for place, (_, content) in self.sources.items())
+        return _sha256(repr(parts).encode())[:12]
 
     @property
     def copy(self) -> str:
@@ -125,19 +126,19 @@ def class_named(text: str, base: type[Base], key: str) -> type[Base]:
     )
 
 
-def load(file: Path, told: str) -> OwnFile:
+def load(file: Path, key: str) -> OwnFile:
     """Load a user's file, unless it and all of the user's that it imports are loaded as they are now."""
     place = file.resolve()
     if place in _loaded and _loaded[place].is_unchanged:
         return _loaded[place]
     if not file.is_file():
-        raise ConfigError(f"{told}: there is no file {file}")
+        raise ConfigError(f"{key}: there is no file {file}")
     if file.suffix != ".py":
-        raise ConfigError(f"{told}: {file} is no Python file; its name must end in .py")
+        raise ConfigError(f"{key}: {file} is no Python file; its name must end in .py")
     try:
         content = place.read_bytes()
     except OSError as error:
-        raise ConfigError(f"{told}: {file} cannot be read: {error.strerror}") from error
+        raise ConfigError(f"{key}: {file} cannot be read: {error.strerror}") from error
     own = OwnFile(place, _PREFIX + _sha256(str(place).encode() + content)[:16])
     _unload(own.package)
     _packages[own.package] = own
@@ -148,7 +149,7 @@ def load(file: Path, told: str) -> OwnFile:
         _unload(own.package)
         where = _where(error, own) or str(file)
         why = str(error).replace(f"{own.package}.", "")
-        raise ConfigError(f"{told}: {where} cannot be imported: {type(error).__name__}: {why}") from error
+        raise ConfigError(f"{key}: {where} cannot be imported: {type(error).__name__}: {why}") from error
     _loaded[place] = own
     return own
 
@@ -163,12 +164,9 @@ def _where(error: BaseException, own: OwnFile) -> str:
     """The user's file and the line in which an error arose; nothing if it is in none."""
     if isinstance(error, SyntaxError) and error.filename and error.lineno:
         return f"{error.filename}, line {error.lineno},"
-    files, found, trace = {str(path) for path, _ in own.sources.values()}, "", error.__traceback__
-    while trace is not None:
-        if trace.tb_frame.f_code.co_filename in files:
-            found = f"{trace.tb_frame.f_code.co_filename}, line {trace.tb_lineno},"
-        trace = trace.tb_next
-    return found
+    files = {str(path) for path, _ in own.sources.values()}
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename in files]
+    return f"{frames[-1].filename}, line {frames[-1].lineno}," if frames else ""
 
 
 class _Finder(MetaPathFinder):
@@ -181,12 +179,16 @@ class _Finder(MetaPathFinder):
             return None
         own = _packages.get(package)
         if own is None or not inner:  # numba names modules of kernels on disk; it needs nothing of them
-            return ModuleSpec(name, _Empty(), is_package=True)
+            return ModuleSpec(name, None, is_package=True)
         if inner == _stem(own.file):
             return importlib.util.spec_from_file_location(name, own.file, loader=_Source(name, str(own.file)))
         found = PathFinder.find_spec(name, path) if "." in inner else _find(inner, own)
-        if found is None or not found.has_location or found.origin is None:  # not there, or a folder without code
-            return _renamed(found, name)
+        if found is None:
+            return None
+        if not found.has_location or found.origin is None:  # a folder without code
+            spec = ModuleSpec(name, None, is_package=True)
+            spec.submodule_search_locations = list(found.submodule_search_locations or [])
+            return spec
         if isinstance(found.loader, SourceFileLoader):
             found.loader = _Source(name, found.origin)
         else:  # a compiled file
@@ -194,22 +196,6 @@ class _Finder(MetaPathFinder):
         return importlib.util.spec_from_file_location(
             name, found.origin, loader=found.loader, submodule_search_locations=found.submodule_search_locations
         )
-
-
-def _renamed(folder: ModuleSpec | None, name: str) -> ModuleSpec | None:
-    """The same folder of modules under another name."""
-    if folder is None or folder.submodule_search_locations is None:
-        return None
-    spec = ModuleSpec(name, None, is_package=True)
-    spec.submodule_search_locations = list(folder.submodule_search_locations)
-    return spec
-
-
-class _Empty(Loader):
-    """Makes a module with nothing in it."""
-
-    def exec_module(self, module: ModuleType) -> None:
-        """Nothing to do."""
 
 
 class _Source(SourceFileLoader):

@@ -5,6 +5,7 @@ that a user can bring (a rule, a maze, a robot) are open here, and checked when 
 (`epuckhebb.config.build`).
 """
 
+import functools
 import math
 import re
 from dataclasses import dataclass, field
@@ -46,6 +47,33 @@ _BRIGHTEST, _FASTEST = 2.0, 0.1  # more light, or a higher base rate, is unusual
 _OF_A_RESOLVER = re.compile("^ConfigError raised while resolving interpolation: ")  # before a message of our own
 
 
+Plain = dict[str, Any]  # a configuration of plain values
+
+
+class Checked:
+    """What all configurations have in common: the values that Hydra composed, from which they are made."""
+
+    composed: DictConfig
+    seed: int
+
+    @functools.cached_property
+    def values(self) -> Plain:
+        """All settings as plain values, every reference resolved."""
+        return plain(self.composed)
+
+
+def plain(cfg: DictConfig) -> Plain:
+    """A composed configuration as plain values, every reference resolved."""
+    values = OmegaConf.to_container(cfg, resolve=True, enum_to_str=True)
+    assert isinstance(values, dict)
+    return {str(key): value for key, value in values.items()}
+
+
+def dump(config: Checked) -> str:
+    """The YAML that a run folder keeps of a configuration: all of its settings, every reference resolved."""
+    return OmegaConf.to_yaml(config.composed, resolve=True)
+
+
 @dataclass(kw_only=True)
 class ScenarioConfig:
     """The keys of a scenario; see `epuckhebb.sim.scenario.Scenario`, which comes of it, the maze and the robot."""
@@ -79,7 +107,7 @@ class NetworkConfig:
 
 
 @dataclass(kw_only=True)
-class WorldConfig:
+class WorldConfig(Checked):
     """The keys that `evaluate` and `evolve` have in common, and the world that comes of them.
 
     change: the changes by name while they are composed into the scenario, empty then; those of the user's have their
@@ -100,7 +128,7 @@ class WorldConfig:
     changed: str | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be run."""
+        """Validate the settings."""
         check_counts(seed=self.seed, threads=self.threads)
         self.world = scenario_from(self.scenario, self.maze, self.robot, self.task)
         memory = grid_bytes(self.world.maze.arena_m)
@@ -117,7 +145,7 @@ class EvaluateConfig(WorldConfig):
     """All keys of `epuckhebb evaluate`.
 
     controllers: what comes of them, `hebbian` with `adaptation` (unless both are none), the same with its reward
-    inverted if it hears one, and those of `compare`.
+    inverted if it receives one, and those of `compare`.
     """
 
     genome: str = "reference"
@@ -126,7 +154,7 @@ class EvaluateConfig(WorldConfig):
     compare: dict[str, Any] = field(default_factory=dict)  # name -> what differs from the paper's rule
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be run."""
+        """Validate the settings."""
         super().__post_init__()
         check_counts(repeats=self.repeats)
         main = controller_from(self.hebbian, self.adaptation)
@@ -137,7 +165,7 @@ class EvaluateConfig(WorldConfig):
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice:
             raise ValueError(
-                f"the name {twice} is taken by another controller of this run; they are told apart by their names: "
+                f"the name {twice} is taken by another controller of this run; controllers need different names: "
                 f"{', '.join(names)}. Give hebbian.name, adaptation.name or the name below compare another one"
             )
         for controller in self.controllers:
@@ -161,7 +189,7 @@ class EvolveConfig(WorldConfig):
     training: Training = field(default_factory=Training)
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be run."""
+        """Validate the settings."""
         super().__post_init__()
         self.controller = controller_from(self.hebbian, Adaptation())
         check_signal(self.controller, self.world.robot)
@@ -203,7 +231,7 @@ class LiveFitness(Enum):
 
 
 @dataclass(kw_only=True)
-class ReproduceConfig:
+class ReproduceConfig(Checked):
     """All keys of `epuckhebb reproduce`."""
 
     champions: int = 20
@@ -217,7 +245,7 @@ class ReproduceConfig:
     ga: GA = field(default_factory=GA)
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be run."""
+        """Validate the settings."""
         counted = ("seed", "threads", "repeats", "champions", "first_seed")
         check_counts(**{key: getattr(self, key) for key in counted})
         for rate in self.rates:
@@ -226,7 +254,7 @@ class ReproduceConfig:
 
 
 @dataclass(kw_only=True)
-class LeaderboardConfig:
+class LeaderboardConfig(Checked):
     """All keys of `epuckhebb leaderboard`."""
 
     methods: list[str] = field(default_factory=list)
@@ -238,7 +266,7 @@ class LeaderboardConfig:
     reversal_repeats: int = 100
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be run."""
+        """Validate the settings."""
         counted = ("seed", "repeats", "champions", "first_seed", "reversal_repeats")
         check_counts(**{key: getattr(self, key) for key in counted})
         if not self.tests:
@@ -267,6 +295,11 @@ for _command, _schema in SCHEMAS.items():
 Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig)
 
 
+def command_of(schema: type[Any]) -> str:
+    """The command whose keys these are."""
+    return next(command for command, one in SCHEMAS.items() if one is schema)
+
+
 def typed(cfg: DictConfig, schema: type[Config]) -> Config:
     """The composed configuration as plain dataclasses, checked.
 
@@ -280,10 +313,11 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
     except (ValueError, OmegaConfBaseException) as error:
         raise ConfigError(said(error)) from error
     if not isinstance(config, schema):
-        raise ConfigError("the configuration is not one of this verb")
+        raise ConfigError("the configuration is not one of this command")
+    config.composed = cfg
     return config
 
 
 def said(error: BaseException) -> str:
-    """The line of an error that says what is wrong: OmegaConf adds where, and for what it was asked."""
+    """The line of an error that says what is wrong: OmegaConf adds other lines."""
     return _OF_A_RESOLVER.sub("", str(error).splitlines()[0])

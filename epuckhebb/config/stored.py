@@ -6,32 +6,30 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig, OmegaConf, flag_override
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import yaml_file
+from epuckhebb.config.explain import explain
 from epuckhebb.config.overrides import literal
 from epuckhebb.config.plugins import references
-from epuckhebb.config.schema import SCHEMAS
+from epuckhebb.config.schema import SCHEMAS, Config, Plain, command_of, typed
 from epuckhebb.runtime.errors import ConfigError
 
 _STAND_IN = "oja"  # has no settings of its own, and cannot be taken for the paper's
 
 
-def read_config(file: Path, command: str) -> DictConfig:
-    """A configuration that was written down whole, all names and values in it.
-
-    Raises:
-        ConfigError: It cannot be read, or holds what this program does not know.
-    """
-    held = settings(file)
+def from_values(values: Plain, schema: type[Config], source: str) -> Config:
+    """The configuration of plain values, all names among them. source: where they come from, for messages."""
     try:
-        return as_config(held, command)
-    except Exception as error:  # what damaged settings may raise has no end
-        raise ConfigError(f"{file} cannot be used: {error}") from error
+        cfg = as_config(values, command_of(schema))
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"{source} cannot be used: {explain(error)}") from error
+    return typed(cfg, schema)
 
 
 def as_config(held: Mapping[Any, Any], command: str) -> DictConfig:
-    """The configuration of a verb that these plain values are, all names among them; no text refers to another."""
+    """The configuration of a command that these plain values are, all names among them; no text refers to another."""
     cfg = OmegaConf.merge(_keys_of(command), _literally(dict(held)))
     assert isinstance(cfg, DictConfig)
     return cfg
@@ -39,19 +37,19 @@ def as_config(held: Mapping[Any, Any], command: str) -> DictConfig:
 
 @functools.cache
 def _keys_of(command: str) -> DictConfig:
-    """The keys of a verb with their types, made once: every job of a sweep has them."""
+    """The keys of a command with their types, made once: every job of a sweep has them."""
     schema = OmegaConf.structured(SCHEMAS[command])
     assert isinstance(schema, DictConfig)
     return schema
 
 
-def _literally(told: Any) -> Any:
+def _literally(value: Any) -> Any:
     """What was written down with all values in it: no text in it refers to another."""
-    if isinstance(told, dict):
-        return {str(key): _literally(value) for key, value in told.items()}
-    if isinstance(told, list):
-        return [_literally(value) for value in told]
-    return literal(told) if isinstance(told, str) else told
+    if isinstance(value, dict):
+        return {str(key): _literally(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_literally(item) for item in value]
+    return literal(value) if isinstance(value, str) else value
 
 
 def settings(file: Path) -> dict[str, Any]:
@@ -62,15 +60,14 @@ def settings(file: Path) -> dict[str, Any]:
     return held
 
 
-def without_own_code(cfg: DictConfig) -> DictConfig:
-    """A configuration with a rule of the program in place of each of the user's own; nothing of theirs is loaded.
+def without_own_code(values: Plain) -> Plain:
+    """Plain values with a rule of the program in place of each of the user's own; nothing of theirs is loaded.
 
     It is for reading what a run recorded. Names, rates, signs and adaptations stay.
     """
-    cfg = copy.deepcopy(cfg)
-    with flag_override(cfg, ["struct", "readonly"], [False, False]):
-        for settings, *_ in list(references(cfg)):
-            for key in [key for key in settings if key not in ("N", "sign", "name", "adaptation")]:
-                del settings[key]
-            settings.rule = _STAND_IN
-    return cfg
+    values = copy.deepcopy(values)
+    for part, *_ in list(references(values)):
+        for key in [key for key in part if key not in ("N", "sign", "name", "adaptation")]:
+            del part[key]
+        part["rule"] = _STAND_IN
+    return values

@@ -15,10 +15,10 @@ from epuckhebb.config.build import not_its_settings
 from epuckhebb.config.conf import groups, keys_with_defaults
 from epuckhebb.config.parts import GENETIC
 from epuckhebb.config.schema import OPEN, SCHEMAS
-from epuckhebb.runtime.errors import ConfigError, near
+from epuckhebb.runtime.errors import ConfigError, near, question
 from epuckhebb.runtime.resources import data_folder
 
-_BOTH = ("evaluate", "evolve")  # who misspells a key of one may have the other in mind
+_BOTH = ("evaluate", "evolve")  # a misspelt key of one may be a key of the other
 _MANY, _SOME = 30, 4  # choices that are no longer listed in a message, and how many of them are
 _OF_ANY_KEYS = [group for group in OPEN if "." not in group]
 _FEW = 3  # names in a question
@@ -86,7 +86,7 @@ def choices_of(group: str, known: Sequence[str]) -> str:
 
 
 def _is_folder(key: str, config_dir: str | None) -> bool:
-    """Whether a key is a group that no verb has of itself: of a file's, or of the user's."""
+    """Whether a key is a group that no command has by itself: of a file's, or of the user's."""
     if any(key in known_keys(command) for command in SCHEMAS):
         return False
     return any((Path(folder) / key).is_dir() for folder in (data_folder("conf"), config_dir) if folder)
@@ -110,13 +110,8 @@ def no_key(command: str, key: str, value: Any = None) -> str:
         )
     of_value = [f"{group}={value}" for group, choices in groups(command).items() if value in choices]
     if value not in (None, "none") and len(of_value) == 1:
-        return f"there is no key {key}\nDid you mean: {of_value[0]}?"
-    return f"there is no key {key}{asked(near_keys(command, key))}"
-
-
-def asked(names: list[str]) -> str:
-    """A line that asks whether these names were meant; nothing if there are none."""
-    return f"\nDid you mean: {', '.join(names)}?" if names else ""
+        return f"there is no key {key}{question(of_value)}"
+    return f"there is no key {key}{question(near_keys(command, key))}"
 
 
 def near_keys(command: str, key: str) -> list[str]:
@@ -132,7 +127,7 @@ def near_keys(command: str, key: str) -> list[str]:
 
 @functools.cache
 def known_keys(command: str) -> frozenset[str]:
-    """All keys and groups of a verb that the schema knows, as they are written in an override."""
+    """All keys and groups of a command that the schema knows, as they are written in an override."""
     schema = OmegaConf.to_container(OmegaConf.structured(SCHEMAS[command]))
     assert isinstance(schema, dict)
     return frozenset([*keys_below(schema), *groups(command)])

@@ -13,11 +13,9 @@ from omegaconf import OmegaConf
 from epuckhebb.runtime.errors import ConfigError
 
 _MOST_BYTES = 2**18
-_MOST_VALUES = 10_000  # with what anchors stand for
+_MOST_VALUES = 10_000
+_MOST_USES = 10  # of anchors, which double what the file holds at most eight times
 _MOST_LEVELS = 40
-_TAG = "tag:yaml.org,2002:"
-_KINDS = {"str", "int", "float", "bool", "null", "map", "seq", "merge", "timestamp"}  # what a setting may be
-_SHOWN = 40  # characters of a text in a message
 _ENVIRONMENT = re.compile(r"\$\{\s*oc\.env\b")
 _GROUP = re.compile(r"^(override +|optional +)*/?|@.*$")  # what stands around a group in a list of defaults
 NO_ENVIRONMENT = "environment variables are not read by a configuration; write the value itself"
@@ -59,22 +57,26 @@ def load(path: Path, *, configuration: bool = False) -> dict[str, Any]:
     if len(content) > _MOST_BYTES:
         raise ConfigError(f"{shown(path)}: a file of settings must have at most {_MOST_BYTES // 1024} KiB")
     try:
-        held = _checked(content.decode(), path, configuration=configuration)
+        text = content.decode()
+        _check_text(text, path, configuration=configuration)
+        held = OmegaConf.to_container(OmegaConf.create(text))
     except ConfigError:
         raise
     except UnicodeDecodeError as error:
         raise _wrong(path, content[: error.start].count(b"\n"), "it is no UTF-8 text") from error
     except yaml.reader.ReaderError as error:
-        line = content.decode()[: error.position].count("\n")
-        raise _wrong(path, line, f"the character {chr(error.character)!r} is not allowed") from error
+        raise _wrong(
+            path, text[: error.position].count("\n"), f"the character {chr(error.character)!r} is not allowed"
+        ) from error
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        told = ", ".join(filter(None, (error.context, error.problem)))
-        raise _wrong(path, mark.line if mark else 0, told) from error
-    except RecursionError as error:
-        raise ConfigError(f"{shown(path)}: it has too many brackets within brackets") from error
+        message = ", ".join(filter(None, (error.context, error.problem)))
+        raise _wrong(path, mark.line if mark else 0, message) from error
     except Exception as error:  # what damaged values may raise has no end
-        raise ConfigError(f"{shown(path)} cannot be used: {error}") from error
+        reason, *_ = str(error).split("\n")
+        raise ConfigError(f"{shown(path)} cannot be used: {reason}") from error
+    if not isinstance(held, dict):
+        raise ConfigError(f"{shown(path)}: settings must be keys with values, got {text.strip()[:40]}")
     return {str(key): value for key, value in held.items()}
 
 
@@ -84,64 +86,25 @@ def shown(path: Path) -> Path:
     return path.relative_to(here) if path.is_relative_to(here) else path
 
 
-def _checked(text: str, path: Path, *, configuration: bool) -> dict[Any, Any]:
-    """The values of a text, made when its nodes have been checked: an anchor is not written out before."""
-    root = yaml.compose(text, Loader=yaml.SafeLoader)
-    if root is None:
-        return {}
-    if not isinstance(root, yaml.MappingNode):
-        raise _wrong(path, root.start_mark.line, f"settings must be keys with values, got {text.strip()[:_SHOWN]}")
-    _Check(path, configuration=configuration).size(root, "", ())
-    held = OmegaConf.to_container(OmegaConf.create(text))
-    assert isinstance(held, dict)
-    return held
+def _check_text(text: str, path: Path, *, configuration: bool) -> None:
+    """Refuse text that would grow without end, is nested too deep, or reads the environment, before it is made values.
+
+    An anchor may stand for others, so a few uses of anchors can stand for very many values.
+    """
+    level = uses = 0
+    event: Any
+    for values, event in enumerate(yaml.parse(text, Loader=yaml.SafeLoader)):
+        line = event.start_mark.line
+        level += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        uses += isinstance(event, yaml.AliasEvent)
+        if level > _MOST_LEVELS:
+            raise _wrong(path, line, f"it has more than {_MOST_LEVELS} brackets within brackets")
+        if values > _MOST_VALUES or uses > _MOST_USES:
+            raise _wrong(path, line, f"it has more than {_MOST_VALUES} values, or {_MOST_USES} uses of anchors")
+        if configuration and isinstance(event, yaml.ScalarEvent) and _ENVIRONMENT.search(event.value):
+            raise _wrong(path, line, NO_ENVIRONMENT)
 
 
-class _Check:
-    """What is counted and refused in the nodes of one file."""
-
-    def __init__(self, path: Path, *, configuration: bool) -> None:
-        self._path, self._configuration = path, configuration
-        self._sizes: dict[yaml.Node, int] = {}
-
-    def size(self, node: yaml.Node, key: str, above: tuple[yaml.Node, ...]) -> int:
-        """How many values a node has, those of anchors counted wherever they are used."""
-        if node in above:
-            raise self._wrong(node, f"the anchor of {key} holds itself")
-        if node not in self._sizes:
-            if len(above) >= _MOST_LEVELS:
-                raise self._wrong(node, f"{key} is nested more than {_MOST_LEVELS} levels deep")
-            if node.tag.removeprefix(_TAG) not in _KINDS:
-                tag = node.tag.replace(_TAG, "!!")
-                raise self._wrong(node, f"{key}: the tag {tag} is not allowed; write plain values")
-            size = 1 + sum(self.size(part, inner, (*above, node)) for inner, part in self._parts(node, key))
-            if size > _MOST_VALUES:
-                raise self._wrong(node, f"{key} holds more than {_MOST_VALUES} values, anchors written out")
-            self._sizes[node] = size
-        return self._sizes[node]
-
-    def _parts(self, node: yaml.Node, key: str) -> list[tuple[str, yaml.Node]]:
-        """The values in a node, each with its key."""
-        if isinstance(node, yaml.SequenceNode):
-            return [(f"{key}[{place}]", part) for place, part in enumerate(node.value)]
-        if not isinstance(node, yaml.MappingNode):
-            if self._configuration and _ENVIRONMENT.search(node.value):
-                raise self._wrong(node, f"{key}: {NO_ENVIRONMENT}")
-            return []
-        parts: dict[str, yaml.Node] = {}
-        for name, value in node.value:
-            if not isinstance(name, yaml.ScalarNode):
-                raise self._wrong(name, "a key must be text")
-            inner = f"{key}.{name.value}" if key else name.value
-            if inner in parts:
-                raise self._wrong(name, f"{inner} is given twice")
-            parts[inner] = value
-        return list(parts.items())
-
-    def _wrong(self, node: yaml.Node, told: str) -> ConfigError:
-        return _wrong(self._path, node.start_mark.line, told)
-
-
-def _wrong(path: Path, line: int, told: str) -> ConfigError:
+def _wrong(path: Path, line: int, message: str) -> ConfigError:
     """An error in a line, counted from 0."""
-    return ConfigError(f"{shown(path)}, line {line + 1}: {told}")
+    return ConfigError(f"{shown(path)}, line {line + 1}: {message}")

@@ -12,8 +12,8 @@ from rich.progress import track
 from epuckhebb.analysis import movie, replay
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.self_checks import text
-from epuckhebb.config.schema import EvaluateConfig, typed
-from epuckhebb.config.stored import read_config, without_own_code
+from epuckhebb.config.schema import EvaluateConfig
+from epuckhebb.config.stored import from_values, settings, without_own_code
 from epuckhebb.runs.evaluate import caption
 from epuckhebb.runtime.console import Terminal
 from epuckhebb.runtime.errors import ConfigError
@@ -24,14 +24,14 @@ from epuckhebb.store import Run, read_findings, read_traces, write_atomic
 
 @dataclass(frozen=True)
 class Recording:
-    """What a run recorded: its lifetimes, their first weights, the network, a title, what robots found, and notes."""
+    """What a run recorded: lifetimes, first weights, the network, a title, a sentence a side on self-checks, notes."""
 
     traces: Traces
     weights: NDArray[np.float64]
     network: Network
     config: EvaluateConfig
     title: str
-    found: dict[str, str]
+    findings: dict[str, str]
     notes: list[str]
 
 
@@ -41,39 +41,39 @@ def recording(path: Path) -> Recording:
     facts = run.provenance
     if facts["command"] == "evolve":
         raise ConfigError(
-            f"{path} is a run of `epuckhebb evolve`, which records no lifetimes; let its champion live first: "
+            f"{path} is a run of `epuckhebb evolve`, which records no lifetimes; evaluate its champion first: "
             f"epuckhebb evaluate genome={path}"
         )
     if facts["command"] != "evaluate":
         raise ConfigError(f"{path} is of `epuckhebb {facts['command']}`; give a run folder of `epuckhebb evaluate`")
-    config = typed(without_own_code(read_config(run.config_file, "evaluate")), EvaluateConfig)
+    config = from_values(without_own_code(settings(run.config_file)), EvaluateConfig, str(run.path))
     if config.lifetime.record_every == 0:
         alone = facts["command_line"][1:2] == ["evaluate"]  # else a study's, of which it is one job
-        asked = facts["command_line"] if alone else ["epuckhebb", "evaluate", *facts["overrides"]]
-        kept = [word for word in asked if not word.startswith("lifetime.record_every=")]
+        typed = facts["command_line"] if alone else ["epuckhebb", "evaluate", *facts["overrides"]]
+        words = [word for word in typed if not word.startswith("lifetime.record_every=")]
         raise ConfigError(
             f"{path} recorded nothing to replay, because it ran with lifetime.record_every=0; run it again with "
-            f"recording on: {' '.join([*kept, 'lifetime.record_every=8'])}"
+            f"recording on: {' '.join([*words, 'lifetime.record_every=8'])}"
         )
     metrics = run.table("metrics.csv")
     lifetimes = len(SIDES) * metrics.controller.nunique()
     samples = -(-config.lifetime.steps // config.lifetime.record_every)
     traces, weights, network = read_traces(run, lifetimes, samples)
     title = caption(config, facts.get("genome", "genome"), list(zip(metrics.controller, metrics.N, strict=True)))
-    return Recording(traces, weights, network, config, title, found_in(run, config), facts.get("notes", []))
+    return Recording(traces, weights, network, config, title, sentences_of(run, config), facts.get("notes", []))
 
 
-def found_in(run: Run, config: EvaluateConfig) -> dict[str, str]:
+def sentences_of(run: Run, config: EvaluateConfig) -> dict[str, str]:
     """A sentence for each side on what the robots of the recorded lifetimes found in their self-check."""
     shown = [row for row in read_findings(run) if row["repeat"] == 0]
-    who = " and ".join(f"“{one.name}”" for one in config.controllers if one.adaptation.self_check)
-    return {str(row["side"]): f"Before its life, the robot with {who} found: {text(row)}." for row in shown}
+    adaptations = " and ".join(f"“{one.name}”" for one in config.controllers if one.adaptation.self_check)
+    return {str(row["side"]): f"Before its life, the robot with {adaptations} found: {text(row)}." for row in shown}
 
 
 def write_page(recorded: Recording, target: Path) -> None:
     """Write the page of a recording."""
     title, world, gain = recorded.title, recorded.config.world, recorded.config.lifetime.gain_rad_s
-    weights, network, found, notes = recorded.weights, recorded.network, recorded.found, recorded.notes
+    weights, network, found, notes = recorded.weights, recorded.network, recorded.findings, recorded.notes
     page = replay.page(
         recorded.traces, weights, world, title, gain_rad_s=gain, network=network, found=found, notes=notes
     )

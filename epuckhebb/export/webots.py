@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from epuckhebb.config.compose import composed
-from epuckhebb.config.schema import EvaluateConfig, typed
-from epuckhebb.config.stored import read_config, without_own_code
+from epuckhebb.config.compose import load
+from epuckhebb.config.schema import EvaluateConfig
+from epuckhebb.config.stored import from_values, settings, without_own_code
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.fitness import HISTORY_MEAN, HISTORY_STEPS
@@ -20,6 +20,7 @@ from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rule import InitialWeights
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK
+from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.store import Genome, Run, load_genome, resolve_run, write_atomic
 
 _LIGHT_FULL_SCALE = 4095.0  # of Webots' e-puck in the dark, where our readings are 1
@@ -61,11 +62,11 @@ def webots(what: str, folder: Path) -> list[Path]:
 def next_step(controller: Path) -> str:
     """What to do with a controller that has been written, and which others of its run were left out."""
     left_out = json.loads((controller.parent / _CHAMPION).read_text(encoding="utf-8"))["left_out"]
-    told = f"Left out, as one controller is taken of a run: {', '.join(left_out)}.\n" if left_out else ""
+    others = f"Left out, as one controller is taken of a run: {', '.join(left_out)}.\n" if left_out else ""
     return (
-        f"{told}Next: put this folder below controllers/ of a Webots project, and choose {controller.stem} in the "
+        f"{others}Next: put this folder below controllers/ of a Webots project, and choose {controller.stem} in the "
         "field `controller` of its e-puck. With a GPS in a world whose z axis points up, set gps_axes in champion.json "
-        "to [[0, 1.0], [1, 1.0]]; docs/webots.md tells more."
+        "to [[0, 1.0], [1, 1.0]]; see docs/webots.md."
     )
 
 
@@ -74,14 +75,14 @@ def _genome_and_config(what: str) -> tuple[Genome, EvaluateConfig]:
     path = resolve_run(what)
     run = Run(path)
     if path.is_dir() and run.provenance["command"] == "evaluate":
-        config = typed(without_own_code(read_config(run.config_file, "evaluate")), EvaluateConfig)
+        config = from_values(without_own_code(settings(run.config_file)), EvaluateConfig, str(run.path))
         genome = load_genome(config.genome, config.world.experiment, config.layers)
         if genome.sha256 != run.provenance["genome_sha256"]:
             raise ConfigError(f"genome={config.genome} is not the genome of {path}; its SHA-256 differs")
         return genome, config
     genome = load_genome(str(path), "obstacles")
-    home = "highlight" if genome.experiment == "light" else "base"
-    return genome, typed(composed("evaluate", [f"scenario={home}", "hebbian=none"]), EvaluateConfig)
+    scenario = TRAINED[genome.experiment or "obstacles"]
+    return genome, load(EvaluateConfig, [f"scenario={scenario}", "hebbian=none"])
 
 
 def _content(genome: Genome, config: EvaluateConfig) -> dict[str, Any]:
@@ -115,7 +116,7 @@ def _rule(controller: Controller) -> dict[str, Any]:
     if not isinstance(rule, Paper) or not as_in_paper or controller.adaptation.acts:
         raise ConfigError(
             f"controller {controller.name} cannot be taken to Webots: only the paper's rule can, without an "
-            "adaptation, with its own signs, evolved weights at birth, and an N that holds at any gain; or none "
+            "adaptation, with its own signs, evolved initial weights, and an N that holds at any gain; or none "
             "(hebbian=none)"
         )
     settings = {key: value.name if isinstance(value, Enum) else value for key, value in asdict(rule).items()}

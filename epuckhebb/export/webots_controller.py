@@ -6,7 +6,7 @@ the robot. It needs no package but the `controller` of Webots, and it is no part
 
 Give `controllerArgs` "left" or "right", where the goal is, and the robot a GPS named "gps", if the live fitness is to
 know that it has turned the right way or how far the goal is. Without them it is taken not to have turned. Restart the
-simulation for each trial: then the robot is born again and has forgotten what it learnt.
+simulation for each trial: then the robot begins again with its evolved weights.
 """
 
 import json
@@ -25,15 +25,15 @@ WEIGHT_LIMIT = 2.0  # genes are loaded clipped to it
 class Player:
     """A network that drives the robot and may learn while it does.
 
-    told: the content of `champion.json`. side: `left`, `right` or nothing.
+    champion: what `champion.json` holds. side: `left`, `right` or nothing.
     """
 
-    def __init__(self, told: dict[str, Any], side: str = "") -> None:
-        """Be born with the genes."""
-        self.told, self.rule, self.side = told, told["rule"], side
-        sizes = [told["layers"][0] + 1, *told["layers"][1:]]  # the first layer has the bias, a constant 1
+    def __init__(self, champion: dict[str, Any], side: str = "") -> None:
+        """Begin with the genes."""
+        self.champion, self.rule, self.side = champion, champion["rule"], side
+        sizes = [champion["layers"][0] + 1, *champion["layers"][1:]]  # the first layer has the bias, a constant 1
         self.weights, self.traces = [], []
-        genes = iter(told["weights"])
+        genes = iter(champion["weights"])
         for inputs, outputs in pairwise(sizes):
             rows = [[max(-WEIGHT_LIMIT, min(WEIGHT_LIMIT, next(genes))) for _ in range(outputs)] for _ in range(inputs)]
             self.weights.append(rows)
@@ -51,7 +51,7 @@ class Player:
         fitness = self.live_fitness(readings, left, right, place)
         if self.rule is not None:
             self.learn(activations, self.rule["N"] * max(self.rule["floor"], fitness))
-        return self.told["gain_rad_s"] * left, self.told["gain_rad_s"] * right
+        return self.champion["gain_rad_s"] * left, self.champion["gain_rad_s"] * right
 
     def live_fitness(
         self, readings: list[float], left: float, right: float, place: tuple[float, float] | None
@@ -59,7 +59,7 @@ class Player:
         """The live fitness F of this step, as the run had it."""
         forward = min(1.0, max(0.0, (left + right) / 1.5))
         spin = max(0.0, 1.0 - abs(right - left) / 2.0)
-        nearest = max(readings[self.told["lights"] :])
+        nearest = max(readings[self.champion["lights"] :])
         if self.side and place is not None and self.is_in_arm(*place):
             self.junction = 1.0
         undirected = (forward + 2.0 * (1.0 - nearest**3) + spin) / 5.0
@@ -70,7 +70,7 @@ class Player:
         if signal == "final":
             away = math.inf
             if self.side and place is not None:
-                away = math.dist(place, self.told["goals"][self.side])
+                away = math.dist(place, self.champion["goals"][self.side])
             return (behaviour + 1.0 - min(1.0, (1.7 * away) ** 3)) / 2.0
         if signal == "lifetime_mean":
             before, mean = float(self.rule["history_steps"]), float(self.rule["history_mean"])
@@ -82,7 +82,7 @@ class Player:
 
     def is_in_arm(self, x: float, y: float) -> bool:
         """Whether the robot has turned into the arm of its goal; a bound that is None is infinite."""
-        arm = self.told["arms"][self.side]
+        arm = self.champion["arms"][self.side]
         return all(
             bound is None or (place - bound) * sign > 0
             for place, name, sign in ((x, "left", 1), (x, "right", -1), (y, "bottom", 1), (y, "top", -1))
@@ -101,11 +101,11 @@ class Player:
 
 def main() -> None:
     """Drive the robot until Webots ends the simulation."""
-    told = json.loads((Path(__file__).parent / "champion.json").read_text(encoding="utf-8"))
-    player = Player(told, sys.argv[1] if len(sys.argv) > 1 else "")
+    champion = json.loads((Path(__file__).parent / "champion.json").read_text(encoding="utf-8"))
+    player = Player(champion, sys.argv[1] if len(sys.argv) > 1 else "")
     robot = Robot()
-    lights = [robot.getDevice(f"ls{i}") for i in range(told["lights"])]
-    distances = [robot.getDevice(f"ps{i}") for i in range(told["layers"][0] - told["lights"])]
+    lights = [robot.getDevice(f"ls{i}") for i in range(champion["lights"])]
+    distances = [robot.getDevice(f"ps{i}") for i in range(champion["layers"][0] - champion["lights"])]
     gps = robot.getDevice("gps")
     for device in (*lights, *distances, *([gps] if gps else [])):
         device.enable(STEP_MS)
@@ -114,12 +114,12 @@ def main() -> None:
         motor.setPosition(math.inf)
         motor.setVelocity(0.0)
     while robot.step(STEP_MS) != -1:
-        readings = [min(1.0, max(0.0, sensor.getValue() / told["light_full_scale"])) for sensor in lights]
-        readings += [min(1.0, max(0.0, sensor.getValue() / told["distance_full_scale"])) for sensor in distances]
+        readings = [min(1.0, max(0.0, sensor.getValue() / champion["light_full_scale"])) for sensor in lights]
+        readings += [min(1.0, max(0.0, sensor.getValue() / champion["distance_full_scale"])) for sensor in distances]
         place = None
         if gps:
             values = gps.getValues()
-            x, y = (sign * values[axis] for axis, sign in told["gps_axes"])
+            x, y = (sign * values[axis] for axis, sign in champion["gps_axes"])
             place = (x, y)
         for motor, speed in zip(motors, player.step(readings, place), strict=True):
             motor.setVelocity(speed)

@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from omegaconf import DictConfig
 
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Traces, evaluate, memory_to_evaluate
 from epuckhebb.analysis.self_checks import findings
 from epuckhebb.config import plugins
 from epuckhebb.config.overrides import alternatives, quoted, value_of
-from epuckhebb.config.schema import EvaluateConfig, say_unusual, typed
+from epuckhebb.config.schema import EvaluateConfig, dump, say_unusual
 from epuckhebb.runs import hydra
 from epuckhebb.runs.nominal import Remembered, missing_nominal, remembered_for, training_world
 from epuckhebb.runs.notes import notes_of
@@ -121,15 +120,14 @@ def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
     return Prepared(config=config, genome=genome)
 
 
-def evaluate_job(cfg: DictConfig) -> None:
-    """Do one job of Hydra's: evaluate into its folder."""
-    threads = hydra.threads_of_job(cfg.threads)
+def evaluate_job(cfg: Any) -> None:
+    """Do one job of Hydra's: evaluate into its folder. cfg: as Hydra composed it."""
     with hydra.job_folder() as path:
-        facts = {"command_line": hydra.job_command("evaluate")}
-        evaluate_into(path, hydra.named(cfg), hydra.job_overrides(), facts, threads=threads)
+        config, facts = hydra.checked(cfg, EvaluateConfig), {"command_line": hydra.job_command("evaluate")}
+        evaluate_into(path, config, hydra.job_overrides(), facts, threads=hydra.threads_of_job(config.threads))
 
 
-def recorded_job(cfg: DictConfig) -> None:
+def recorded_job(cfg: Any) -> None:
     """Do one job of Hydra's that must record its lifetimes."""
     if not cfg.lifetime.record_every:
         with hydra.job_folder():
@@ -212,13 +210,16 @@ def compile_for(controllers: Sequence[Controller], network: Network, world: Scen
         raise ConfigError(str(error)) from error
 
 
-def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict[str, Any], *, threads: int) -> None:
-    """Claim a folder and evaluate into it; the arguments are those of `RunFolder.new`."""
-    prepared = prepare(typed(cfg, EvaluateConfig))
-    config, genome = prepared.config, prepared.genome
+def evaluate_into(
+    path: Path, config: EvaluateConfig, overrides: list[str], facts: dict[str, Any], *, threads: int
+) -> None:
+    """Claim a folder and evaluate into it. overrides, facts: as for `RunFolder.new`."""
+    prepared = prepare(config)
+    genome = prepared.genome
     say_unusual(config)
-    own, notes = plugins.own_files(cfg), notes_of(genome, config)
+    own, notes = plugins.own_files(config.values), notes_of(genome, config)
     facts = {
+        "seed": config.seed,
         "genome": genome.name,
         "genome_sha256": genome.sha256,
         "nominal_sha256": genome.nominal_sha256,
@@ -230,7 +231,7 @@ def evaluate_into(path: Path, cfg: DictConfig, overrides: list[str], facts: dict
     with saying_if_slow("Compiling; a first start takes some ten seconds, later ones do not."):
         prepared.compile()
     remembered = prepared.remember(threads, say)
-    with RunFolder.new(path, "evaluate", cfg, overrides, facts, own) as run, ThreadPoolExecutor(1) as aside:
+    with RunFolder.new(path, "evaluate", dump(config), overrides, facts, own) as run, ThreadPoolExecutor(1) as aside:
         if config.lifetime.record_every:
             aside.submit(importlib.import_module, "epuckhebb.analysis.figures")  # takes as long as the lifetimes
         metrics, traces = prepared.run(remembered, threads)

@@ -16,14 +16,11 @@ import numpy as np
 import pandas as pd
 import yaml
 from numpy.typing import NDArray
-from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import plugins
 from epuckhebb.config.build import network_for
-from epuckhebb.config.explain import explain
-from epuckhebb.config.schema import EvolveConfig, say_unusual, typed
-from epuckhebb.config.stored import read_config, settings
+from epuckhebb.config.schema import EvolveConfig, Plain, dump, say_unusual
+from epuckhebb.config.stored import from_values, settings
 from epuckhebb.evolution.evolve import Generation, evolve, memory_to_evolve
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import compile_for
@@ -43,15 +40,14 @@ from epuckhebb.store.checkpoint import Checkpoint
 RESUME = "resume="
 
 
-def evolve_job(cfg: DictConfig) -> None:
-    """Do one job of Hydra's: evolve into its folder."""
+def evolve_job(cfg: Any) -> None:
+    """Do one job of Hydra's: evolve into its folder. cfg: as Hydra composed it."""
     with hydra.job_folder() as path:
-        cfg = hydra.named(cfg)
-        prepared = prepare(typed(cfg, EvolveConfig))
+        config = hydra.checked(cfg, EvolveConfig)
+        prepared = prepare(config)
         prepared.compile()
-        facts = {"command_line": hydra.job_command("evolve")}
-        run = new_run(path, cfg, hydra.job_overrides(), facts)
-    evolve_into(run, prepared, None, threads=hydra.threads_of_job(cfg.threads), quiet=hydra.in_multirun())
+        run = new_run(path, config, hydra.job_overrides(), {"command_line": hydra.job_command("evolve")})
+    evolve_into(run, prepared, None, threads=hydra.threads_of_job(config.threads), quiet=hydra.in_multirun())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,9 +151,10 @@ def prepare(config: EvolveConfig, *, has_genome: bool = True) -> Prepared:
     return Prepared(config=config, network=network, plan=plan, weights=weights)
 
 
-def new_run(path: Path, cfg: DictConfig, overrides: list[str], facts: dict[str, Any]) -> RunFolder:
+def new_run(path: Path, config: EvolveConfig, overrides: list[str], facts: dict[str, Any]) -> RunFolder:
     """Claim the folder of an evolution."""
-    return RunFolder.new(path, "evolve", cfg, overrides, facts, plugins.own_files(cfg))
+    facts = {"seed": config.seed, **facts}
+    return RunFolder.new(path, "evolve", dump(config), overrides, facts, plugins.own_files(config.values))
 
 
 def evolve_into(
@@ -210,12 +207,12 @@ def resume(arguments: list[str]) -> Path:
     facts = before.provenance
     if facts["command"] != "evolve":
         raise ConfigError(f"resume={path} is a run of `epuckhebb {facts['command']}`; only evolutions can be resumed")
-    cfg = read_config(path / CONFIG, "evolve")  # the checkpoint knows whether it fits
-    changeable = _changeable(typed(cfg, EvolveConfig))
-    own = plugins.own_files(cfg)
+    values = settings(path / CONFIG)  # the checkpoint knows whether it fits
+    changeable = _changeable(from_values(values, EvolveConfig, str(path / CONFIG)))
+    own = plugins.own_files(values)
     _check_own_files(path, own, facts.get("own_code", {}))
-    _change(cfg, path, changes, changeable)
-    config = typed(cfg, EvolveConfig)
+    _change(values, path, changes, changeable)
+    config = from_values(values, EvolveConfig, f"resume={path}")
     prepared = prepare(config)
     prepared.compile()
     generations = config.schedule.generations
@@ -235,7 +232,7 @@ def resume(arguments: list[str]) -> Path:
         return path
     if facts["code"].get("science") != provenance.science_version():
         say("The program has changed since this evolution began; it may end otherwise than one that never stopped.")
-    run = RunFolder.resume(path, "evolve", cfg, arguments, {"generations": done}, own)
+    run = RunFolder.resume(path, "evolve", dump(config), arguments, {"generations": done}, own)
     say(f"Resuming after {done} of {generations} generations.")
     evolve_into(run, prepared, after, threads=thread_count(config.threads))
     return path
@@ -275,7 +272,7 @@ def _digest(path: Path, changeable: tuple[str, ...]) -> str:
     return hashlib.sha256(json.dumps(kept, sort_keys=True, default=str).encode()).hexdigest()
 
 
-def _change(cfg: DictConfig, path: Path, changes: list[str], changeable: tuple[str, ...]) -> None:
+def _change(values: Plain, path: Path, changes: list[str], changeable: tuple[str, ...]) -> None:
     """Change what may be changed in the configuration of a run."""
     for change in changes:
         key, _, value = change.partition("=")
@@ -284,10 +281,11 @@ def _change(cfg: DictConfig, path: Path, changes: list[str], changeable: tuple[s
                 f"{change} cannot be given with {RESUME}: the evolution is resumed with the settings in "
                 f"{path}/.hydra/config.yaml; only {' and '.join(changeable)} may be changed"
             )
+        group, _, last = key.rpartition(".")
         try:
-            OmegaConf.update(cfg, key, yaml.safe_load(value))
-        except (yaml.YAMLError, OmegaConfBaseException) as error:
-            raise ConfigError(explain(error)) from error
+            (values[group] if group else values)[last] = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            raise ConfigError(f"{change} cannot be read; give {key} a whole number") from error
 
 
 class EvolutionProgress(Bar):

@@ -20,13 +20,13 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.config.compose import IS_HYDRA_1_4, STAMP, VERSION_BASE, composed, folders_of, unresolved
+from epuckhebb.config.compose import IS_HYDRA_1_4, STAMP, VERSION_BASE, folders_of, load, swept, unresolved
 from epuckhebb.config.explain import explain
 from epuckhebb.config.hydra_cache import USERS, users_first
 from epuckhebb.config.names import resolve_names
 from epuckhebb.config.overrides import SWEEP_DIR, alternatives, check_folders, quoted, value_of, with_names_compared
-from epuckhebb.config.schema import SCHEMAS, typed
-from epuckhebb.runtime.errors import ConfigError, JobFailedError, end_with
+from epuckhebb.config.schema import SCHEMAS, Config, typed
+from epuckhebb.runtime.errors import ConfigError, JobFailedError, exit_with_parent
 from epuckhebb.runtime.resources import data_folder, path_of, thread_count
 from epuckhebb.store import check_folder_of_multirun, of_multirun
 
@@ -34,10 +34,10 @@ _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _HYDRAS_WORDS = "Error executing job with overrides"  # before what a job raised
 
 
-def named(cfg: DictConfig) -> DictConfig:
+def checked(cfg: DictConfig, schema: type[Config]) -> Config:
     """The configuration of the job that Hydra runs, with all names in it; see `epuckhebb.config.names`."""
     runtime = HydraConfig.get().runtime
-    return resolve_names(cfg, runtime.choices, folders_of(runtime))
+    return typed(resolve_names(cfg, runtime.choices, folders_of(runtime)), schema)
 
 
 def output_folder() -> Path:
@@ -56,7 +56,7 @@ def check(
     """
     if not multirun:
         named = [override for override in overrides if override.lstrip("+").startswith("experiment=")]
-        if named and composed(command, overrides, config_dir, with_hydra=True).hydra.sweeper.params:
+        if named and swept(overrides, config_dir):
             name = named[-1].partition("=")[2]
             raise ConfigError(
                 f"experiment={name} is a sweep of many jobs: run `epuckhebb sweep {name}`, or add --multirun"
@@ -69,12 +69,10 @@ def check(
         tried = values[1:] if len(values) <= _CHECKED_IN_FULL else values[-1:]
         jobs += [[*first[:place], value, *first[place + 1 :]] for value in tried]
     for job in jobs:
-        prepare(typed(composed(command, job, config_dir), SCHEMAS[command]))
+        prepare(load(SCHEMAS[command], job, config_dir))
 
 
-def run(
-    command: str, job: Callable[[DictConfig], None], arguments: list[str], config_dir: str | None = None
-) -> list[Path]:
+def run(command: str, job: Callable[[Any], None], arguments: list[str], config_dir: str | None = None) -> list[Path]:
     """Run a job, or with `--multirun` many, on the configuration that overrides and Hydra's own options describe.
 
     Returns the folders of the runs, in the order of the jobs. config_dir: a folder with more configuration files.
@@ -112,7 +110,7 @@ def _with_rules_found(argument: str) -> str:
 
 
 def call(
-    command: str, job: Callable[[DictConfig], None], arguments: list[str], stamp: str, config_dir: str | None = None
+    command: str, job: Callable[[Any], None], arguments: list[str], stamp: str, config_dir: str | None = None
 ) -> None:
     """Call Hydra as its own command line would; see `run`. The stamp is part of the names of folders."""
     options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)} if IS_HYDRA_1_4 else VERSION_BASE
@@ -135,7 +133,7 @@ def call(
             raise
 
 
-def call_many(command: str, job: Callable[[DictConfig], None], arguments: list[str], stamp: str) -> None:
+def call_many(command: str, job: Callable[[Any], None], arguments: list[str], stamp: str) -> None:
     """Call Hydra for jobs that have their configurations already: it does not compose them before the first begins."""
     with _without(Sweeper, "validate_batch_is_legal"):
         call(command, job, arguments, stamp)
@@ -242,7 +240,7 @@ def _workers_that_end_with_us() -> Iterator[None]:
     from joblib.parallel import BACKENDS, register_parallel_backend
 
     loky = BACKENDS["loky"]
-    register_parallel_backend("loky", functools.partial(loky, initializer=end_with, initargs=(os.getpid(),)))
+    register_parallel_backend("loky", functools.partial(loky, initializer=exit_with_parent, initargs=(os.getpid(),)))
     try:
         yield
     finally:

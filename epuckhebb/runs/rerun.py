@@ -4,12 +4,10 @@ from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
-from omegaconf import DictConfig
 
 from epuckhebb.config import plugins
-from epuckhebb.config.overrides import literal
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
-from epuckhebb.config.stored import read_config
+from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, Plain
+from epuckhebb.config.stored import from_values, settings
 from epuckhebb.runs import evaluate, evolve
 from epuckhebb.runs.hydra import new_stamp
 from epuckhebb.runtime.errors import ConfigError
@@ -34,11 +32,11 @@ def rerun(path: Path) -> tuple[Path, str]:
         if before not in (None, number):
             say(f"{name} was {before} in this run, and is {number} now; digits may differ.")
     new = Path("runs") / command / f"{new_stamp()}_rerun_of_{path.resolve().name}"
-    cfg = read_config(run.config_file, command)
-    _take_copies(cfg, run)
+    values = settings(run.config_file)
+    _take_copies(values, run)
     more = {"command_line": ["epuckhebb", "rerun", str(path)], "rerun_of": str(path)}
     if command == "evaluate":
-        config = typed(cfg, EvaluateConfig)
+        config = from_values(values, EvaluateConfig, str(path))
         genome = evaluate.prepare(config).genome
         if genome.sha256 != facts["genome_sha256"]:
             raise ConfigError(
@@ -48,26 +46,26 @@ def rerun(path: Path) -> tuple[Path, str]:
         for name in ("nominal_sha256", "self_memory_sha256"):
             if facts.get(name) not in (None, getattr(genome, name)):
                 raise ConfigError(f"genome={config.genome} remembers its training world otherwise than in {path}")
-        evaluate.evaluate_into(new, cfg, facts["overrides"], more, threads=thread_count(config.threads))
+        evaluate.evaluate_into(new, config, facts["overrides"], more, threads=thread_count(config.threads))
     else:
-        again = evolve.prepare(typed(cfg, EvolveConfig))
+        again = evolve.prepare(from_values(values, EvolveConfig, str(path)))
         again.compile()
         if again.weights is not None and not np.array_equal(load_genome(str(path), "").weights, again.weights):
             raise ConfigError(f"genome={again.config.genome} does not hold the weights with which {path} began")
-        folder = evolve.new_run(new, cfg, facts["overrides"], more)
+        folder = evolve.new_run(new, again.config, facts["overrides"], more)
         evolve.evolve_into(folder, again, None, threads=thread_count(again.config.threads))
     return new, _difference(path, new)
 
 
-def _take_copies(cfg: DictConfig, run: Run) -> None:
+def _take_copies(values: Plain, run: Run) -> None:
     """Take the user's own files from their copies in the run folder."""
     own_code = run.provenance.get("own_code", {})
-    for settings, key, file, name in plugins.references(cfg):
+    for part, key, file, name in plugins.references(values):
         if str(file) not in own_code:
             raise ConfigError(f"{run.path} has no copy of {file}, which {key} names")
         copy = own_code[str(file)]["copy"]
         run.check_folder(copy.rpartition("/")[0])
-        settings[key] = literal(f"{(run.path / copy).absolute()}:{name}")
+        part[key] = f"{(run.path / copy).absolute()}:{name}"
 
 
 def _difference(one: Path, other: Path) -> str:

@@ -1,4 +1,4 @@
-"""Where the program speaks: standard output and standard error, whatever they can show and whether or not one reads."""
+"""Where the program prints: standard output and standard error, whatever they can show and whether or not one reads."""
 
 import os
 import sys
@@ -20,7 +20,7 @@ _HEADING = 8  # characters of a heading's line above narrower figures
 
 
 class Terminal(Console):
-    """Standard output, or standard error, for a reader; who stops reading does not stop the work."""
+    """Standard output, or standard error, for a reader; a reader that stops does not stop the work."""
 
     def __init__(self, *, stderr: bool = False) -> None:
         """Write names as they are: nothing in them is an emoji. A notebook gets the lines that a file would get."""

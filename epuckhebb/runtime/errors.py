@@ -14,7 +14,7 @@ JOB_FAILED, USAGE, INTERRUPTED = 1, 2, 130  # exit codes
 _PATIENCE_S = 1.5
 _LOOK_S = 0.5  # between two looks at whether the parent is there
 
-at_work: list[Callable[[], str]] = []  # for each folder at work: closes it, and returns what an interruption leaves
+open_folders: list[Callable[[], str]] = []  # a function for each: closes it, and returns what an interruption leaves
 _asked = threading.Event()  # a signal has asked this program to end
 
 
@@ -26,9 +26,15 @@ class JobFailedError(RuntimeError):
     """A run began and could not be finished; the message says which and why."""
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A question to put into a message before what is allowed; nothing if no name is near."""
-    return "".join(f"did you mean {one}? " for one in near(name, known, 1))
+def did_you_mean(name: str, known: Iterable[str], most: int = 1) -> str:
+    """A question to put behind what is wrong; nothing if no name is near."""
+    return question(near(name, known, most))
+
+
+def question(names: Iterable[str]) -> str:
+    """A question to put behind what is wrong; nothing without names."""
+    names = ", ".join(names)
+    return f". Did you mean {names}?" if names else ""
 
 
 def near(name: str, known: Iterable[str], most: int = 3) -> list[str]:
@@ -90,13 +96,13 @@ def end_on_signals() -> None:
 
 
 def _asking() -> list[int]:
-    """The signals that ask this program to end: not those that it was told to ignore, as `nohup` does."""
+    """The signals that ask this program to end: not those that it ignores, as under `nohup`."""
     known = (getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP"))  # Windows has no SIGHUP
     return [number for number in known if number is not None and signal.getsignal(number) is not signal.SIG_IGN]
 
 
-def end_with(parent: int) -> None:
-    """Let this process end when its parent does, however that ends: a worker must not outlive who started it.
+def exit_with_parent(parent: int) -> None:
+    """Let this process end when its parent does, however that ends: a worker must not outlive its parent.
 
     parent: the process that started this one; where the system has given this one another parent, it has ended.
     """
@@ -110,16 +116,16 @@ def end_with(parent: int) -> None:
         threading.Thread(target=watch, name="watch", daemon=True).start()
 
 
-def interrupted(told: str) -> str:
+def interrupted(left_behind: str) -> str:
     """The message of an interruption."""
-    return f"interrupted: {told}" if told else "interrupted"
+    return f"interrupted: {left_behind}" if left_behind else "interrupted"
 
 
 def _leave() -> None:
     try:
-        told = [close() for close in list(at_work)]
+        left_behind = [close() for close in list(open_folders)]
         show_cursor = "\x1b[?25h" if sys.stderr.isatty() else ""  # a live progress bar hides it
-        sys.stderr.write(f"{show_cursor}\nError: {interrupted(next(filter(None, told), ''))}\n")
+        sys.stderr.write(f"{show_cursor}\nError: {interrupted(next(filter(None, left_behind), ''))}\n")
         sys.stderr.flush()
     finally:
         os._exit(INTERRUPTED)

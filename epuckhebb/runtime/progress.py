@@ -28,13 +28,13 @@ def is_quiet() -> bool:
 
 
 def say(note: str) -> None:
-    """Tell the user something on standard error, unless this call is quiet."""
+    """Print a note on standard error, unless this call is quiet."""
     if not is_quiet():
         Terminal(stderr=True).print(note, markup=False, soft_wrap=True)
 
 
 def say_once(note: str) -> None:
-    """Tell the user something that holds for many jobs of this process."""
+    """Print a note once for all jobs of this process."""
     if note not in _said and not is_quiet():
         _said.add(note)
         say(note)
@@ -42,7 +42,7 @@ def say_once(note: str) -> None:
 
 @contextmanager
 def saying_if_slow(note: str, after_s: float = 2.0) -> Iterator[None]:
-    """Tell somebody at a terminal if what is done meanwhile takes longer than usual."""
+    """Print a note at a terminal if what is done meanwhile takes longer than usual."""
     timer = threading.Timer(after_s, say, [note])
     timer.daemon = True
     if Terminal(stderr=True).is_watched:
@@ -70,9 +70,9 @@ class Bar(Progress):
         self._each, self._line = each, time.monotonic()
         self._total, self._task = total, self.add_task("", total=total)
 
-    def put(self, resolve_names: float, told: str) -> None:
-        """Show how many steps are completed, and what is told beside the bar."""
-        self.update(self._task, resolve_names=resolve_names, description=told)
+    def put(self, done: float, text: str) -> None:
+        """Show how many steps are done, and a text beside the bar."""
+        self.update(self._task, completed=done, description=text)
 
     def say(self, line: str, *, news: bool = True) -> None:
         """Print a line where there is no terminal. news: whether a step has ended since the last."""
@@ -98,10 +98,10 @@ class TaskProgress(Bar):
         done = sum(self._sizes[:number])
         self.say(f"{number + 1}/{len(self._sizes)}  {name}{_left(self._began, done, self._total)}")
 
-    def within(self, share: float, told: str) -> None:
-        """Show how far the task at work is, from 0 to 1, and what is told of it."""
+    def within(self, share: float, text: str) -> None:
+        """Show how far the task at work is, from 0 to 1, and a text about it."""
         done = sum(self._sizes[: self._number]) + share * self._sizes[self._number]
-        self.put(done, f"{self._number + 1}/{len(self._sizes)}  {self._name}  {told}")
+        self.put(done, f"{self._number + 1}/{len(self._sizes)}  {self._name}  {text}")
 
 
 def _left(began: float, done: float, total: float) -> str:
@@ -125,11 +125,11 @@ def counting(total: int, count: Callable[[], tuple[int, int]]) -> Iterator[None]
     def look() -> None:
         nonlocal seen
         done, failed = count()
-        told = f"  {failed} failed" if failed else ""
-        bar.put(done + failed, told.strip())
+        text = f"  {failed} failed" if failed else ""
+        bar.put(done + failed, text.strip())
         news, seen = done + failed > seen, done + failed
         left = _left(began, seen, total) if news else ""  # a guess grows with a job that takes long
-        bar.say(f"job {seen}/{total}{told}{left}", news=news)
+        bar.say(f"job {seen}/{total}{text}{left}", news=news)
 
     def watch() -> None:
         while not ended.wait(_EVERY_S):

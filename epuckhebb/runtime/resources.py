@@ -57,23 +57,23 @@ def unusable_here() -> str:
         Path.cwd()
     except OSError:
         return "the current folder is gone; change to one that is there and start again"
-    for name, told in _OF_NUMBA.items():
+    for name, why in _OF_NUMBA.items():
         try:
             value = int(os.environ[name])
         except (KeyError, ValueError):  # numba warns of what is no number, and takes no notice
             continue
         if value < 1 if name == _THREADS else value:
-            return f"{name}={value} is set, and {told}; unset it and start again"
+            return f"{name}={value} is set, and {why}; unset it and start again"
     return ""
 
 
 def path_of(text: str, key: str) -> Path:
-    """A path that a user gave for a key, `~` and `~name` at its beginning being home folders."""
+    """A path that a user gave for a key, with `~` or `~name` at its beginning replaced by that folder."""
     try:
         return Path(text).expanduser()
     except RuntimeError as error:
         raise ConfigError(
-            f"{key}={text}: no home folder is known for {text.partition('/')[0]}; give the whole path"
+            f"{key}={text}: {text.partition('/')[0]} stands for no folder here; give the whole path"
         ) from error
 
 

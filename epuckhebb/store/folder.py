@@ -17,8 +17,8 @@ from types import TracebackType
 from typing import Any, Protocol
 
 import pandas as pd
+import yaml
 from filelock import BaseFileLock
-from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.runtime import errors
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
@@ -77,17 +77,18 @@ class RunFolder:
         cls,
         path: Path,
         command: str,
-        cfg: DictConfig,
+        config: str,
         arguments: list[str],
         facts: dict[str, Any],
         own: Mapping[Path, OwnFile] | None = None,
     ) -> "RunFolder":
         """Claim a folder that holds no run yet, and write down what is about to run.
 
-        path: the folder, which is made. command, arguments: of the command line. facts: what else belongs into
-        `provenance.json`, for example the genome's SHA-256. own: the user's files, which the folder keeps as copies.
+        path: the folder, which is made. command, arguments: of the command line. config: the configuration as YAML.
+        facts: what else belongs into `provenance.json`, for example the genome's SHA-256. own: the user's files, which
+        the folder keeps as copies.
         """
-        content = provenance(command, cfg, arguments) | _own_code(own) | facts
+        content = provenance(command, arguments) | _own_code(own) | facts
         try:
             path.mkdir(parents=True, exist_ok=True)
             if not (path / STATUS).exists():
@@ -103,7 +104,7 @@ class RunFolder:
         try:
             with suppress(BlockingIOError):  # the claim is what counts
                 run._lock = disk.lock(path, _PATIENCE_S)
-            run._begin(content, cfg, arguments, own)
+            run._begin(content, config, arguments, own)
         except OSError as error:
             written = (STATUS, OVERRIDES, *run._written)
             for name in written:
@@ -120,7 +121,7 @@ class RunFolder:
         cls,
         path: Path,
         command: str,
-        cfg: DictConfig | None,
+        config: str | None,
         arguments: list[str],
         facts: dict[str, Any],
         own: Mapping[Path, OwnFile] | None = None,
@@ -129,10 +130,10 @@ class RunFolder:
         """Resume the work in a folder, or begin it there; one process at a time.
 
         What killed processes have left half done is removed. If the work was begun before, `provenance.json` keeps its
-        content and gets an entry with these facts. The arguments are those of `new`, but `cfg` is None where each job
-        has its own; `results` are files of earlier calls that stay.
+        content and gets an entry with these facts. The arguments are those of `new`, with `config` None where each
+        job has its own; `results` are files of earlier calls that stay.
         """
-        lock, content = None, provenance(command, cfg, arguments) | _own_code(own) | facts
+        lock, content = None, provenance(command, arguments) | _own_code(own) | facts
         try:
             path.mkdir(parents=True, exist_ok=True)
             before = Run(path)
@@ -149,7 +150,7 @@ class RunFolder:
                 again = {"started": _now(), "command_line": content["command_line"], **facts, "code": content["code"]}
                 content = {**earlier, "resumed": [*earlier.get("resumed", []), again]}
             _remove_half_done(path)
-            run._begin(content, cfg, None, own)
+            run._begin(content, config, None, own)
         except BlockingIOError:
             raise ConfigError(f"another process is working on {path}; wait for it or stop it") from None
         except OSError as error:
@@ -186,14 +187,14 @@ class RunFolder:
 
     def __enter__(self) -> "RunFolder":
         """The folder itself."""
-        errors.at_work.append(self._interrupted)
+        errors.open_folders.append(self._interrupted)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Write whether the work finished, was interrupted or failed; raise the error for the user."""
-        errors.at_work.remove(self._interrupted)
+        errors.open_folders.remove(self._interrupted)
         try:
             if error is None:
                 try:
@@ -214,19 +215,19 @@ class RunFolder:
     def _begin(
         self,
         facts: dict[str, Any],
-        cfg: DictConfig | None,
+        config: str | None,
         overrides: list[str] | None,
         own: Mapping[Path, OwnFile] | None,
     ) -> None:
         """Write down what runs here: its state first, and `provenance.json`, by which a run is known, after that."""
         self._earlier.pop(PROVENANCE, None)
-        if cfg is not None:
+        if config is not None:
             self._earlier.pop(CONFIG, None)
         self._write_status("running")
         if overrides is not None:
-            self.write(OVERRIDES, OmegaConf.to_yaml(OmegaConf.create(overrides)))
-        if cfg is not None:
-            self.write(CONFIG, OmegaConf.to_yaml(cfg, resolve=True))
+            self.write(OVERRIDES, yaml.safe_dump(overrides, allow_unicode=True))
+        if config is not None:
+            self.write(CONFIG, config)
         self.write(PROVENANCE, as_json(facts))
         for one in (own or {}).values():
             for place, content in one.copies.items():

@@ -9,8 +9,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig
-
 from epuckhebb import __version__
 from epuckhebb.runtime import resources
 from epuckhebb.store.disk import SCHEMA
@@ -25,14 +23,13 @@ def digest(content: object) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def provenance(command: str, cfg: DictConfig | None, arguments: list[str]) -> dict[str, Any]:
+def provenance(command: str, arguments: list[str]) -> dict[str, Any]:
     """Who ran what, with what, where."""
     return {
         "schema": SCHEMA,
         "command": command,
         "command_line": ["epuckhebb", command, *arguments],
         "overrides": arguments,
-        **({} if cfg is None else {"seed": cfg.seed}),
         "code": _code_version(),
         "packages": versions(_PACKAGES),
         "python": platform.python_version(),

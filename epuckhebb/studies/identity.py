@@ -1,17 +1,14 @@
 """Names each job of a sweep by all that its result depends on."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
-from omegaconf import DictConfig
-
 from epuckhebb.config import plugins
 from epuckhebb.config.build import check_counts
-from epuckhebb.config.compose import Plain
-from epuckhebb.config.schema import EvaluateConfig, typed
-from epuckhebb.config.stored import as_config
+from epuckhebb.config.schema import EvaluateConfig, Plain
+from epuckhebb.config.stored import from_values
 from epuckhebb.runs.evaluate import prepare
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store import load_genome, provenance
@@ -51,14 +48,14 @@ class Identities:
             self._more[shared, config["genome"]] = self._depends_on(config, self._shared[shared])
         return f"job_{digest([self.settings(config), self._more[shared, config['genome']]])[:12]}"
 
-    def validate_shared(self, config: Plain, cfg: DictConfig | None = None) -> str:
+    def validate_shared(self, config: Plain, load: Callable[[], EvaluateConfig] | None = None) -> str:
         """Check, once, what many configurations share with this one; returns a digest of that.
 
-        cfg: the same configuration as Hydra has it, if that was composed already.
+        load: a quicker way to the checked configuration, if there is one.
         """
         shared = digest(self._texts_of(config, (*_APART, "genome")))
         if shared not in self._shared:
-            self._shared[shared] = typed(cfg or as_config(config, "evaluate"), EvaluateConfig)
+            self._shared[shared] = load() if load else from_values(config, EvaluateConfig, "a job")
         return shared
 
     def settings(self, config: Plain) -> str:

@@ -17,10 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig
-
 from epuckhebb.config import overrides
-from epuckhebb.config.compose import Plain
+from epuckhebb.config.schema import Checked, Plain, dump
 from epuckhebb.runs import hydra
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import TaskProgress, counting
@@ -96,7 +94,7 @@ def is_whole(result: Path) -> bool:
 def open_study(
     folder: Path,
     command: str,
-    cfg: DictConfig | None,
+    config: Checked | None,
     arguments: list[str],
     results: Sequence[tuple[Path, ...]],
     own: Mapping[Path, OwnFile] | None = None,
@@ -106,7 +104,7 @@ def open_study(
     Args:
         folder: The folder; it is made if it is missing, and what killed calls left half done is removed.
         command: The command of the command line.
-        cfg: The configuration, if the whole study has one.
+        config: The configuration, if the whole study has one.
         arguments: What followed the command.
         results: What each of its jobs will leave; an interruption reports how many of them are done.
         own: The user's files, which the folder keeps as copies.
@@ -121,7 +119,9 @@ def open_study(
         return f"{done} of {len(results)} jobs are done; the same command does the rest"
 
     stay = [result for job in results for result in job]
-    with RunFolder.resume(folder, command, cfg, arguments, {}, own, stay) as study:
+    facts = {} if config is None else {"seed": config.seed}
+    written = None if config is None else dump(config)
+    with RunFolder.resume(folder, command, written, arguments, facts, own, stay) as study:
         study.left_behind = left_behind
         try:
             yield study
@@ -129,10 +129,10 @@ def open_study(
             raise ConfigError(f"cannot write to {error.filename or folder}: {error.strerror}") from error
 
 
-def run_tasks(folder: Path, command: str, cfg: DictConfig, arguments: list[str], tasks: Sequence[Task]) -> None:
+def run_tasks(folder: Path, command: str, config: Checked, arguments: list[str], tasks: Sequence[Task]) -> None:
     """Do in this process, in order, the tasks of a study that are not done; see `open_study`."""
     results = [task.results for task in tasks if task.results]
-    with open_study(folder, command, cfg, arguments, results) as study:
+    with open_study(folder, command, config, arguments, results) as study:
         missing = {}
         for number, task in enumerate(tasks):
             names = [result.relative_to(folder).as_posix() for result in task.results]
@@ -176,7 +176,7 @@ def launch(
     name: str,
     jobs: Sequence[Job],
     launcher: list[str],
-    do: Callable[[DictConfig], None],
+    do: Callable[[Any], None],
     *,
     fail_fast: bool,
 ) -> Outcome:
@@ -232,9 +232,7 @@ def count(folder: Path, jobs: Sequence[Job], attempts: Sequence[Path]) -> tuple[
     return done, sum(Run(path).state == "failed" for path in attempts if path.name in there)
 
 
-def one_job(
-    cfg: DictConfig, name_of: Callable[[Plain], str], work: Callable[[Path, Plain, dict[str, Any]], None]
-) -> None:
+def one_job(cfg: Any, name_of: Callable[[Plain], str], work: Callable[[Path, Plain, dict[str, Any]], None]) -> None:
     """Do one job of a study, in the process that the launcher gives it.
 
     Args:

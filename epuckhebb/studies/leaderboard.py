@@ -10,15 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from omegaconf import DictConfig
 
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis import report
 from epuckhebb.analysis.limits import limits
 from epuckhebb.config import plugins
-from epuckhebb.config.compose import Plain
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
-from epuckhebb.config.stored import as_config
+from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, Plain, dump
+from epuckhebb.config.stored import from_values
 from epuckhebb.runs import evaluate, evolve, hydra
 from epuckhebb.runtime.errors import JobFailedError
 from epuckhebb.runtime.progress import say
@@ -43,7 +41,7 @@ def leaderboard(planned: Leaderboard) -> None:
     folder = planned.folder
     results = [(folder / job.run,) for job in planned.jobs]
     arguments, own = planned.arguments, planned.own_files
-    with study_jobs.open_study(folder, "leaderboard", planned.cfg, arguments, results, own) as study:
+    with study_jobs.open_study(folder, "leaderboard", planned.config, arguments, results, own) as study:
         for what, jobs in planned.stages:
             todo = len(study_jobs.todo(folder, jobs))
             say(f"{what}: {len(jobs)} jobs, {len(jobs) - todo} done before, {todo} to do.")
@@ -54,37 +52,36 @@ def leaderboard(planned: Leaderboard) -> None:
         _report(study, planned)
 
 
-def leaderboard_job(cfg: DictConfig) -> None:
+def leaderboard_job(cfg: Any) -> None:
     """Do one job of a leaderboard."""
     study_jobs.one_job(cfg, identity, _work)
 
 
 def _work(path: Path, job: Plain, facts: dict[str, Any]) -> None:
     wanted, folder = job["config"], path.parents[1]
-    command = "evaluate" if "worlds" in wanted else "evolve"
-    config = dict(wanted["config"])
+    values = dict(wanted["config"])
     if wanted["champion"]:
-        config["genome"] = str(folder / wanted["champion"])
-    cfg = as_config(config, command)
-    threads = hydra.threads_of_job(cfg.threads)
-    if command == "evaluate":
-        _test(path, cfg, wanted, job["overrides"], facts, threads)
+        values["genome"] = str(folder / wanted["champion"])
+    if "worlds" in wanted:
+        _test(path, from_values(values, EvaluateConfig, f"job {path}"), wanted, job["overrides"], facts)
         return
-    prepared = evolve.prepare(typed(cfg, EvolveConfig))
+    config = from_values(values, EvolveConfig, f"job {path}")
+    prepared = evolve.prepare(config)
     prepared.compile()
-    run = evolve.new_run(path, cfg, job["overrides"], facts)
+    run = evolve.new_run(path, config, job["overrides"], facts)
     began = time.process_time()
-    evolve.evolve_into(run, prepared, None, threads=threads, quiet=True)
+    evolve.evolve_into(run, prepared, None, threads=hydra.threads_of_job(config.threads), quiet=True)
     write_atomic(path / _COST, _cost_since(began))
 
 
-def _test(path: Path, cfg: DictConfig, job: Plain, overrides: list[str], facts: dict[str, Any], threads: int) -> None:
+def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], facts: dict[str, Any]) -> None:
     """Evaluate a champion in its training world and in all test worlds."""
-    prepared = evaluate.prepare(typed(cfg, EvaluateConfig))
+    prepared, threads = evaluate.prepare(config), hydra.threads_of_job(config.threads)
     prepared.compile()
     genome = prepared.genome
-    facts = {"genome": genome.name, "genome_sha256": genome.sha256, **facts}
-    with RunFolder.new(path, "leaderboard", cfg, overrides, facts, plugins.own_files(cfg)) as run:
+    facts = {"seed": config.seed, "genome": genome.name, "genome_sha256": genome.sha256, **facts}
+    own = plugins.own_files(config.values)
+    with RunFolder.new(path, "leaderboard", dump(config), overrides, facts, own) as run:
         began = time.process_time()
         rows = []
         for name in job["worlds"]:
@@ -113,7 +110,7 @@ def _report(study: RunFolder, planned: Leaderboard) -> None:
     lines = {entry.row.experiment: limits(entry.task) for entry in planned.entries if isinstance(entry.task, Reversal)}
     picture = charts.leaderboard_of(table, champions, lines)
     study.write(f"figures/{board.FIGURE}", picture)
-    meanings = {entry.method.name: entry.method.told for entry in planned.entries}
+    meanings = {entry.method.name: entry.method.description for entry in planned.entries}
     tests = {experiment: list(own) for experiment, own in planned.tests.items()}
     page = board.markdown(table, costs, meanings, tests, _provenance(planned))
     study.write("report.md", page)

@@ -11,17 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from omegaconf import DictConfig
-
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis.leaderboard import EVOLVED, PLAIN, POST_HOC, Row
 from epuckhebb.config import compose, plugins
 from epuckhebb.config.build import check_wheel_gain, network_for
-from epuckhebb.config.compose import Plain
 from epuckhebb.config.methods import REVERSAL_TASK, Method, typed_as
 from epuckhebb.config.names import world_of
 from epuckhebb.config.overrides import alternatives
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, LeaderboardConfig, typed
+from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, LeaderboardConfig, Plain
 from epuckhebb.runs import evaluate, evolve
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
@@ -52,7 +49,7 @@ class Entry:
 @functools.cache
 def world_named(name: str, config_dir: str | None) -> Scenario:
     """A world by its name."""
-    robot = compose.plain(_training_world_cfg(TRAINED["obstacles"], (), config_dir).robot)
+    robot = _in_training_world(TRAINED["obstacles"], (), config_dir).robot
     try:
         world = world_of(name, search_folders(config_dir), robot)
     except ValueError as error:
@@ -63,9 +60,9 @@ def world_named(name: str, config_dir: str | None) -> Scenario:
 
 
 @functools.cache
-def _training_world_cfg(world: str, task: tuple[str, ...], config_dir: str | None) -> DictConfig:
+def _in_training_world(world: str, task: tuple[str, ...], config_dir: str | None) -> EvaluateConfig:
     """An evaluation of genes alone in the training world."""
-    return compose.composed("evaluate", _evaluation_in(world, *task, "hebbian=none"), config_dir)
+    return compose.load(EvaluateConfig, _evaluation_in(world, *task, "hebbian=none"), config_dir)
 
 
 def _evaluation_in(world: str, *words: str) -> list[str]:
@@ -80,8 +77,8 @@ def search_folders(config_dir: str | None) -> list[Path]:
 @functools.cache
 def _swept(name: str, config_dir: str | None) -> tuple[str, ...]:
     """The worlds of a named sweep."""
-    params = compose.composed("evaluate", [f"experiment={name}"], config_dir, with_hydra=True).hydra.sweeper.params
-    if not params or "scenario" not in params:
+    params = compose.swept([f"experiment={name}"], config_dir)
+    if "scenario" not in params:
         raise ConfigError(f"tests={name}: this sweep of conf/experiment/ names no scenarios in hydra.sweeper.params")
     swept = alternatives([f"{key}={params[key]}" for key in ("scenario", "change") if key in params])
     values = [[_NAMES.findall(word.partition("=")[2]) for word in words] for words in swept.values()]
@@ -157,12 +154,11 @@ class Planner:
         if method.evolve:
             world = [] if "scenario" in method.evolve else [f"scenario={self._training_world}"]
             given = ["genome=given"] if method.champions_of else []
-            cfg = compose.composed("evolve", [*world, *method.overrides("evolve"), *given], self._config_dir)
-            config = typed(cfg, EvolveConfig)
+            config = compose.load(EvolveConfig, [*world, *method.overrides("evolve"), *given], self._config_dir)
             self._check(method, config)
-            settings = compose.plain(cfg)
+            settings = config.values
             champions = {seed: self._evolution(method, settings, over, seed) for seed in self._seeds}
-            tested = compose.plain(_training_world_cfg(self._training_world, self._task, self._config_dir))
+            tested = dict(_in_training_world(self._training_world, self._task, self._config_dir).values)
             tested["hebbian"] = settings["hebbian"]
         else:
             tested = self._post_hoc(method)
@@ -211,8 +207,7 @@ class Planner:
     def _post_hoc(self, method: Method) -> Plain:
         """How champions are tested with what is added after evolution."""
         words = _evaluation_in(self._training_world, *method.overrides("evaluate"))
-        cfg = compose.composed("evaluate", words, self._config_dir)
-        config = typed(cfg, EvaluateConfig)
+        config = compose.load(EvaluateConfig, words, self._config_dir)
         for name, world in self._tests.items():
             try:
                 check_wheel_gain(replace(config.lifetime, duration_s=world.paper_duration_s), world)
@@ -220,7 +215,7 @@ class Planner:
                 raise ConfigError(f"{name}: {error}") from error
         if "hebbian.rule" in method.evaluate:
             evaluate.compile_for(config.controllers, network_for(config.world, config.layers), config.world)
-        return compose.plain(cfg)
+        return dict(config.values)
 
     def _evolution(self, method: Method, config: Plain, over: Entry | None, seed: int) -> Job:
         champion = over.champions[seed].run if over else ""

@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from omegaconf import DictConfig
-
 from epuckhebb.config import compose, overrides, plugins
 from epuckhebb.config import methods as known_methods
 from epuckhebb.config.methods import ALL, RULE_GROUPS, TRAINING_GROUPS, Method, is_in_groups, methods_named
-from epuckhebb.config.schema import LeaderboardConfig, typed
+from epuckhebb.config.schema import LeaderboardConfig
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.store import provenance
@@ -28,7 +26,6 @@ class Leaderboard:
     """What belongs to a leaderboard."""
 
     config: LeaderboardConfig
-    cfg: DictConfig  # the same, as it was composed
     tests: dict[str, dict[str, Scenario]]  # of each experiment, by name; reversal learning has none but its own world
     entries: list[Entry]
     folder: Path
@@ -88,8 +85,7 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
         config_dir = str(Path(config_dir).absolute())
     of_hydra = for_hydra("leaderboard", arguments)
     own = [_as_list(argument) for argument in arguments if argument not in of_hydra]
-    cfg = compose.composed("leaderboard", [*(QUICK if quick else ()), *own], config_dir)
-    config = typed(cfg, LeaderboardConfig)
+    config = compose.load(LeaderboardConfig, [*(QUICK if quick else ()), *own], config_dir)
     folders = search_folders(config_dir)
     all_tests = tests_of(config.tests, config_dir)
     tests = {one: all_tests.get(one, {}) for one in experiments}
@@ -110,7 +106,6 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
     folder, launcher = folder_and_launcher(of_hydra, usual)
     return Leaderboard(
         config=config,
-        cfg=cfg,
         tests=tests,
         entries=entries,
         folder=folder,
@@ -148,7 +143,7 @@ def in_reversal(methods: Sequence[Method], folders: Sequence[Path]) -> list[Meth
             champions_of=_PLAIN if method.champions_of else "",
             matched_control="" if method.champions_of else _PLAIN,
         )
-        if method.rule and not any(replace(made, name=one.name, told=one.told) == one for one in found):
+        if method.rule and not any(replace(made, name=one.name, description=one.description) == one for one in found):
             found.append(made)
     names = [method.name for method in methods]
     if not found[1:] and names != [_PLAIN]:

@@ -13,13 +13,12 @@ from typing import Any
 
 import pandas as pd
 import yaml
-from omegaconf import DictConfig, OmegaConf
 
 from epuckhebb.analysis import figures, report, reproduction
 from epuckhebb.analysis.evaluate import evaluate, memory_to_evaluate
 from epuckhebb.analysis.tables import code
-from epuckhebb.config.compose import composed
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, ReproduceConfig, typed
+from epuckhebb.config.compose import load
+from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, ReproduceConfig
 from epuckhebb.evolution.evolve import Generation, evolve, history_row, memory_to_evolve
 from epuckhebb.runs.evaluate import compile_for
 from epuckhebb.runs.evolve import prepare
@@ -84,13 +83,12 @@ def reproduce(experiment: str, overrides: list[str], *, quick: bool) -> Path:
     """
     if experiment not in EXPERIMENTS:
         raise ConfigError(f"reproduce {experiment}: the experiment must be one of {', '.join(EXPERIMENTS)}")
-    cfg = composed("reproduce", [*(QUICK if quick else ()), *overrides])
-    config = typed(cfg, ReproduceConfig)
+    config = load(ReproduceConfig, [*(QUICK if quick else ()), *overrides])
     experiments = EXPERIMENTS[experiment]
     require(list(_needs(config, experiments)))
     paper = yaml.safe_load((data_folder("conf") / "paper" / "tables.yaml").read_text(encoding="utf-8"))
     given = None if config.genome is None else _given(config.genome)
-    folder = _folder(experiment, cfg, given)
+    folder = _folder(experiment, config, given)
     seeds = [0] if given else range(config.first_seed, config.first_seed + config.champions)
     champions = [
         _Champion(experiment=one, name=given.name if given else f"{one}_seed{seed:03d}", seed=seed, given=given)
@@ -112,7 +110,7 @@ def reproduce(experiment: str, overrides: list[str], *, quick: bool) -> Path:
     tasks += [
         Task("tables, figures and report", (), partial(_report, study), sum(living for _, living in steps.values()))
     ]
-    jobs.run_tasks(folder, "reproduce", cfg, [experiment, *(["--quick"] if quick else []), *overrides], tasks)
+    jobs.run_tasks(folder, "reproduce", config, [experiment, *(["--quick"] if quick else []), *overrides], tasks)
     return folder
 
 
@@ -147,16 +145,14 @@ def _given(where: str) -> Genome:
     return genome
 
 
-def _folder(experiment: str, cfg: DictConfig, given: Genome | None) -> Path:
+def _folder(experiment: str, config: ReproduceConfig, given: Genome | None) -> Path:
     """The folder of these settings; other settings, or another version of the science, have another folder."""
-    settings = OmegaConf.to_container(cfg)
-    assert isinstance(settings, dict)
-    depends = {key: value for key, value in settings.items() if key not in ("threads", "genome")}
+    depends = {key: value for key, value in config.values.items() if key not in ("threads", "genome")}
     depends |= {"experiment": experiment, "science": provenance.science_version()}
     depends["genome"] = given.sha256 if given else None
     digest = hashlib.sha256(repr(sorted(depends.items())).encode()).hexdigest()[:8]
-    who = given.name if given else f"champions{cfg.champions}"
-    return Path("runs") / "reproduce" / f"{experiment}_{who}_seed{cfg.first_seed}_{digest}"
+    who = given.name if given else f"champions{config.champions}"
+    return Path("runs") / "reproduce" / f"{experiment}_{who}_seed{config.first_seed}_{digest}"
 
 
 def _evolve(study: _Study, champion: _Champion, run: RunFolder) -> None:
@@ -250,9 +246,9 @@ def _figures(study: _Study, found: report.Findings) -> dict[str, tuple[str, byte
 
 
 def _training(experiment: str) -> EvolveConfig:
-    return typed(composed("evolve", [f"scenario={TRAINED[experiment]}"]), EvolveConfig)
+    return load(EvolveConfig, [f"scenario={TRAINED[experiment]}"])
 
 
 def _world(scenario: str, *more: str) -> tuple[Scenario, Lifetime]:
-    config = typed(composed("evaluate", [f"scenario={scenario}", *more]), EvaluateConfig)
+    config = load(EvaluateConfig, [f"scenario={scenario}", *more])
     return config.world, config.lifetime

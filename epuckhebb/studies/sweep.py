@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from omegaconf import DictConfig
 
 from epuckhebb.analysis import rescue, summary
 from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather, repeated
 from epuckhebb.config import compose, words
 from epuckhebb.config.overrides import alternatives
-from epuckhebb.config.stored import as_config
+from epuckhebb.config.schema import EvaluateConfig, Plain
+from epuckhebb.config.stored import from_values
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import evaluate_into
 from epuckhebb.runtime.errors import ConfigError
@@ -28,13 +28,13 @@ from epuckhebb.studies import identity
 from epuckhebb.studies.jobs import Job, Outcome, folder_and_launcher, for_hydra, launch, one_job, open_study
 
 
-def evaluate_job(cfg: DictConfig) -> None:
+def evaluate_job(cfg: Any) -> None:
     """Do one evaluation of a study."""
     one_job(cfg, identity.Identities().of, _evaluate)
 
 
-def _evaluate(path: Path, job: compose.Plain, facts: dict[str, Any]) -> None:
-    config = as_config(job["config"], "evaluate")
+def _evaluate(path: Path, job: Plain, facts: dict[str, Any]) -> None:
+    config = from_values(job["config"], EvaluateConfig, f"job {path}")
     evaluate_into(path, config, job["overrides"], facts, threads=hydra.threads_of_job(config.threads))
 
 
@@ -58,7 +58,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     of_hydra = for_hydra("sweep", arguments)
     words.check_words("evaluate", arguments, config_dir)
     named = [f"experiment={name}"]
-    params = compose.composed("evaluate", [*named, *of_hydra], config_dir, with_hydra=True).hydra.sweeper.params
+    params = compose.swept([*named, *of_hydra], config_dir)
     if not params:
         raise ConfigError(f"experiment={name} has no hydra.sweeper.params: it is one job, for `epuckhebb evaluate`")
     swept = [f"{key}={values}" for key, values in params.items()]

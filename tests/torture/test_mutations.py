@@ -21,7 +21,6 @@ import pytest
 import yaml
 from cases import call, done
 
-from epuckhebb.config.stored import read_config
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.sim.compiled import kernel
 from epuckhebb.store import disk
@@ -49,10 +48,10 @@ def made(tmp_path_factory):
         ["sweep", "light", "repeats=1", "hydra/launcher=basic", "scenario=base", f"hydra.sweep.dir={folder}/sweep"],
     ):
         done(*words, *SHORT)
-    cfg = read_config(folder / "evaluate" / disk.CONFIG, "evaluate")
-    with RunFolder.new(folder / "reproduce", "reproduce", cfg, [], {}) as run:
+    config = (folder / "evaluate" / disk.CONFIG).read_text()
+    with RunFolder.new(folder / "reproduce", "reproduce", config, [], {}) as run:
         run.write("claims.csv", (REPOSITORY / "runs" / "reference" / "claims.csv").read_bytes())
-    with RunFolder.new(folder / "rescue", "sweep", cfg, [], {}) as run:
+    with RunFolder.new(folder / "rescue", "sweep", config, [], {}) as run:
         for file in (REPOSITORY / "runs" / "reference" / "adaptive").glob("rescue_over_all.csv"):
             run.write(file.name, file.read_bytes())
         run.write("summary.csv", (folder / "sweep" / "summary.csv").read_bytes())
