@@ -236,7 +236,7 @@ def _write(figure: Figure, lines: list[str]) -> None:
 
 
 def to_png(figure: Figure) -> bytes:
-    """The figure as PNG, without the program's name: the same figure gives the same bytes."""
+    """The figure as PNG, without the program's name: equal figures are bit-identical."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120, metadata={"Software": None})
     return buffer.getvalue()

@@ -261,7 +261,7 @@ def _unchanged(each: pd.DataFrame, experiment: str, unchanged: int) -> dict[str,
     """The row of a check. It has no interval: the program decides it, not a sample of champions."""
     n = each[each.experiment == experiment].genome.nunique()
     return (
-        {"claim": "The genome is unchanged after a lifetime", "counted": "champions: same bytes after all lifetimes"}
+        {"claim": "The genome is unchanged after a lifetime", "counted": "champions: bit-identical after all lifetimes"}
         | {"true": unchanged, "n": n, "champions": n, "share": _ratio(unchanged, n), "low": np.nan, "high": np.nan}
         | {"verdict": "check passed" if unchanged == n else "check failed"}
     )

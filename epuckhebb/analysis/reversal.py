@@ -13,7 +13,7 @@ from epuckhebb.analysis.limits import CHANCE, OPTIMUM, limits
 from epuckhebb.analysis.tables import markdown_table
 from epuckhebb.sim.tasks.reversal import Reversal
 
-COLUMNS = ("controller", "lives", "rewarded_share", "low", "high", "end_share")
+COLUMNS = ("controller", "lifetimes", "rewarded_share", "low", "high", "end_share")
 _COLOURS = ("#999999", "#009E73", "#CC79A7", "#0072B2", "#D55E00", "#E69F00")
 _BEFORE, _AFTER = -3, 6  # trials around the switch
 
@@ -33,7 +33,7 @@ def table(metrics: pd.DataFrame, trials: pd.DataFrame, task: Reversal, seed: int
         ends = (trials.reached_side[trials.controller == name] != "").mean()
         rows.append((name, len(lifetimes), pairs.mean(), low, high, ends))
     rows += [(name, None, share, None, None, None) for name, share in limits(task).items()]
-    return pd.DataFrame(rows, columns=list(COLUMNS)).astype({"lives": "Int64"})
+    return pd.DataFrame(rows, columns=list(COLUMNS)).astype({"lifetimes": "Int64"})
 
 
 def to_markdown(table: pd.DataFrame) -> str:
@@ -42,7 +42,7 @@ def to_markdown(table: pd.DataFrame) -> str:
     for row in table.itertuples():
         interval = "" if pd.isna(row.low) else f"{row.low:.3f} to {row.high:.3f}"
         ends = "" if pd.isna(row.end_share) else f"{row.end_share:.3f}"
-        count = "" if pd.isna(row.lives) else str(row.lives)
+        count = "" if pd.isna(row.lifetimes) else str(row.lifetimes)
         rows.append([str(row.controller), f"{row.rewarded_share:.3f}", interval, ends, count])
     return markdown_table(
         ["", "rewarded share", "95 % interval", "trials in which it reached an end", "lifetimes"], rows

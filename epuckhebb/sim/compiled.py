@@ -154,14 +154,14 @@ def in_module(function: Function, name: str) -> Function:
 
 
 def _cache_root() -> Path:
-    """Where kernels are stored; a RuntimeError if no home folder is known, as in some containers."""
+    """Where kernels are stored; a RuntimeError if no folder of the user is known, as in some containers."""
     if named := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(named)
     if caches := os.environ.get("XDG_CACHE_HOME"):  # on every system, as other programs of this kind do
         return Path(caches) / "epuckhebb"
     root = platformdirs.user_cache_path("epuckhebb", appauthor=False)
-    if not root.is_absolute():  # what some versions say without a home
-        raise RuntimeError("no home folder is known")
+    if not root.is_absolute():  # what some versions return where no folder of the user is known
+        raise RuntimeError("no folder of the user is known")
     return root
 
 
@@ -170,6 +170,6 @@ def _cache_folder(name: str) -> Path | None:
     try:
         folder = _cache_root() / f"kernel-{name}"
         folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, RuntimeError):  # RuntimeError: no home folder is known
+    except (OSError, RuntimeError):  # RuntimeError: no folder of the user is known
         return None
     return folder if os.access(folder, os.W_OK) else None

@@ -144,7 +144,7 @@ def tanh(x: float) -> float:
     """Tanh x to within 4 units in the last place, at a quarter of the cost of the C library's.
 
     tanh(a + d) = (tanh a + tanh d) / (1 + tanh a tanh d), with tanh a from a table and four terms of the series of
-    tanh d, |d| <= 1/64. It uses only + - * / and a table, so every processor gives the same bits.
+    tanh d, |d| <= 1/64. It uses only + - * / and a table, so it is bit-identical on every processor.
     """
     size = min(_TANH_IS_1, abs(x))
     k = np.floor(size * _STEPS_PER_UNIT + 0.5)

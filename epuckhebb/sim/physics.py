@@ -34,7 +34,7 @@ COLLISION_SLOP = 1e-4  # m; pymunk's default, 0.1, is larger than the robot
 ITERATIONS = 10  # of the contact solver, pymunk's default
 _ROOM = 16  # numbers in an exchange buffer; a body takes six at most, and the space has two
 _CLEAR_GAP = 1e-3  # m between robot and walls that counts as free of contact
-_CLEAR_STEPS = 4.0  # steps without contact after which pymunk has forgotten the last one (it remembers 3)
+_CLEAR_STEPS = 4.0  # steps without contact after which pymunk keeps nothing of the last one (it keeps 3)
 _X, _Y, _HEADING, _V_X, _V_Y, _TURN = range(6)  # places in Handles.state: the robot's motion, as pymunk.batch has it,
 _CLEAR_FOR = 12  # and, behind the row of the body that holds the walls, for how many steps nothing was touched
 
@@ -129,7 +129,7 @@ class PymunkSpace:
         )
 
     def place_robot(self, pose: Pose) -> None:
-        """Take the robot out of the space and put it in again at this pose, at rest: pymunk forgets what it touched.
+        """Take the robot out of the space and put it in again at this pose, at rest: pymunk then keeps nothing of what it touched.
 
         These are the C functions behind pymunk's methods; a new body and a new disc would take six times as long.
         """

@@ -166,7 +166,9 @@ class Session:
         """
         for kind, new, old in (("robot", world.robot, self.world.robot), ("task", world.task, self.world.task)):
             if new != old:
-                raise ValueError(f"a world may change in mid-life, its {kind} may not: got {new.name} for {old.name}")
+                raise ValueError(
+                    f"a world may change during a lifetime, its {kind} may not: got {new.name} for {old.name}"
+                )
         self._phases = self._stage.phases_of(world, self.steps, self._phase)
         who, more_faults = self.individual, have_more_faults(self._phases)
         live = self._stage.kind_of(who.controller, who.network, more_faults).live

@@ -108,7 +108,7 @@ REVERSAL_TRIALS: Columns = {
 }
 REVERSAL: Columns = {
     "controller": text("as in `metrics.csv`; `chance` and `optimum` are no robots"),
-    "lives": number_or_empty("lifetimes"),
+    "lifetimes": number_or_empty("how many"),
     "rewarded_share": number("share of the trials that were rewarded"),
     **_interval(method=", from a bootstrap over the repeats"),
     "end_share": number_or_empty("share of the trials in which the robot reached an end"),

@@ -67,15 +67,15 @@ class OpenEs(EvolutionStrategy):
 
 
 class OpenEsSearch(Search):
-    """The strategy in progress. Genes are in units of their part's start; `_told`: calls of `tell` so far."""
+    """The strategy in progress. Genes are in units of their part's start; `_generations`: those evaluated so far."""
 
     def __init__(self, settings: OpenEs, plan: GenomePlan, seed: int, state: State | None) -> None:
         self._settings, self._plan, self._seed = settings, plan, seed
         self._unit = units(plan)
         self._bound = limits(plan, settings.gene_limit) / self._unit
-        self._told, self._mean = 0, np.zeros(plan.genes)
+        self._generations, self._mean = 0, np.zeros(plan.genes)
         if state is not None:
-            self._told, self._mean = int(state["told"]), state["mean"].copy()
+            self._generations, self._mean = int(state["generations"]), state["mean"].copy()
             if self._mean.shape != (plan.genes,):
                 raise ValueError(f"its mean has shape {self._mean.shape}, the configuration asks for ({plan.genes},)")
         self._rules = _rules(plan) if settings.merges else np.empty((0, 0), np.int64)
@@ -86,8 +86,8 @@ class OpenEsSearch(Search):
 
     def ask(self) -> Floats:
         """First random genomes, then pairs on both sides of the mean."""
-        rng = random.rng(self._seed, Stream.variation, self._told)
-        if self._told == 0:
+        rng = random.rng(self._seed, Stream.variation, self._generations)
+        if self._generations == 0:
             self._population = initial(rng, self._settings.starts, self._plan) / self._unit
         else:
             noise = rng.standard_normal((self._settings.population // 2, self._plan.genes))
@@ -101,21 +101,21 @@ class OpenEsSearch(Search):
         """Start at the fittest, or move the mean towards the fitter half."""
         order = np.argsort(-fitness, kind="stable")
         self._ranked = self._population[order]
-        if self._told == 0:
+        if self._generations == 0:
             self._mean = np.clip(self._ranked[0], -self._bound, self._bound)
         else:
             count, rate = len(order), self._settings.learning_rate
-            rate *= self._settings.learning_rate_decay ** (self._told - 1)
+            rate *= self._settings.learning_rate_decay ** (self._generations - 1)
             ranks = np.linspace(0.5, -0.5, count)
             towards = (ranks[:, None] * self._noise[order]).sum(axis=0)  # genes that are alike stay bit-identical
             self._mean = self._mean + rate / (count * self._settings.sigma) * towards
             self._mean = np.clip(self._mean, -self._bound, self._bound)
             if (
-                self._told % self._settings.merge_every == 0
-                and self._told <= self._settings.merges * self._settings.merge_every
+                self._generations % self._settings.merge_every == 0
+                and self._generations <= self._settings.merges * self._settings.merge_every
             ):
                 self._merge()
-        self._told += 1
+        self._generations += 1
 
     def _merge(self) -> None:
         """Cluster the rules into half as many; the synapses of a cluster then have its centre as their rule."""
@@ -126,7 +126,7 @@ class OpenEsSearch(Search):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a cluster may be empty
             centres, cluster = kmeans2(
-                rules, -(-len(rules) // 2), minit="++", rng=random.rng(self._seed, Stream.merging, self._told)
+                rules, -(-len(rules) // 2), minit="++", rng=random.rng(self._seed, Stream.merging, self._generations)
             )
         cluster_of = cluster[place]
         self._mean[self._rules] = centres[cluster_of].T
@@ -140,7 +140,7 @@ class OpenEsSearch(Search):
     @property
     def state(self) -> State:
         """The number of calls of `tell`, the mean, and for each synapse the first that has the same rule."""
-        return {"told": np.array(self._told), "mean": self._mean.copy(), "rule_of": self._rule_of.copy()}
+        return {"generations": np.array(self._generations), "mean": self._mean.copy(), "rule_of": self._rule_of.copy()}
 
 
 def _rules(plan: GenomePlan) -> NDArray[np.int64]:

@@ -29,12 +29,12 @@ class SepCmaEs(EvolutionStrategy):
 
 
 class SepCmaEsSearch(Search):
-    """Separable CMA-ES in progress. Genes are in units of their part's start; `_told`: calls of `tell` so far."""
+    """Separable CMA-ES in progress. Genes are in units of their part's start; `_generations`: those evaluated so far."""
 
     def __init__(self, settings: SepCmaEs, plan: GenomePlan, seed: int, state: State | None) -> None:
         self._settings, self._plan, self._seed = settings, plan, seed
         self._unit = units(plan)
-        self._told = 0 if state is None else int(state["told"])
+        self._generations = 0 if state is None else int(state["generations"])
         self._cma = None if state is None else self._resumed(state)
         self._population = np.empty((0, plan.genes))
         self._ranked = self._population
@@ -63,7 +63,7 @@ class SepCmaEsSearch(Search):
 
     def ask(self) -> Floats:
         """First random genomes, then samples of the distribution."""
-        rng = random.rng(self._seed, Stream.variation, self._told)
+        rng = random.rng(self._seed, Stream.variation, self._generations)
         if self._cma is None:
             self._population = initial(rng, self._settings.starts, self._plan) / self._unit
         else:
@@ -78,7 +78,7 @@ class SepCmaEsSearch(Search):
             self._cma = self._started(self._ranked[0])
         else:
             self._cma.tell([(genes, -float(value)) for genes, value in zip(self._population, fitness, strict=True)])
-        self._told += 1
+        self._generations += 1
 
     def candidates(self) -> Floats:
         """The mean, and the two fittest."""
@@ -88,4 +88,6 @@ class SepCmaEsSearch(Search):
     @property
     def state(self) -> State:
         """The number of calls of `tell`, and all of the library's search that changes."""
-        return {"told": np.array(self._told)} | {name[1:]: np.array(getattr(self._cma, name)) for name in _STORED}
+        return {"generations": np.array(self._generations)} | {
+            name[1:]: np.array(getattr(self._cma, name)) for name in _STORED
+        }

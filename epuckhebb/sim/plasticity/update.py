@@ -150,16 +150,16 @@ def modulation_of(rule: type[Rule], network: Network) -> Modulate:
     """
     if not is_modulated(rule):
         return compiled(_unmodulated)
-    heard, first = network.layers[-2], network.first_neuron[-2]
+    hidden, first = network.layers[-2], network.first_neuron[-2]
     rewarded, reward = network.rewarded and receives_reward(rule), network.inputs - 1
 
     @compiled
     def modulate(modulatory: NDArray[np.float64], activation: NDArray[np.float64]) -> float:
-        drive = float(modulatory[heard])
-        for k in range(heard):
+        drive = float(modulatory[hidden])
+        for k in range(hidden):
             drive += modulatory[k] * activation[first + k]
         if rewarded:
-            drive += modulatory[heard + 1] * activation[reward]
+            drive += modulatory[hidden + 1] * activation[reward]
         return tanh(drive / 2.0)
 
     return modulate

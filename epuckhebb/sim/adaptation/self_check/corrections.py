@@ -132,7 +132,7 @@ def from_brighter(readings: Floats, by: Corrections, cost: Floats) -> None:
     """Light readings in a light of rho > 1 times training's, as they would be in training.
 
     reading = 1 - (1 - reading) / rho where the sensor is not saturated. A saturated one reads what training's sun
-    would give from the direction that fits all readings best. If the present sun cannot saturate it from there, the
+    would give from the direction that fits all sensors best. If the present sun cannot saturate it from there, the
     lamp is lit and would saturate it in training too.
     """
     at = _direction_of_the_sun(readings, by, cost)

@@ -1,4 +1,4 @@
-"""Neuron-centric ABCD: a synapse's rule follows from evolved numbers of the two neurons that it joins.
+"""Neuron-centric ABCD: a synapse's rule follows from evolved parameters of the two neurons that it joins.
 
     D = (eta_j + eta_i) / 2 (C_j C_i x_j x_i + A_j x_j + B_i x_i + D_j D_i)
 
