@@ -93,7 +93,7 @@ def test_composes_and_nothing_is_changed_but_what_is_in_its_name(command, schema
     assert (typed(cfg, schema).world, cfg.changed) == (world(name), "")
 
 
-def test_another_maze_takes_precedence_and_home_is_not_the_maze_that_came_with_a_scenario():
+def test_another_maze_takes_precedence_over_that_of_a_scenario():
     cfg = composed("evaluate", ["scenario=base_narrow", "maze=double_t"])
     assert (cfg.maze.name, cfg.changed) == ("double_t", "maze=double_t")
     for name, maze, base in (

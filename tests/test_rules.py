@@ -57,8 +57,8 @@ PLAN = plan_of(SMALL, Everything)
 class Oracle(reference.Robot):
     """The same rule once more."""
 
-    def be_born(self):
-        super().be_born()
+    def initialise(self):
+        super().initialise()
         first = sum(g.size for g in self.genes)
         self.rate, self.bias = self.all_genes[first], self.all_genes[first + 1 :][: len(self.shapes)]
         self.towards = self.by_layer(self.all_genes[first + 1 + len(self.shapes) :])

@@ -22,7 +22,8 @@ from epuckhebb.sim.controller import CONTROLS, GA
 
 _STYLE = """
 :root { color-scheme: light dark; }
-body { font: 16px/1.55 system-ui, sans-serif; max-width: 64rem; margin: 2rem auto; padding: 0 1rem; }
+body { font: 16px/1.55 system-ui, sans-serif; max-width: 76rem; margin: 2rem auto; padding: 0 1rem; }
+p, ul { max-width: 64rem; }
 h1, h2, h3 { line-height: 1.2; } h2 { margin-top: 2.5rem; border-bottom: 1px solid #8886; padding-bottom: .3rem; }
 div.wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .85rem; font-variant-numeric: tabular-nums; }
@@ -40,6 +41,7 @@ RESCUE_TEXT = (
     "an exact sign-flip test by champion. The controls change the weights by as much, in other directions."
 )
 _NUMBER = re.compile(r"\**([+−-]?[\d.]+[*%]*([ \[(,]|$)|–|$)")  # how a cell with a number begins: 2, not 2obstacles
+_UNBROKEN = re.compile(r"\[[+-]?\d[^]<]*\]|\d+ of \d+|\b[np] = [\d.e-]+")  # an interval, a count, an n or a p
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +103,7 @@ def html(
     _align(tokens)
     body = parser.renderer.render(tokens, parser.options, {})
     body = body.replace(escape(published.NEW_LINE), "<br>")
-    body = re.sub(r"\[[+-]?\d[^]<]*\]", lambda interval: interval[0].replace(" ", "&nbsp;"), body)
+    body = _UNBROKEN.sub(lambda found: found[0].replace(" ", "&nbsp;"), body)
     body = body.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>")
     for name in dict.fromkeys(part.split('"')[0] for part in body.split('src="figures/')[1:]):
         data = base64.b64encode(picture(name)).decode()

@@ -15,8 +15,6 @@ from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.scenario import TRAINED, Scenario
 
-_TABLES = ("claims", "success", "rescue_and_harm", "retention", "dose_response")
-
 
 def worlds(experiment: str) -> tuple[str, ...]:
     """The scenarios of an experiment: the training world, and the changed ones."""
@@ -35,39 +33,27 @@ def hebbian(rate: float, signal: Signal, sign: Sign = Sign.hebbian) -> Controlle
 
 
 def findings_of(
-    metrics: pd.DataFrame,
-    paper: Mapping[str, Any],
-    unchanged: Mapping[str, int],
-    *,
-    champions: int,
-    given: bool,
-    repeats: int,
-    provenance: str,
+    metrics: pd.DataFrame, paper: Mapping[str, Any], unchanged: Mapping[str, int], **facts: Any
 ) -> tuple[report.Findings, dict[str, pd.DataFrame]]:
     """The findings, for the report, and every table by its name.
 
     metrics: the lifetimes of all champions. paper: the published tables. unchanged: for each experiment, how many
-    champions had a bit-identical genome after their lifetimes. The rest is as in `report.Findings`.
+    champions had a bit-identical genome after their lifetimes. facts: `champions`, `given`, `repeats` and `provenance`
+    of `report.Findings`.
     """
     each, success = findings.trials(metrics), published.published_success(paper)
     showcase = {one: findings.showcase(each, success, one) for one in unchanged}
     shown = {one: name for one, (name, *_) in showcase.items()}
     comparison = published.compare(published.published_values(paper), each, shown)
     comparison["title"] = [paper[table]["title"] for table in comparison.table]
-    found = report.Findings(
-        claims=findings.claims(each, dict(unchanged)),
-        success=findings.success(each),
-        rescue_and_harm=findings.rescue_and_harm(each),
-        retention=findings.retention(each),
-        dose_response=findings.dose_response(each),
-        comparison=comparison,
-        showcase=showcase,
-        champions=champions,
-        given=given,
-        repeats=repeats,
-        provenance=provenance,
-    )
-    tables = {name: getattr(found, name) for name in _TABLES}
+    tables = {
+        "claims": findings.claims(each, dict(unchanged)),
+        "success": findings.success(each),
+        "rescue_and_harm": findings.rescue_and_harm(each),
+        "retention": findings.retention(each),
+        "dose_response": findings.dose_response(each),
+    }
+    found = report.Findings(**tables, comparison=comparison, showcase=showcase, **facts)
     return found, {"metrics": metrics, "trials": each, **tables, "comparison": comparison.drop(columns="title")}
 
 

@@ -91,7 +91,7 @@ class _Exchange:
 
 
 class PymunkSpace:
-    """Walls and one robot. Built once; `place_robot` begins each lifetime and leaves no trace of the one before.
+    """Walls and one robot. The space is built once; `place_robot` starts each lifetime without traces of the last.
 
     boxes: (boxes, 4) left, right, bottom, top edge of each wall [m]. wall_friction: coefficient of friction between
     robot and walls.
@@ -163,7 +163,7 @@ def pose(space: Handles) -> tuple[float, float, float]:
 
 @compiled
 def put_back(space: Handles, x: float, y: float, heading: float) -> None:
-    """Put the robot at a place, at rest, in the midst of its lifetime, as `PymunkSpace.place_robot` does before it."""
+    """Put the robot at a place, at rest, during its lifetime, as `PymunkSpace.place_robot` does before it."""
     state = space.state
     state[_X], state[_Y], state[_HEADING] = x, y, heading
     state[_V_X], state[_V_Y], state[_TURN] = 0.0, 0.0, 0.0
