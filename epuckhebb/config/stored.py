@@ -23,8 +23,9 @@ def from_values(values: Plain, schema: type[Config], source: str) -> Config:
     """The configuration of plain values, all names among them. source: where they come from, for messages."""
     try:
         cfg = as_config(values, command_of(schema))
-    except OmegaConfBaseException as error:
-        raise ConfigError(f"{source} cannot be used: {explain(error)}") from error
+    except Exception as error:  # what damaged settings may raise has no end
+        reason = explain(error) if isinstance(error, OmegaConfBaseException) else error
+        raise ConfigError(f"{source} cannot be used: {reason}") from error
     return typed(cfg, schema)
 
 

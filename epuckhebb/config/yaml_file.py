@@ -14,7 +14,7 @@ from epuckhebb.runtime.errors import ConfigError
 
 _MOST_BYTES = 2**18
 _MOST_VALUES = 10_000
-_MOST_USES = 10  # of anchors, which double what the file holds at most eight times
+_MOST_USES = 10  # of anchors: they stand for at most some forty times what the file holds
 _MOST_LEVELS = 40
 _ENVIRONMENT = re.compile(r"\$\{\s*oc\.env\b")
 _GROUP = re.compile(r"^(override +|optional +)*/?|@.*$")  # what stands around a group in a list of defaults
