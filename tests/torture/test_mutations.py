@@ -260,7 +260,7 @@ CASES = [  # kind of run, file, how often, what reads it
 
 
 @pytest.mark.parametrize("ended", ["", "_killed"])
-@pytest.mark.parametrize(("kind", "name", "times", "verbs"), CASES, ids=[f"{case[0]}-{case[1]}" for case in CASES])
+@pytest.mark.parametrize(("kind", "name", "times", "commands"), CASES, ids=[f"{case[0]}-{case[1]}" for case in CASES])
 def test_damage_is_noticed_or_does_no_harm(made, chance, kind, name, times, commands, ended, here):
     run = made / f"{kind}{ended}"
     file = min(run.glob(name))
