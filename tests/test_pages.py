@@ -120,7 +120,9 @@ def checkout(folder, tmp_path, monkeypatch):
 def one_job(words):
     """The words of a command over many values, with the first of each, and without a page to open."""
     firsts = (re.sub(r"=range\((\d+),.*", r"=\1", word) for word in words if word not in ("-m", "--multirun", "--open"))
-    return [word if re.search(r"[\[{]", word) else word.partition(",")[0] for word in firsts]
+    return [
+        re.sub(r"(?<=\]),\[.*", "", word) if re.search(r"[\[{]", word) else word.partition(",")[0] for word in firsts
+    ]
 
 
 def composed_only(command, words):

@@ -50,7 +50,7 @@ def test_the_report_of_a_leaderboard_is_that_of_its_tables(folder, committed):
     board, costs = tables(folder, "leaderboard", "cost")
     board = board.fillna({"matched_control": ""})
     listed = re.findall(r"^\| `(\w+)` \| [^|]* \|$", text, re.MULTILINE)
-    methods = {one.name: one.told for one in methods_named(sorted({*board.method}), [data_folder("conf")])}
+    methods = {one.name: one.description for one in methods_named(sorted({*board.method}), [data_folder("conf")])}
     worlds = [re.findall(r"`(\w+)`", line) for line in re.findall(r"test worlds: (.*)\.", text)]
     tests = dict(zip(board.experiment.unique(), worlds or [[]], strict=True))
     shown = {name: methods[name] for name in listed}

@@ -107,9 +107,9 @@ def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
     if genome is None:
         genome = load_genome(config.genome, config.world.experiment, config.layers)
     _check_genome(genome, config)
-    lives, records = memory_to_evaluate(len(config.controllers), config.lifetime, config.repeats, genome.network)
+    lifetimes, records = memory_to_evaluate(len(config.controllers), config.lifetime, config.repeats, genome.network)
     needed = [
-        Need(lives, f"{config.repeats} lifetimes a side and controller", "lower repeats"),
+        Need(lifetimes, f"{config.repeats} lifetimes a side and controller", "lower repeats"),
         Need(records, "what is recorded", "lower lifetime.duration_s, or raise lifetime.record_every"),
     ]
     if missing_nominal(config, genome.nominal):
@@ -260,7 +260,7 @@ def _write_reversal(
     from epuckhebb.analysis import reversal
 
     shares = reversal.table(metrics, traces.trials, task, config.seed)
-    title = f"{config.world.name} ({config.changed}) · genome {metrics.genome[0]} · {2 * config.repeats} lives each"
+    title = f"{config.world.name} ({config.changed}) · genome {metrics.genome[0]} · {2 * config.repeats} lifetimes each"
     run.write("reversal_trials.csv", traces.trials)
     run.write("reversal.csv", shares)
     run.write("reversal.md", reversal.to_markdown(shares))
@@ -275,5 +275,5 @@ def caption(config: EvaluateConfig, genome_name: str, controllers: Sequence[tupl
     changed = f" ({config.changed})" if config.changed else ""
     return (
         f"{config.world.name}{changed} · genome {genome_name} · {f'{rate} · ' if rate else ''}"
-        f"noise repeat 1 of {config.repeats}, seed {config.seed}"
+        f"repeat 1 of {config.repeats}, seed {config.seed}"
     )

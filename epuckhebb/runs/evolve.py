@@ -1,7 +1,7 @@
 """`epuckhebb evolve`: an evolution in its folder, from the beginning or resumed with `resume=RUN`.
 
 The checkpoint alone says how far an evolution is. `history.csv` and `champion.npz` are written anew from it. A run may
-be killed between any two files: resumed, it ends with the same bytes.
+be killed between any two files: resumed, it ends bit-identical.
 """
 
 import hashlib

@@ -151,7 +151,7 @@ def _without(owner: type, method: str) -> Iterator[None]:
 
 
 def new_stamp() -> str:
-    """The time, and a random part that tells apart what begins in the same second."""
+    """The time, and a random part, since two runs may begin in the same second."""
     return f"{datetime.now():%Y%m%d-%H%M%S}-{token_hex(4)}"
 
 

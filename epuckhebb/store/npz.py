@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.runtime.errors import ConfigError
 
-MOST = 64 * 2**20  # bytes of an array whose size nothing else tells; the weights of the largest network take 0.8 MB
+MOST = 64 * 2**20  # bytes of an array whose size is not known otherwise; the weights of the largest network take 0.8 MB
 _KINDS = {"iu": "whole numbers", "f": "numbers", "fiu": "numbers", "U": "text", "fiuU": "numbers or text"}  # of dtypes
 Shape = Sequence[int | None]  # None where any length will do
 

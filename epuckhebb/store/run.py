@@ -74,7 +74,7 @@ class Run:
         return self.has(CONFIG)
 
     def content(self, name: str) -> bytes:
-        """The content of a file, which must be what the run wrote as far as its status tells."""
+        """The content of a file, which must be what the run wrote, as far as its status has its checksum."""
         found = bytes_of(self.path / name)
         sha256 = hashlib.sha256(found).hexdigest()
         if self._known().get("sha256", {}).get(name, sha256) != sha256:

@@ -3,7 +3,7 @@
 The folder of a study is named by its settings, so the same command finds it again and does only what is missing. One
 process at a time works in it. Results are whole or absent: a file is renamed into its place. A run works in
 `unfinished/` until it is finished, and is then renamed in one step. A study may be killed at any moment: the next call
-ends with the same bytes as one that was never stopped.
+ends bit-identical to one that was never stopped.
 
 `Job`s run in many processes or on a cluster: open the folder with `open_study` and hand them to `launch`. `Task`s run
 in this process, one after the other, and use threads themselves: `run_tasks` does them in order.

@@ -192,7 +192,7 @@ class Planner:
         )
 
     def _check(self, method: Method, config: EvolveConfig) -> None:
-        """Refuse what cannot be evolved here, and training in a test world."""
+        """Refuse methods that cannot be evolved here, and training in a test world."""
         for name, world in self._tests.items():
             if board.can_be(config.world, config.training, world):
                 raise ConfigError(

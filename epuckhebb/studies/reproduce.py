@@ -108,7 +108,7 @@ def reproduce(experiment: str, overrides: list[str], *, quick: bool) -> Path:
         lifetimes = (folder / one.lifetimes,)
         tasks.append(Task(f"evaluate {one.name}", lifetimes, partial(_evaluate, study, one), steps[one.experiment][1]))
     tasks += [
-        Task("tables, figures and report", (), partial(_report, study), sum(living for _, living in steps.values()))
+        Task("tables, figures and report", (), partial(_report, study), sum(count for _, count in steps.values()))
     ]
     jobs.run_tasks(folder, "reproduce", config, [experiment, *(["--quick"] if quick else []), *overrides], tasks)
     return folder
@@ -120,9 +120,11 @@ def _needs(config: ReproduceConfig, experiments: tuple[str, ...]) -> Iterator[Ne
     yield Need(room, "a population", "lower ga.population or ga.loops")
     for one in experiments:
         controllers = len(reproduction.controllers(one, config.rates, config.signal.of(one)))
-        lives, _ = memory_to_evaluate(controllers, Lifetime(), config.repeats, PAPER_NETWORK)
-        lives *= len(reproduction.worlds(one)) * config.champions
-        yield Need(lives, f"the lifetimes of the {one} experiment", "lower champions or repeats, or give fewer rates")
+        lifetimes, _ = memory_to_evaluate(controllers, Lifetime(), config.repeats, PAPER_NETWORK)
+        lifetimes *= len(reproduction.worlds(one)) * config.champions
+        yield Need(
+            lifetimes, f"the lifetimes of the {one} experiment", "lower champions or repeats, or give fewer rates"
+        )
 
 
 def _robot_steps(config: ReproduceConfig, experiment: str) -> tuple[float, float]:

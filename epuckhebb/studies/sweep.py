@@ -101,7 +101,7 @@ def failure_of(planned: Sweep, outcome: Outcome) -> str:
 
 
 def _write_tables(study: RunFolder, done: Sequence[Job], failures: Sequence[tuple[Job, str]]) -> None:
-    """Write `sweep.csv`, `summary.csv` and `failed.csv`; the same jobs give the same bytes."""
+    """Write `sweep.csv`, `summary.csv` and `failed.csv`; the same jobs give bit-identical files."""
     failed = [{**_place(job), **job.settings, "error": error} for job, error in failures]
     failed_columns = list(failed[0]) if failed else ["job", "run", "error"]
     study.write("failed.csv", pd.DataFrame(failed, columns=failed_columns))

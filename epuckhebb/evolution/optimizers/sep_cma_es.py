@@ -29,7 +29,7 @@ class SepCmaEs(EvolutionStrategy):
 
 
 class SepCmaEsSearch(Search):
-    """Separable CMA-ES in progress. Genes are in units of their part's start; `_generations`: those evaluated so far."""
+    """Separable CMA-ES in progress. Genes are in units of their part's start. `_generations`: evaluated so far."""
 
     def __init__(self, settings: SepCmaEs, plan: GenomePlan, seed: int, state: State | None) -> None:
         self._settings, self._plan, self._seed = settings, plan, seed
