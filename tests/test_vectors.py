@@ -12,7 +12,7 @@ from epuckhebb.sim.digest import digest
 from epuckhebb.sim.network import PAPER_NETWORK, Network, forward_pass, tanh
 from epuckhebb.sim.plasticity.rule import Rule, initial_synapse_state
 from epuckhebb.sim.plasticity.update import StepContext, update_of
-from epuckhebb.sim.plasticity.weight_change import room
+from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
 
 SPARE = 8
 
@@ -82,7 +82,7 @@ def test_layers_of_any_width_are_bit_identical_to_single_numbers(network):
         np.ones(network.synapses),
         tuple(Everything(N=1.0, w_max=1e6).numbers().values()),
         rows[:3],
-        np.empty(room(network)),
+        np.empty(weight_change_workspace(network)),
     )
     neurons, updated = expected_of(network, genes, seen)
     np.testing.assert_array_equal(activation, neurons)

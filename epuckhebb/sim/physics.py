@@ -131,7 +131,8 @@ class PymunkSpace:
     def place_robot(self, pose: Pose) -> None:
         """Take the robot out of the space and put it in again at this pose, at rest.
 
-        pymunk then keeps nothing of what it touched. These are the C functions behind pymunk's methods; a new body and a new disc would take six times as long.
+        pymunk then keeps nothing of what it touched. These are the C functions behind pymunk's methods; a new body and
+        a new disc would take six times as long.
         """
         space, body, disc = self._space._space, self._body, self._disc
         lib.cpSpaceRemoveShape(space, disc)

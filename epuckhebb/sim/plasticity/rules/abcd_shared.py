@@ -3,8 +3,8 @@
     D = eta (A x_j x_i + B x_j + C x_i + D0) - leak (w - w0)    eta, A, B, C, D0 of each layer; w0: initial weight
 
 Source: Pedersen & Risi, Evolving and merging Hebbian learning rules, GECCO 2021, in which synapses are
-merged until many share a rule; here those of a layer do from the start. The leak is added here: one rule for many synapses easily drives all of
-them to their bounds.
+merged until many share a rule; here those of a layer do from the start. The leak is added here: one rule for many
+synapses easily drives all of them to their bounds.
 """
 
 from dataclasses import dataclass
