@@ -1,11 +1,13 @@
 """Hands a command to Hydra, and prints the runs or the jobs of a call."""
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from epuckhebb.cli.options import Shown
 from epuckhebb.cli.output import begin, print_result
+from epuckhebb.runtime.console import Terminal
 from epuckhebb.runtime.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -22,8 +24,14 @@ def run_command(
     config_dir: str | None,
     quiet: bool,
     as_json: bool,
+    *,
+    reports: bool = False,
 ) -> list[Path]:
-    """Let Hydra run a command, then print the results; returns the run folders."""
+    """Let Hydra run a command, and print the results; returns the run folders.
+
+    reports: whether the job takes, beside its configuration, a function that is given its folder when the tables are
+    in it. They are printed then, before the job ends.
+    """
     from epuckhebb.config import overrides
     from epuckhebb.config.words import check_words
     from epuckhebb.runs import hydra
@@ -37,25 +45,56 @@ def run_command(
     check_words(command, arguments, config_dir)
     if not cfg:
         hydra.check(command, arguments, config_dir, prepare, multirun=multirun)
-    runs = hydra.run(command, job, [*arguments, *flags], config_dir)
+    early = _EarlyReport() if reports and not (multirun or quiet or as_json) else None
+    runs = hydra.run(command, early.of(job) if early else job, [*arguments, *flags], config_dir)
     if multirun and command == "evaluate" and runs:
         from epuckhebb.studies.sweep import write_summary_of_multirun
 
         write_summary_of_multirun(runs[0].parent, runs)
+    if early and early.error:
+        raise early.error
     if not cfg:
-        print_runs(command, runs, as_json, quiet)
+        print_runs(command, runs, as_json, quiet, reported=early is not None)
     return runs
 
 
-def print_runs(command: str, runs: list[Path], as_json: bool, quiet: bool) -> None:
-    """Print the results of the runs of one call."""
+class _EarlyReport:
+    """Prints the results of a run while its job still works.
+
+    Attributes:
+        error: Why they could not be printed. That does not end the run; it is raised afterwards.
+    """
+
+    def __init__(self) -> None:
+        self.error: Exception | None = None
+
+    def of(self, job: Callable[..., None]) -> Callable[..., None]:
+        """The job, which reports its results here."""
+
+        @functools.wraps(job)
+        def reporting(cfg: Any) -> None:
+            job(cfg, self._print)
+
+        return reporting
+
+    def _print(self, run: Path) -> None:
+        from epuckhebb.cli import show
+
+        try:
+            show.print_results(run, Terminal())
+        except (ConfigError, OSError) as error:
+            self.error = error
+
+
+def print_runs(command: str, runs: list[Path], as_json: bool, quiet: bool, *, reported: bool = False) -> None:
+    """Print the results of the runs of one call. reported: whether those of its one run are printed already."""
     from epuckhebb.cli import show
 
     print_result(
         as_json,
         quiet,
         lambda: {"command": command, "runs": list(map(show.as_json, runs))},
-        lambda console: show.print_finished(runs, console),
+        lambda console: show.print_finished(runs, console, reported=reported),
     )
 
 

@@ -91,7 +91,7 @@ def evaluate(
         )
     job = recorded_job if open_page else evaluate_job
     words = with_robot(with_genomes_named(overrides), config_dir)
-    runs = run_command("evaluate", job, prepare, words, multirun, cfg, config_dir, quiet, as_json)
+    runs = run_command("evaluate", job, prepare, words, multirun, cfg, config_dir, quiet, as_json, reports=True)
     if open_page:
         from epuckhebb.export.replay import recording, write_page
 

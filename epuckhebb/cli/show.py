@@ -38,10 +38,11 @@ def print_results(path: Path, console: Console) -> None:
         KINDS[kind][0](path, console)
 
 
-def print_finished(finished: list[Path], console: Console) -> None:
-    """Print the results of the runs of one call: all of one run, a table over many."""
+def print_finished(finished: list[Path], console: Console, *, reported: bool = False) -> None:
+    """Print the results of the runs of one call: all of one run unless reported before, a table over many."""
     if len(finished) == 1:
-        print_results(finished[0], console)
+        if not reported:
+            print_results(finished[0], console)
         print_line(console, f"Run folder: {finished[0]}")
         if Run(finished[0]).has("champion.npz"):
             _print_next_steps(finished[0], console)

@@ -1,8 +1,8 @@
 """`epuckhebb evaluate`: runs the lifetimes of a genome in a scenario, and writes them into a run folder."""
 
 import copy
+import functools
 import hashlib
-import importlib
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -21,7 +21,7 @@ from epuckhebb.config.schema import EvaluateConfig, dump, say_unusual
 from epuckhebb.runs import hydra
 from epuckhebb.runs.nominal import Remembered, missing_nominal, remembered_for, training_world
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import say, saying_if_slow
 from epuckhebb.runtime.resources import Need, data_folder, require
 from epuckhebb.sim.adaptation.nominal import memory_to_measure_nominal
@@ -120,19 +120,20 @@ def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
     return Prepared(config=config, genome=genome)
 
 
-def evaluate_job(cfg: Any) -> None:
-    """Do one job of Hydra's: evaluate into its folder. cfg: as Hydra composed it."""
+def evaluate_job(cfg: Any, report: Callable[[Path], None] = lambda _: None) -> None:
+    """Do one job of Hydra's: evaluate into its folder. cfg: as Hydra composed it. report: as in `evaluate_into`."""
     with hydra.job_folder() as path:
         config, facts = hydra.checked(cfg, EvaluateConfig), {"command_line": hydra.job_command("evaluate")}
-        evaluate_into(path, config, hydra.job_overrides(), facts, threads=hydra.threads_of_job(config.threads))
+        threads = hydra.threads_of_job(config.threads)
+        evaluate_into(path, config, hydra.job_overrides(), facts, threads=threads, report=report)
 
 
-def recorded_job(cfg: Any) -> None:
-    """Do one job of Hydra's that must record its lifetimes."""
+def recorded_job(cfg: Any, report: Callable[[Path], None] = lambda _: None) -> None:
+    """Do one job of Hydra's that must record its lifetimes. The arguments are those of `evaluate_job`."""
     if not cfg.lifetime.record_every:
         with hydra.job_folder():
             raise ConfigError("--open shows what was recorded; give lifetime.record_every=8, or leave it out")
-    evaluate_job(cfg)
+    evaluate_job(cfg, report)
 
 
 def with_robot(words: list[str], config_dir: str | None = None) -> list[str]:
@@ -211,9 +212,22 @@ def compile_for(controllers: Sequence[Controller], network: Network, world: Scen
 
 
 def evaluate_into(
-    path: Path, config: EvaluateConfig, overrides: list[str], facts: dict[str, Any], *, threads: int
+    path: Path,
+    config: EvaluateConfig,
+    overrides: list[str],
+    facts: dict[str, Any],
+    *,
+    threads: int,
+    report: Callable[[Path], None] = lambda _: None,
 ) -> None:
-    """Claim a folder and evaluate into it. overrides, facts: as for `RunFolder.new`."""
+    """Claim a folder and evaluate into it. overrides, facts: as for `RunFolder.new`.
+
+    report: is given the folder as soon as its tables are written. Figures come later: they take longer than lifetimes.
+
+    Raises:
+        ConfigError: The settings cannot be used.
+        JobFailedError: A figure cannot be drawn. The run has failed then, and keeps what it wrote.
+    """
     prepared = prepare(config)
     genome = prepared.genome
     say_unusual(config)
@@ -231,40 +245,64 @@ def evaluate_into(
     with saying_if_slow("Compiling; a first start takes some ten seconds, later ones do not."):
         prepared.compile()
     remembered = prepared.remember(threads, say)
-    with RunFolder.new(path, "evaluate", dump(config), overrides, facts, own) as run, ThreadPoolExecutor(1) as aside:
-        if config.lifetime.record_every:
-            aside.submit(importlib.import_module, "epuckhebb.analysis.figures")  # takes as long as the lifetimes
+    with RunFolder.new(path, "evaluate", dump(config), overrides, facts, own) as run:
         metrics, traces = prepared.run(remembered, threads)
         run.write("metrics.csv", metrics)
+        recorded, figures = bool(config.lifetime.record_every), dict[str, Callable[[], bytes]]()
         if isinstance(config.world.task, Reversal):
-            _write_reversal(run, config, config.world.task, metrics, traces)
+            figures["figures/reversal.png"] = _write_reversal(run, config, config.world.task, metrics, traces)
         else:
             table, below = tables.paper_table(metrics), [*map(tables.plain, notes), tables.saturation(metrics)]
             run.write("table.csv", tables.to_csv(table))
             run.write("table.md", "\n".join([tables.to_markdown(table), *(f"{note}\n" for note in below if note)]))
         if remembered.checks is not None:
             run.write("findings.csv", findings(remembered.checks))
-        if config.lifetime.record_every:
-            from epuckhebb.analysis import figures
+        if recorded:
+            figures["figures/trajectories.png"] = functools.partial(_trajectories, traces, config, genome.name)
+        run.left_behind = functools.partial(_left_behind, path, [*(["traces.npz"] if recorded else []), *figures])
+        report(path)
+        with ThreadPoolExecutor(1) as aside:
+            drawn = {name: aside.submit(draw) for name, draw in figures.items()}
+            if recorded:
+                run.write("traces.npz", traces_file(traces, genome.weights, genome.network))
+            for name, figure in drawn.items():
+                try:
+                    run.write(name, figure.result())
+                except Exception as error:  # of matplotlib: what a user's fonts and styles may raise has no end
+                    raise JobFailedError(f"{run.left_behind()}: {type(error).__name__}: {error}") from error
 
-            content = aside.submit(traces_file, traces, genome.weights, genome.network)
-            title = caption(config, genome.name)
-            run.write("figures/trajectories.png", figures.trajectories(traces, config.world, title))
-            run.write("traces.npz", content.result())
+
+def _left_behind(path: Path, files: Sequence[str]) -> str:
+    """Which of the files that follow the tables a run lacks."""
+    missing = [name for name in files if not (path / name).exists()]
+    return f"{path} has its tables, and lacks {' and '.join(missing) or 'nothing'}"
+
+
+def _trajectories(traces: Traces, config: EvaluateConfig, genome_name: str) -> bytes:
+    """The figure of the recorded lifetimes."""
+    from epuckhebb.analysis import figures  # matplotlib takes a while to load
+
+    return figures.trajectories(traces, config.world, caption(config, genome_name))
 
 
 def _write_reversal(
     run: RunFolder, config: EvaluateConfig, task: Reversal, metrics: pd.DataFrame, traces: Traces
-) -> None:
-    """Write the results of reversal learning: every trial, the rewarded shares, and their figure."""
+) -> Callable[[], bytes]:
+    """Write the tables of reversal learning: every trial, and the rewarded shares. Returns what draws their figure."""
     from epuckhebb.analysis import reversal
 
     shares = reversal.table(metrics, traces.trials, task, config.seed)
-    title = f"{config.world.name} ({config.changed}) · genome {metrics.genome[0]} · {2 * config.repeats} lifetimes each"
     run.write("reversal_trials.csv", traces.trials)
     run.write("reversal.csv", shares)
     run.write("reversal.md", reversal.to_markdown(shares))
-    run.write("figures/reversal.png", reversal.figure(shares, traces.trials, title))
+
+    def draw() -> bytes:
+        from epuckhebb.analysis import reversal_figure
+
+        title = f"{config.world.name} ({config.changed}) · genome {metrics.genome[0]} · {2 * config.repeats} lifetimes each"
+        return reversal_figure.figure(shares, traces.trials, title)
+
+    return draw
 
 
 def caption(config: EvaluateConfig, genome_name: str, controllers: Sequence[tuple[str, float]] | None = None) -> str:
