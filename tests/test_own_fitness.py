@@ -75,7 +75,7 @@ def test_runs_by_it_are_shown_replayed_and_rerun_without_the_file(copy):
     done("replay", "evaluated")
     assert "cannot be taken to Webots" in refused("export", "evaluated", "--webots", "-o", "c")
     for run in ("evaluated", "evolved"):
-        assert "same bytes" in done("rerun", run).stdout
+        assert "bit-identical" in done("rerun", run).stdout
 
 
 def test_the_champion_names_it_and_a_run_has_its_values(runs):
@@ -230,7 +230,7 @@ class Fine(Fitness):
         (["fitness=papr"], ["fitness", "paper"]),
         (["fitness.function=explorer"], ["fitness.function must be paper", "FILE.py:NAME"]),
         (["fitness.function=nowhere.py:Fine"], ["fitness.function=", "nowhere.py:Fine: there is no file"]),
-        (["fitness.function=bad.py:Fin"], ["has no fitness Fin", "did you mean Fine?"]),
+        (["fitness.function=bad.py:Fin"], ["has no fitness Fin", "Did you mean Fine?"]),
         (["fitness.function=bad.py:NotOne"], ["has no fitness NotOne", "subclass of epuckhebb.Fitness"]),
         (["fitness.function=bad.py:Nothing"], ["Nothing has no static method `step`"]),
         (["fitness.function=bad.py:Curious"], ["unknown arguments weather", "goal_distance"]),
@@ -243,8 +243,8 @@ class Fine(Fitness):
         (["fitness.function=bad.py:Failing"], ["fitness Failing: `life` failed: IndexError"]),
         (["fitness.function=bad.py:Wordy"], ["fitness Wordy: `life` must return a finite number", "'good'"]),
         (["fitness.function=bad.py:Undefined"], ["fitness Undefined: `life` must return a finite number", "nan"]),
-        (["fitness.function=bad.py:Fine", "fitness.gaol=1"], ["fitness.gaol is not a setting", "did you mean goal?"]),
-        (["fitness.function=bad.py:Fine", "fitness.goal=far"], ["fitness.goal must be a number"]),
+        (["fitness.function=bad.py:Fine", "fitness.gaol=1"], ["fitness.gaol is no key of fitness", "Did you mean goal?"]),
+        (["fitness.function=bad.py:Fine", "fitness.goal=far"], ["fitness.goal must be a finite number"]),
         (["fitness.goal=1"], ["fitness.goal does nothing with fitness paper"]),
         (["hebbian.signal=fitness"], ["hebbian.signal=fitness needs a fitness with a method `step`"]),
         (

@@ -123,8 +123,8 @@ def class_named(text: str, base: type[Base], key: str) -> type[Base]:
     there = [n for n, v in vars(module).items() if isinstance(v, type) and issubclass(v, base) and v is not base]
     raise ConfigError(
         f"{key}={text}: {file} has no {what} {name}, that is a subclass of epuckhebb.{base.__name__}; "
-        + did_you_mean(name, there)
         + (f"it has {', '.join(there)}" if there else "it has none at all")
+        + did_you_mean(name, there)
     )
 
 
