@@ -243,7 +243,7 @@ class Fine(Fitness):
         (["fitness.function=bad.py:Failing"], ["fitness Failing: `life` failed: IndexError"]),
         (["fitness.function=bad.py:Wordy"], ["fitness Wordy: `life` must return a finite number", "'good'"]),
         (["fitness.function=bad.py:Undefined"], ["fitness Undefined: `life` must return a finite number", "nan"]),
-        (["fitness.function=bad.py:Fine", "fitness.gaol=1"], ["fitness.gaol is no key of fitness", "Did you mean goal?"]),
+        (["fitness.function=bad.py:Fine", "fitness.gaol=1"], ["fitness.gaol is no key of", "Did you mean goal?"]),
         (["fitness.function=bad.py:Fine", "fitness.goal=far"], ["fitness.goal must be a finite number"]),
         (["fitness.goal=1"], ["fitness.goal does nothing with fitness paper"]),
         (["hebbian.signal=fitness"], ["hebbian.signal=fitness needs a fitness with a method `step`"]),
