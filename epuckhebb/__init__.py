@@ -28,6 +28,7 @@ __all__ = [
     "Evaluation",
     "Evolution",
     "Evolved",
+    "Fitness",
     "Hebbian",
     "Lifetime",
     "Rule",
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from epuckhebb.evolution.optimizers.ga import GA
     from epuckhebb.sim.adaptation.adaptation import Adaptation
     from epuckhebb.sim.life import Lifetime
+    from epuckhebb.sim.own_fitness import Fitness
     from epuckhebb.sim.plasticity.rule import Evolved, Rule
     from epuckhebb.sim.plasticity.rules.paper import Paper as Hebbian
 
@@ -55,6 +57,7 @@ _FROM = {  # name -> where it is, and what it is called there; loaded when asked
     "Evaluation": ("api", "Evaluation"),
     "Evolution": ("api", "Evolution"),
     "Evolved": ("sim.plasticity.rule", "Evolved"),
+    "Fitness": ("sim.own_fitness", "Fitness"),
     "Hebbian": ("sim.plasticity.rules.paper", "Paper"),
     "Lifetime": ("sim.life", "Lifetime"),
     "Rule": ("sim.plasticity.rule", "Rule"),

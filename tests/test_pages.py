@@ -258,12 +258,16 @@ def test_the_python_of_the_parts_page_runs(checkout, monkeypatch):
     assert (names["rows"].query("controller == 'gated'").weight_change_mean > 0).all()
 
 
-def test_the_rule_of_the_parts_page_is_that_of_the_example_and_short():
-    text = (ROOT / "examples" / "own_rule" / "my_rules.py").read_text()
-    assert len(text.splitlines()) <= 20
-    for page in (ROOT / "docs" / "parts.md", ROOT / "README.md"):
-        (block,) = (block for block in blocks(page, "python") if "class" in block)
-        assert block in text
+@pytest.mark.parametrize(
+    ("example", "pages"),
+    [("own_rule/my_rules", ("docs/parts.md", "README.md")), ("own_fitness/my_fitness", ("docs/parts.md",))],
+)
+def test_a_class_of_the_parts_page_is_that_of_the_example_and_short(example, pages):
+    text = (ROOT / "examples" / f"{example}.py").read_text()
+    assert len(text.splitlines()) <= 30
+    for page in pages:
+        (block,) = (block for block in blocks(ROOT / page, "python") if block in text)
+        assert "class" in block
 
 
 @pytest.mark.parametrize("page", EXAMPLES, ids=named)

@@ -18,8 +18,8 @@ from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
+from epuckhebb.sim.not_compiled import NotCompiledError
 from epuckhebb.sim.plasticity.control import Sign
-from epuckhebb.sim.plasticity.errors import RuleError
 from epuckhebb.sim.plasticity.rule import Evolved, Rule, arguments_of, coefficients, initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.plasticity.update import StepContext, update_of
@@ -226,7 +226,7 @@ class Muddled(Rule):
 
 
 def test_a_rule_that_does_not_compile_is_explained_in_few_lines(run_lifetime):
-    with pytest.raises(RuleError) as caught:
+    with pytest.raises(NotCompiledError) as caught:
         run_lifetime(np.zeros(SMALL.synapses), controller=Controller(name="x", rule=Muddled(N=1.0)), network=SMALL)
     lines = str(caught.value).splitlines()
     assert len(lines) <= 10

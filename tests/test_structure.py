@@ -29,10 +29,13 @@ INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
     "physics": {"compiled", "maze", "robot"},
     "task": {"compiled", "fitness", "maze", "sensors"},
     "tasks": {"compiled", "fitness", "maze", "physics", "random", "robot", "sensors", "task"},
-    "scenario": {"light", "maze", "reachable", "robot", "sensors", "task", "tasks"},
+    "scenario": {"light", "maze", "own_fitness", "reachable", "robot", "sensors", "task", "tasks"},
     "genome": {"network", "plasticity"},
     "controller": {"adaptation", "plasticity"},
-    "plasticity": {"compiled", "digest", "fitness", "network", "random", "robot", "vectors"},
+    "own_class": {"digest"},
+    "not_compiled": set(),
+    "own_fitness": {"compiled", "own_class", "robot"},
+    "plasticity": {"compiled", "fitness", "network", "own_class", "random", "robot", "vectors"},
     "adaptation/change_signals": {"compiled"},
 }
 

@@ -40,7 +40,8 @@ def print_champion(genome: Genome, console: Console) -> None:
     if genome.optimizer:
         rule = f", with rule {genome.rule}" if genome.rule else ""
         task = f", for task {genome.task}" if genome.task else ""
-        print_line(console, f"Evolved by {genome.optimizer}, in training worlds {genome.training}{rule}{task}")
+        fitness = f", for fitness {genome.fitness_function}" if genome.fitness_function else ""
+        print_line(console, f"Evolved by {genome.optimizer}, in training worlds {genome.training}{rule}{task}{fitness}")
     if genome.nominal is not None:
         _print_nominal(genome.nominal, genome, console)
     if genome.self_memory is not None:

@@ -9,6 +9,7 @@ from epuckhebb.config.parts import (
     GENETIC,
     NONE,
     PAPER,
+    fitness_class,
     optimizer_class,
     rule_class,
     rule_names,
@@ -18,7 +19,7 @@ from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.sim.adaptation.adaptation import Adaptation
+from epuckhebb.sim.adaptation.adaptation import Adaptation, compares_fitness
 from epuckhebb.sim.adaptation.self_check.calibration import check_time
 from epuckhebb.sim.adaptation.self_check.memory import check_robot
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
@@ -27,10 +28,10 @@ from epuckhebb.sim.kernels import check_inputs
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES, Maze, Place, Side
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
+from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
 from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
@@ -176,10 +177,29 @@ def task_from(settings: Mapping[str, Any]) -> Task:
     return kind(**part_settings(kind, given, "task", f"task {where}"))
 
 
+def fitness_from(settings: Mapping[str, Any]) -> Fitness:
+    """The fitness that a part of the configuration describes: `function`, and its own settings."""
+    given = {name: value for name, value in settings.items() if name != "function"}
+    where = str(settings.get("function"))
+    kind = fitness_class(where)
+    if given and not fields(kind):
+        raise ConfigError(f"fitness.{next(iter(given))} does nothing with fitness {where}, which has no settings")
+    try:
+        return kind(**part_settings(kind, given, "fitness", f"fitness {where}"))
+    except ConfigError:
+        raise
+    except Exception as error:  # what a user's own checks may raise has no end
+        raise ConfigError(f"fitness.function={where}: {error}") from error
+
+
 def scenario_from(
-    scenario: Any, maze: Mapping[str, Any], robot: Mapping[str, Any], task: Mapping[str, Any] | None = None
+    scenario: Any,
+    maze: Mapping[str, Any],
+    robot: Mapping[str, Any],
+    task: Mapping[str, Any] | None = None,
+    fitness: Mapping[str, Any] | None = None,
 ) -> Scenario:
-    """The world of a configuration. task: None for the paper's."""
+    """The world of a configuration. task, fitness: None for the paper's."""
     values = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     in_maze, of_kind = maze_from(maze), robot_from(robot)
     for number, change in enumerate(values["changes"]):
@@ -191,7 +211,13 @@ def scenario_from(
     if values["goals"] is not None:
         goals = _goals(values["goals"], in_maze)
         values["goals"] = None if goals == in_maze.goals else goals
-    return Scenario(**values, maze=in_maze, robot=of_kind, task=ONE_TRIAL if task is None else task_from(task))
+    return Scenario(
+        **values,
+        maze=in_maze,
+        robot=of_kind,
+        task=ONE_TRIAL if task is None else task_from(task),
+        fitness=PAPER_FITNESS if fitness is None else fitness_from(fitness),
+    )
 
 
 def _goals(given: Any, maze: Maze) -> dict[Side, Place]:
@@ -234,12 +260,26 @@ def check_wheel_gain(lifetime: Lifetime, world: Scenario) -> None:
             )
 
 
-def check_signal(controller: Controller, robot: Robot) -> None:
-    """Refuse the live fitness of the paper's light program for a robot that has not the e-puck's readings."""
+def check_signal(controller: Controller, world: Scenario) -> None:
+    """Refuse a live fitness that this world, its robot or the adaptation leaves no sense."""
+    robot = world.robot
     if controller.rule.signal is Signal.light_code and (robot.light.count, robot.distance.count) != (8, 8):
         raise ValueError(
             f"hebbian.signal=light_code reads eight light and eight distance sensors; robot {robot.name} has "
             f"{robot.light.count} and {robot.distance.count}"
+        )
+    if controller.rule.signal is not Signal.fitness:
+        return
+    if world.fitness.step is None:
+        raise ValueError(
+            f"hebbian.signal=fitness needs a fitness with a method `step`, and fitness {world.fitness.name} has none; "
+            "give fitness.function=FILE.py:NAME, or another signal"
+        )
+    if compares_fitness(controller.adaptation.change_signal):
+        raise ValueError(
+            f"hebbian.signal=fitness does not go with adaptation={controller.adaptation.name}: its change signal "
+            f"{controller.adaptation.change_signal} compares with the nominal statistics, which are of the paper's "
+            "live fitness; give another signal, or another adaptation"
         )
 
 

@@ -27,11 +27,12 @@ from epuckhebb.config.choices import (
     where_known,
 )
 from epuckhebb.config.overrides import literal
-from epuckhebb.config.parts import NONE, PAPER, rule_class, rule_file
+from epuckhebb.config.parts import NONE, PAPER, fitness_class, rule_class, rule_file
 from epuckhebb.config.parts_from_yaml import maze_from
 from epuckhebb.config.schema import ScenarioConfig, plain, said
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.resources import path_of
 from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.maze import T_MAZE, Maze
 from epuckhebb.sim.plasticity.rule import Rule
@@ -72,6 +73,7 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
             cfg.training.name += " changed"
         if None in (cfg.get("compare") or {}).values():
             cfg.compare = _compared(cfg.compare, folders)
+        _own_fitness(cfg.fitness)
         _own_rules(cfg, str(choices.get("hebbian")), folders)
         for name, settings in (cfg.get("compare") or {}).items():
             if isinstance(settings, DictConfig) and isinstance(settings.get("adaptation"), str):
@@ -147,6 +149,17 @@ def _own_rules(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> None:
         cfg.hebbian.name = kind.__name__.lower()
 
 
+def _own_fitness(settings: DictConfig) -> None:
+    """Write down where a user's fitness is, and what they left as it is in the class."""
+    file, colon, name = str(settings.get("function")).rpartition(":")
+    if not colon:
+        return
+    settings.function = literal(f"{path_of(file, 'fitness.function').absolute()}:{name}")
+    for key, field in fitness_class(settings.function).__dataclass_fields__.items():
+        if key not in settings and isinstance(field.default, bool | int | float | str):
+            settings[key] = field.default
+
+
 def _absolute(file: Path, settings: DictConfig) -> str:
     return f"{file.absolute()}:{str(settings.rule).rpartition(':')[2]}"
 
@@ -200,7 +213,7 @@ def _changed(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> str:
     folders = where_known("scenario", choice, folders)
     original = scenario_of(choice, folders, maze, robot)
     task = plain(cfg.task) if "task" in cfg else None
-    world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task)
+    world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task, plain(cfg.fitness))
     return "" if original is None else world.changed_from(original, maze_brought(choice, folders) or T_MAZE, EPUCK)
 
 

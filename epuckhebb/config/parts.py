@@ -1,4 +1,4 @@
-"""Finds the class of a rule, an optimizer or a task by its name."""
+"""Finds the class of a rule, a fitness, an optimizer or a task by its name."""
 
 import importlib
 import pkgutil
@@ -13,6 +13,7 @@ from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import path_of
 from epuckhebb.sim import tasks
+from epuckhebb.sim.own_fitness import Fitness, check_class
 from epuckhebb.sim.plasticity import rules as rule_files
 from epuckhebb.sim.plasticity.rule import Rule, arguments_of
 from epuckhebb.sim.task import Task
@@ -40,6 +41,21 @@ def rule_class(where: str, key: str) -> type[Rule]:
         arguments_of(kind)
     except ValueError as error:
         raise ConfigError(f"{key}.rule={where}: {error}") from error
+    return kind
+
+
+def fitness_class(where: str) -> type[Fitness]:
+    """The class of a fitness: that of the paper, or one of a file."""
+    key = "fitness.function"
+    if where == PAPER:
+        return Fitness
+    if ":" not in where:
+        raise ConfigError(f"{key} must be {PAPER}, or a fitness of your own, FILE.py:NAME, got {where!r}")
+    kind = class_named(where, Fitness, key)
+    try:
+        check_class(kind)
+    except ValueError as error:
+        raise ConfigError(f"{key}={where}: {error}") from error
     return kind
 
 

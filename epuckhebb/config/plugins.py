@@ -21,10 +21,11 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any, TypeVar
 
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.errors import ConfigError, did_you_mean
 from epuckhebb.runtime.resources import path_of
 from epuckhebb.sim.digest import is_installed
 
+KEYS = ("hebbian.rule", "fitness.function")  # that may be `FILE.py:NAME`
 FOLDER = "own_code"  # of the copies in a run folder
 _NAMED = re.compile(r"(.+\.py):([^\W\d]\w*)", re.DOTALL)
 _PREFIX = "epuckhebb_own_"
@@ -123,6 +124,7 @@ def class_named(text: str, base: type[Base], key: str) -> type[Base]:
     raise ConfigError(
         f"{key}={text}: {file} has no {what} {name}, that is a subclass of epuckhebb.{base.__name__}; "
         + (f"it has {', '.join(there)}" if there else "it has none at all")
+        + did_you_mean(name, there)
     )
 
 

@@ -40,6 +40,7 @@ from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.light import Lamp
+from epuckhebb.sim.own_fitness import PAPER_FITNESS
 from epuckhebb.sim.reachable import grid_bytes
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
@@ -125,12 +126,13 @@ class WorldConfig(Checked):
     hebbian: dict[str, Any] = field(default_factory=dict)
     lifetime: Lifetime = field(default_factory=Lifetime)
     task: dict[str, Any] = field(default_factory=lambda: {"kind": ONE_TRIAL.name})
+    fitness: dict[str, Any] = field(default_factory=lambda: {"function": PAPER_FITNESS.name})
     changed: str | None = None
 
     def __post_init__(self) -> None:
         """Validate the settings."""
         check_counts(seed=self.seed, threads=self.threads)
-        self.world = scenario_from(self.scenario, self.maze, self.robot, self.task)
+        self.world = scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness)
         memory = grid_bytes(self.world.maze.arena_m)
         resources.require([resources.Need(memory, "a way to the goals of so large a maze", "lower maze.arena_m")])
         self.world.check()
@@ -169,7 +171,7 @@ class EvaluateConfig(WorldConfig):
                 f"{', '.join(names)}. Give hebbian.name, adaptation.name or the name below compare another one"
             )
         for controller in self.controllers:
-            check_signal(controller, self.world.robot)
+            check_signal(controller, self.world)
             check_task(controller, self.world.task)
             check_self_check(controller.adaptation, self.world, self.lifetime)
 
@@ -192,7 +194,7 @@ class EvolveConfig(WorldConfig):
         """Validate the settings."""
         super().__post_init__()
         self.controller = controller_from(self.hebbian, Adaptation())
-        check_signal(self.controller, self.world.robot)
+        check_signal(self.controller, self.world)
         check_task(self.controller, self.world.task)
         self.algorithm = optimizer_from(self.optimizer, self.ga)
         self.schedule = self.algorithm.schedule(self.training, self.lifetime)
@@ -282,10 +284,10 @@ SCHEMAS = {
     "leaderboard": LeaderboardConfig,
 }
 # Below these, the schema does not know the keys.
-OPEN = ("hebbian", "compare", "change", "maze", "robot", "optimizer", "task", "scenario.goals")
+OPEN = ("hebbian", "compare", "change", "maze", "robot", "optimizer", "task", "fitness", "scenario.goals")
 for _command, _schema in SCHEMAS.items():
     _node = OmegaConf.structured(_schema)
-    for _key in ("hebbian", "compare", "change", "optimizer", "task"):
+    for _key in ("hebbian", "compare", "change", "optimizer", "task", "fitness"):
         if _key in _node:
             OmegaConf.set_struct(_node[_key], False)  # Hydra takes any key below them, without a +
     if _schema is EvolveConfig:

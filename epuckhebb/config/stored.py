@@ -15,8 +15,11 @@ from epuckhebb.config.overrides import literal
 from epuckhebb.config.plugins import references
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, command_of, typed
 from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.fitness import Signal
+from epuckhebb.sim.own_fitness import PAPER_FITNESS
 
 _STAND_IN = "oja"  # has no settings of its own, and cannot be taken for the paper's
+_OWN_SIGNAL = Signal.fitness.name
 
 
 def from_values(values: Plain, schema: type[Config], source: str) -> Config:
@@ -62,13 +65,17 @@ def settings(file: Path) -> dict[str, Any]:
 
 
 def without_own_code(values: Plain) -> Plain:
-    """Plain values with a rule of the program in place of each of the user's own; nothing of theirs is loaded.
+    """Plain values with a part of the program in place of each of the user's own; nothing of theirs is loaded.
 
-    It is for reading what a run recorded. Names, rates, signs and adaptations stay.
+    It is for reading what a run recorded. Of a rule, names, rates, signs and adaptations stay. A rule that is scaled
+    by a user's fitness is replaced, too.
     """
     values = copy.deepcopy(values)
-    for part, *_ in list(references(values)):
-        for key in [key for key in part if key not in ("N", "sign", "name", "adaptation")]:
-            del part[key]
-        part["rule"] = _STAND_IN
+    rules = [rule for rule in (values["hebbian"], *values["compare"].values()) if rule.get("signal") == _OWN_SIGNAL]
+    rules += [part for part, key, *_ in references(values) if key == "rule"]
+    values["fitness"] = {"function": PAPER_FITNESS.name}
+    for rule in rules:
+        for key in [key for key in rule if key not in ("N", "sign", "name", "adaptation")]:
+            del rule[key]
+        rule["rule"] = _STAND_IN
     return values

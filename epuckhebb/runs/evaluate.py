@@ -24,6 +24,7 @@ from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import say, saying_if_slow
 from epuckhebb.runtime.resources import Need, data_folder, require
+from epuckhebb.sim import own_fitness
 from epuckhebb.sim.adaptation.nominal import memory_to_measure_nominal
 from epuckhebb.sim.block import load_kernel
 from epuckhebb.sim.controller import GA_ALONE, Controller
@@ -84,16 +85,24 @@ class Prepared:
     def lifetime_ids(self) -> dict[str, str]:
         """For each controller a digest of what its lifetimes depend on, besides side, repeat and seed."""
         config, genome = self.config, self.genome
-        everywhere = (genome.sha256, genome.network, config.world, replace(config.lifetime, record_every=0))
+        fitness, lifetime = config.world.fitness, replace(config.lifetime, record_every=0)
+        scored = _identity(fitness, own_fitness.functions_of(fitness))
+        everywhere = (genome.sha256, genome.network, config.world, lifetime, *scored)
         memories = (genome.nominal_sha256, genome.self_memory_sha256)
         depends: dict[str, tuple[object, ...]] = {GA_ALONE.name: everywhere}
         for controller in config.controllers:
             rule, adaptation = type(controller.rule), controller.adaptation
-            parts = (*everywhere, controller, rule.__module__, *(memories if adaptation.acts else ()))
-            with suppress(UnknownPartError):  # then the module must do, whose name has the SHA-256 of a user's file
-                parts += tuple(map(digest, functions_of(rule)))
-            depends[controller.name] = parts
+            parts = (*everywhere, controller, *_identity(controller.rule, functions_of(rule)))
+            depends[controller.name] = (*parts, *(memories if adaptation.acts else ()))
         return {name: hashlib.sha256(repr(parts).encode()).hexdigest()[:16] for name, parts in depends.items()}
+
+
+def _identity(part: object, functions: Sequence[Callable[..., object]]) -> tuple[str, ...]:
+    """What tells a part with these functions from another one with the same settings."""
+    module = type(part).__module__
+    with suppress(UnknownPartError):  # then the module must do, whose name has the SHA-256 of a user's file
+        return (module, *map(digest, functions))
+    return (module,)
 
 
 def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
@@ -207,7 +216,7 @@ def compile_for(controllers: Sequence[Controller], network: Network, world: Scen
         for controller in controllers or [GA_ALONE]:
             with suppress(LostRobotError):  # one step of a network of zeros says nothing about a genome
                 load_kernel(controller, network, world)
-    except ValueError as error:  # a RuleError among them
+    except ValueError as error:  # a NotCompiledError among them
         raise ConfigError(str(error)) from error
 
 
@@ -299,7 +308,8 @@ def _write_reversal(
     def draw() -> bytes:
         from epuckhebb.analysis import reversal_figure
 
-        title = f"{config.world.name} ({config.changed}) · genome {metrics.genome[0]} · {2 * config.repeats} lifetimes each"
+        genome, lifetimes = metrics.genome[0], 2 * config.repeats
+        title = f"{config.world.name} ({config.changed}) · genome {genome} · {lifetimes} lifetimes each"
         return reversal_figure.figure(shares, traces.trials, title)
 
     return draw

@@ -113,6 +113,7 @@ class Prepared:
             training=config.training.name,
             rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
             task="" if config.world.task == ONE_TRIAL else config.world.task.name,
+            fitness_function=config.world.fitness.name if config.world.fitness.is_own else "",
             nominal=nominal,
             self_memory=self_memory,
         )

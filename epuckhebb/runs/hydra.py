@@ -20,6 +20,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
+from epuckhebb.config import plugins
 from epuckhebb.config.compose import IS_HYDRA_1_4, STAMP, VERSION_BASE, folders_of, load, swept, unresolved
 from epuckhebb.config.explain import explain
 from epuckhebb.config.hydra_cache import USERS, users_first
@@ -78,7 +79,7 @@ def run(command: str, job: Callable[[Any], None], arguments: list[str], config_d
     Returns the folders of the runs, in the order of the jobs. config_dir: a folder with more configuration files.
     """
     check_folders(arguments)
-    arguments = [with_names_compared(_with_rules_found(argument)) for argument in arguments]
+    arguments = [with_names_compared(_with_own_files_found(argument)) for argument in arguments]
     stamp = new_stamp()
     folders: list[Path] = []
 
@@ -99,14 +100,15 @@ def run(command: str, job: Callable[[Any], None], arguments: list[str], config_d
     return of_multirun(folder)
 
 
-def _with_rules_found(argument: str) -> str:
-    """An override in which the files of the user's rules have absolute paths: a worker may start in another folder."""
-    if not argument.startswith("hebbian.rule=") or ":" not in argument:
+def _with_own_files_found(argument: str) -> str:
+    """An override in which the user's files have absolute paths: a worker may start in another folder."""
+    key = argument.partition("=")[0]
+    if key not in plugins.KEYS or ":" not in argument:
         return argument
-    (rules,) = alternatives([argument]).values()
-    named = [value_of(rule).rpartition(":") for rule in rules]
-    found = [f"{path_of(file, 'hebbian.rule').absolute()}:{name}" if file else name for file, _, name in named]
-    return f"hebbian.rule={','.join(map(quoted, found))}"
+    (choices,) = alternatives([argument]).values()
+    named = [value_of(choice).rpartition(":") for choice in choices]
+    found = [f"{path_of(file, key).absolute()}:{name}" if file else name for file, _, name in named]
+    return f"{key}={','.join(map(quoted, found))}"
 
 
 def call(

@@ -9,6 +9,7 @@ from epuckhebb.config.names import scenario_of
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.runtime.resources import REFERENCE, data_folder
 from epuckhebb.sim.controller import HEBBIAN
+from epuckhebb.sim.own_fitness import PAPER_FITNESS
 from epuckhebb.sim.scenario import EXPERIMENTS, TRAINED, Scenario
 from epuckhebb.store import Genome, load_genome
 
@@ -17,7 +18,11 @@ def notes_of(genome: Genome, config: EvaluateConfig) -> list[str]:
     """The notes on an evaluation of this genome; `provenance.json`, tables and the replay page have them."""
     here, named = config.scenario.name, config.changed
     rates = [float(one.rule.N) for one in config.controllers if one.name == HEBBIAN]
-    notes = [showcase(genome, "" if named else here, rates[0] if rates else 0.0), _other_experiment(genome, config)]
+    notes = [
+        showcase(genome, "" if named else here, rates[0] if rates else 0.0),
+        _other_experiment(genome, config),
+        _other_fitness(genome, config),
+    ]
     return [note for note in notes if note]
 
 
@@ -63,6 +68,16 @@ def _other_experiment(genome: Genome, config: EvaluateConfig) -> str:
         f"This champion was evolved in {trained.name}, of the {trained.experiment} experiment; {config.scenario.name} "
         f"is of the {world.experiment} experiment. They differ in {', '.join(differ)}{same}."
     )
+
+
+def _other_fitness(genome: Genome, config: EvaluateConfig) -> str:
+    """That a champion's evolution maximised another fitness than the tables of this evaluation show."""
+    own = config.world.fitness.name
+    trained = genome.fitness_function or PAPER_FITNESS.name
+    if not genome.optimizer or trained == own:
+        return ""
+    key = "fitness=paper" if trained == PAPER_FITNESS.name else f"fitness.function=FILE.py:{trained}"
+    return f"This champion was evolved for fitness {trained}; the fitness shown here is {own}. For that: {key}."
 
 
 def _facts(world: Scenario) -> dict[str, str]:

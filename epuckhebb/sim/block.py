@@ -30,7 +30,7 @@ def live_block(
 
     Raises:
         ValueError: genes, network, robot and rule do not fit each other.
-        RuleError: a rule does not compile.
+        NotCompiledError: a rule does not compile.
         LostRobotError: a pose or a weight stopped being finite; the message says whose and when.
     """
     size = max(1, min(_LIFETIMES_PER_STAGE, -(-len(individuals) // threads)))
@@ -62,7 +62,7 @@ def load_kernel(
 
     Raises:
         ValueError: network, robot and rule do not fit each other.
-        RuleError: the rule does not compile.
+        NotCompiledError: the rule does not compile.
     """
     world = scenario or Scenario()
     net = network or Network((world.inputs, *HIDDEN, OUTPUTS), world.task.gives_reward)

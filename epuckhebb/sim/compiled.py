@@ -94,6 +94,15 @@ def with_parts(function: Function, **parts: object) -> Function:
     return compiled(cast(Function, _with_globals(function, parts)))
 
 
+def compile_error(function: Callable[..., Any], *arguments: object) -> Exception | None:
+    """Why a building block does not compile for these arguments; None if it does."""
+    try:
+        _njit(**_OPTIONS)(function)(*arguments)
+    except Exception as error:  # of numba, of which there are many kinds
+        return error
+    return None
+
+
 def _with_globals(function: Callable[..., Any], parts: dict[str, object]) -> types.FunctionType:
     code = cast(types.FunctionType, function)
     return types.FunctionType(code.__code__, {**code.__globals__, **parts}, code.__name__)

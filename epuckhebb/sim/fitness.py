@@ -26,6 +26,7 @@ class Signal(IntEnum):
     final = 1
     lifetime_mean = 2
     light_code = 3
+    fitness = 4
 
 
 # `lifetime_mean` starts from a history of two lifetimes of 250 s at F = 0.50: the published program never resets its
@@ -35,7 +36,7 @@ HISTORY_MEAN = 0.50
 
 LIGHT_CODE_SENSORS = (8, 8)  # light and distance sensors of the robot that `light_code` is written for
 
-_BEHAVIOUR, _FINAL, _LIFETIME_MEAN = int(Signal.behaviour), int(Signal.final), int(Signal.lifetime_mean)
+_FINAL, _LIFETIME_MEAN, _LIGHT_CODE = int(Signal.final), int(Signal.lifetime_mean), int(Signal.light_code)
 
 
 @compiled
@@ -100,15 +101,16 @@ def live_fitness(
 
     behaviour: this step's combined fitness (the paper as written). final: its mean with the goal reward at this
     distance [m]. lifetime_mean: running mean of combined fitness without the junction term, `undirected_sum` over
-    `trial_steps`. light_code: see there.
+    `trial_steps`. light_code: see there. fitness: the value of the step by the user's own fitness, which the lifetime
+    puts in place of the result.
     """
-    if signal == _BEHAVIOUR:
-        return behaviour
     if signal == _FINAL:
         return (behaviour + reward(distance)) / 2.0
     if signal == _LIFETIME_MEAN:
         return (HISTORY_STEPS * HISTORY_MEAN + undirected_sum) / (HISTORY_STEPS + trial_steps)
-    return light_code(readings, left, right)
+    if signal == _LIGHT_CODE:
+        return light_code(readings, left, right)
+    return behaviour
 
 
 @compiled

@@ -7,6 +7,7 @@ from epuckhebb.sim.adaptation import adaptation
 from epuckhebb.sim.compiled import kernel, with_parts
 from epuckhebb.sim.lifetime import decide, live
 from epuckhebb.sim.network import Network, forward_pass
+from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness, score_of, scored
 from epuckhebb.sim.physics import mover
 from epuckhebb.sim.plasticity.rule import NoRule, Rule
 from epuckhebb.sim.plasticity.update import modulation_of, update_of
@@ -30,10 +31,12 @@ def kernel_of(
     homeostatic: bool = False,
     more_faults: bool = False,
     task: Task = ONE_TRIAL,
+    fitness: Fitness = PAPER_FITNESS,
 ) -> Any:
     """`live` with these parts, compiled or from the cache.
 
-    more_faults: whether there are other faults than dead sensors and weak wheels. task: only its kind matters.
+    more_faults: whether there are other faults than dead sensors and weak wheels. task, fitness: only their kinds
+    matter.
 
     Raises:
         ValueError: the rule has unknown arguments, or network, robot, task and adaptation do not fit each other.
@@ -46,20 +49,28 @@ def kernel_of(
         self_check=self_check,
         homeostatic=homeostatic,
     )
-    place = (rule, hooks, network, robot, more_faults, type(task))
+    place = (rule, hooks, network, robot, more_faults, type(task), scored(fitness))
     if place not in _kernels:
-        _kernels[place] = _made(rule, hooks, network, robot, more_faults, task)
+        _kernels[place] = _made(rule, hooks, network, robot, more_faults, task, scored(fitness))
     return _kernels[place]
 
 
 def _made(
-    rule: type[Rule], hooks: adaptation.Hooks, network: Network, robot: Robot, more_faults: bool, task: Task
+    rule: type[Rule],
+    hooks: adaptation.Hooks,
+    network: Network,
+    robot: Robot,
+    more_faults: bool,
+    task: Task,
+    fitness: type[Fitness],
 ) -> Any:
     check_inputs(network, robot, task)
     parts = {
         "WHEELS": network.wheels,
         "HAS_RULE": rule is not NoRule,
         "HAS_TRIALS": task.has_trials,
+        "HAS_SCORE": fitness.step is not None,
+        "score": score_of(fitness),
         "sense": senses(robot),
         "blind": blinding(robot),
         "nearest": largest_distance_reading(robot),

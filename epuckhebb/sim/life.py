@@ -17,6 +17,7 @@ from epuckhebb.sim.faults import Faults
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, Network
+from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
 from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
 from epuckhebb.sim.random import noise_workspace_size
 from epuckhebb.sim.ranges import check_range
@@ -141,6 +142,7 @@ class Life(NamedTuple):
 
     tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records. activation: (neurons,).
     adaptation: what it carries. trials: records of `epuckhebb.sim.task.TRIAL`, none where a lifetime is one trial.
+    score: one record, what its fitness stores.
     """
 
     tally: NDArray[np.void]
@@ -149,6 +151,7 @@ class Life(NamedTuple):
     activation: Floats
     adaptation: AdaptationState
     trials: NDArray[np.void]
+    score: NDArray[np.void]
     workspace: Workspace
 
 
@@ -159,10 +162,12 @@ def initial_life(
     workspace: Workspace | None = None,
     adaptation: AdaptationState | None = None,
     trials: NDArray[np.void] = NO_TRIALS,
+    fitness: Fitness = PAPER_FITNESS,
 ) -> Life:
     """A lifetime before its first step.
 
     workspace, adaptation: arrays to use; None for new ones, without corrections. trials: those of its task.
+    fitness: by which it is scored.
 
     Raises:
         ValueError: the genes are not as many as the network has weights.
@@ -181,6 +186,7 @@ def initial_life(
         activation=activation,
         adaptation=initial_adaptation_state(robot) if adaptation is None else adaptation,
         trials=trials,
+        score=fitness.initial_state(),
         workspace=workspace_for(network, robot) if workspace is None else workspace,
     )
 
@@ -275,6 +281,7 @@ class Setup(NamedTuple):
     """What stays the same while a lifetime runs in one world.
 
     nominal: what an adaptation compares with. lit: the lights. gain: wheel speed [rad/s] of a network output of 1.
+    fitness: the settings of the fitness, as numbers.
     noise_level: 1 for the sensors' own noise. key: of that noise. record_every: steps between two samples, 0 for none.
     """
 
@@ -283,6 +290,7 @@ class Setup(NamedTuple):
     nominal: NominalOfSide
     lit: Lights
     trial: Trial
+    fitness: tuple[float, ...]
     gain: float
     noise_level: float
     key: np.uint64
@@ -347,6 +355,10 @@ class Outcome(NamedTuple):
     steps: int
     saturated_fraction: float
 
+    def with_fitness(self, fitness: float) -> "Outcome":
+        """The same metrics with another fitness."""
+        return self._replace(fitness=fitness)
+
     @property
     def trials(self) -> NDArray[np.void]:
         """The trials of the lifetime, records of `epuckhebb.sim.task.TRIAL`; none where it is one."""
@@ -362,6 +374,10 @@ class OutcomeOfTrials(Outcome):
     def trials(self) -> NDArray[np.void]:
         """See `Outcome`."""
         return self._trials
+
+    def with_fitness(self, fitness: float) -> "Outcome":
+        """See `Outcome`."""
+        return self.of(self._replace(fitness=fitness), self._trials)
 
     @classmethod
     def of(cls, outcome: Outcome, trials: NDArray[np.void]) -> "OutcomeOfTrials":

@@ -17,6 +17,7 @@ from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.life import Genotype, Life, Samples, Setup
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, forward_pass
+from epuckhebb.sim.own_fitness import Fitness, score_of
 from epuckhebb.sim.physics import Handles, is_lost, mover, pose
 from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.plasticity.update import StepContext, effective_rate, modulation_of, update_of
@@ -25,10 +26,12 @@ from epuckhebb.sim.robot import EPUCK, STEP_S
 from epuckhebb.sim.senses import blinding, largest_distance_reading, senses
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
+OWN = int(fitness.Signal.fitness)
 CONTACT = 0.8  # a distance reading above this counts as contact, as in the published code
 
 # The parts of a lifetime, as the paper's robot without plasticity has them; `kernel_of` puts others in their place.
-WHEELS, HAS_RULE, HAS_TRIALS = PAPER_NETWORK.wheels, False, False
+WHEELS, HAS_RULE, HAS_TRIALS, HAS_SCORE = PAPER_NETWORK.wheels, False, False, False
+score = score_of(Fitness)
 sense, blind, nearest = senses(EPUCK), blinding(EPUCK), largest_distance_reading(EPUCK)
 draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
 learn, modulate = update_of(NoRule, PAPER_NETWORK), modulation_of(NoRule, PAPER_NETWORK)
@@ -116,6 +119,15 @@ def decide(
     live_fitness = fitness.live_fitness(
         plasticity.signal, activation, left, right, behaviour, tally.goal_distance, trial_steps, tally.undirected_sum
     )
+
+    if HAS_SCORE:
+        contact, own, time_s = nearness > CONTACT, life.score[0], step * STEP_S
+        worth = score(
+            tally, own, setup.fitness, left, right, nearness, contact, behaviour, x, y, heading, activation, time_s
+        )
+        own.sum += worth
+        if plasticity.signal == OWN:
+            live_fitness = worth
 
     # Learn.
     at_goal = tally.goal_distance < trial.goal_radius

@@ -7,6 +7,7 @@ from typing import Any
 
 from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.maze import SIDES, T_MAZE, Maze, Place, Side
+from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.reachable import check_reachable
 from epuckhebb.sim.robot import EPUCK, STEP_S, Robot
@@ -59,6 +60,7 @@ class Scenario:
     maze: Maze = T_MAZE
     robot: Robot = EPUCK
     task: Task = ONE_TRIAL
+    fitness: Fitness = PAPER_FITNESS
 
     def __post_init__(self) -> None:
         """Validate the settings."""
@@ -170,14 +172,14 @@ class Scenario:
         for kind, mine, its in (("maze", self.maze, maze), ("robot", self.robot, robot)):
             if mine != its:
                 words.append(f"{kind}={mine.name}" + (" changed" if mine.name == its.name else ""))
-        if self.task != named.task:
-            usual = type(self.task)()
-            words.append(f"task={self.task.name}")
-            words += [
-                f"task.{setting.name}={_plain(getattr(self.task, setting.name))}"
-                for setting in fields(self.task)
-                if getattr(self.task, setting.name) != getattr(usual, setting.name)
-            ]
+        for key, part, its_part in (("task", self.task, named.task), ("fitness", self.fitness, named.fitness)):
+            if part != its_part:
+                words.append(f"{key}={part.name}")
+                words += [
+                    f"{key}.{setting.name}={_plain(getattr(part, setting.name))}"
+                    for setting in fields(part)
+                    if getattr(part, setting.name) != setting.default
+                ]
         for field_ in fields(self):
             mine, its = getattr(self, field_.name), getattr(named, field_.name)
             if field_.name == "lamp":
@@ -187,7 +189,7 @@ class Scenario:
                     if getattr(mine, part.name) != getattr(its, part.name)
                     and not (part.name == "intensity" and self.task.has_trials)  # off, as such a task demands
                 ]
-            elif field_.name in ("maze", "robot", "task", "name"):
+            elif field_.name in ("maze", "robot", "task", "fitness", "name"):
                 continue
             elif field_.name == "goals" and mine != its:
                 words.append("goals=" + "/".join(f"{side}:{x:g},{y:g}" for side, (x, y) in self.goals_now.items()))

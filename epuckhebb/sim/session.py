@@ -17,6 +17,7 @@ from epuckhebb.sim.adaptation.adaptation import initial_adaptation_state
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide, check_nominal
 from epuckhebb.sim.adaptation.homeostasis import check_patterns
 from epuckhebb.sim.adaptation.self_check.corrections import Corrections, check_corrections
+from epuckhebb.sim.compiled import compile_error
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import WEIGHTS
 from epuckhebb.sim.life import (
@@ -35,7 +36,8 @@ from epuckhebb.sim.life import (
 from epuckhebb.sim.light import lights
 from epuckhebb.sim.maze import Pose, Side
 from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
-from epuckhebb.sim.plasticity.errors import explained
+from epuckhebb.sim.not_compiled import NotCompiledError, explained
+from epuckhebb.sim.own_fitness import FitnessError, example_arguments, facts_of, score_of
 from epuckhebb.sim.plasticity.rule import (
     INITIAL_RANGE,
     InitialWeights,
@@ -108,7 +110,9 @@ class Session:
         if adaptation is None or individual.corrections is not None:
             adaptation = initial_adaptation_state(first.robot, individual.corrections)
         trials = first.task.initial_trials(individual.side, individual.task_key)
-        self.life = initial_life(self.genotype, individual.network, first.robot, kind.workspace, adaptation, trials)
+        self.life = initial_life(
+            self.genotype, individual.network, first.robot, kind.workspace, adaptation, trials, world.fitness
+        )
         self._tally = self.life.tally[0]  # a view of the record
         self.samples = kind.no_samples
         if self._record_every:
@@ -144,7 +148,8 @@ class Session:
             How many were run.
 
         Raises:
-            RuleError: the rule does not compile.
+            NotCompiledError: the rule, or the user's fitness, does not compile.
+            FitnessError: the user's fitness gave no number.
             LostRobotError: a pose or a weight stopped being finite; the message says whose and when.
         """
         first = self.steps
@@ -162,9 +167,10 @@ class Session:
         time. A wall that would appear where the robot stands waits until it has left.
 
         Raises:
-            ValueError: the world has another robot or task.
+            ValueError: the world has another robot, task or fitness.
         """
-        for kind, new, old in (("robot", world.robot, self.world.robot), ("task", world.task, self.world.task)):
+        for kind in ("robot", "task", "fitness"):
+            new, old = getattr(world, kind), getattr(self.world, kind)
             if new != old:
                 raise ValueError(
                     f"a world may change during a lifetime, its {kind} may not: got {new.name} for {old.name}"
@@ -194,7 +200,12 @@ class Session:
             tally.step,
             saturated_fraction(self.life.weights, self.individual.controller.rule.w_max),
         )
-        return OutcomeOfTrials.of(outcome, self.life.trials) if len(self.life.trials) else outcome
+        if len(self.life.trials):
+            outcome = OutcomeOfTrials.of(outcome, self.life.trials)
+        if not world.fitness.is_own:
+            return outcome
+        own = world.fitness.of_lifetime(facts_of(outcome, *self.pose[:2]), self.life.score)
+        return outcome.with_fitness(own)
 
     def _read_tally(self) -> Any:
         return _Tally._make(self._tally.item())
@@ -212,6 +223,7 @@ class Session:
             kind.nominal if individual.nominal is None else individual.nominal,
             lights(self.world.light, self.world.lamp, lamp_on=individual.side == "right"),
             trial_of(self.world, individual.side, self._start),
+            self.world.fitness.numbers(),
             float(lifetime.gain_rad_s),
             float(lifetime.noise),
             individual.key,
@@ -237,12 +249,27 @@ class Session:
         try:
             self._kind.live(self.life, self._setup, self._space.handles, until)
         except Exception as error:  # machine code raises nothing, so it comes from compiling
-            raise explained(type(self.individual.controller.rule), error) from error
+            raise self._explained(error) from error
         self._check()
+
+    def _explained(self, error: Exception) -> NotCompiledError:
+        """Whose fault it is that a kernel does not compile: that of a part that does not compile alone, or the rule."""
+        fitness, rule = self.world.fitness, type(self.individual.controller.rule)
+        if fitness.step is not None:
+            arguments = example_arguments(fitness, self.life.tally[0], self.individual.network.inputs)
+            alone = compile_error(score_of(type(fitness)), *arguments)
+            if alone is not None:
+                return explained(f"fitness {fitness.name}", fitness.step, alone, "state")
+        return explained(f"rule {rule.__name__}", rule.synapse, error, "synapse_state")
 
     def _check(self) -> None:
         """Check that the lifetime still has finite numbers."""
         life, who, tally = self.life, self.individual, self._read_tally()
+        if self.world.fitness.step is not None and not math.isfinite(life.score["sum"][0]):
+            raise FitnessError(
+                f"fitness {self.world.fitness.name}: `step` gave infinite or nan values on a {who.side} trial of "
+                f"scenario {self.world.name}; noticed at step {tally.step} of {self.lifetime.steps}"
+            )
         finite = bool(np.isfinite(life.weights).all() and np.isfinite(life.synapse_state.view(np.float64)).all())
         finite = finite and math.isfinite(tally.weight_change_sum)
         sums = tally.behaviour_sum + tally.path_length + tally.goal_distance

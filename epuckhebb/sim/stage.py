@@ -124,6 +124,7 @@ class Stage:
                 homeostatic=adaptation.homeostasis,
                 more_faults=more_faults,
                 task=self.world.task,
+                fitness=self.world.fitness,
             ),
             plasticity=Plasticity(
                 float(rule.N) * rule.gain_factor(self.lifetime.gain_rad_s) if own else 0.0,

@@ -378,6 +378,7 @@ CHAMPION: Mapping[str, Array] = {
     "rule": Array((), "", "the plasticity rule that it evolved with, if any"),
     "task": Array((), "", "the task that it evolved for, unless it is the paper's"),
     "rewarded": Array((), "", "beside `task`: 1 if the last input of the network is the reward, else 0"),
+    "fitness_function": Array((), "", "the fitness that its evolution maximised, unless it is the paper's"),
     "memory_*": Array((), "", "nominal statistics of its training world, for adaptations"),
     "self_*": Array((), "", "what a self-check compares with"),
 }

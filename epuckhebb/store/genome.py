@@ -26,7 +26,7 @@ from epuckhebb.store.run import Run
 _NOMINAL = "memory_"  # how the names of the arrays of nominal statistics begin
 _SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
 _OF_SEED = re.compile(rf"{REFERENCE}_\d+")
-_TEXTS = ("robot", "experiment", "optimizer", "training", "rule", "task")  # of a champion
+_TEXTS = ("robot", "experiment", "optimizer", "training", "rule", "task", "fitness_function")  # of a champion
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +43,7 @@ class Genome:
         experiment, optimizer, training: Names of what it was evolved in and by; "" if unknown.
         rule: The name of the plasticity rule with which it was evolved; "" without one, or if unknown.
         task: The name of the task for which it was evolved, if it is not the paper's.
+        fitness_function: The name of the fitness that its evolution maximised, if it is not the paper's.
         nominal: Statistics of the champion in its training world.
         self_memory: What its self-check compares with.
     """
@@ -58,6 +59,7 @@ class Genome:
     training: str = ""
     rule: str = ""
     task: str = ""
+    fitness_function: str = ""
     nominal: Nominal | None = None
     self_memory: SelfMemory | None = None
 
@@ -153,6 +155,8 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
         arrays["rule"] = np.str_(genome.rule)
     if genome.task:
         arrays |= {"task": np.str_(genome.task), "rewarded": np.int64(genome.network.rewarded)}
+    if genome.fitness_function:
+        arrays["fitness_function"] = np.str_(genome.fitness_function)
     for prefix, remembered in ((_NOMINAL, genome.nominal), (_SELF_MEMORY, genome.self_memory)):
         if remembered is not None:
             arrays |= {prefix + key: np.asarray(value) for key, value in asdict(remembered).items()}

@@ -47,6 +47,11 @@ def _signal(name: str) -> ChangeSignal:
     return function
 
 
+def compares_fitness(change_signal: str) -> bool:
+    """Whether a change signal compares the live fitness with its nominal statistics."""
+    return change_signal != NONE and "fitness" in _signal(change_signal).__code__.co_names  # as nominal.fitness
+
+
 class Exploration(Enum):
     """What a robot does while the gate is open, beside learning: motor noise, wall-following, or both."""
 

@@ -1,19 +1,16 @@
 """A plasticity rule: its settings, the state of each synapse, its evolved parameters, and its update."""
 
-import dis
-import inspect
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import Enum
-from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.sim import own_class
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.digest import random_generator
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.control import Sign
@@ -152,7 +149,7 @@ class Rule:
     @classmethod
     def settings(cls) -> tuple[str, ...]:
         """The names of the settings that are numbers, in the order in which a kernel has them."""
-        return tuple(field.name for field in fields(cls) if not isinstance(field.default, str | Enum))
+        return own_class.number_settings(cls)
 
     def numbers(self) -> dict[str, float]:
         """The settings that are numbers, by name."""
@@ -177,38 +174,16 @@ def arguments_of(rule: type[Rule]) -> tuple[str, ...]:
     Raises:
         ValueError: an argument is unknown, or the rule draws random numbers that no run can repeat.
     """
+    what = f"rule {rule.__name__}"
     if rule.synapse is Rule.synapse:
-        raise ValueError(f"rule {rule.__name__} has no static method `synapse`, which gives a weight's direction")
-    known = {field.name for field in fields(rule)}
-    for name, kind in inspect.get_annotations(rule).items():
-        if name not in known and "ClassVar" not in str(kind):
-            raise ValueError(
-                f"rule {rule.__name__}: {name} is not a setting; write @dataclass(frozen=True, kw_only=True) above"
-            )
-    names = tuple(inspect.signature(rule.synapse).parameters)
-    evolved = coefficient_names(rule)
-    known = {*QUANTITIES, *evolved}
-    unknown = [name for name in names if name not in known]
-    if unknown:
-        raise ValueError(
-            f"rule {rule.__name__}: `synapse` has the unknown arguments {', '.join(unknown)}; known are "
-            + ", ".join([*QUANTITIES, *evolved])
-        )
-    has = {"by": rule.settings(), "synapse_state": tuple(rule.synapse_state)}
-    for before, then in pairwise(dis.get_instructions(rule.synapse)):
-        loaded = before.argval[-1] if isinstance(before.argval, tuple) else before.argval  # 3.13 may load two at once
-        of_record = "LOAD_FAST" in before.opname and loaded in has and then.opname in ("LOAD_ATTR", "STORE_ATTR")
-        if of_record and then.argval not in has[loaded]:
-            raise ValueError(
-                f"rule {rule.__name__}: `{loaded}` has no {then.argval}; it has {', '.join(has[loaded]) or 'nothing'}"
-            )
+        raise ValueError(f"{what} has no static method `synapse`, which gives a weight's direction")
+    own_class.check_fields(what, rule)
+    known = [*QUANTITIES, *coefficient_names(rule)]
+    records = {"by": rule.settings(), "synapse_state": tuple(rule.synapse_state)}
+    names = own_class.arguments(what, rule.synapse, known, records)
+    instead = "ask for key, step and number in `synapse` and draw as rule `online` does, with epuckhebb.sim.random"
     for function in functions_of(rule):
-        generator = random_generator(function)
-        if generator is not None:
-            raise ValueError(
-                f"rule {rule.__name__}: {function.__name__} draws from {generator}, so no run could be repeated; "
-                "ask for key, step and number in `synapse` and draw as rule `online` does, with epuckhebb.sim.random"
-            )
+        own_class.check_repeatable(what, function, instead)
     return names
 
 
