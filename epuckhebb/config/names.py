@@ -32,6 +32,7 @@ from epuckhebb.config.parts_from_yaml import maze_from
 from epuckhebb.config.schema import ScenarioConfig, plain, said
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.resources import path_of
 from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.maze import T_MAZE, Maze
 from epuckhebb.sim.plasticity.rule import Rule
@@ -73,6 +74,8 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
         if None in (cfg.get("compare") or {}).values():
             cfg.compare = _compared(cfg.compare, folders)
         _own_rules(cfg, str(choices.get("hebbian")), folders)
+        if cfg.scenario.get("hand") is not None:
+            cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
         for name, settings in (cfg.get("compare") or {}).items():
             if isinstance(settings, DictConfig) and isinstance(settings.get("adaptation"), str):
                 settings.adaptation = _adaptation(settings.adaptation, f"compare.{name}.adaptation", folders)
