@@ -124,7 +124,7 @@ def ray(session: nox.Session) -> None:
 
 @nox.session(allow_parallel=True)
 def web(session: nox.Session) -> None:
-    """Drive the replay page in a real, headless Chromium."""
+    """Drive the pages of replay and play in a real, headless Chromium."""
     if not (os.environ.get("EPUCKHEBB_CHROMIUM") or any(map(shutil.which, CHROMIUM))):
         session.skip("no Chromium: `apt-get install chromium`, or set EPUCKHEBB_CHROMIUM to where it is")
     session.install(".", *group("web"))

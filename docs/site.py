@@ -25,6 +25,8 @@ API = """# Python reference
 
 ::: epuckhebb.api.Evolution
 
+::: epuckhebb.api.Live
+
 ::: epuckhebb.sim.plasticity.rule.Rule
 
 ::: epuckhebb.sim.plasticity.rule.Evolved

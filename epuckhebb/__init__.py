@@ -31,10 +31,12 @@ __all__ = [
     "Fitness",
     "Hebbian",
     "Lifetime",
+    "Live",
     "Rule",
     "evaluate",
     "evolve",
     "load",
+    "play",
     "sweep",
 ]
 
@@ -43,7 +45,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from epuckhebb.api import Evaluation, Evolution
+    from epuckhebb.api import Evaluation, Evolution, Live
     from epuckhebb.evolution.optimizers.ga import GA
     from epuckhebb.sim.adaptation.adaptation import Adaptation
     from epuckhebb.sim.life import Lifetime
@@ -60,6 +62,7 @@ _FROM = {  # name -> where it is, and what it is called there; loaded when asked
     "Fitness": ("sim.own_fitness", "Fitness"),
     "Hebbian": ("sim.plasticity.rules.paper", "Paper"),
     "Lifetime": ("sim.life", "Lifetime"),
+    "Live": ("api", "Live"),
     "Rule": ("sim.plasticity.rule", "Rule"),
 }
 
@@ -141,6 +144,34 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     from epuckhebb import api
 
     return api.evolve(overrides, config_dir, progress, keys)
+
+
+def play(
+    genome: str | Path = "reference",
+    *overrides: str,
+    side: str = "left",
+    config_dir: str | Path | None = None,
+    **keys: Any,
+) -> "Live":
+    """Open a live world that one disturbs by hand; a notebook shows its page below the cell.
+
+    Args:
+        genome: Where the genes are, as for `load`.
+        overrides: Settings as on the command line; they come after the keywords.
+        side: Which way is the right one, `left` or `right`.
+        config_dir: A folder with YAML files of your own.
+        keys: Settings as keywords.
+
+    Returns:
+        The live world: `.address` of its page, `.open()` it in a new tab, `.close()` ends it. Runs that the page saves
+        are in `runs/evaluate/`.
+
+    Raises:
+        ValueError: A setting or the genome cannot be used; the message says why.
+    """
+    from epuckhebb import api
+
+    return api.play(genome, overrides, side, config_dir, keys)
 
 
 def sweep(

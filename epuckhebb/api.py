@@ -23,6 +23,7 @@ from epuckhebb.config.keywords import overrides_of, value_text
 from epuckhebb.config.overrides import check_config_dir, quoted
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, say_unusual
 from epuckhebb.evolution.evolve import history_row
+from epuckhebb.live.server import Play
 from epuckhebb.runs.evaluate import Prepared, caption, prepare, with_robot
 from epuckhebb.runs.evolve import EvolutionProgress
 from epuckhebb.runs.evolve import prepare as prepare_evolution
@@ -33,10 +34,12 @@ from epuckhebb.runtime.progress import TaskProgress
 from epuckhebb.runtime.resources import LATEST, thread_count
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.genome import plan_of
+from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.plasticity.rule import NoRule, Rule
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.store import Genome, checked_genes, resolve_run, traces_arrays, write_atomic
 
+_LIVE = '<iframe src="{}" width="100%" height="860" style="border:0" allow="clipboard-write"></iframe>'
 _FRAME = '<iframe srcdoc="{}" width="100%" height="760" style="border:0" sandbox="allow-scripts"></iframe>'
 
 
@@ -73,6 +76,28 @@ class Page:
         """Write it to a file and show that in a browser; returns its path."""
         webbrowser.open(self.save(path).resolve().as_uri())
         return Path(path)
+
+
+class Live:
+    """A live world that is served until it is closed, or Python ends; a notebook shows its page.
+
+    address: of the page, for a browser of this computer.
+    """
+
+    def __init__(self, play: Play) -> None:
+        self._play = play.__enter__()
+        self.address = play.address
+
+    def _repr_html_(self) -> str:
+        return _LIVE.format(html.escape(self.address))
+
+    def open(self) -> None:
+        """Show the page in a new tab."""
+        webbrowser.open(self.address)
+
+    def close(self) -> None:
+        """End the world."""
+        self._play.__exit__()
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -236,6 +261,17 @@ def sweep(
     if gathered.repeated:
         progress.say(gathered.repeated)
     return gathered.rows
+
+
+def play(
+    genome: str | Path, overrides: Sequence[Any], side: str, config_dir: str | Path | None, keys: Mapping[str, Any]
+) -> Live:
+    """See `epuckhebb.play`."""
+    if side not in SIDES:
+        raise ConfigError(f"side must be {' or '.join(SIDES)}, got {side!r}")
+    folder = _folder(config_dir)
+    words = with_robot([f"genome={quoted(str(genome))}", *overrides_of(overrides, keys)], folder)
+    return Live(Play(words, "right" if side == "right" else "left", folder))
 
 
 def _label(key: str, value: Any) -> Any:

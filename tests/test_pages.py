@@ -15,6 +15,7 @@ from typer.main import get_command
 import epuckhebb
 from epuckhebb import api
 from epuckhebb.cli.commands import app
+from epuckhebb.live import server
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
@@ -48,6 +49,7 @@ BRIEF = {
     "export": [],
     "show": [],
     "replay": [],
+    "play": ["--no-browser", "--port", "0", "-q"],
 }
 BRIEF_TASK = ["task.trials=2", "task.last_switch=2", "task.time_out_s=1"]  # these say how long a lifetime is
 BRIEF_GA = ["ga.population=4", "ga.elites=1", "ga.generations=1", "ga.loops=1"]
@@ -178,6 +180,7 @@ def test_the_methods_of_the_leaderboard_page_can_be_listed(folder, monkeypatch):
 def test_the_commands_of_the_pages_run(pages, seconds, monkeypatch):
     """In one folder, page after page; what stands on two of them runs once."""
     monkeypatch.setattr(webbrowser, "open", lambda _: True)
+    monkeypatch.setattr(server.Play, "wait", lambda _: None)
     lines = list(dict.fromkeys(itertools.chain.from_iterable(map(shown, pages))))
     assert lines
     for line in lines:
@@ -282,7 +285,7 @@ def test_commands_work_in_every_shell(page):
     assert not re.findall(r"`[^`\n]*'[\w.]+=[^`\n]*`", page.read_text())
 
 
-@pytest.mark.parametrize("command", ["evaluate", "evolve", "sweep", "reproduce"])
+@pytest.mark.parametrize("command", ["evaluate", "evolve", "sweep", "reproduce", "play"])
 def test_examples_of_help_work_in_every_shell(command):
     examples = call(command, "--help").stdout.partition("Examples")[2]
     assert f"epuckhebb {command}" in examples

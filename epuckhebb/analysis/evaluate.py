@@ -92,41 +92,10 @@ def evaluate(
         raise ValueError("an adaptation with a change signal needs the nominal statistics of the training world")
     if checks is None and any(controller.adaptation.self_check for controller in controllers):
         raise ValueError("an adaptation with a self-check needs those of analysis.self_checks")
-    whole = plan or plan_of(network)
-    taken = [whole.pick(genes, plan_of(network, type(controller.rule))) for controller in everyone]
-    place = zlib.crc32(taken[0].tobytes())
-    of_updates = [
-        signs(controller.rule.sign, network.synapses, random.rng(seed, Stream.shuffled_signs, place))
-        for controller in everyone
-    ]
     wanted: list[tuple[int, Side, int]] = [
         (number, side, repeat) for number in range(len(everyone)) for side in SIDES for repeat in range(repeats)
     ]
-
-    def checked(number: int, side: Side, repeat: int) -> dict[str, Any]:
-        adaptation = everyone[number].adaptation
-        if checks is None or not adaptation.self_check:
-            return {}
-        own = checks[side, repeat]
-        counted = {"calibration": own.calibration} if adaptation.calibration_counts else {}
-        return {"start": own.end, "corrections": own.corrections, **counted}
-
-    drawn = [int(random.key(seed, Stream.evaluation_task, repeat)) for repeat in range(repeats)]
-    individuals = [
-        Individual(
-            genes=taken[number],
-            network=network,
-            side=side,
-            controller=everyone[number],
-            key=random.key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)),
-            task_key=drawn[repeat],
-            signs=of_updates[number],
-            nominal=None if nominal is None else nominal.of(side),
-            record=repeat == 0,
-            **checked(number, side, repeat),
-        )
-        for number, side, repeat in wanted
-    ]
+    individuals = individuals_for(genes, everyone, wanted, nominal, checks, plan or plan_of(network), network, seed)
     outcomes = live_block(individuals, scenario, lifetime, threads)
     rows = [
         {
@@ -163,6 +132,49 @@ def evaluate(
         ),
     )
     return pd.DataFrame(rows, columns=[*COLUMNS, *(REWARDED if scenario.task.has_trials else ())]), traces
+
+
+def individuals_for(
+    genes: NDArray[np.float64],
+    controllers: Sequence[Controller],
+    wanted: Sequence[tuple[int, Side, int]],
+    nominal: Nominal | None,
+    checks: Checks | None,
+    plan: GenomePlan,
+    network: Network,
+    seed: int,
+) -> list[Individual]:
+    """The individuals of an evaluation, one for each wanted number of a controller, side and repeat."""
+    taken = [plan.pick(genes, plan_of(network, type(controller.rule))) for controller in controllers]
+    place = zlib.crc32(taken[0].tobytes())
+    of_updates = [
+        signs(controller.rule.sign, network.synapses, random.rng(seed, Stream.shuffled_signs, place))
+        for controller in controllers
+    ]
+
+    def checked(number: int, side: Side, repeat: int) -> dict[str, Any]:
+        adaptation = controllers[number].adaptation
+        if checks is None or not adaptation.self_check:
+            return {}
+        own = checks[side, repeat]
+        counted = {"calibration": own.calibration} if adaptation.calibration_counts else {}
+        return {"start": own.end, "corrections": own.corrections, **counted}
+
+    return [
+        Individual(
+            genes=taken[number],
+            network=network,
+            side=side,
+            controller=controllers[number],
+            key=random.key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)),
+            task_key=int(random.key(seed, Stream.evaluation_task, repeat)),
+            signs=of_updates[number],
+            nominal=None if nominal is None else nominal.of(side),
+            record=repeat == 0,
+            **checked(number, side, repeat),
+        )
+        for number, side, repeat in wanted
+    ]
 
 
 def _of_trials(trials: NDArray[np.void]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import io
 import textwrap
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cache
 from typing import TypeVar
 
@@ -112,7 +113,7 @@ def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
     Obstacles that are there for a part of the lifetime are lighter, with a dashed edge. A new place of a goal or a
     lamp has the number of the change.
     """
-    worlds = [world for _, world in scenario.phases]
+    worlds = _planned(scenario)
     drawn: list[Artist] = [_box(axes, box, _WALL, 1.5) for box in boxes(scenario.maze).tolist()]
     for obstacle, always in _obstacles(worlds).items():
         drawn.append(_box(axes, obstacle, _OBSTACLE, 1.0))
@@ -146,12 +147,17 @@ def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
     return drawn
 
 
+def _planned(scenario: Scenario) -> list[Scenario]:
+    """The planned worlds; changes by hand are too many for a picture."""
+    return [world for _, world in replace(scenario, hand=()).phases]
+
+
 def _obstacles(worlds: list[Scenario]) -> dict[tuple[float, ...], bool]:
     """The edges of all obstacles of these worlds, and whether they are in every world."""
     there = []
     for world in worlds:
         walls = len(world.maze.walls)
-        there.append([tuple(edges) for edges in boxes(world.maze, world.obstacles, world.layout)[walls:].tolist()])
+        there.append([tuple(edges) for edges in world.boxes[walls:].tolist()])
     return {edges: all(edges in other for other in there) for obstacles in there for edges in obstacles}
 
 
@@ -185,7 +191,7 @@ def _draw_path(
     axes.add_patch(Circle((pose[-1, 0], pose[-1, 1]), radius, fill=False, edgecolor=SIDE_COLOUR[side], linewidth=1.2))
     axes.plot(start.x, start.y, marker="o", markersize=4, color="black")
     near: list[tuple[float, float, list[str]]] = []  # changes at about the same place of the robot
-    for number, (since, _) in enumerate(begins(scenario, time, pose)):
+    for number, (since, _) in enumerate([] if scenario.hand else begins(scenario, time, pose)):
         if number and since is not None:
             x, y = (float(np.interp(since, time, pose[:, axis])) for axis in (0, 1))
             axes.plot(x, y, marker="D", markersize=5.5, color=SIDE_COLOUR[side], markeredgecolor="white", zorder=3)
@@ -201,9 +207,8 @@ def _draw_path(
 
 
 def _lines(scenario: Scenario, inches: float) -> list[str]:
-    return _filled(
-        (f"◆{number} {timed_change_text(change)}" for number, change in enumerate(scenario.changes, 1)), inches
-    )
+    planned = [f"◆{number} {timed_change_text(change)}" for number, change in enumerate(scenario.changes, 1)]
+    return _filled([*planned, *([f"{len(scenario.hand)} changes by hand"] if scenario.hand else [])], inches)
 
 
 def _filled(parts: Iterable[str], inches: float) -> list[str]:
@@ -221,7 +226,7 @@ def _legend(scenario: Scenario) -> list[str]:
     signs = ["● start", "○ the robot at the end", "◌ goal"]
     if not scenario.task.has_trials:
         signs.append("★ lamp")
-    obstacles = _obstacles([world for _, world in scenario.phases])
+    obstacles = _obstacles(_planned(scenario))
     signs.append("grey: walls")
     if any(obstacles.values()):
         signs.append("brown: obstacles")

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.maze import Side, added, boxes
+from epuckhebb.sim.maze import Side, added
 from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario
 
@@ -62,7 +62,7 @@ def begins(
     phases: list[tuple[float | None, Scenario]] = []
     walls, last = np.empty((0, 4)), 0.0
     for step, world in scenario.phases:
-        before, walls = walls, boxes(world.maze, world.obstacles, world.layout)
+        before, walls = walls, world.boxes
         since = max(step * STEP_S, last)
         if phases and not np.array_equal(before, walls):
             moments = np.arange(round(since / STEP_S), round(float(time[-1]) / STEP_S) + 1) * STEP_S

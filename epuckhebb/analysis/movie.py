@@ -119,7 +119,7 @@ def _frames(
             drawn = [artist for axes in panels.values() for artist in draw_maze(axes, phases[phase][1])]
             for axes in panels.values():
                 axes.set(xlim=(left, right), ylim=(bottom, top))
-            changed = f"   ◆{phase} {timed_change_text(scenario.changes[phase - 1])}" if phase else ""
+            changed = f"   ◆{phase} {timed_change_text(scenario.events[phase - 1][1])}" if phase else ""
             heading.set_text(plain(f"{title}\n0 s"))
             canvas.draw()
             still, shown = canvas.copy_from_bbox(figure.bbox), phase

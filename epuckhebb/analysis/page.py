@@ -2,6 +2,23 @@
 
 import base64
 import hashlib
+import re
+from pathlib import Path
+
+_HERE = Path(__file__).parent
+_PART = re.compile(r"/\*\{\{([\w.]+)\}\}\*/\n?")  # of a template, where a file that pages share belongs
+
+
+def filled(template: Path) -> tuple[str, str, str]:
+    """The text of a template with the files that pages share in their places; its style and its script."""
+
+    def part(place: re.Match[str]) -> str:
+        folders = (folder for folder in (template.parent, _HERE) if (folder / place[1]).is_file())
+        return (next(folders) / place[1]).read_text(encoding="utf-8")
+
+    text = _PART.sub(part, template.read_text(encoding="utf-8"))
+    style, script = (re.findall(f"<{tag}>(.*?)</{tag}>", text, re.DOTALL)[0] for tag in ("style", "script"))
+    return text, style, script
 
 
 def policy(*, style: str, script: str | None = None) -> str:

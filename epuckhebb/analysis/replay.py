@@ -21,7 +21,7 @@ from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.figures import controller_title
 from epuckhebb.analysis.floor import floor, view
 from epuckhebb.analysis.moments import Arrival, arrival, begins, change_text, put_back
-from epuckhebb.analysis.page import policy
+from epuckhebb.analysis.page import filled, policy
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
 from epuckhebb.sim.life import Samples
 from epuckhebb.sim.lifetime import CONTACT
@@ -57,10 +57,7 @@ def page(
     speed [rad/s] at a network output of 1. network: of these genes. found: for each side a sentence on the findings of
     a self-check, if any. notes: lines beside the outcome.
     """
-    template = Path(__file__).with_suffix(".html").read_text(encoding="utf-8")
-    style, script = (
-        re.findall(pattern, template, re.DOTALL)[0] for pattern in ("<style>(.*?)</style>", "<script>(.*?)</script>")
-    )
+    template, style, script = filled(Path(__file__).with_suffix(".html"))
     filling = {
         "policy": policy(style=style, script=script),
         "title": html.escape(title),
@@ -135,24 +132,39 @@ def _content(
             }
             for samples, arrived in zip(of_side, arrivals, strict=True)
         ]
-    robot, maze, distance = scenario.robot, scenario.maze, scenario.robot.distance
     hebbian = {HEBBIAN, *CONTROLS.values()}
     return {
+        **fixed_facts(scenario, network, gain_rad_s, controllers, [name in changed for name in controllers]),
         "sides": sides,
-        "controllers": [
-            {"title": controller_title(name), "note": _CHANGING if name in changed else _CONSTANT}
-            for name in controllers
-        ],
         "hebbian": all(name in hebbian for name in controllers if name != GA),
         "outcomes": outcomes,
         "samples": len(time[::every]),
         "interval": interval,  # s between samples
         "steps": round(interval / STEP_S),  # of 32 ms between samples
+        "initial": [round(weight, 7) for weight in initial.tolist()],
+        "worlds": [world_facts(world) for _, world in scenario.phases],
+        "changes": [
+            {"at": float(change["at_s"]), "text": change_text(change), "byHand": where.startswith("scenario.hand")}
+            for where, change in scenario.events
+        ],
+        "lifetimes": lifetimes,
+    }
+
+
+def fixed_facts(
+    scenario: Scenario, network: Network, gain_rad_s: float, controllers: Sequence[str], changes: Sequence[bool]
+) -> dict[str, Any]:
+    """What never changes on a page: robots, networks, the maze. changes: which controllers change the weights."""
+    robot, maze, distance = scenario.robot, scenario.maze, scenario.robot.distance
+    return {
+        "controllers": [
+            {"title": controller_title(name), "note": _CHANGING if change else _CONSTANT}
+            for name, change in zip(controllers, changes, strict=True)
+        ],
         "speed": 100 * gain_rad_s * robot.wheel_radius_m,  # cm/s of a wheel at a network output of 1
         "layers": network.layers,
         "inputs": _inputs(scenario),
-        "hasTrials": has_trials,
-        "initial": [round(weight, 7) for weight in initial.tolist()],
+        "hasTrials": scenario.task.has_trials,
         "robot": {
             "radius": robot.radius_m,
             "reach": min(distance.reach_m, distance.curve[-1].distance / distance.stretch),
@@ -167,13 +179,10 @@ def _content(
             "start": maze.start[:2],
             "goalRadius": maze.goal_radius_m,
         },
-        "worlds": [_world(world) for _, world in scenario.phases],
-        "changes": [{"at": float(change["at_s"]), "text": change_text(change)} for change in scenario.changes],
-        "lifetimes": lifetimes,
     }
 
 
-def _world(world: Scenario) -> dict[str, Any]:
+def world_facts(world: Scenario) -> dict[str, Any]:
     """All of a world that can change during a lifetime."""
     lamp = world.lamp
     dead = " and ".join(map(str, world.dead_sensors))
@@ -189,9 +198,10 @@ def _world(world: Scenario) -> dict[str, Any]:
     if world.wall_friction:
         faults.append(f"wall friction {world.wall_friction:g}")
     return {
-        "obstacles": boxes(world.maze, world.obstacles, world.layout)[len(world.maze.walls) :].tolist(),
+        "obstacles": world.boxes[len(world.maze.walls) :].tolist(),
         "goals": {side: list(map(float, goal)) for side, goal in world.goals_now.items()},
         "light": float(world.light),
+        "lit": world.lamp_on,
         "lamp": {
             "x": lamp.x_m,
             "y": lamp.y_m,

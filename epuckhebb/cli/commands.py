@@ -3,6 +3,7 @@
 import atexit
 import gc
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -135,6 +136,38 @@ def replay(
         typer.echo(path)
     if open_page:
         open_in_browser(page)
+
+
+@app.command(cls=ConfiguredCommand)
+@report_errors()
+def play(
+    overrides: Overrides = None,
+    side: Annotated[str, typer.Option("--side", metavar="left|right", help="Which way is the right one.")] = "left",
+    port: Annotated[int, typer.Option("--port", help="Where to listen on this machine; the next one if taken.")] = 8470,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page, or only print its address.")
+    ] = True,
+    config_dir: ConfigDir = None,
+    quiet: Quiet = False,
+) -> None:
+    """A live world in the browser, to disturb by hand."""
+    from epuckhebb.config.overrides import check_config_dir
+    from epuckhebb.live.server import Play, open_page
+    from epuckhebb.runs.evaluate import with_robot
+    from epuckhebb.runtime.progress import say
+
+    begin(quiet)
+    check_config_dir(config_dir)
+    if side not in ("left", "right"):
+        raise ConfigError(f"--side must be left or right, got {side}")
+    words = with_robot(with_genomes_named(overrides), config_dir)
+    with Play(words, "right" if side == "right" else "left", config_dir, port) as live:
+        typer.echo(live.address)
+        say(live.hint or "Ctrl-C ends it.")
+        if browser:
+            open_page(live.address)
+        with suppress(KeyboardInterrupt):  # that is how it is ended
+            live.wait()
 
 
 @app.command(cls=ConfiguredCommand)

@@ -44,6 +44,7 @@ _EXAMPLES = {
         '"compare=[late,none]" scenario=lowlight',
         "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles hydra/launcher=joblib",
     ],
+    "play": ["scenario=4obstacles", "hebbian=oja scenario=lowlight", "adaptation=novelty --side right"],
     "sweep": ["light", 'n_sweep "seed=range(1,6)" genome=runs/evolve/RUN --dry-run', "obstacles hydra/launcher=slurm"],
     "evolve": [
         "seed=7",

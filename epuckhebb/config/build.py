@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
+from epuckhebb.config import hand
 from epuckhebb.config.parts import (
     GENETIC,
     NONE,
@@ -206,6 +207,7 @@ def scenario_from(
         if not isinstance(change, Mapping):
             raise ConfigError(f"scenario.changes[{number}] must be as {{at_s: 60, light: 1.0}}, got {change}")
     values["changes"] = tuple(map(dict, values["changes"]))
+    values["hand"] = () if values["hand"] is None else hand.read(values["hand"])
     if isinstance(values["dead_sensors"], list):
         values["dead_sensors"] = tuple(values["dead_sensors"])
     if values["goals"] is not None:
@@ -252,11 +254,10 @@ def check_wheel_gain(lifetime: Lifetime, world: Scenario) -> None:
             f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of robot "
             f"{robot.name}, got {lifetime.gain_rad_s}"
         )
-    for number, change in enumerate(world.changes):
+    for where, change in world.events:
         if change["at_s"] >= lifetime.duration_s:
             raise ValueError(
-                f"scenario.changes[{number}].at_s must be less than lifetime.duration_s, {lifetime.duration_s:g} s, "
-                f"got {change['at_s']}"
+                f"{where}.at_s must be less than lifetime.duration_s, {lifetime.duration_s:g} s, got {change['at_s']}"
             )
 
 

@@ -49,8 +49,8 @@ def _comment(lines: Sequence[str]) -> str:
 
 
 def command_file(command: str) -> Path:
-    """The configuration file of a command; a sweep is of evaluations."""
-    return data_folder("conf") / f"{'evaluate' if command == 'sweep' else command}.yaml"
+    """The configuration file of a command; what is swept, or played with, is an evaluation."""
+    return data_folder("conf") / f"{'evaluate' if command in ('sweep', 'play') else command}.yaml"
 
 
 def keys_with_defaults(command: str) -> Iterator[tuple[str, Any]]:

@@ -75,6 +75,8 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
             cfg.compare = _compared(cfg.compare, folders)
         _own_fitness(cfg.fitness)
         _own_rules(cfg, str(choices.get("hebbian")), folders)
+        if cfg.scenario.get("hand") is not None:
+            cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
         for name, settings in (cfg.get("compare") or {}).items():
             if isinstance(settings, DictConfig) and isinstance(settings.get("adaptation"), str):
                 settings.adaptation = _adaptation(settings.adaptation, f"compare.{name}.adaptation", folders)

@@ -21,6 +21,7 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any, TypeVar
 
+from epuckhebb.config import hand
 from epuckhebb.runtime.errors import ConfigError, did_you_mean
 from epuckhebb.runtime.resources import path_of
 from epuckhebb.sim.digest import is_installed
@@ -103,7 +104,8 @@ def own_files(config: Any) -> dict[Path, OwnFile]:
 
 def sources(config: Any) -> dict[str, str]:
     """The SHA-256, by path, of all the user's files that results of a configuration depend on."""
-    return {path: sha256 for own in own_files(config).values() for path, sha256 in own.sha256.items()}
+    own = {path: sha256 for own in own_files(config).values() for path, sha256 in own.sha256.items()}
+    return own | hand.source(config)
 
 
 def class_named(text: str, base: type[Base], key: str) -> type[Base]:

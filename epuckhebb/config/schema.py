@@ -96,6 +96,7 @@ class ScenarioConfig:
     wall_friction: float = 0.0
     lamp: Lamp = field(default_factory=Lamp)
     changes: list[Any] = field(default_factory=list)
+    hand: str | None = None
     paper_N: float = 0.000015
     paper_duration_s: float = 250.0
 
@@ -193,6 +194,8 @@ class EvolveConfig(WorldConfig):
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
+        if self.scenario.hand is not None:
+            raise ValueError(f"scenario.hand={self.scenario.hand} is for `epuckhebb evaluate`; evolve takes changes")
         self.controller = controller_from(self.hebbian, Adaptation())
         check_signal(self.controller, self.world)
         check_task(self.controller, self.world.task)

@@ -12,6 +12,7 @@ from rich.progress import track
 from epuckhebb.analysis import movie, replay
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.self_checks import text
+from epuckhebb.config import hand
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.config.stored import from_values, settings, without_own_code
 from epuckhebb.runs.evaluate import caption
@@ -46,7 +47,9 @@ def recording(path: Path) -> Recording:
         )
     if facts["command"] != "evaluate":
         raise ConfigError(f"{path} is of `epuckhebb {facts['command']}`; give a run folder of `epuckhebb evaluate`")
-    config = from_values(without_own_code(settings(run.config_file)), EvaluateConfig, str(run.path))
+    config = from_values(
+        hand.take_copy(without_own_code(settings(run.config_file)), run.path), EvaluateConfig, str(run.path)
+    )
     if config.lifetime.record_every == 0:
         alone = facts["command_line"][1:2] == ["evaluate"]  # else a study's, of which it is one job
         typed = facts["command_line"] if alone else ["epuckhebb", "evaluate", *facts["overrides"]]

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from epuckhebb.config import hand
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.config.stored import from_values, settings, without_own_code
@@ -75,7 +76,9 @@ def _genome_and_config(what: str) -> tuple[Genome, EvaluateConfig]:
     path = resolve_run(what)
     run = Run(path)
     if path.is_dir() and run.provenance["command"] == "evaluate":
-        config = from_values(without_own_code(settings(run.config_file)), EvaluateConfig, str(run.path))
+        config = from_values(
+            hand.take_copy(without_own_code(settings(run.config_file)), run.path), EvaluateConfig, str(run.path)
+        )
         genome = load_genome(config.genome, config.world.experiment, config.layers)
         if genome.sha256 != run.provenance["genome_sha256"]:
             raise ConfigError(f"genome={config.genome} is not the genome of {path}; its SHA-256 differs")

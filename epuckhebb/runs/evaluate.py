@@ -15,7 +15,7 @@ import pandas as pd
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Traces, evaluate, memory_to_evaluate
 from epuckhebb.analysis.self_checks import findings
-from epuckhebb.config import plugins
+from epuckhebb.config import hand, plugins
 from epuckhebb.config.overrides import alternatives, quoted, value_of
 from epuckhebb.config.schema import EvaluateConfig, dump, say_unusual
 from epuckhebb.runs import hydra
@@ -255,6 +255,8 @@ def evaluate_into(
         prepared.compile()
     remembered = prepared.remember(threads, say)
     with RunFolder.new(path, "evaluate", dump(config), overrides, facts, own) as run:
+        if config.scenario.hand is not None:
+            run.write(hand.NAME, hand.content(config.scenario.hand))
         metrics, traces = prepared.run(remembered, threads)
         run.write("metrics.csv", metrics)
         recorded, figures = bool(config.lifetime.record_every), dict[str, Callable[[], bytes]]()

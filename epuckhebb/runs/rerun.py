@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from epuckhebb.config import plugins
+from epuckhebb.config import hand, plugins
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, Plain
 from epuckhebb.config.stored import from_values, settings
 from epuckhebb.runs import evaluate, evolve
@@ -34,6 +34,9 @@ def rerun(path: Path) -> tuple[Path, str]:
     new = Path("runs") / command / f"{new_stamp()}_rerun_of_{path.resolve().name}"
     values = settings(run.config_file)
     _take_copies(values, run)
+    if run.has(hand.NAME):
+        run.content(hand.NAME)  # as this run wrote it
+        hand.take_copy(values, path)
     more = {"command_line": ["epuckhebb", "rerun", str(path)], "rerun_of": str(path)}
     if command == "evaluate":
         config = from_values(values, EvaluateConfig, str(path))

@@ -11,7 +11,7 @@ from epuckhebb.sim.maze import SIDES, Maze, Place, Side, boxes
 
 GRID = 0.002  # m: of the places that are searched for a way to the goal
 _BYTES_PER_PLACE = 46.0  # of the grid, at most at one time
-_SPARE = 0.001  # m: by about this much a robot sinks into a wall in the physics
+SPARE = 0.001  # m: by about this much a robot sinks into a wall in the physics
 
 
 def gap(x: float, y: float, walls: Floats) -> float:
@@ -32,7 +32,7 @@ def check_reachable(maze: Maze, goals: Mapping[Side, Place], obstacles: int, lay
 def _check_reachable(walls: bytes, maze: Maze, goals: tuple[Place, ...], radius: float) -> None:
     placed = np.frombuffer(walls).reshape(-1, 4)
     here = gap(*maze.start[:2], placed)
-    if here < radius - _SPARE:
+    if here < radius - SPARE:
         raise ValueError(
             f"maze.start = {maze.start.x:g}, {maze.start.y:g} of {maze.name} is in a wall or too near one: a robot of "
             f"radius {radius:g} m has {here:.3f} m to the nearest"
@@ -58,7 +58,7 @@ def reachable(maze: Maze, walls: Floats, radius: float) -> tuple[Floats, NDArray
     Returns the coordinates of a grid along X and Y [m], and (x, y) whether each place can be reached.
     """
     axis = np.arange(-maze.arena_m, maze.arena_m + GRID / 2, GRID)
-    free = _gaps(axis, axis, walls) >= radius - _SPARE
+    free = _gaps(axis, axis, walls) >= radius - SPARE
     there = np.zeros_like(free)
     there[tuple(np.rint((np.array(maze.start[:2]) + maze.arena_m) / GRID).astype(int))] = True
     return axis, _flooded(free, there)

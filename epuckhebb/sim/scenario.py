@@ -5,8 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
+import numpy as np
+
+from epuckhebb.sim.arrays import Floats
+from epuckhebb.sim.by_hand import check_numbers, check_placed, check_put, check_values
 from epuckhebb.sim.light import Lamp
-from epuckhebb.sim.maze import SIDES, T_MAZE, Maze, Place, Side
+from epuckhebb.sim.maze import SIDES, T_MAZE, Box, Maze, Place, Pose, Side, boxes, edges
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.reachable import check_reachable
@@ -18,7 +22,9 @@ from epuckhebb.sim.tasks.trial import ONE_TRIAL
 EXPERIMENTS = ("light", "obstacles")
 TRAINED = {"light": "highlight", "obstacles": "base"}  # the scenario in which each one's controllers are evolved
 FAULTS = ("distance_gain", "distance_offset", "left_wheel", "right_wheel", "left_slip", "right_slip", "mass_ratio")
-CHANGEABLE = ("light", "lamp", "obstacles", "layout", "goals", "dead_sensors", *FAULTS, "wall_friction")
+AT_ONCE: Mapping[str, Any] = {"put": None, "reset": False}  # what happens at one step, and is over
+EVENTS = ("lamp_on", "placed", "rate", *AT_ONCE)
+CHANGEABLE = ("light", "lamp", "obstacles", "layout", "goals", "dead_sensors", *FAULTS, "wall_friction", *EVENTS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +37,11 @@ class Scenario:
     distance_gain, distance_offset: factor on its distance readings, 0 to 1, and what is added then. left_wheel,
     right_wheel: share of the commanded speed at which the wheel turns. left_slip, right_slip: share of the time for
     which the wheel slips. mass_ratio: the robot's mass over that for which its drive was made. wall_friction:
-    coefficient of friction between robot and walls. changes: what changes during a lifetime, in the order of time; each
-    is `at_s` [s] and new values of keys of this class (`CHANGEABLE`). experiment: that of the paper to which the
+    coefficient of friction between robot and walls. lamp_on: whether the lamp is lit, None for what the side says.
+    placed: blocks in the maze besides its obstacles. rate: factor on N. put: where the robot is put, at rest, when this
+    world begins. reset: whether its weights become those of the genes then. changes: what changes during a lifetime, in
+    the order of time; each is `at_s` [s] and new values of keys of this class (`CHANGEABLE`). hand: changes by hand
+    (`epuckhebb play`), as `changes`. experiment: that of the paper to which the
     scenario belongs, `light` or `obstacles`. paper_N, paper_duration_s: the paper's base rate and evaluation time [s].
 
     Whether the goals can be reached is not checked here; see `check`.
@@ -54,7 +63,13 @@ class Scenario:
     mass_ratio: float = 1.0
     wall_friction: float = 0.0
     lamp: Lamp = field(default_factory=Lamp)
+    lamp_on: bool | None = None
+    placed: Sequence[Box] = ()
+    rate: float = 1.0
+    put: Pose | None = None
+    reset: bool = False
     changes: Sequence[Mapping[str, Any]] = ()
+    hand: Sequence[Mapping[str, Any]] = ()
     paper_N: float = 0.000015
     paper_duration_s: float = 250.0
     maze: Maze = T_MAZE
@@ -87,6 +102,10 @@ class Scenario:
                     f"{self.maze.name}, got {x:g}, {y:g}; goals are given in metres"
                 )
         self.task.check_lamp(self.lamp.intensity)
+        check_values(lamp_on=self.lamp_on, rate=self.rate, reset=self.reset)
+        check_placed(self.placed, self.maze)
+        if self.put is not None:
+            check_put(self.put, self.maze, self.robot.radius_m, self.boxes)
         self._check_changes()
 
     def check(self) -> None:
@@ -95,11 +114,12 @@ class Scenario:
         Raises:
             ValueError: the start is in a wall, or no way leads to a goal.
         """
+        events = self.events
         for number, (_, world) in enumerate(self.phases):
             try:
                 check_reachable(world.maze, world.goals_now, world.obstacles, world.layout, world.robot.radius_m)
             except ValueError as error:
-                raise ValueError(f"scenario.changes[{number - 1}]: {error}" if number else str(error)) from error
+                raise ValueError(f"{events[number - 1][0]}: {error}" if number else str(error)) from error
 
     def _check_faults(self) -> None:
         check_range(self, "scenario", "left_wheel", "right_wheel", most=1)
@@ -124,23 +144,61 @@ class Scenario:
         check_range(self, "scenario", "wall_friction")
 
     def _check_changes(self) -> None:
-        last, world = 0.0, self
-        for number, change in enumerate(self.changes):
-            where = f"scenario.changes[{number}]"
-            unknown = sorted(set(change) - {"at_s", *CHANGEABLE})
-            if unknown or len(change) < 2 or "at_s" not in change:
-                raise ValueError(
-                    f"{where} must have at_s and one or more of {', '.join(CHANGEABLE)}, "
-                    f"got {', '.join(map(str, change)) or 'nothing'}"
-                )
-            at_s = change["at_s"]
-            if not (_is_number(at_s) and math.isfinite(at_s) and at_s > last):
-                raise ValueError(f"{where}.at_s must be more than {last:g} s, the time before it, got {at_s}")
-            last = at_s
+        for key, changes in (("changes", self.changes), ("hand", self.hand)):
+            last = 0.0
+            for number, change in enumerate(changes):
+                where = f"scenario.{key}[{number}]"
+                unknown = sorted(set(change) - {"at_s", *CHANGEABLE})
+                if unknown or len(change) < 2 or "at_s" not in change:
+                    raise ValueError(
+                        f"{where} must have at_s and one or more of {', '.join(CHANGEABLE)}, "
+                        f"got {', '.join(map(str, change)) or 'nothing'}"
+                    )
+                at_s = change["at_s"]
+                if not (_is_number(at_s) and math.isfinite(at_s) and at_s > last):
+                    raise ValueError(f"{where}.at_s must be more than {last:g} s, the time before it, got {at_s}")
+                last = at_s
+        now = self
+        for where, change in self.events:
             try:
-                world = _changed(world, change)
+                now = now.changed(change)
             except (ValueError, TypeError) as error:
                 raise ValueError(f"{where}: {error}") from error
+
+    @property
+    def events(self) -> list[tuple[str, Mapping[str, Any]]]:
+        """All changes in the order of the steps from which they hold, by hand before planned, each with its key."""
+        told = [(f"scenario.hand[{number}]", change) for number, change in enumerate(self.hand)]
+        told += [(f"scenario.changes[{number}]", change) for number, change in enumerate(self.changes)]
+        return sorted(told, key=lambda event: step_of(event[1])) if self.hand else told
+
+    def changed(self, change: Mapping[str, Any]) -> "Scenario":
+        """This world after a change, without changes of its own; what happens at once happens with this one alone.
+
+        Raises:
+            ValueError: a new value cannot be.
+            TypeError: a new value is of another kind.
+        """
+        values = {key: value for key, value in change.items() if key != "at_s"}
+        for key, value in values.items():
+            _check_kind(key, value)
+        if isinstance(values.get("dead_sensors"), list):
+            values["dead_sensors"] = tuple(values["dead_sensors"])
+        if "placed" in values:
+            values["placed"] = tuple(Box(*box) for box in values["placed"])
+        if values.get("put") is not None:
+            values["put"] = Pose(*values["put"])
+        if "lamp" in values:
+            values["lamp"] = replace(self.lamp, **values["lamp"])
+        if values.get("goals") is not None:
+            values["goals"] = {**self.goals_now, **{side: Place(*place) for side, place in values["goals"].items()}}
+        return replace(self, **{"changes": (), "hand": (), **AT_ONCE, **values})
+
+    @property
+    def boxes(self) -> Floats:
+        """All that stands here: walls, obstacles and blocks, (boxes, 4) left, right, bottom and top edge [m]."""
+        standing = boxes(self.maze, self.obstacles, self.layout)
+        return np.concatenate([standing, edges(list(self.placed))]) if self.placed else standing
 
     @property
     def goals_now(self) -> Mapping[Side, Place]:
@@ -160,10 +218,9 @@ class Scenario:
     @property
     def phases(self) -> "list[tuple[int, Scenario]]":
         """The worlds of a lifetime, each with the control step from which on it holds."""
-        phases = [(0, replace(self, changes=()) if self.changes else self)]
-        for change in self.changes:
-            first = math.ceil(change["at_s"] / STEP_S - 1e-9)  # the first step that is not before the change
-            phases.append((first, _changed(phases[-1][1], change)))
+        phases = [(0, replace(self, changes=(), hand=()) if self.changes or self.hand else self)]
+        for _, change in self.events:
+            phases.append((step_of(change), phases[-1][1].changed(change)))
         return phases
 
     def changed_from(self, named: "Scenario", maze: Maze = T_MAZE, robot: Robot = EPUCK) -> str:
@@ -199,22 +256,16 @@ class Scenario:
                     + f" at {change['at_s']:g} s"
                     for change in mine
                 ]
+            elif field_.name == "hand" and mine != its:
+                words.append(f"{len(mine)} changes by hand")
             elif mine != its:
                 words.append(f"{field_.name}={_plain(mine)}")
         return ", ".join(words)
 
 
-def _changed(world: Scenario, change: Mapping[str, Any]) -> Scenario:
-    values = {key: value for key, value in change.items() if key != "at_s"}
-    for key, value in values.items():
-        _check_kind(key, value)
-    if isinstance(values.get("dead_sensors"), list):
-        values["dead_sensors"] = tuple(values["dead_sensors"])
-    if "lamp" in values:
-        values["lamp"] = replace(world.lamp, **values["lamp"])
-    if values.get("goals") is not None:
-        values["goals"] = {**world.goals_now, **{side: Place(*place) for side, place in values["goals"].items()}}
-    return replace(world, changes=(), **values)
+def step_of(change: Mapping[str, Any]) -> int:
+    """The first step that is not before a change."""
+    return math.ceil(float(change["at_s"]) / STEP_S - 1e-9)
 
 
 def _check_dead(dead: object, robot: Robot) -> None:
@@ -243,6 +294,8 @@ def _check_kind(key: str, value: object) -> None:
         known = [field_.name for field_ in fields(Lamp)]
         if not (isinstance(value, Mapping) and set(value) <= set(known) and all(map(_is_number, value.values()))):
             raise ValueError(f"lamp must have numbers for any of {', '.join(known)}, got {value!r}")
+    if key in ("put", "placed") and value is not None:
+        check_numbers(key, value)
     if key == "goals" and value is not None:
         pairs = value.values() if isinstance(value, Mapping) else [None]
         good = all(isinstance(pair, list | tuple) and len(pair) == 2 and all(map(_is_number, pair)) for pair in pairs)

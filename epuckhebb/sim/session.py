@@ -217,11 +217,18 @@ class Session:
         """Begin a phase; its walls appear as soon as the robot is not in their way."""
         individual, lifetime, kind = self.individual, self.lifetime, self._kind
         self._phase, self.world = phase, phase.scenario
+        lamp_on = individual.side == "right" if self.world.lamp_on is None else self.world.lamp_on
+        if self.world.put is not None:
+            self._space = phase.space  # there is room for it among the new walls
+            self._space.place_robot(self.world.put)
+        if self.world.reset:
+            self.life.weights[:], self.life.synapse_state[:] = self.genotype.weights, self.genotype.synapse_state
+            self._tally["weight_change"] = 0.0
         self._setup = Setup(
             self.genotype,
-            kind.plasticity,
+            kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate)),
             kind.nominal if individual.nominal is None else individual.nominal,
-            lights(self.world.light, self.world.lamp, lamp_on=individual.side == "right"),
+            lights(self.world.light, self.world.lamp, lamp_on=lamp_on),
             trial_of(self.world, individual.side, self._start),
             self.world.fitness.numbers(),
             float(lifetime.gain_rad_s),

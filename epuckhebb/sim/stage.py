@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,14 +16,14 @@ from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
 from epuckhebb.sim.genome import GenomePlan, plan_of
 from epuckhebb.sim.kernels import kernel_of
 from epuckhebb.sim.life import Lifetime, Plasticity, Samples, Trial, Workspace, empty_samples, workspace_for
-from epuckhebb.sim.maze import Pose, Region, Side, added, boxes
+from epuckhebb.sim.maze import Pose, Region, Side, added
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.physics import PymunkSpace
 from epuckhebb.sim.plasticity.control import Sign, signs
 from epuckhebb.sim.plasticity.rule import Rule, initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.reachable import gap
-from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.scenario import AT_ONCE, Scenario
 
 _NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task that has no correct side
 
@@ -84,16 +85,17 @@ class Stage:
         """The phases of a world from step `since` on. before: the phase until then."""
         begins = world.phases
         steps = [step for step, _ in begins]
-        first = max(number for number, step in enumerate(steps) if step <= since)
+        first = max(number for number, step in enumerate(steps) if step < since or number == 0)
         phases: list[Phase] = []
         for step, now in begins[first:]:
             if phases and step >= self.lifetime.steps:
                 break  # it changes after the end
-            walls = boxes(now.maze, now.obstacles, now.layout)
+            walls = now.boxes
             last = phases[-1] if phases else before
             same = last and np.array_equal(last.walls, walls) and last.scenario.wall_friction == now.wall_friction
             space = last.space if last and same else PymunkSpace(walls, now.robot, now.wall_friction)
-            phases.append(Phase(step, now, space, walls))
+            has_begun = step < since and step > 0  # what was to happen at once has happened
+            phases.append(Phase(step, replace(now, **AT_ONCE) if has_begun else now, space, walls))
         return phases
 
     def kind_of(self, controller: Controller, network: Network, more_faults: bool) -> Kind:

@@ -1,0 +1,57 @@
+"""What was changed by hand in a lifetime of `epuckhebb play`, in a file: `scenario.hand=FILE`."""
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.resources import path_of
+from epuckhebb.sim.scenario import CHANGEABLE
+
+NAME = "hand.json"  # of the copy in a run folder
+_KEY = "scenario.hand"
+_LARGEST = 2**24  # bytes; ten thousand changes take 1 MB
+
+
+def read(text: str) -> tuple[dict[str, Any], ...]:
+    """The changes in a file, as those of `scenario.changes`."""
+    try:
+        return tuple(msgspec.json.decode(content(text), type=list[dict[str, Any]]))
+    except msgspec.DecodeError as error:
+        raise ConfigError(
+            f"{_KEY}={text} must hold a list of changes, each with at_s and one or more of {', '.join(CHANGEABLE)}; "
+            f"`epuckhebb play` writes such a file: {error}"
+        ) from error
+
+
+def content(text: str) -> bytes:
+    """The bytes of a file of changes."""
+    path = path_of(text, _KEY)
+    try:
+        if path.is_file() and path.stat().st_size > _LARGEST:
+            raise ConfigError(f"{_KEY}={text} has {path.stat().st_size} bytes, at most {_LARGEST} are allowed")
+        return path.read_bytes()
+    except OSError as error:
+        raise ConfigError(f"{_KEY}={text} cannot be read: {error.strerror}") from error
+
+
+def written(changes: list[dict[str, Any]]) -> bytes:
+    """The content of a file of these changes, one a line."""
+    return b"[\n" + b",\n".join(map(msgspec.json.encode, changes)) + b"\n]\n"
+
+
+def source(config: Mapping[str, Any]) -> dict[str, str]:
+    """The SHA-256, by path, of the file of changes that a configuration names; nothing if it names none."""
+    text = (config.get("scenario") or {}).get("hand")
+    return {} if text is None else {str(text): hashlib.sha256(content(text)).hexdigest()}
+
+
+def take_copy(values: dict[str, Any], run: Path) -> dict[str, Any]:
+    """The settings of a run with its own copy in place of the file of changes by hand, if it names one; changed."""
+    scenario = values.get("scenario")
+    if isinstance(scenario, dict) and scenario.get("hand") is not None:
+        scenario["hand"] = str((run / NAME).absolute())
+    return values

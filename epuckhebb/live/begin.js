@@ -1,0 +1,115 @@
+// ---- How it begins ----
+
+const setSpeed = (speed) => { shown.speed = speed; ask({ do: "speed", value: speed }); };
+const setPlaying = (on) => { shown.playing = on; $("play").textContent = on ? "Pause" : "Play"; ask({ do: "play", value: on }); redraw(); };
+const faster = (by) => setSpeed(data.speeds[Math.max(0, Math.min(data.speeds.length - 1, data.speeds.indexOf(shown.speed) + by))]);
+let command = "";
+
+async function save() {
+  $("saved").textContent = "Saving: the life is run once more, as `epuckhebb evaluate` does it …";
+  const { run, same, command: told } = await ask({ do: "save" });
+  if (!run) { $("saved").textContent = ""; return; }
+  command = told;
+  $("copy").disabled = false;
+  $("saved").textContent = `${run}: ${same ? "run again, it is the same to the last bit" : "run again, it went otherwise: please tell us"}. See it again with: epuckhebb replay ${run} --open`;
+}
+
+async function copy() {
+  try {
+    await navigator.clipboard.writeText(command);
+    $("saved").textContent = `Copied: ${command}`;
+  } catch {
+    $("saved").textContent = command;
+  }
+}
+
+const acts = {
+  lit: () => change({ lamp_on: !world.lit }), add, drop, reset: () => change({ reset: true }), understood: dismiss, save, copy,
+  new: () => ask({ do: "new", ...Object.fromEntries(["hebbian", "adaptation", "side"].map((id) => [id, $(id).value])), seed: Number($("seed").value) }),
+  play: () => setPlaying(!shown.playing),
+  step: () => { seek(END); ask({ do: "step" }); },
+  now: () => seek(END),
+  theme: () => {
+    const root = document.documentElement.style, isDark = root.colorScheme ? root.colorScheme === "dark" : dark.matches;
+    root.colorScheme = isDark ? "light" : "dark";
+    repaint();
+  },
+};
+
+const dark = matchMedia("(prefers-color-scheme: dark)");
+document.querySelector("main").hidden = $("transport").hidden = false;
+$("title").textContent = data.title;
+document.documentElement.dataset.side = data.sides[0];
+for (const speed of data.speeds) $("speed").append(element("option", { value: speed, textContent: speed ? `${speed}×` : "fastest" }));
+for (const [id, choices] of Object.entries(data.choices)) {
+  $(id).append(element("option", { value: "", textContent: `this ${id === "hebbian" ? "rule" : id}` }));
+  $(id).append(...choices.map((choice) => element("option", { value: choice, textContent: choice })));
+}
+$("side").value = data.sides[0];
+$("seed").value = data.seed;
+robot.distances.forEach((_, i) => {
+  const button = element("button", { type: "button", textContent: i, title: data.inputs[LIGHTS + i] });
+  button.setAttribute("aria-label", `blind: ${data.inputs[LIGHTS + i]}`);
+  button.addEventListener("click", () => change({ dead_sensors: world.dead.includes(i) ? world.dead.filter((n) => n !== i) : [...world.dead, i].sort((a, b) => a - b) }));
+  $("sensors").append(button);
+});
+$("light").addEventListener("input", (event) => change({ light: Number(event.target.value) }));
+$("intensity").addEventListener("input", (event) => change({ lamp: { intensity: Number(event.target.value) } }));
+$("rate").addEventListener("input", (event) => change({ rate: RATES[event.target.value] }));
+for (const wheel of ["left_wheel", "right_wheel"]) $(wheel).addEventListener("input", (event) => change({ [wheel]: Number(event.target.value) }));
+for (const [id, act] of Object.entries(acts)) $(id).addEventListener("click", act);
+$("speed").addEventListener("change", (event) => setSpeed(Number(event.target.value)));
+$("time").addEventListener("input", (event) => seek(Number(event.target.value)));
+dark.addEventListener("change", repaint);
+addEventListener("resize", repaint);
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("select, input")) return;
+  const act = {
+    " ": event.target.matches("button") ? undefined : acts.play, "+": () => faster(1), "=": () => faster(1), "-": () => faster(-1), ArrowRight: acts.step,
+    l: acts.lit, b: add, f: acts.reset, r: acts.new, d: acts.theme, Delete: drop, Backspace: drop, Escape: () => select(null),
+  }[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+  if (!act) return;
+  event.preventDefault();
+  act();
+});
+
+const charts = [
+  { name: "fitness", heading: "Live fitness, F", note: "how well the robot is doing at this moment; 1 is best" },
+  { name: "changeSignal", heading: "Change signal", note: "how unlike the training world things are" },
+  { name: "rate", heading: "Effective rate, Nₑ", note: "how strongly this moment may change the connections" },
+  { name: "weightChange", heading: "Weight change", note: "how far all connections together are from where they were at birth" },
+];
+views = [
+  ...data.controllers.map((_, c) => new LiveMaze(c)),
+  ...data.controllers.map((_, c) => new Network(c)),
+  ...charts.filter(({ name }) => name !== "changeSignal" || data.hasSignal).map((chart) => new LiveChart(chart)),
+];
+for (const id of ["mazes", "networks"]) $(id).classList.toggle("alone", data.controllers.length === 1);
+const sight = new IntersectionObserver((changes) => {
+  for (const { target, isIntersecting } of changes) isIntersecting ? inSight.add(target) : inSight.delete(target);
+  redraw();
+});
+for (const view of views) sight.observe(view.figure);
+$("chart-keys").append(
+  ...data.controllers.map(({ title }) => element("span", { className: "value" }, element("span", { className: "key" }), title)),
+  "Pink marks: changes by hand.");
+let understood = null;
+try { understood = sessionStorage.getItem("understood"); } catch { /* a frame may not keep anything */ }
+$("hint").hidden = Boolean(understood);
+
+/** For the console and for tests: `live.state()`. */
+window.live = { maze, costs, state: () => ({ ...shown, samples, END, following, now, world, selected, robots: own.map((life) => poseAt(life, shown.t)), worlds: data.worlds.length }), change, seek };
+
+controls();
+repaint();
+try {
+  for (;;) {
+    const { kind, payload } = await frame();
+    if (kind === WORLD) meet(decoded(payload));
+    else if (kind === SAMPLES) take(payload);
+    redraw();
+  }
+} catch (error) {
+  $("outcome").textContent = "The program has ended, and this world with it.";
+  $("trouble").textContent = error.message === "the program has ended" ? "" : error.message;
+}

@@ -1,0 +1,190 @@
+"""Runs a live world at a pace, does what pages wish between two steps, and wakes those who watch."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from epuckhebb.live.world import LiveWorld, Record, Saved
+from epuckhebb.sim.maze import SIDES
+from epuckhebb.sim.robot import STEP_S
+
+SPEEDS = (0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 0.0)  # times real time; 0: as fast as it goes
+FRAME_S = 1 / 30
+_AT_MOST = 1000  # steps between two frames, as fast as it goes
+_BEHIND_S = 0.25  # a machine that was busy or asleep catches up with no more than that
+_MOST_WISHES = 200  # in a second
+_NEW = ("hebbian", "adaptation", "seed", "side")  # what a new life may have another of
+
+
+class Engine(threading.Thread):
+    """Runs a world as long as somebody watches.
+
+    make: makes a world of what a new life is to have. world: the one that runs now. life: how many there have been.
+    version: changes with whatever pages show besides samples. news: notified when there is something to show; who reads
+    or changes anything holds it. watchers: how many pages watch.
+    """
+
+    def __init__(self, make: Callable[[dict[str, Any]], LiveWorld]) -> None:
+        super().__init__(name="play", daemon=True)
+        self._make = make
+        self.world = make({})
+        self.news = threading.Condition()
+        self.life, self.version, self.watchers = 0, 0, 0
+        self.speed, self.is_playing, self.has_ended = 1.0, True, False
+        self.prepares, self.trouble = "", ""  # a new life, while it is compiled; why the world stopped
+        self.unwatched_since = time.monotonic()
+        self._due = time.perf_counter()
+        self._wishes: deque[float] = deque(maxlen=_MOST_WISHES)
+
+    def run(self) -> None:
+        """Run the world until `end`."""
+        while not self.has_ended:
+            with self.news:
+                if self._advance():
+                    self.news.notify_all()
+                pause = FRAME_S if self._runs else None
+                self.news.wait(pause)
+
+    @property
+    def _runs(self) -> bool:
+        return self.is_playing and self.watchers > 0 and not self.world.is_over and not self.trouble
+
+    def _advance(self) -> bool:
+        """Run the steps that are due; returns whether there were any."""
+        now = time.perf_counter()
+        if not self._runs:
+            self._due = now
+            return False
+        if self.speed == 0:
+            steps, self._due = _AT_MOST, now
+        else:
+            lasts = STEP_S / self.speed
+            self._due = max(self._due, now - _BEHIND_S)
+            steps = int((now - self._due) / lasts)
+            self._due += steps * lasts
+        return steps > 0 and self._run(steps)
+
+    def _run(self, steps: int) -> bool:
+        before = self.world.robots[0].world
+        try:
+            done = self.world.run(steps)
+        except (ArithmeticError, ValueError) as error:  # a robot is lost, or its rule cannot be run
+            self.trouble, done = str(error), 1
+        self.version += self.world.robots[0].world is not before or self.world.is_over or bool(self.trouble)
+        return done > 0
+
+    def do(self, wish: dict[str, Any]) -> dict[str, Any]:
+        """Do what a page wishes, in the thread that serves it; returns the answer.
+
+        Raises:
+            ValueError: it cannot be done; the world goes on as it was.
+        """
+        now = time.monotonic()
+        if len(self._wishes) == _MOST_WISHES and now - self._wishes[0] < 1:
+            raise ValueError("that is too much at once; try again")
+        self._wishes.append(now)
+        acts = {
+            "change": self._change,
+            "play": self._play,
+            "speed": self._set_speed,
+            "step": self._step,
+            "new": self._new,
+            "save": self._save,
+        }
+        act = acts.get(str(wish.get("do")))
+        if act is None:
+            raise ValueError(f"a page may wish {', '.join(acts)}, got {wish.get('do')!r}")
+        return act(wish)
+
+    def _change(self, wish: dict[str, Any]) -> dict[str, Any]:
+        values = wish.get("values")
+        if not isinstance(values, dict):
+            raise ValueError("a change needs values")  # noqa: TRY004 - it is told to the page
+        with self.news:
+            self.world.wish(values)
+            if self._runs:
+                self._due = min(self._due, time.perf_counter() - STEP_S / (self.speed or 1.0))
+                self._advance()  # at once, and not with the next frame
+            else:
+                self.version += 1
+            self.news.notify_all()
+            return {"step": self.world.steps}
+
+    def _play(self, wish: dict[str, Any]) -> dict[str, Any]:
+        return self._set("is_playing", bool(wish.get("value")))
+
+    def _set_speed(self, wish: dict[str, Any]) -> dict[str, Any]:
+        if wish.get("value") not in SPEEDS or isinstance(wish.get("value"), bool):
+            raise ValueError(f"speed must be one of {', '.join(map(str, SPEEDS))}, got {wish.get('value')!r}")
+        return self._set("speed", float(wish["value"]))
+
+    def _set(self, name: str, value: Any) -> dict[str, Any]:
+        with self.news:
+            setattr(self, name, value)
+            self._due = time.perf_counter()
+            self.version += 1
+            self.news.notify_all()
+        return {}
+
+    def _step(self, _: dict[str, Any]) -> dict[str, Any]:
+        with self.news:
+            self.is_playing = False
+            self.version += 1
+            self._run(1)
+            self.news.notify_all()
+        return {}
+
+    def _new(self, wish: dict[str, Any]) -> dict[str, Any]:
+        """Begin a new life; what it needs is compiled aside, while the old one goes on."""
+        asked = {key: wish[key] for key in _NEW if wish.get(key) not in (None, "")}
+        if asked.get("side", "left") not in SIDES:
+            raise ValueError(f"side must be one of {', '.join(SIDES)}, got {asked['side']!r}")
+        if not all(isinstance(value, str | int) for value in asked.values()):
+            raise ValueError("a new life has other words for hebbian, adaptation, seed and side")
+        with self.news:
+            if self.prepares:
+                raise ValueError("a new life is being prepared already")
+            self.prepares = " ".join(f"{key}={value}" for key, value in asked.items()) or "a new life"
+            self.version += 1
+            self.news.notify_all()
+        try:
+            world = self._make(asked)
+            with self.news:
+                self.world, self.trouble = world, ""
+                self.life += 1
+                self._due = time.perf_counter()
+        finally:
+            with self.news:
+                self.prepares = ""
+                self.version += 1
+                self.news.notify_all()
+        return {}
+
+    def _save(self, _: dict[str, Any]) -> dict[str, Any]:
+        with self.news:
+            world, record = self.world, self._record()
+        saved: Saved = world.save(record)
+        return {"run": str(saved.run), "same": saved.same, "command": saved.command}
+
+    def _record(self) -> Record:
+        return self.world.record()
+
+    def watch(self, by: int) -> None:
+        """Count a page that begins (1) or ends (-1) to watch; without any, the life pauses."""
+        with self.news:
+            self.watchers += by
+            self.unwatched_since = time.monotonic()
+            self._due = time.perf_counter()
+            self.version += 1
+            self.news.notify_all()
+
+    def end(self) -> None:
+        """End, and let those who watch end."""
+        with self.news:
+            self.has_ended = True
+            self.news.notify_all()
+        with suppress(RuntimeError):  # it has not begun
+            self.join(5)

@@ -1,0 +1,152 @@
+"""The page of a live world, what it is told of the world, and the numbers that keep it up to date."""
+
+import json
+import struct
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from epuckhebb.analysis.page import filled, policy
+from epuckhebb.analysis.replay import fixed_facts, world_facts
+from epuckhebb.config.conf import groups
+from epuckhebb.live.engine import SPEEDS, Engine
+from epuckhebb.live.world import LiveWorld
+from epuckhebb.sim.by_hand import MOST_BLOCKS
+from epuckhebb.sim.maze import boxes
+from epuckhebb.sim.robot import STEP_S
+
+WORLD, SAMPLES, NOTHING = range(3)  # kinds of frames; the last tells that the server is there
+WEIGHTS_EVERY = 8  # steps; sensors, motors and poses are told of every step
+_MOST = 2048  # steps in a frame; who is behind gets more frames
+_FRAMES = "http://localhost:* http://127.0.0.1:*"  # where the page may be in a frame: a notebook of this machine
+
+
+@cache
+def page() -> tuple[bytes, str]:
+    """The page, and the policy that goes with it: it runs nothing but its own script, and asks nobody but us."""
+    text, style, script = filled(Path(__file__).with_name("play.html"))
+    return text.encode(), f"{policy(style=style, script=script)}; connect-src 'self'; frame-ancestors {_FRAMES}"
+
+
+def facts(engine: Engine) -> dict[str, Any]:
+    """What stays as it is in a lifetime."""
+    world = engine.world
+    scenario, network = world.config.world, world.genome.network
+    changes = [controller.rule.N > 0 or controller.adaptation.homeostasis for controller in world.controllers]
+    return {
+        **fixed_facts(scenario, network, world.lifetime.gain_rad_s, [one.name for one in world.controllers], changes),
+        "life": engine.life,
+        "isLive": True,
+        "sides": [world.side],
+        "capacity": world.lifetime.steps,
+        "interval": STEP_S,
+        "steps": 1,
+        "weightsEvery": WEIGHTS_EVERY,
+        "initial": [round(weight, 7) for weight in world.robots[-1].genotype.weights.tolist()],
+        "N": float(world.controllers[-1].rule.N),
+        "arena": scenario.maze.arena_m,
+        "mostBlocks": MOST_BLOCKS,
+        "title": world.title,
+        "speeds": list(SPEEDS),
+        "seed": world.config.seed,
+        "hasSignal": any(controller.adaptation.is_gated for controller in world.controllers),
+        "choices": {group: groups("evaluate")[group] for group in ("hebbian", "adaptation")},
+    }
+
+
+def state(engine: Engine) -> dict[str, Any]:
+    """What can change in a lifetime, and how it is shown."""
+    world = engine.world
+    now, last = world.scenario, world.changes[-1] if world.changes else {}
+    fixed = len(boxes(now.maze, now.obstacles, now.layout)) - len(now.maze.walls)
+    return {
+        "world": {
+            **world_facts(now),
+            "placed": [list(box) for box in now.placed],
+            "fixed": fixed,
+            "left": now.left_wheel,
+            "right": now.right_wheel,
+            "rate": now.rate,
+            "lit": (world.side == "right") if now.lamp_on is None else now.lamp_on,
+        },
+        "pending": world.is_changing,
+        "byHand": len(world.changes),
+        "last": {"at": last.get("at_s"), "keys": [key for key in last if key != "at_s"]},
+        "put": list(now.put) if world.is_changing and now.put is not None else None,
+        "playing": engine.is_playing,
+        "speed": engine.speed,
+        "over": world.is_over,
+        "prepares": engine.prepares,
+        "trouble": engine.trouble,
+    }
+
+
+def samples(world: LiveWorld, since: int) -> tuple[bytes, int]:
+    """What was recorded of all robots from a step on, at most some thousand steps; and up to which.
+
+    Three whole numbers come first: the first step, how many, and how many samples of weights. Then, for each robot,
+    the rows of 32-bit numbers (pose, inputs, motors, fitness, change signal, rate, weight change) and the rows of the
+    weights, as their change since the start of the lifetime.
+    """
+    until = min(world.steps, since + _MOST)
+    some = slice(since, until)
+    first = -(-since // WEIGHTS_EVERY) * WEIGHTS_EVERY
+    parts = [struct.pack("<III", since, until - since, len(range(first, until, WEIGHTS_EVERY)))]
+    for robot in world.robots:
+        recorded = robot.samples
+        columns = (
+            recorded.pose[some],
+            recorded.sensors[some],
+            recorded.motors[some],
+            recorded.fitness[some, None],
+            np.nan_to_num(recorded.change_signal[some, None]),
+            recorded.rate[some, None],
+            recorded.weight_change[some, None],
+        )
+        parts.append(np.concatenate(columns, axis=1, dtype="<f4", casting="same_kind").tobytes())
+        change = recorded.weights[first:until:WEIGHTS_EVERY] - robot.genotype.weights.astype(np.float32)
+        parts.append(change.astype("<f4", copy=False).tobytes())
+    return b"".join(parts), until
+
+
+def frame(kind: int, payload: bytes) -> bytes:
+    """A frame: its length, its kind, its content."""
+    return struct.pack("<II", len(payload), kind) + payload
+
+
+class View:
+    """What one page has been told; it is told what is new, and never waits for another page."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._life, self._version, self._sent = -1, -1, 0
+
+    def news(self, patience_s: float) -> bytes:
+        """Frames of what is new, or that nothing is after so long [s]; nothing at all when the world has ended."""
+        engine = self._engine
+        with engine.news:
+            engine.news.wait_for(self._is_behind, patience_s)
+            if engine.has_ended:
+                return b""
+            told: dict[str, Any] = {}
+            if engine.life != self._life:
+                self._life, self._version, self._sent = engine.life, -1, 0
+                told = facts(engine)
+            frames = []
+            if engine.version != self._version:
+                self._version = engine.version
+                told |= state(engine)
+            if told:
+                frames.append(frame(WORLD, json.dumps(told, allow_nan=False).encode()))
+            if self._sent < engine.world.steps:
+                content, self._sent = samples(engine.world, self._sent)
+                frames.append(frame(SAMPLES, content))
+        return b"".join(frames) or frame(NOTHING, b"")
+
+    def _is_behind(self) -> bool:
+        engine = self._engine
+        if engine.has_ended:
+            return True
+        return (engine.life, engine.version, engine.world.steps) != (self._life, self._version, self._sent)

@@ -1,0 +1,267 @@
+"""The server of `epuckhebb play`: one page, a stream of what is new, and one address for all that a page wishes.
+
+It listens on this machine alone. Everything but the page needs a secret in a header of its own: no other site can set
+it without asking first, and nobody answers. The host must be ours, so no name can be bound to us anew. The secret is
+behind the `#` of the address, which browsers send nowhere.
+"""
+
+import errno
+import hmac
+import json
+import os
+import secrets
+import socket
+import sys
+import threading
+import time
+import webbrowser
+from collections.abc import Sequence
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+from epuckhebb.config.overrides import quoted
+from epuckhebb.live import page
+from epuckhebb.live.engine import Engine
+from epuckhebb.live.world import LiveWorld
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.maze import Side
+
+PORT = 8470
+_PORTS = 50  # that are tried, one after the other
+_LARGEST = 2**16  # bytes of a wish
+_MOST_PAGES = 8
+_MOST_REQUESTS = 64  # at one time
+_PATIENCE_S = 20.0  # with a page that neither reads nor writes
+_QUIET_S = 5.0  # after which a page is told that the server is still there
+_UNWATCHED_S = 3600.0  # after which a world without a page ends
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+}
+
+
+class Server(ThreadingHTTPServer):
+    """Serves the page of one engine.
+
+    address: for the browser, with the secret.
+
+    Raises:
+        OSError: the port is taken.
+    """
+
+    daemon_threads = True
+    allow_reuse_address = os.name != "nt"  # there it would let two programs share a port
+
+    def __init__(self, engine: Engine, port: int) -> None:
+        self.engine, self.secret = engine, secrets.token_urlsafe(24)
+        self._room = threading.BoundedSemaphore(_MOST_REQUESTS)
+        super().__init__(("127.0.0.1", port), _Handler)
+
+    @property
+    def port(self) -> int:
+        """Where it listens."""
+        return int(self.server_address[1])
+
+    @property
+    def address(self) -> str:
+        """The address of the page."""
+        return f"http://127.0.0.1:{self.port}/#{self.secret}"
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve a connection in a thread of its own, unless there are too many."""
+        if not self._room.acquire(blocking=False):
+            self.shutdown_request(request)
+            return
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Serve a connection, then make room for another."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._room.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of a page that has gone; everything else is a mistake of ours."""
+        if not isinstance(sys.exception(), ConnectionError | TimeoutError):
+            super().handle_error(request, client_address)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers one connection."""
+
+    protocol_version, server_version, sys_version = "HTTP/1.1", "epuckhebb", ""
+    disable_nagle_algorithm = True
+    timeout = _PATIENCE_S
+    server: Server
+
+    def log_message(self, *_: object) -> None:
+        """Log nothing."""
+
+    def do_GET(self) -> None:
+        """Send the page, or the stream of what is new."""
+        if self.path == "/":
+            if self._is_ours():
+                text, policy = page.page()
+                self._send(text, "text/html; charset=utf-8", {"Content-Security-Policy": policy})
+        elif self.path == "/stream":
+            if self._is_ours() and self._is_trusted():
+                self._stream()
+        else:
+            self._refuse(HTTPStatus.NOT_FOUND)
+
+    def do_POST(self) -> None:
+        """Do what a page wishes."""
+        if not (self._is_ours() and self._is_trusted()):
+            return
+        length = self.headers.get("Content-Length", "")
+        if self.path != "/do":
+            self._refuse(HTTPStatus.NOT_FOUND)
+        elif not (length.isascii() and length.isdecimal() and "Transfer-Encoding" not in self.headers):
+            self._refuse(HTTPStatus.LENGTH_REQUIRED)
+        elif len(length) > 9 or int(length) > _LARGEST:
+            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
+        else:
+            content = self.rfile.read(int(length))
+            try:
+                wish = json.loads(content)
+                if not isinstance(wish, dict):
+                    raise ValueError("a wish is a JSON object")  # noqa: TRY004, TRY301 - it is told to the page
+                answer = self.server.engine.do(wish)
+            except (ValueError, OSError, RecursionError, RuntimeError) as error:  # a ConfigError among them
+                answer = {"error": str(error)}
+            self._send(json.dumps(answer).encode(), "application/json")
+
+    def _is_ours(self) -> bool:
+        """Whether the request names this server, and not something that was bound to its address; else it is told."""
+        if self.headers.get("Host") in self._hosts():
+            return True
+        self._refuse(HTTPStatus.FORBIDDEN)
+        return False
+
+    def _is_trusted(self) -> bool:
+        """Whether the request comes from our page; else it is told."""
+        origin = self.headers.get("Origin")
+        site = self.headers.get("Sec-Fetch-Site", "same-origin")
+        given = self.headers.get("X-Epuckhebb", "").encode("utf-8", "replace")
+        if (
+            (origin is None or origin.removeprefix("http://") in self._hosts())
+            and site == "same-origin"
+            and hmac.compare_digest(given, self.server.secret.encode())
+        ):
+            return True
+        self._refuse(HTTPStatus.FORBIDDEN)
+        return False
+
+    def _hosts(self) -> tuple[str, str]:
+        return f"127.0.0.1:{self.server.port}", f"localhost:{self.server.port}"
+
+    def _refuse(self, status: HTTPStatus) -> None:
+        self.close_connection = True
+        self._send(status.phrase.encode(), "text/plain", {"Connection": "close"}, status)
+
+    def _send(
+        self, content: bytes, kind: str, more: dict[str, str] | None = None, status: HTTPStatus = HTTPStatus.OK
+    ) -> None:
+        self.send_response(status)
+        for name, value in {
+            "Content-Type": kind,
+            "Content-Length": str(len(content)),
+            **_HEADERS,
+            **(more or {}),
+        }.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(content)
+
+    def _stream(self) -> None:
+        """Send what is new until the page has gone or the world has ended."""
+        engine = self.server.engine
+        if engine.watchers >= _MOST_PAGES:
+            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE)
+            return
+        self.close_connection = True
+        engine.watch(1)
+        try:
+            self.send_response(HTTPStatus.OK)
+            self.send_header("Content-Type", "application/octet-stream")
+            self.send_header("Connection", "close")
+            for name, value in _HEADERS.items():
+                self.send_header(name, value)
+            self.end_headers()
+            view = page.View(engine)
+            while news := view.news(_QUIET_S):
+                self.wfile.write(news)
+        finally:
+            engine.watch(-1)
+
+
+class Play:
+    """A live world that is served; a context manager that ends it. words: settings. port: the first that is tried."""
+
+    def __init__(self, words: Sequence[str], side: Side, config_dir: str | None = None, port: int = PORT) -> None:
+        def make(asked: dict[str, Any]) -> LiveWorld:
+            given: dict[str, Any] = dict(asked)
+            on: Side = "right" if given.pop("side", side) == "right" else "left"
+            kept = [word for word in words if word.partition("=")[0].partition(".")[0] not in given]
+            return LiveWorld([*kept, *(f"{key}={quoted(str(value))}" for key, value in given.items())], on, config_dir)
+
+        self.engine = Engine(make)
+        self.server = _listening(self.engine, port)
+        self.address = self.server.address
+
+    def __enter__(self) -> "Play":
+        """Begin to serve."""
+        self.engine.start()
+        threading.Thread(target=self.server.serve_forever, name="play-server", daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the world, and tell all pages."""
+        self.engine.end()
+        self.server.shutdown()
+        self.server.server_close()
+
+    def wait(self) -> None:
+        """Wait until nobody has watched for an hour."""
+        engine = self.engine
+        while engine.watchers or time.monotonic() - engine.unwatched_since < _UNWATCHED_S:
+            time.sleep(0.5)
+
+    @property
+    def hint(self) -> str:
+        """How to get to the page from another computer; nothing at the computer itself."""
+        if "SSH_CONNECTION" not in os.environ:
+            return ""
+        forward = f"ssh -L {self.server.port}:127.0.0.1:{self.server.port} {socket.gethostname()}"
+        return f"On your own computer type `{forward}`, then open this address there."
+
+
+def can_open() -> bool:
+    """Whether a browser of this computer's desktop can be opened, and the user sits there."""
+    if "SSH_CONNECTION" in os.environ:
+        return False
+    if sys.platform.startswith("linux"):
+        return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return True
+
+
+def open_page(address: str) -> bool:
+    """Open the page in a browser; returns whether one could be started."""
+    return can_open() and webbrowser.open(address)
+
+
+def _listening(engine: Engine, port: int) -> Server:
+    """A server at a port, or at the next that is free."""
+    if not 0 <= port <= 65535 - _PORTS:
+        raise ConfigError(f"--port must lie between 0 (any that is free) and {65535 - _PORTS}, got {port}")
+    for tried in range(port, port + _PORTS):
+        try:
+            return Server(engine, tried)
+        except OSError as error:
+            if error.errno not in (errno.EADDRINUSE, errno.EACCES):
+                raise
+    raise ConfigError(f"--port={port}: this port and the {_PORTS - 1} after it are taken; give another")

@@ -1,0 +1,209 @@
+"""Robots that live the same lifetime, with and without plasticity, and all that someone does to them by hand.
+
+Each robot is alone in its own space of the same world, with the same noise. What is done by hand is done to all of
+them at the same step. It is an ordinary evaluation, `scenario.hand=FILE`, that gives the same bits again.
+"""
+
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from epuckhebb.analysis.evaluate import individuals_for
+from epuckhebb.config import hand
+from epuckhebb.config.compose import load
+from epuckhebb.config.overrides import quoted
+from epuckhebb.config.schema import EvaluateConfig, say_unusual
+from epuckhebb.runs.evaluate import compile_for, evaluate_into, prepare
+from epuckhebb.runs.hydra import new_stamp
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.controller import GA_ALONE
+from epuckhebb.sim.life import Outcome
+from epuckhebb.sim.maze import Side, added
+from epuckhebb.sim.reachable import gap
+from epuckhebb.sim.robot import STEP_S
+from epuckhebb.sim.scenario import Scenario, step_of
+from epuckhebb.sim.session import Session
+from epuckhebb.store import Run, write_atomic
+
+BY_HAND = (
+    "light",
+    "lamp",
+    "lamp_on",
+    "placed",
+    "dead_sensors",
+    "left_wheel",
+    "right_wheel",
+    "rate",
+    "put",
+    "reset",
+)
+_MOST_CHANGES = 20_000  # by hand in a lifetime
+_LONGEST_S = 3600.0
+_SETTINGS = ("lifetime.duration_s", "lifetime.record_every", "repeats")  # of an evaluation; a world has its own
+_COMPARED = {  # columns of metrics.csv that tell whether a saved lifetime is the one that was seen
+    "path_length_m": "path_length",
+    "final_position_error_m": "final_distance",
+    "weight_change_mean": "weight_change_mean",
+    "weight_change_final": "weight_change_final",
+    "fitness": "fitness",
+    "contact_fraction": "contact_fraction",
+}
+
+
+@dataclass(frozen=True)
+class Saved:
+    """A saved lifetime. run: its folder. same: whether it went as it was seen. command: what repeats it."""
+
+    run: Path
+    same: bool
+    command: str
+
+
+@dataclass(frozen=True)
+class Record:
+    """What is to be saved: how many steps were run, what was done by hand, and what the robots reached."""
+
+    steps: int
+    changes: list[dict[str, Any]]
+    outcomes: list[Outcome]
+
+
+class LiveWorld:
+    """Robots in a lifetime that goes on as far as it is asked to, in a world that someone changes by hand.
+
+    words: settings, as on the command line. side: which trial. config, genome: what they make. robots: one lifetime in
+    progress for each controller, the first without plasticity. changes: what was done by hand.
+
+    Raises:
+        ConfigError: a setting or the genome cannot be used.
+    """
+
+    def __init__(self, words: Sequence[str], side: Side, config_dir: str | None = None) -> None:
+        self.words, self.side, self._config_dir = list(words), side, config_dir
+        given = {word.partition("=")[0] for word in words}
+        usual = [] if _SETTINGS[0] in given else [f"{_SETTINGS[0]}={_LONGEST_S:g}"]
+        words = [*usual, *words, "lifetime.record_every=8", "repeats=1"]
+        prepared = prepare(load(EvaluateConfig, words, config_dir))
+        self.config, self.genome = config, genome = prepared.config, prepared.genome
+        if config.scenario.hand is not None:
+            raise ConfigError(f"scenario.hand={config.scenario.hand}: play writes such a file; evaluate repeats it")
+        say_unusual(config)
+        compile_for([GA_ALONE, *config.controllers], genome.network, config.world)
+        nominal, checks = prepared.remember(1)
+        self.controllers = [GA_ALONE, *config.controllers]
+        self.lifetime = replace(config.lifetime, record_every=1)
+        individuals = individuals_for(
+            genome.genes,
+            self.controllers,
+            [(number, side, 0) for number in range(len(self.controllers))],
+            nominal,
+            checks,
+            genome.plan,
+            genome.network,
+            config.seed,
+        )
+        self.robots = [Session(individual, config.world, self.lifetime) for individual in individuals]
+        self.changes: list[dict[str, Any]] = []
+        self._wished: dict[str, Any] = {}
+        self.run(1)  # a change comes after the first step
+
+    @property
+    def title(self) -> str:
+        """Which lifetime this is, in one line."""
+        return f"{self.config.world.name} · genome {self.genome.name} · seed {self.config.seed}"
+
+    @property
+    def steps(self) -> int:
+        """How many steps have been run."""
+        return max(robot.steps for robot in self.robots)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all robots have come to the end of their lifetime."""
+        return all(robot.is_over for robot in self.robots)
+
+    @property
+    def is_changing(self) -> bool:
+        """Whether something will change with the next step."""
+        return bool(self._wished)
+
+    @property
+    def scenario(self) -> Scenario:
+        """The world as it will be with the next step: whoever pauses sees what they do."""
+        now = self.robots[0].world
+        return now.changed(self._wished) if self._wished else now
+
+    def wish(self, values: Mapping[str, Any]) -> None:
+        """Let something change before the next step; wishes before that are joined.
+
+        Raises:
+            ValueError: it cannot change so; then nothing changes.
+        """
+        unknown = sorted(map(str, set(values) - set(BY_HAND)))
+        if unknown or not values:
+            raise ValueError(f"{', '.join(unknown) or 'nothing'} cannot be changed by hand, only {', '.join(BY_HAND)}")
+        if self.is_over:
+            raise ValueError("this life has ended; begin a new one")
+        if len(self.changes) >= _MOST_CHANGES:
+            raise ValueError(f"{_MOST_CHANGES} changes are as many as a life can have; save it, and begin a new one")
+        joined = {**self._wished, **values}
+        if isinstance(values.get("lamp"), Mapping):
+            joined["lamp"] = {**self._wished.get("lamp", {}), **values["lamp"]}
+        now = self.robots[0].world
+        try:
+            wished = now.changed(joined)
+        except TypeError as error:
+            raise ValueError(f"this cannot be: {error}") from error
+        new = added(now.boxes, wished.boxes)
+        places = [robot.pose for robot in self.robots] if wished.put is None else []
+        if any(gap(place.x, place.y, new) < wished.robot.radius_m for place in places):
+            raise ValueError("a block cannot stand where a robot is")
+        self._wished = joined
+
+    def run(self, steps: int) -> int:
+        """Run so many steps of all robots, what was wished for first; returns how many were run."""
+        before = self.steps
+        if self._wished and not self.is_over:
+            change = {"at_s": before * STEP_S, **self._wished}
+            planned = [one for one in self.config.world.changes if step_of(one) >= before]
+            world = replace(self.scenario, changes=planned)
+            for robot in self.robots:
+                if not robot.is_over:
+                    robot.change(world)
+            self.changes.append(change)
+            self._wished = {}
+        for robot in self.robots:
+            robot.step(before + steps - robot.steps)
+        return self.steps - before
+
+    def record(self) -> Record:
+        """What is to be saved now."""
+        return Record(self.steps, list(self.changes), [robot.outcome() for robot in self.robots])
+
+    def save(self, record: Record, folder: Path = Path("runs")) -> Saved:
+        """Run the lifetime again as `evaluate` does, into a run folder.
+
+        Raises:
+            ConfigError: it cannot be written, or is too short for its task.
+        """
+        name = f"{new_stamp()}_{self.config.world.name}_seed{self.config.seed}_played"
+        words = [word for word in self.words if word.partition("=")[0] not in _SETTINGS]
+        words += [f"lifetime.duration_s={record.steps * STEP_S!r}", "repeats=1"]
+        if record.changes:
+            file = folder / "play" / f"{name}.json"
+            write_atomic(file, hand.written(record.changes))
+            words.append(f"scenario.hand={quoted(str(file))}")
+        run = folder / "evaluate" / name
+        config = load(EvaluateConfig, words, self._config_dir)
+        more = ["--config-dir", self._config_dir] if self._config_dir else []
+        facts = {"command_line": ["epuckhebb", "play", *self.words, *more]}
+        evaluate_into(run, config, words, facts, threads=1)
+        metrics = Run(run).table("metrics.csv").query("side == @self.side").set_index("controller")
+        same = all(
+            float(metrics[column][controller.name]) == float(getattr(outcome, name))
+            for controller, outcome in zip(self.controllers, record.outcomes, strict=True)
+            for column, name in _COMPARED.items()
+        )
+        return Saved(run, same, shlex.join(["epuckhebb", "evaluate", *words, *more]))

@@ -1,0 +1,501 @@
+"""`epuckhebb play` without its page: what can be wished, who may wish it, and that a saved life is the one seen."""
+
+import http.client
+import json
+import os
+import random
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import epuckhebb
+from epuckhebb.export.replay import recording, write_page
+from epuckhebb.live import page, server
+from epuckhebb.live.engine import Engine
+from epuckhebb.live.server import Play
+from epuckhebb.live.world import BY_HAND, LiveWorld
+from epuckhebb.runs.rerun import rerun
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.maze import SIDES
+from epuckhebb.sim.robot import STEP_S
+from epuckhebb.store import Run, read_traces
+
+WORDS = ["scenario=4obstacles", "hebbian.N=0.0005"]
+
+
+def wish(draw):
+    """Something that one may want to change; some of it cannot be."""
+    return draw.choice(
+        [
+            {"light": draw.random()},
+            {"lamp_on": draw.random() < 0.5, "lamp": {"x_m": draw.uniform(-0.1, 0.1)}},
+            {"placed": [[draw.uniform(-0.4, 0.4), draw.uniform(-0.4, 0.2), 0.03, 0.04]] * draw.randrange(3)},
+            {"dead_sensors": draw.sample(range(8), draw.randrange(3)), "right_wheel": draw.random()},
+            {"left_wheel": draw.random(), "rate": draw.choice([0.0, 1.0, 50.0, 1000.0])},
+            {"put": [draw.uniform(-0.4, 0.4), draw.uniform(-0.4, 0.25), draw.uniform(-3, 3)]},
+            {"put": [0.007, draw.uniform(-0.36, 0.16), draw.uniform(-3, 3)], "reset": True},
+        ]
+    )
+
+
+def disturb(world, changes, seed=1):
+    """Run a world and change it at random moments, so many times; returns how many wishes were refused."""
+    draw, refused = random.Random(seed), 0
+    while len(world.changes) < changes:
+        for _ in range(draw.randrange(1, 3)):
+            try:
+                world.wish(wish(draw))
+            except ValueError:
+                refused += 1
+        world.run(draw.choice([1, 1, 2, 3, 8, 25]))
+    return refused
+
+
+@pytest.mark.parametrize(
+    ("words", "side"),
+    [
+        (WORDS, "left"),
+        pytest.param(["adaptation=novelty"], "right", marks=pytest.mark.thorough),
+        pytest.param(["adaptation=self_check", "hebbian=oja"], "left", marks=pytest.mark.thorough),
+        pytest.param(["scenario.changes=[{at_s: 3.2, light: 1.0}]", "adaptation=late"], "right"),
+    ],
+)
+def test_a_saved_life_is_the_one_that_was_seen(here, words, side):
+    world = LiveWorld(words, side)
+    assert disturb(world, 500) > 20
+    saved = world.save(world.record())
+    assert saved.same
+    run = here / saved.run
+    traces, *_ = read_traces(Run(run), 2 * len(world.controllers), -(-world.steps // 8))
+    lifetimes = list(zip(traces.controller, traces.side, strict=True))
+    for number, controller in enumerate(world.controllers):
+        (place,) = (k for k, of in enumerate(lifetimes) if of == (controller.name, side))
+        seen = world.robots[number].samples
+        for name, values in traces.samples._asdict().items():
+            lived = getattr(seen, name)[: world.steps : 8].astype(values.dtype)
+            assert lived.tobytes() == values[place].tobytes(), (controller.name, name)
+    again, difference = rerun(run)
+    assert difference == ""
+    recorded = recording(again)
+    write_page(recorded, here / "replay.html")
+    assert (here / "replay.html").read_text(encoding="utf-8").count('"byHand":true') == 500
+    assert "500 changes by hand" in recorded.title
+    assert "scenario.hand=" in saved.command
+
+
+def test_a_life_in_which_nothing_was_done_is_an_evaluation(here):
+    world = LiveWorld(WORDS, "left")
+    world.run(300)
+    saved = world.save(world.record())
+    assert saved.same
+    assert "hand" not in saved.command
+    assert not (here / "runs" / "play").exists()
+
+
+BAD = [
+    {},
+    {"at_s": 3},
+    {"obstacles": 0},
+    {"light": -1},
+    {"light": "x"},
+    {"light": None},
+    {"light": float("nan")},
+    {"light": [1]},
+    {"lamp": 3},
+    {"lamp": {"x_m": "a"}},
+    {"lamp": {"intensity": -1}},
+    {"placed": None},
+    {"placed": [[0, 0, 0, 1]]},
+    {"placed": [[0.007, -0.35, 0.03, 0.03]]},  # where the robots are
+    {"put": [9, 9, 0]},
+    {"put": None, "light": -1},
+    {"rate": -1},
+    {"dead_sensors": [99]},
+    {"dead_sensors": "all"},
+    {"dead_sensors": None},
+    {"left_wheel": 2},
+    {"left_wheel": {}},
+    {"lamp_on": 7},
+    {"reset": 3},
+]
+
+
+@pytest.fixture(scope="module")
+def world():
+    return LiveWorld(WORDS, "left")
+
+
+@pytest.mark.parametrize("values", BAD, ids=str)
+def test_what_cannot_be_is_refused_and_changes_nothing(world, values):
+    with pytest.raises(ValueError, match=r"must|cannot|no room"):
+        world.wish(values)
+    assert not world.is_changing
+
+
+def test_wishes_before_a_step_are_joined():
+    world = LiveWorld(WORDS, "left")
+    world.wish({"lamp": {"x_m": 0.05}})
+    world.wish({"lamp": {"y_m": -0.1}, "light": 0.5})
+    world.wish({"light": 0.7})
+    assert (world.scenario.lamp.x_m, world.scenario.lamp.y_m, world.scenario.light) == (0.05, -0.1, 0.7)
+    assert world.robots[0].world.light == 0.1
+    world.run(1)
+    assert world.changes == [{"at_s": STEP_S, "lamp": {"x_m": 0.05, "y_m": -0.1}, "light": 0.7}]
+
+
+def test_a_life_that_has_ended_takes_no_wishes():
+    world = LiveWorld([*WORDS, "lifetime.duration_s=1"], "left")
+    assert world.run(1000) == 30
+    assert world.is_over
+    with pytest.raises(ValueError, match="has ended"):
+        world.wish({"light": 1.0})
+
+
+def test_what_makes_no_world_is_refused(here):
+    (here / "mine.json").write_text('[{"at_s": 1.0, "light": 1.0}]')
+    for words in (["scenario=nowhere"], ["genome=none.npz"], ["scenario.hand=mine.json"]):
+        with pytest.raises(ConfigError):
+            LiveWorld(words, "left")
+
+
+# ---- The server ----
+
+
+@pytest.fixture(scope="module")
+def live():
+    with Play(WORDS, "left", port=0) as playing:
+        yield playing
+
+
+def ask(live, method="POST", path="/do", body=None, **headers):
+    """Ask the server as our page does; a header is left out with None."""
+    usual = {"X-Epuckhebb": live.server.secret, "Origin": f"http://127.0.0.1:{live.server.port}"}
+    given = {**usual, **{name.replace("_", "-"): value for name, value in headers.items()}}
+    connection = http.client.HTTPConnection("127.0.0.1", live.server.port, timeout=60)
+    connection.request(method, path, body, {name: value for name, value in given.items() if value is not None})
+    answer = connection.getresponse()
+    content = b"" if path == "/stream" and answer.status == 200 else answer.read()
+    connection.close()
+    return answer, content
+
+
+def do(live, **wished):
+    answer, content = ask(live, body=json.dumps(wished))
+    assert answer.status == 200
+    return json.loads(content)
+
+
+class Watcher:
+    """A page that reads the stream."""
+
+    def __init__(self, live):
+        self._connection = http.client.HTTPConnection("127.0.0.1", live.server.port, timeout=60)
+        self._connection.request("GET", "/stream", headers={"X-Epuckhebb": live.server.secret})
+        self._answer = self._connection.getresponse()
+        self.status = self._answer.status
+
+    def frame(self):
+        length, kind = struct.unpack("<II", self._answer.read(8))
+        return kind, self._answer.read(length)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._answer.close()
+        self._connection.close()
+
+
+def wait_for(true, seconds=20):
+    until = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+FOREIGN = [
+    {"X_Epuckhebb": None},
+    {"X_Epuckhebb": "wrong"},
+    {"X_Epuckhebb": "ä"},
+    {"Host": "evil.example"},
+    {"Host": "evil.example:8470"},
+    {"Origin": "http://evil.example"},
+    {"Origin": "null"},
+    {"Sec_Fetch_Site": "cross-site"},
+    {"Sec_Fetch_Site": "same-site"},
+]
+
+
+@pytest.mark.parametrize("headers", FOREIGN, ids=str)
+@pytest.mark.parametrize(("method", "path"), [("GET", "/stream"), ("POST", "/do")])
+def test_only_our_page_is_answered(live, headers, method, path):
+    headers = {name: value.encode() if value == "ä" else value for name, value in headers.items()}
+    answer, content = ask(live, method, path, '{"do": "step"}', **headers)
+    assert answer.status == 403
+    assert content == b"Forbidden"
+
+
+def test_no_name_can_be_bound_to_the_server_anew(live):
+    assert ask(live, "GET", "/", Host="evil.example", X_Epuckhebb=None)[0].status == 403
+    assert ask(live, "GET", "/", Host=f"localhost:{live.server.port}", X_Epuckhebb=None)[0].status == 200
+
+
+def test_it_listens_on_this_machine_alone(live):
+    assert live.server.server_address[0] == "127.0.0.1"
+    with socket.socket() as other, pytest.raises(ConnectionRefusedError):
+        other.connect(("127.0.0.2", live.server.port))
+
+
+def test_the_page_may_only_talk_to_its_server_and_bears_no_secret(live):
+    answer, text = ask(live, "GET", "/", X_Epuckhebb=None)
+    policy = answer.headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "connect-src 'self'" in policy
+    assert "unsafe" not in policy
+    assert live.server.secret.encode() not in text
+    assert b"{{" not in text
+
+
+@pytest.mark.parametrize("path", ["/x", "/../server.py", "/play.html", "/do"])
+def test_no_file_but_the_page_is_served(live, path):
+    assert ask(live, "GET", path)[0].status == 404
+
+
+def raw(live, text):
+    """The first line of the answer to a request that no library would send."""
+    with socket.create_connection(("127.0.0.1", live.server.port), timeout=30) as connection:
+        connection.sendall(text)
+        return connection.recv(100).split(b"\r\n")[0]
+
+
+def test_bodies_are_bounded(live):
+    head = f"POST /do HTTP/1.1\r\nHost: 127.0.0.1:{live.server.port}\r\nX-Epuckhebb: {live.server.secret}\r\n".encode()
+    assert ask(live, body=b"x" * 65537)[0].status == 413
+    assert b" 413 " in raw(live, head + b"Content-Length: 1048576\r\n\r\n")
+    assert b" 413 " in raw(live, head + b"Content-Length: 99999999999999999999\r\n\r\n")
+    assert b" 411 " in raw(live, head + b"\r\n")
+    assert b" 411 " in raw(live, head + b"Content-Length: -5\r\n\r\n")
+    assert b" 411 " in raw(live, head + b"Content-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n")
+
+
+BAD_BODIES = [b"", b"{", b"[]", b"3", b"\xff", b"[" * 30000, b'{"do": "exec"}', b'{"do": null}', b'{"do": ["step"]}']
+BAD_BODIES += [b'{"do": "change"}', b'{"do": "change", "values": 3}', b'{"do": "speed", "value": 3}']
+BAD_BODIES += [b'{"do": "speed", "value": "x"}', b'{"do": "speed", "value": true}', b'{"do": "speed", "value": [1]}']
+BAD_BODIES += [b'{"do": "new", "side": "up"}', b'{"do": "new", "hebbian": "mine"}', b'{"do": "new", "seed": [1]}']
+BAD_BODIES += [b'{"do": "new", "adaptation": "none hebbian=oja"}', b'{"do": "new", "seed": -1}']
+BAD_BODIES += [json.dumps({"do": "change", "values": values}).encode() for values in ({"at_s": 3}, {"light": np.nan})]
+
+
+@pytest.mark.parametrize("body", BAD_BODIES, ids=lambda body: body[:50])
+def test_a_bad_wish_is_answered_with_a_sentence_and_the_world_goes_on(live, body):
+    answer, content = ask(live, body=body)
+    assert answer.status == 200
+    assert json.loads(content)["error"]
+    before = live.engine.world.steps
+    assert do(live, do="step") == {}
+    assert live.engine.world.steps == before + 1
+
+
+def test_a_flood_of_wishes_is_refused_and_the_world_goes_on(live):
+    refused = 0
+    with Watcher(live):
+        do(live, do="play", value=True)
+        before = live.engine.world.steps
+        for _ in range(1000):
+            try:
+                live.engine.do({"do": "change", "values": {"light": 0.1}})
+            except ValueError as error:
+                refused += "too much at once" in str(error)
+        assert refused > 500
+        wait_for(lambda: live.engine.world.steps > before)
+        time.sleep(1.1)
+
+
+def test_a_life_pauses_when_nobody_watches(live):
+    with Watcher(live) as one:
+        one.frame()
+        do(live, do="play", value=True)
+        before = live.engine.world.steps
+        wait_for(lambda: live.engine.world.steps > before)
+    wait_for(lambda: live.engine.watchers == 0)  # it has gone when it takes nothing any more
+    before = live.engine.world.steps
+    time.sleep(0.2)
+    assert live.engine.world.steps == before
+
+
+def test_two_pages_see_the_same_and_neither_waits_for_one_that_does_not_read():
+    with Play(WORDS, "left", port=0) as live, Watcher(live) as one, Watcher(live) as other, Watcher(live):
+        do(live, do="speed", value=0.0)
+        told = [[], []]
+        for watcher, frames in zip((one, other), told, strict=True):
+            while sum(len(content) for kind, content in frames if kind == page.SAMPLES) < 2_000_000:
+                frames.append(watcher.frame())
+        first, second = (b"".join(content[12:] for kind, content in frames if kind == 1)[:4000] for frames in told)
+        assert first[:1000] == second[:1000]
+        kind, content = told[0][0]
+        assert kind == page.WORLD
+        assert {"layers", "maze", "world", "playing"} <= set(json.loads(content))
+        wait_for(lambda: live.engine.world.steps > 20_000)
+
+
+def test_there_are_not_more_pages_than_a_few(live):
+    watchers = [Watcher(live) for _ in range(12)]
+    assert {watcher.status for watcher in watchers} == {200, 503}
+    for watcher in watchers:
+        watcher.__exit__()
+
+
+def test_a_taken_port_is_left_to_whoever_has_it():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with Play(WORDS, "left", port=port) as live:
+            assert port < live.server.port < port + 50
+    with pytest.raises(ConfigError, match="--port"):
+        Play(WORDS, "left", port=70000)
+
+
+def test_the_world_goes_on_while_a_new_life_is_prepared(here):
+    """A rule of the user's own takes seconds to compile."""
+    example = (Path(__file__).parents[1] / "examples" / "own_rule" / "my_rules.py").read_text(encoding="utf-8")
+    new = example.replace("return pre", f"return {random.random()!r} * pre")  # nobody has compiled it before
+    assert new != example
+    (here / "mine.py").write_text(new)
+    made = []
+
+    def make(asked):
+        words = ["hebbian.rule=mine.py:Gated"] if asked else WORDS
+        made.append(LiveWorld(words, asked.get("side", "left")))
+        return made[-1]
+
+    engine = Engine(make)
+    engine.start()
+    engine.watch(1)
+    preparing = threading.Thread(target=engine.do, args=[{"do": "new", "side": "right"}])
+    preparing.start()
+    steps = []
+    while preparing.is_alive():
+        with engine.news:
+            if engine.life == 0:
+                steps.append(engine.world.steps)
+        time.sleep(0.05)
+    engine.end()
+    assert engine.world is made[1]
+    assert engine.world.side == "right"
+    assert np.diff(steps).max() <= 16  # half a second at most
+    assert steps[-1] > steps[0]
+
+
+def test_a_new_life_keeps_what_it_is_not_given(live):
+    assert do(live, do="new", adaptation="novelty", side="right", seed=5) == {}
+    world = live.engine.world
+    assert world.words == ["scenario=4obstacles", "hebbian.N=0.0005", "adaptation=novelty", "seed=5"]
+    assert (world.side, world.config.seed, live.engine.life) == ("right", 5, 1)
+    assert do(live, do="new", hebbian="oja") == {}
+    assert live.engine.world.words == ["scenario=4obstacles", "hebbian=oja"]
+
+
+def test_samples_are_those_of_the_robots(world):
+    world.run(50)
+    content, until = page.samples(world, 3)
+    since, count, of_weights = struct.unpack("<III", content[:12])
+    assert (since, count, until) == (3, world.steps - 3, world.steps)
+    numbers, width, genes = np.frombuffer(content, "<f4", offset=12), 16 + 9, world.genome.network.synapses
+    assert len(numbers) == len(world.robots) * (count * width + of_weights * genes)
+    rows = numbers[: count * width].reshape(count, width)
+    np.testing.assert_array_equal(rows[:, :3], world.robots[0].samples.pose[3:until].astype(np.float32))
+    weights = numbers[-of_weights * genes :].reshape(of_weights, genes) + world.robots[1].genotype.weights
+    np.testing.assert_allclose(weights, world.robots[1].samples.weights[8:until:8], atol=1e-6)
+
+
+def test_every_thing_that_can_be_changed_is_a_key_of_a_scenario(world):
+    assert set(BY_HAND) <= set(vars(world.scenario))
+    assert set(SIDES) == {"left", "right"}
+
+
+def test_it_ends_when_nobody_has_watched_for_long(monkeypatch):
+    monkeypatch.setattr(server, "_UNWATCHED_S", 0.3)
+    with Play(WORDS, "left", port=0) as live:
+        with Watcher(live) as watcher:
+            watcher.frame()
+            waiting = threading.Thread(target=live.wait)
+            waiting.start()
+            waiting.join(1.5)
+            assert waiting.is_alive()
+        wait_for(lambda: not waiting.is_alive())
+
+
+def test_a_planned_change_comes_in_its_time_and_is_told():
+    with Play(["scenario.changes=[{at_s: 1.6, light: 1.0}]"], "left", port=0) as live, Watcher(live) as watcher:
+        do(live, do="speed", value=10.0)
+        told = []
+        while live.engine.world.steps < 60 or not told or told[-1]["world"]["light"] != 1.0:
+            kind, content = watcher.frame()
+            told += [json.loads(content)] if kind == page.WORLD else []
+        do(live, do="change", values={"rate": 3.0})
+        wait_for(lambda: live.engine.world.changes)
+        assert live.engine.world.scenario.light == 1.0
+
+
+def test_from_python(here):
+    live = epuckhebb.play("reference", "hebbian.N=0.0005", scenario="4obstacles", side="right")
+    try:
+        assert live.address in live._repr_html_()
+        port, secret = live.address.removeprefix("http://127.0.0.1:").split("/#")
+        connection = http.client.HTTPConnection("127.0.0.1", int(port), timeout=60)
+        connection.request("POST", "/do", '{"do": "step"}', {"X-Epuckhebb": secret})
+        assert json.loads(connection.getresponse().read()) == {}
+        connection.close()
+    finally:
+        live.close()
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", int(port)))
+    for wrong in ({"side": "up"}, {"scenario": "nowhere"}, {"genome": "none.npz"}):
+        with pytest.raises(ValueError, match=r"side|nowhere|none\.npz"):
+            epuckhebb.play(**wrong)
+    assert list(here.iterdir()) == []
+
+
+# ---- The command ----
+
+
+def command(*words, **more):
+    env = {**os.environ, "PYTHONUNBUFFERED": "1", "SSH_CONNECTION": "1 2 3 4"}
+    return subprocess.Popen(
+        [sys.executable, "-m", "epuckhebb", "play", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=env,
+        **more,
+    )
+
+
+@pytest.mark.usefixtures("here")
+def test_the_command_prints_the_address_and_ends_with_ctrl_c():
+    playing = command("scenario=4obstacles", "--port", "0")
+    address = playing.stdout.readline().strip()
+    assert address.startswith("http://127.0.0.1:")
+    playing.send_signal(signal.SIGINT)
+    _, err = playing.communicate(timeout=30)
+    assert playing.returncode == 0, err
+    assert "ssh -L" in err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("words", [["--side", "up"], ["scenario=nowhere"], ["--port", "-1"], ["seeed=1"]])
+def test_the_command_refuses_what_cannot_be(here, words):
+    playing = command(*words)
+    _, err = playing.communicate(timeout=60)
+    assert playing.returncode == 2
+    assert err.count("Error: ") == 1
+    assert list(here.iterdir()) == []

@@ -1,0 +1,340 @@
+"""The live page as someone plays with it: in a real browser, with mouse, touch and keyboard.
+
+See `conftest.py` for the browser, which runs on one core.
+"""
+
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Error, expect
+
+from epuckhebb.live.server import Play
+from epuckhebb.runs.rerun import rerun
+
+SCREENSHOTS = os.environ.get("EPUCKHEBB_SCREENSHOTS")  # a folder to look at them in
+WORDS = ["scenario=4obstacles", "hebbian.N=0.0005"]
+
+
+@pytest.fixture
+def live(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with Play(WORDS, "left", port=0) as playing:
+        yield playing
+
+
+@pytest.fixture
+def play(browser, live):
+    """Opens the page; afterwards, nothing may have been complained of, and nothing asked of anyone but the server."""
+    contexts, complaints, requests = [], [], []
+
+    def opened(**options):
+        context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, **options})
+        contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("request", lambda request: requests.append(request.url))
+        page.goto(live.address)
+        wait_until(page, lambda now: now["samples"] > 3)
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+    assert complaints == []
+    assert [url for url in requests if not url.startswith((f"http://127.0.0.1:{live.server.port}/", "data:"))] == []
+
+
+def state(page):
+    try:
+        return page.evaluate("window.live?.state() ?? { samples: 0 }")
+    except Error:  # it is being loaded anew
+        return {"samples": 0}
+
+
+def wait_until(page, true):
+    for _ in range(400):
+        if true(state(page)):
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(f"it never came about; the page is at {state(page)}")
+
+
+def canvas_of(page, number=1):
+    return page.locator("#mazes canvas + canvas").nth(number)
+
+
+def on_page(page, x, y, number=1):
+    """Where on the page a place of a maze is [m]."""
+    box = canvas_of(page, number).bounding_box()
+    left, right, bottom, top = page.evaluate("live.maze.view")
+    scale = min(box["width"] / (right - left), box["height"] / (top - bottom))
+    margin = (box["width"] - scale * (right - left)) / 2
+    return box["x"] + margin + (x - left) * scale, box["y"] + (top - y) * scale
+
+
+def drag(page, start, *ways):
+    page.mouse.move(*on_page(page, *start))
+    page.mouse.down()
+    for way in ways:
+        page.mouse.move(*on_page(page, *way), steps=4)
+        page.wait_for_timeout(60)
+    page.mouse.up()
+
+
+def robots(live):
+    return [robot.pose for robot in live.engine.world.robots]
+
+
+def pause(page):
+    page.locator("#play").click()
+    wait_until(page, lambda now: not now["now"]["playing"])
+
+
+def test_two_robots_run_and_a_pause_stops_them(play, live):
+    page = play()
+    assert len(state(page)["robots"]) == 2
+    expect(page.locator("#hint")).to_be_visible()
+    pause(page)
+    before = live.engine.world.steps
+    page.wait_for_timeout(200)
+    assert live.engine.world.steps == before
+    page.locator("#step").click()
+    wait_until(page, lambda now: now["samples"] == before + 1)
+    for shown, robot in zip(state(page)["robots"], live.engine.world.robots, strict=True):
+        seen = [shown["x"], shown["y"], shown["heading"]]
+        np.testing.assert_allclose(seen, robot.samples.pose[before], rtol=0, atol=1e-6)
+    page.locator("#play").click()
+    wait_until(page, lambda now: now["samples"] > before + 5)
+
+
+def test_a_robot_is_dragged(play, live):
+    page = play()
+    pause(page)
+    x, y, _ = robots(live)[1]
+    drag(page, (x, y), (0.007, -0.1), (0.007, 0.0), (0.03, 0.16), (0.2, 0.17), (0.2, 0.3))
+    wait_until(page, lambda now: now["now"]["pending"])
+    page.locator("#step").click()
+    wait_until(page, lambda now: not now["now"]["pending"])
+    place = live.engine.world.changes[-1]["put"]
+    for pose in robots(live):
+        assert math.dist(pose[:2], place[:2]) < 0.005
+    assert math.dist(place[:2], (0.2, 0.17)) < 0.05  # not in the wall that lies behind
+    expect(page.locator("#hint")).to_be_hidden()
+
+
+def test_a_robot_is_dragged_while_it_drives(play, live):
+    page = play()
+    drag(page, robots(live)[1][:2], (0.007, -0.1), (0.007, 0.05))
+    wait_until(page, lambda now: now["now"]["byHand"] > 1)
+    assert all(set(change) == {"at_s", "put"} for change in live.engine.world.changes)
+    assert robots(live)[0].y > -0.05
+
+
+def test_blocks_are_set_down_moved_and_taken_away(play, live):
+    page = play()
+    pause(page)
+    page.locator("#add").click()
+    wait_until(page, lambda now: len(now["world"]["placed"]) == 1)
+    (block,) = state(page)["world"]["placed"]
+    drag(page, block[:2], (0.0, -0.05), (0.0, 0.17))
+    wait_until(page, lambda now: now["now"]["world"]["placed"] and now["now"]["world"]["placed"][0][1] > 0.1)
+    page.locator("#step").click()
+    wait_until(page, lambda now: now["now"]["byHand"] == 1)
+    (placed,) = live.engine.world.scenario.placed
+    assert math.dist(placed[:2], (0.0, 0.17)) < 0.02
+    page.locator("#drop").click()
+    wait_until(page, lambda now: now["now"]["world"]["placed"] == [])
+
+
+def test_a_block_on_a_robot_is_refused_with_a_word(play, live):
+    page = play()
+    pause(page)
+    x, y, _ = robots(live)[1]
+    page.evaluate(f"live.change({{ placed: [[{x}, {y}, 0.03, 0.03]] }})")
+    expect(page.locator("#trouble")).to_contain_text("where a robot is")
+    assert state(page)["world"]["placed"] == []
+    page.locator("#light").fill("0.5")
+    expect(page.locator("#trouble")).to_have_text("")
+
+
+SLIDERS = [
+    ("light", "0.7", "light", 0.7),
+    ("rate", "5", "rate", 10),
+    ("left_wheel", "0.4", "left_wheel", 0.4),
+    ("right_wheel", "0.25", "right_wheel", 0.25),
+]
+
+
+def test_every_control_changes_what_it_says(play, live):
+    page = play()
+    for slider, value, key, changed in SLIDERS:
+        page.locator(f"#{slider}").fill(value)
+        wait_until(page, lambda _, key=key, changed=changed: getattr(live.engine.world.scenario, key) == changed)
+    page.locator("#intensity").fill("3.5")
+    wait_until(page, lambda _: live.engine.world.scenario.lamp.intensity == 3.5)
+    page.locator("#lit").click()
+    wait_until(page, lambda _: live.engine.world.scenario.lamp_on is True)
+    expect(page.locator("#lit")).to_have_attribute("aria-pressed", "true")
+    for number in (3, 0):
+        page.locator("#sensors button").nth(number).click()
+    wait_until(page, lambda _: list(live.engine.world.scenario.dead_sensors) == [0, 3])
+    page.locator("#sensors button").nth(3).click()
+    wait_until(page, lambda _: list(live.engine.world.scenario.dead_sensors) == [0])
+    page.locator("#reset").click()
+    wait_until(page, lambda _: any(change.get("reset") for change in live.engine.world.changes))
+    for speed in ("50", "0", "0.25"):
+        page.locator("#speed").select_option(speed)
+        wait_until(page, lambda _, speed=speed: live.engine.speed == float(speed))
+    assert page.locator("#log span").count() > 3
+    assert "sensor 0 dead" in page.locator("#mazes .now").nth(1).text_content()
+
+
+def test_the_lamp_is_dragged(play, live):
+    page = play()
+    lamp = live.engine.world.scenario.lamp
+    drag(page, (lamp.x_m, lamp.y_m), (0.1, -0.1), (0.05, 0.0))
+    wait_until(page, lambda _: abs(live.engine.world.scenario.lamp.y_m) < 0.02)
+
+
+def test_with_the_keyboard_alone(play):
+    page = play()
+    page.keyboard.press("Space")
+    wait_until(page, lambda now: not now["now"]["playing"])
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.getAttribute('role')") == "application":
+            break
+    assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
+    page.keyboard.press("t")
+    assert state(page)["selected"] == "robot"
+    expect(page.locator("#said")).to_have_text("robot chosen")
+    before = state(page)["robots"][1]
+    page.keyboard.press("ArrowUp")
+    page.keyboard.press("q")
+    wait_until(page, lambda now: now["now"]["put"] and now["now"]["put"][2] > before["heading"] + 0.2)
+    assert state(page)["now"]["put"][1] == pytest.approx(before["y"] + 0.01, abs=1e-6)
+    page.keyboard.press("b")
+    wait_until(page, lambda now: len(now["now"]["world"]["placed"]) == 1)
+    page.keyboard.press("Shift+ArrowRight")
+    page.keyboard.press("Delete")
+    wait_until(page, lambda now: len(now["now"]["world"]["placed"]) == 0)
+    page.keyboard.press("l")
+    wait_until(page, lambda now: now["now"]["world"]["lit"])
+    page.keyboard.press("Escape")
+    page.evaluate("document.activeElement.blur()")
+    page.keyboard.press("ArrowRight")
+    wait_until(page, lambda now: now["now"]["byHand"] == 1)
+    page.keyboard.press("+")
+    wait_until(page, lambda now: now["speed"] == 2)
+
+
+def test_one_looks_back_while_life_goes_on(play):
+    page = play()
+    page.locator("#speed").select_option("10")
+    wait_until(page, lambda now: now["END"] > 10)
+    page.locator("#time").fill("3")
+    before = state(page)
+    assert before["t"] == pytest.approx(3)
+    expect(page.locator("#now")).to_be_visible()
+    wait_until(page, lambda now: now["END"] > before["END"] + 1)
+    assert state(page)["t"] == pytest.approx(3)
+    page.locator("#now").click()
+    wait_until(page, lambda now: now["t"] > 10)
+
+
+def test_two_pages_on_one_life_see_the_same(play):
+    one, other = play(), play(color_scheme="dark")
+    one.locator("#light").fill("1.2")
+    wait_until(other, lambda now: now["world"]["light"] == 1.2)
+    pause(other)
+    wait_until(one, lambda now: not now["now"]["playing"])
+    wait_until(one, lambda now: now["samples"] == state(other)["samples"])
+
+
+def test_a_new_life_begins_with_another_side_and_rule(play, live):
+    page = play()
+    page.locator("#side").select_option("right")
+    page.locator("#adaptation").select_option("novelty")
+    page.locator("#new").click()
+    wait_until(page, lambda now: now.get("side") == "right")
+    assert live.engine.world.side == "right"
+    expect(page.locator("#charts h3").nth(1)).to_have_text("Change signal")
+
+
+def test_a_played_life_is_saved_and_repeats(play):
+    page = play()
+    page.locator("#speed").select_option("10")
+    for number in range(20):
+        page.evaluate(f"live.change({{ light: {number / 20}, rate: 100, put: [0.007, {-0.3 + number / 50}, 1.5] }})")
+        page.wait_for_timeout(40)
+    page.locator("#save").click()
+    expect(page.locator("#saved")).to_contain_text("the same to the last bit", timeout=60_000)
+    run = Path(page.locator("#saved").text_content().partition(":")[0])
+    assert rerun(run)[1] == ""
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    page.locator("#copy").click()
+    expect(page.locator("#saved")).to_contain_text("Copied: epuckhebb evaluate scenario=4obstacles")
+
+
+def test_an_address_without_its_secret_says_so(browser, live):
+    page = browser.new_context().new_page()
+    page.goto(live.address.partition("#")[0])
+    expect(page.locator("#outcome")).to_contain_text("not the whole address")
+
+
+def test_the_end_of_the_program_is_told(play, live):
+    page = play()
+    live.engine.end()
+    expect(page.locator("#outcome")).to_contain_text("The program has ended")
+
+
+def test_the_end_of_a_life_is_told(browser, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with Play([*WORDS, "lifetime.duration_s=2"], "left", port=0) as live:
+        page = browser.new_context().new_page()
+        page.goto(live.address)
+        page.locator("#speed").select_option("50")
+        expect(page.locator("#outcome")).to_contain_text("has ended. Save it, or begin a new one")
+        page.locator("#light").fill("1")
+        expect(page.locator("#trouble")).to_contain_text("this life has ended")
+
+
+@pytest.mark.parametrize("width", [390, 768, 1280, 1920])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_fits(play, width, scheme):
+    page = play(viewport={"width": width, "height": 844}, color_scheme=scheme)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    for box in page.locator("button:visible, select:visible, input:visible").all():
+        there = box.bounding_box()
+        assert there["x"] >= 0
+        assert there["x"] + there["width"] <= width
+    if SCREENSHOTS:
+        page.screenshot(path=f"{SCREENSHOTS}/play_{width}_{scheme}.png")
+
+
+def test_a_finger_drags_the_robot(play, live):
+    page = play(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
+    pause(page)
+    x, y = on_page(page, *robots(live)[1][:2])
+    there = on_page(page, 0.007, -0.1)
+    session = page.context.new_cdp_session(page)
+    for kind, at in (("touchStart", (x, y)), ("touchMove", there), ("touchEnd", None)):
+        points = [{"x": at[0], "y": at[1]}] if at else []
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+        page.wait_for_timeout(50)
+    wait_until(page, lambda now: now["now"]["put"] is not None)
+    assert state(page)["now"]["put"][1] == pytest.approx(-0.1, abs=0.02)
+
+
+def test_a_picture_of_all_figures_takes_less_than_a_frame(play):
+    """At 10 times real time, with every figure in sight; the browser has one core, which other work may take."""
+    page = play(viewport={"width": 1280, "height": 2000})
+    page.locator("#speed").select_option("10")
+    wait_until(page, lambda now: now["END"] > 60)
+    costs = page.evaluate("live.costs.slice(-120)")
+    print(f"a picture takes {np.median(costs):.1f} ms, 95 of 100 less than {np.percentile(costs, 95):.1f} ms")
+    assert np.median(costs) < 16
