@@ -35,6 +35,7 @@ REFUSED = {
     "defaults: [{1: base}]\n": "defaults must be a list such as [base, _self_]",
     "defaults: [{a: {b: c}}]\n": "defaults must be a list such as [base, _self_]",
     "defaults: [mine, _self_]\n": "its defaults lead back to itself: scenario/mine.yaml -> scenario/mine.yaml",
+    "defaults: [/evaluate]\n": "defaults must name choices of groups",
     "defaults: [{/scenario: other}]\n": "scenario/mine.yaml -> scenario/other.yaml -> scenario/mine.yaml",
     "light: 0.2\nname: of-${oc.env:HOME}\n": "line 2: environment variables are not read",
     "lamp: {x_m: '${ oc.env:HOME}'}\n": "line 1: environment variables are not read",

@@ -37,6 +37,8 @@ def check(path: Path, root: Path, above: tuple[Path, ...] = ()) -> None:
         key, choice = next(iter(entry.items())) if isinstance(entry, dict) and len(entry) == 1 else ("", entry)
         if not isinstance(key, str) or not isinstance(choice, str | list | None if key else str):
             raise ConfigError(f"{shown(path)}: defaults must be a list such as [base, _self_], got {defaults!r}")
+        if not key and str(choice).rpartition("/")[:2] == ("", "/"):  # the whole of a command, this file in it
+            raise ConfigError(f"{shown(path)}: defaults must name choices of groups (maze: t_maze), got {choice}")
         named = (root if key else path.parent) / _GROUP.sub("", key) / f"{choice}.yaml"
         if choice != "_self_" and named.is_file():
             check(named, root, (*above, path))
