@@ -1,4 +1,4 @@
-"""The content security policy of all HTML pages that are written."""
+"""What all HTML pages share: templates with their style and script, and the content security policy."""
 
 import base64
 import hashlib

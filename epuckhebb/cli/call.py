@@ -1,4 +1,4 @@
-"""Hands a command to Hydra, and prints the runs or the jobs of a call."""
+"""From a typed command to `epuckhebb.runs.hydra`; prints the runs or the jobs that it made."""
 
 import functools
 from collections.abc import Callable

@@ -117,7 +117,7 @@ def frame(kind: int, payload: bytes) -> bytes:
 
 
 class View:
-    """What one page has been told; it is told what is new, and never waits for another page."""
+    """What one page has received; it receives what is new, and never waits for another page."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine

@@ -1,4 +1,4 @@
-"""Runs a job, or many, on configurations that Hydra composes. It gives a job its folder, overrides and threads."""
+"""The call of Hydra: it composes each job's configuration, and gives the job its folder, overrides and threads."""
 
 import functools
 import os

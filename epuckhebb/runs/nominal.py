@@ -1,4 +1,4 @@
-"""Measures what a champion remembers of its training world: nominal statistics, and a memory for self-checks."""
+"""Whether a champion's file has what an adaptation compares with, and its measurement where it is missing."""
 
 from collections.abc import Callable
 from typing import NamedTuple, TypeVar, cast

@@ -1,4 +1,4 @@
-"""The sensing of a robot, compiled for its groups of sensors."""
+"""Makes one compiled function of the groups of sensors that `sensors.py` defines."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -1,4 +1,4 @@
-"""A lifetime in progress: an individual in a world, run any number of steps at a time.
+"""A lifetime in progress, run any number of steps at a time; at its end, its outcome: success and all other metrics.
 
 A lifetime that is run in pieces is bit-identical to the same lifetime run at once. `epuckhebb.sim.block` runs whole
 lifetimes; with `Session` one can watch a robot, or change its world, between two steps.

@@ -1,4 +1,4 @@
-"""Makes a run folder: claims it, writes into it, closes it.
+"""A run folder from its start to its end: made, locked (by `disk.py`), written, closed.
 
 A new run belongs to the process that could create its `status.json`; it is never merged or overwritten. A resumed
 evolution, or a study, belongs to the process that has locked its folder.

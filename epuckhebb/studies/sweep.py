@@ -1,4 +1,4 @@
-"""`epuckhebb sweep NAME`: the jobs that `conf/experiment/NAME.yaml` and the command line make, and tables over all.
+"""`epuckhebb sweep NAME`: plans the jobs that `conf/experiment/NAME.yaml` describes, and writes tables over all.
 
 A job is named by a digest of its resolved configuration, its genome and the version of the science. A whole run in the
 folder of that name is its result. The folder of a sweep is named by its jobs, so the same command finds it again.
