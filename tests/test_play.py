@@ -100,6 +100,21 @@ def test_a_life_in_which_nothing_was_done_is_an_evaluation(here):
     assert not (here / "runs" / "play").exists()
 
 
+@pytest.mark.thorough
+@pytest.mark.usefixtures("here")
+def test_a_life_of_many_trials_is_saved_when_they_are_over():
+    learner = Path(__file__).parents[1] / "runs" / "reference" / "reversal" / "learner_210.npz"
+    words = [f"genome={learner}", "task=reversal", "hebbian=modulated", "task.trials=3", "task.last_switch=2"]
+    world = LiveWorld(words, "left")
+    world.wish({"put": [0.2, 0.16, 1.0], "light": 0.5})
+    world.run(200)
+    with pytest.raises(ValueError, match="when all its trials are over"):
+        world.record()
+    world.wish({"reset": True})
+    world.run(world.lifetime.steps)
+    assert world.save(world.record()).same
+
+
 BAD = [
     {},
     {"at_s": 3},

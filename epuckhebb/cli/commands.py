@@ -161,13 +161,12 @@ def play(
     if side not in ("left", "right"):
         raise ConfigError(f"--side must be left or right, got {side}")
     words = with_robot(with_genomes_named(overrides), config_dir)
-    with Play(words, "right" if side == "right" else "left", config_dir, port) as live:
-        typer.echo(live.address)
+    with Play(words, "right" if side == "right" else "left", config_dir, port) as live, suppress(KeyboardInterrupt):
+        typer.echo(live.address)  # from here on, Ctrl-C is how it is ended
         say(live.hint or "Ctrl-C ends it.")
         if browser:
             open_page(live.address)
-        with suppress(KeyboardInterrupt):  # that is how it is ended
-            live.wait()
+        live.wait()
 
 
 @app.command(cls=ConfiguredCommand)

@@ -71,8 +71,8 @@ class Engine(threading.Thread):
         before = self.world.robots[0].world
         try:
             done = self.world.run(steps)
-        except (ArithmeticError, ValueError) as error:  # a robot is lost, or its rule cannot be run
-            self.trouble, done = str(error), 1
+        except Exception as error:  # a robot is lost, or its rule cannot be run; pages go on, and may begin anew
+            self.trouble, done = str(error) or type(error).__name__, 1
         self.version += self.world.robots[0].world is not before or self.world.is_over or bool(self.trouble)
         return done > 0
 

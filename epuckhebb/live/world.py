@@ -63,9 +63,9 @@ class Saved:
 
 @dataclass(frozen=True)
 class Record:
-    """What is to be saved: how many steps were run, what was done by hand, and what the robots reached."""
+    """What is to be saved: how long the lifetime was [s], what was done by hand, and what the robots reached."""
 
-    steps: int
+    duration_s: float
     changes: list[dict[str, Any]]
     outcomes: list[Outcome]
 
@@ -83,7 +83,7 @@ class LiveWorld:
     def __init__(self, words: Sequence[str], side: Side, config_dir: str | None = None) -> None:
         self.words, self.side, self._config_dir = list(words), side, config_dir
         given = {word.partition("=")[0] for word in words}
-        usual = [] if _SETTINGS[0] in given else [f"{_SETTINGS[0]}={_LONGEST_S:g}"]
+        usual = [] if given & {_SETTINGS[0], "lifetime", "task"} else [f"{_SETTINGS[0]}={_LONGEST_S:g}"]
         words = [*usual, *words, "lifetime.record_every=8", "repeats=1"]
         prepared = prepare(load(EvaluateConfig, words, config_dir))
         self.config, self.genome = config, genome = prepared.config, prepared.genome
@@ -179,18 +179,27 @@ class LiveWorld:
         return self.steps - before
 
     def record(self) -> Record:
-        """What is to be saved now."""
-        return Record(self.steps, list(self.changes), [robot.outcome() for robot in self.robots])
+        """What is to be saved now.
+
+        Raises:
+            ValueError: a lifetime of many trials has not ended.
+        """
+        if self.config.world.task.has_trials and not self.is_over:
+            raise ValueError(
+                f"a life with task={self.config.world.task.name} can be saved when all its trials are over"
+            )
+        duration_s = self.lifetime.duration_s if self.is_over else self.steps * STEP_S
+        return Record(duration_s, list(self.changes), [robot.outcome() for robot in self.robots])
 
     def save(self, record: Record, folder: Path = Path("runs")) -> Saved:
         """Run the lifetime again as `evaluate` does, into a run folder.
 
         Raises:
-            ConfigError: it cannot be written, or is too short for its task.
+            ConfigError: it cannot be written.
         """
         name = f"{new_stamp()}_{self.config.world.name}_seed{self.config.seed}_played"
         words = [word for word in self.words if word.partition("=")[0] not in _SETTINGS]
-        words += [f"lifetime.duration_s={record.steps * STEP_S!r}", "repeats=1"]
+        words += [f"lifetime.duration_s={record.duration_s!r}", "repeats=1"]
         if record.changes:
             file = folder / "play" / f"{name}.json"
             write_atomic(file, hand.written(record.changes))
