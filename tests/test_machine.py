@@ -12,6 +12,7 @@ from pathlib import Path
 import filelock
 import pytest
 from cases import call, refused
+from joblib import cpu_count
 from rich.console import Console
 
 from epuckhebb.runtime import resources
@@ -54,9 +55,24 @@ def test_where_kernels_are_kept(monkeypatch, here):
 
 
 def test_cores_are_those_that_this_process_may_use(monkeypatch):
+    assert thread_count(0) == cpu_count()
     monkeypatch.setenv("LOKY_MAX_CPU_COUNT", "1")
-    assert thread_count(0) == 1
+    assert thread_count(0) == cpu_count() == 1
     assert thread_count(3) == 3
+
+
+@pytest.mark.parametrize(
+    ("said", "cores"),
+    [(["150000 100000"], 2), (["max 100000"], 8), (["50000", "100000"], 1), (["-1", "100000"], 8), ([""], 8), ([], 8)],
+)
+def test_cores_are_those_of_the_container(monkeypatch, here, said, cores):
+    files = [here / f"limit_{number}" for number in range(len(said))] or [here / "none"]
+    for file, text in zip(files, said, strict=False):
+        file.write_text(f"{text}\n")
+    monkeypatch.setattr(resources, "_QUOTAS", (files,))
+    monkeypatch.setattr("os.cpu_count", lambda: 8)
+    monkeypatch.setattr("psutil.Process.cpu_affinity", lambda _: [*range(9)])
+    assert resources.cores() == cores
 
 
 @pytest.mark.parametrize(("said", "limit"), [("1000000\n", 1_000_000), ("max\n", None)])

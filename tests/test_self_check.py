@@ -2,7 +2,10 @@
 
 import json
 import math
+import os
 import re
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -199,6 +202,46 @@ def test_dead_sensors_are_predicted_from_the_others(places):
     blind = samples[7].copy()
     blind[dead] = np.repeat([1.0, 0.0], len(places))
     np.testing.assert_allclose(corrected(blind, by), samples[7], atol=0.01)
+
+
+REGRESSION = """
+import hashlib
+import numpy as np
+from epuckhebb.sim.adaptation.self_check.memory import moments, regression
+
+exact = np.random.default_rng(0).integers(0, 65, (500, 16)) / 64  # no sum of products of four is rounded
+dead = np.array([3, 11])
+found = regression(moments([exact]), 16, dead, np.setdiff1d(np.arange(16), dead))
+print(hashlib.sha256(found.tobytes()).hexdigest()[:16])
+"""
+
+
+def test_the_prediction_is_bit_identical_on_any_number_of_cores():
+    found = {
+        subprocess.run(
+            [sys.executable, "-c", REGRESSION],
+            env={**os.environ, "OPENBLAS_NUM_THREADS": threads},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for threads in ("1", "2", "4")
+    }
+    assert found == {"9a5db5abd2836eae\n"}
+
+
+def test_the_prediction_solves_its_equations():
+    readings = np.random.default_rng(1).random((900, 16))
+    dead = np.array([0, 8])
+    others = np.setdiff1d(np.arange(16), dead)
+    first, second = np.triu_indices(len(others))
+    seen = readings[:, others]
+    terms = np.column_stack([np.ones(len(seen)), seen, seen[:, first] * seen[:, second]])
+    squares = terms.T @ terms / len(terms) + 1e-4 * np.eye(terms.shape[1])
+    wanted = np.linalg.solve(squares, terms.T @ readings[:, dead] / len(terms)).T
+    found = regression(moments([readings]), 16, dead, others)
+    np.testing.assert_allclose(found[:, 0], wanted[:, : 1 + len(others)], atol=1e-11)
+    np.testing.assert_allclose(found[:, 1 + first, 1 + second], wanted[:, 1 + len(others) :], atol=1e-11)
 
 
 @pytest.mark.thorough

@@ -130,9 +130,25 @@ def regression(moments: Floats, inputs: int, dead: NDArray[np.int64], others: ND
     products = np.flatnonzero(np.isin(first, others) & np.isin(second, others))
     used = np.concatenate([[0], 1 + others, 1 + inputs + products])
     squares = whole[np.ix_(used, used)] + _RIDGE * np.eye(len(used))
-    coefficients = np.linalg.solve(squares, whole[np.ix_(used, 1 + dead)])
+    coefficients = _solve(squares, whole[np.ix_(used, 1 + dead)])
     found = np.zeros((len(dead), len(others) + 1, len(others) + 1))
     found[:, 0, :] = coefficients[: len(others) + 1].T
     row, column = np.triu_indices(len(others))
     found[:, 1 + row, 1 + column] = coefficients[len(others) + 1 :].T
+    return found
+
+
+def _solve(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solve A x = b for a symmetric positive definite A: (n, n), b: (n, columns).
+
+    Gauss elimination, one element at a time: the same bits on every machine. Those of LAPACK depend on the number of
+    threads and on the kind of processor. Source: Golub and Van Loan, *Matrix Computations* (2013), section 3.2.
+    """
+    rows, size = np.column_stack([matrix, right]), len(matrix)
+    for k in range(size - 1):  # no pivots are needed for such a matrix
+        rows[k + 1 :, k + 1 :] -= (rows[k + 1 :, k] / rows[k, k])[:, None] * rows[k, k + 1 :]
+    found = rows[:, size:]
+    for k in reversed(range(size)):
+        found[k] /= rows[k, k]
+        found[:k] -= rows[:k, k, None] * found[k]
     return found
