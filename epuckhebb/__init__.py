@@ -33,6 +33,7 @@ __all__ = [
     "Lifetime",
     "Live",
     "Rule",
+    "Sensor",
     "evaluate",
     "evolve",
     "load",
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from epuckhebb.sim.adaptation.adaptation import Adaptation
     from epuckhebb.sim.life import Lifetime
     from epuckhebb.sim.own_fitness import Fitness
+    from epuckhebb.sim.own_sensor import Sensor
     from epuckhebb.sim.plasticity.rule import Evolved, Rule
     from epuckhebb.sim.plasticity.rules.paper import Paper as Hebbian
 
@@ -64,6 +66,7 @@ _FROM = {  # name -> where it is, and what it is called there; loaded when asked
     "Lifetime": ("sim.life", "Lifetime"),
     "Live": ("api", "Live"),
     "Rule": ("sim.plasticity.rule", "Rule"),
+    "Sensor": ("sim.own_sensor", "Sensor"),
 }
 
 

@@ -27,7 +27,7 @@ from epuckhebb.sim.sensors import (
     Kernels,
     LightSensors,
     Place,
-    SensorGroup,
+    RimSensors,
     cast,
     put_rays,
 )
@@ -202,7 +202,7 @@ def curved(*points):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Compass(SensorGroup):
+class Compass(RimSensors):
     """How far each sensor looks to the north (Y), 0 to 1; a dead one reads one half."""
 
     name: ClassVar[str] = "compass"

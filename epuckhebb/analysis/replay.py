@@ -29,7 +29,7 @@ from epuckhebb.sim.maze import SIDES, Side, boxes
 from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.sensors import Place, SensorGroup
+from epuckhebb.sim.sensors import Place, RimSensors
 
 __all__ = ["Arrival", "arrival", "outcome", "page"]
 
@@ -223,8 +223,8 @@ def _inputs(scenario: Scenario) -> list[str]:
     """The names of the network's inputs: sensors by their direction."""
     names = []
     for group in scenario.groups:
-        ways = _ways(group.places) if isinstance(group, SensorGroup) else []
-        names += [f"{group.label}, {way}" for way in ways] or [group.label] * group.count
+        ways = _ways(group.places) if isinstance(group, RimSensors) else []
+        names += [f"{group.label}, {way}" for way in ways] or group.labels
     return names
 
 

@@ -70,12 +70,13 @@ def _print_nominal(nominal: Nominal, genome: Genome, console: Console) -> None:
     }.items():
         rows.append((name, *("never" if np.isnan(number) else f"{number:g}" for number in numbers.round(2))))
     rows.append((f"Least live fitness, over {nominal.fitness.shape[1]} s", *map(_course, nominal.fitness)))
-    inputs = genome.network.inputs
-    for kind, first, count in (("Light", 0, genome.lights), ("Distance", genome.lights, inputs - genome.lights)):
-        for place in range(count):
-            means, spreads = nominal.reading_mean[:, first + place], nominal.reading_spread[:, first + place]
-            cells = (f"{mean:.2f} ± {spread:.2f}" for mean, spread in zip(means, spreads, strict=True))
-            rows.append((f"{kind} reading {place}", *cells))
+    own = genome.sensors.split(", ") if genome.sensors else []
+    end = genome.network.inputs - len(own)
+    names = [f"Light reading {place}" for place in range(genome.lights)]
+    names += [f"Distance reading {place}" for place in range(end - genome.lights)]
+    for name, means, spreads in zip([*names, *own], nominal.reading_mean.T, nominal.reading_spread.T, strict=True):
+        cells = (f"{mean:.2f} ± {spread:.2f}" for mean, spread in zip(means, spreads, strict=True))
+        rows.append((name, *cells))
     title = f"Nominal: {nominal.scenario} at {nominal.gain_rad_s:g} rad/s"
     print_table(console, title, ("", "left (lamp off)", "right (lamp on)"), rows)
 

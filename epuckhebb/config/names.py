@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig, OmegaConf, flag_override
+from omegaconf import DictConfig, ListConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config.build import scenario_from
@@ -28,7 +28,7 @@ from epuckhebb.config.choices import (
 )
 from epuckhebb.config.overrides import literal
 from epuckhebb.config.parts import NONE, PAPER, fitness_class, rule_class, rule_file
-from epuckhebb.config.parts_from_yaml import maze_from
+from epuckhebb.config.parts_from_yaml import maze_from, sensor_class
 from epuckhebb.config.schema import ScenarioConfig, plain, said
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime.errors import ConfigError
@@ -74,6 +74,7 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
         if None in (cfg.get("compare") or {}).values():
             cfg.compare = _compared(cfg.compare, folders)
         _own_fitness(cfg.fitness)
+        _own_sensors(cfg.robot.get("sensors"))
         _own_rules(cfg, str(choices.get("hebbian")), folders)
         if cfg.scenario.get("hand") is not None:
             cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
@@ -157,7 +158,26 @@ def _own_fitness(settings: DictConfig) -> None:
     if not colon:
         return
     settings.function = literal(f"{path_of(file, 'fitness.function').absolute()}:{name}")
-    for key, field in fitness_class(settings.function).__dataclass_fields__.items():
+    _write_defaults(settings, fitness_class(settings.function))
+
+
+def _own_sensors(sensors: Any) -> None:
+    """Write down where the user's sensors are, what was left as it is in the class, and what their readings are."""
+    for number, settings in enumerate(sensors if isinstance(sensors, ListConfig) else ()):
+        key = f"robot.sensors[{number}]"
+        if not isinstance(settings, DictConfig) or ":" not in str(settings.get("sensor")):
+            raise ConfigError(f"{key} must be {{sensor: FILE.py:NAME}} and its settings, got {settings}")
+        file, _, name = str(settings.sensor).rpartition(":")
+        settings.sensor = literal(f"{path_of(file, f'{key}.sensor').absolute()}:{name}")
+        kind = sensor_class(settings.sensor, f"{key}.sensor")
+        _write_defaults(settings, kind)
+        if "readings" not in settings:
+            settings.readings = list(kind.readings)
+
+
+def _write_defaults(settings: DictConfig, kind: Any) -> None:
+    """Write down what the user left as it is in a class."""
+    for key, field in kind.__dataclass_fields__.items():
         if key not in settings and isinstance(field.default, bool | int | float | str):
             settings[key] = field.default
 

@@ -4,15 +4,19 @@ The keys are the fields of `Maze`, of `Robot` and of its sensors, and the types 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, get_type_hints
 
+from epuckhebb.config.plugins import class_named
 from epuckhebb.config.values import part_settings, record
+from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.maze import Maze, Pose
+from epuckhebb.sim.own_sensor import Sensor, recorded_sensor
 from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.sensors import DistanceSensors, LightSensors
 
 _LAMP = "lamp"  # a maze file may say where its lamp is; the scenario takes it from there
+_OWN = "sensors"  # key of a robot's file: the user's own sensors
 _OF_DISTANCE = {  # key of a robot's file -> field of its distance sensors
     "distance_places": "places",
     "distance_curve": "curve",
@@ -42,12 +46,50 @@ def maze_from(value: object) -> Maze:
 
 
 def robot_from(value: object) -> Robot:
-    """A robot, which needs all keys; places are lists of x, y [m], azimuth [degrees], points of the curve lists too."""
+    """A robot, which needs all keys; places are lists of x, y [m], azimuth [degrees], points of the curve lists too.
+
+    `sensors` may be left out: the user's own, each `sensor: FILE.py:NAME` with its settings.
+    """
     distance = get_type_hints(DistanceSensors)
     kinds = {name: kind for name, kind in get_type_hints(Robot).items() if name != "sensors"}
     kinds["light_places"] = get_type_hints(LightSensors)["places"]
     kinds |= {key: distance[field] for key, field in _OF_DISTANCE.items()}
-    values = record("robot", value, kinds, {})
+    kinds[_OWN] = list
+    given = {_OWN: [], **value} if isinstance(value, Mapping) else value
+    own = given.pop(_OWN) if isinstance(given, dict) else []
+    if isinstance(own, str) or not isinstance(own, Sequence):
+        raise ConfigError(f"robot.{_OWN} must be a list, [{{sensor: FILE.py:NAME}}], got {own!r}")
+    values = record("robot", given, kinds, {_OWN: []})
     light = LightSensors(places=values.pop("light_places"))
     felt = DistanceSensors(**{field: values.pop(key) for key, field in _OF_DISTANCE.items()})
-    return Robot(**values, sensors=(light, felt))
+    more = [_own_sensor(settings, f"robot.{_OWN}[{number}]") for number, settings in enumerate(own)]
+    return Robot(**values, sensors=(light, felt, *more))
+
+
+def _own_sensor(given: object, key: str) -> Sensor:
+    """A sensor of the user's own; or what stands for it where a recorded run is read, `recorded` and `readings`."""
+    if not isinstance(given, Mapping) or not {"sensor", "recorded"} & set(given):
+        raise ConfigError(f"{key} must be {{sensor: FILE.py:NAME}} and its settings, got {given!r}")
+    if "recorded" in given:
+        return recorded_sensor(given["recorded"], given["readings"])
+    where = str(given["sensor"])
+    kind = sensor_class(where, f"{key}.sensor")
+    values = {name: value for name, value in given.items() if name not in ("sensor", "readings")}
+    readings = tuple(given.get("readings", kind.readings))
+    if readings != kind.readings:
+        raise ConfigError(f"{key}.readings must be left out, or {list(kind.readings)}, got {list(readings)}")
+    try:
+        sensor = kind(**part_settings(kind, values, key, f"sensor {where}"))
+        sensor.check()
+    except ConfigError:
+        raise
+    except Exception as error:  # what a user's own checks may raise has no end
+        raise ConfigError(f"{key}.sensor={where}: {error}") from error
+    return sensor
+
+
+def sensor_class(where: str, key: str) -> type[Sensor]:
+    """The class of a user's sensor."""
+    if ":" not in where:
+        raise ConfigError(f"{key} must be a sensor of your own, FILE.py:NAME, got {where!r}")
+    return class_named(where, Sensor, key)

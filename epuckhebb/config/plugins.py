@@ -90,9 +90,13 @@ _packages: dict[str, OwnFile] = {}  # by the name of the package
 def references(config: Any) -> Iterator[tuple[Any, str, Path, str]]:
     """All `FILE.py:NAME` in a configuration: the mapping that holds it, its key there, the file and the name."""
     for key, value in config.items():
-        if isinstance(value, Mapping):
-            yield from references(value)
-        elif isinstance(value, str) and (found := _NAMED.fullmatch(value)):
+        several = value if isinstance(value, Sequence) and not isinstance(value, str) else [value]
+        for part in several:
+            if isinstance(part, Mapping):
+                yield from references(part)
+        if several is value:
+            continue
+        if isinstance(value, str) and (found := _NAMED.fullmatch(value)):
             yield config, str(key), path_of(found[1], str(key)), found[2]
 
 

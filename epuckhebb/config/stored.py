@@ -73,6 +73,11 @@ def without_own_code(values: Plain) -> Plain:
     values = copy.deepcopy(values)
     rules = [rule for rule in (values["hebbian"], *values["compare"].values()) if rule.get("signal") == _OWN_SIGNAL]
     rules += [part for part, key, *_ in references(values) if key == "rule"]
+    for part in values["robot"].get("sensors", []):
+        name = part.pop("sensor").rpartition(":")[2]
+        readings = part["readings"]
+        part.clear()
+        part.update(recorded=name, readings=readings)
     values["fitness"] = {"function": PAPER_FITNESS.name}
     for rule in rules:
         for key in [key for key in rule if key not in ("N", "sign", "name", "adaptation")]:

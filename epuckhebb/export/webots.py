@@ -42,7 +42,8 @@ def webots(what: str, folder: Path) -> list[Path]:
     """
     genome, config = _genome_and_config(what)
     if (genome.robot, genome.network.inputs) != (EPUCK.name, EPUCK.inputs):
-        raise ConfigError(f"{what} is for robot {genome.robot}; only {EPUCK.name} can be taken to Webots")
+        own = f" with the sensors {genome.sensors}" if genome.sensors else ""
+        raise ConfigError(f"{what} is for robot {genome.robot}{own}; only {EPUCK.name} as it is can be taken to Webots")
     if folder.exists() and any(folder.iterdir()):
         raise ConfigError(f"{folder} holds files already; give another folder with --output")
     genes = io.BytesIO()

@@ -30,6 +30,7 @@ from epuckhebb.sim.block import load_kernel
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.digest import UnknownPartError, digest
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.own_sensor import own_sensors
 from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, evolved_sizes, functions_of, name_of
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
@@ -86,8 +87,9 @@ class Prepared:
         """For each controller a digest of what its lifetimes depend on, besides side, repeat and seed."""
         config, genome = self.config, self.genome
         fitness, lifetime = config.world.fitness, replace(config.lifetime, record_every=0)
-        scored = _identity(fitness, own_fitness.functions_of(fitness))
-        everywhere = (genome.sha256, genome.network, config.world, lifetime, *scored)
+        own = [_identity(fitness, own_fitness.functions_of(fitness))]
+        own += [_identity(one, [one.read]) for one in own_sensors(config.world.robot.sensors) if one.read]
+        everywhere = (genome.sha256, genome.network, config.world, lifetime, *own)
         memories = (genome.nominal_sha256, genome.self_memory_sha256)
         depends: dict[str, tuple[object, ...]] = {GA_ALONE.name: everywhere}
         for controller in config.controllers:
@@ -179,6 +181,12 @@ def _check_genome(genome: Genome, config: EvaluateConfig) -> None:
         raise ConfigError(
             f"{named} is for a network of layers {genome.network}, which {has} task={world.task.name}; "
             f"give task={genome.task or ONE_TRIAL.name}, or a champion that was evolved with task={world.task.name}"
+        )
+    sensors = ", ".join(label for group in own_sensors(robot.sensors) for label in group.labels)
+    if genome.optimizer and genome.sensors != sensors:
+        raise ConfigError(
+            f"{named} is for a robot whose own sensors are {genome.sensors or 'none'}; those of robot {robot.name} are "
+            f"{sensors or 'none'}. Give robot.sensors=[...] as in training, or another champion"
         )
     if genome.robot != robot.name or genome.network.inputs != world.inputs:
         raise ConfigError(

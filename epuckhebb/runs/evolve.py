@@ -32,6 +32,7 @@ from epuckhebb.sim.adaptation.nominal import Nominal, memory_to_measure_nominal
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, plan_of
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.own_sensor import own_sensors
 from epuckhebb.sim.plasticity.rule import NoRule, name_of
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 from epuckhebb.store import CHAMPION, CHECKPOINT, CONFIG, Genome, Run, RunFolder, champion_file, load_genome, provenance
@@ -114,6 +115,7 @@ class Prepared:
             rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
             task="" if config.world.task == ONE_TRIAL else config.world.task.name,
             fitness_function=config.world.fitness.name if config.world.fitness.is_own else "",
+            sensors=", ".join(label for group in own_sensors(config.world.robot.sensors) for label in group.labels),
             nominal=nominal,
             self_memory=self_memory,
         )

@@ -24,6 +24,7 @@ from epuckhebb.sim.plasticity.update import StepContext, effective_rate, modulat
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.robot import EPUCK, STEP_S
 from epuckhebb.sim.senses import blinding, largest_distance_reading, senses
+from epuckhebb.sim.sensors import Goal
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
 OWN = int(fitness.Signal.fitness)
@@ -95,7 +96,8 @@ def decide(
     # Sense.
     if setup.noise_level > 0.0:
         draw_noise(setup.key, step, workspace.noise)
-    sense(x, y, cos, sin, walls, setup.lit, workspace.noise, setup.noise_level, workspace.senses, activation)
+    goal = Goal(trial.goal_x, trial.goal_y, tally.goal_distance)
+    sense(x, y, cos, sin, walls, setup.lit, workspace.noise, setup.noise_level, workspace.senses, activation, goal)
     apply_sensor_faults(activation, trial.faults)
     blind(activation, trial.faults.dead_sensors)
     correct(activation, corrections, life.adaptation.correcting)

@@ -14,10 +14,10 @@ class NotCompiledError(ValueError):
     """A plasticity rule or another part cannot be compiled; the message says why."""
 
 
-def explained(what: str, function: Callable[..., Any], error: Exception, stores: str) -> NotCompiledError:
+def explained(what: str, function: Callable[..., Any], error: Exception, stores: str = "") -> NotCompiledError:
     """The error of a part that does not compile: numba's last reason for the innermost function.
 
-    what: the part, for example `rule oja`. function: its compiled function. stores: where it can store what lasts.
+    what: the part, for example `rule oja`. function: its compiled function. stores: the name of its state, if any.
     """
     text = _COLOUR.sub("", str(error))
     lines = [line.strip() for line in text.splitlines() if line.strip()]
@@ -25,6 +25,7 @@ def explained(what: str, function: Callable[..., Any], error: Exception, stores:
     reason = [line for line in lines[causes[-1] + 1 if causes else 0 :] if "Failed in nopython mode" not in line]
     reason = reason[: next((number for number, line in enumerate(reason) if line.startswith("During: Pass")), None)]
     if _MAKES_AN_ARRAY in text:
-        reason = [f"it makes an array, and `{function.__name__}` has only numbers: put what it stores into `{stores}`"]
+        instead = f": put what it stores into `{stores}`" if stores else ""
+        reason = [f"it makes an array, and `{function.__name__}` has only numbers{instead}"]
     heading = f"{what} of {inspect.getsourcefile(function)} does not compile:"
     return NotCompiledError("\n".join([heading, *dict.fromkeys(reason)][:_LINES]))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from epuckhebb.sim.ranges import check_range
-from epuckhebb.sim.sensors import DistanceSensors, LightSensors, SensorGroup, slices
+from epuckhebb.sim.sensors import DistanceSensors, LightSensors, RimSensors, SensorGroup, slices
 
 STEP_S = 0.032  # one control step: sensing, acting, learning and physics
 
@@ -41,7 +41,7 @@ class Robot:
         if not {LightSensors.name, DistanceSensors.name} <= set(names) or len(set(names)) < len(names):
             raise ValueError(f"robot.sensors must be light, distance and perhaps others, each once, got {names}")
         for group in self.sensors:
-            for number, place in enumerate(group.places):
+            for number, place in enumerate(group.places if isinstance(group, RimSensors) else ()):
                 if math.hypot(place.x, place.y) > self.radius_m + 1e-9:
                     raise ValueError(
                         f"robot.{group.name}_places[{number}] must lie on the robot, within {self.radius_m} m of its "
@@ -70,7 +70,7 @@ class Robot:
     @property
     def sensor_numbers(self) -> int:
         """The count of the largest group: sensors of the same number share a place."""
-        return max(group.count for group in self.sensors)
+        return max(group.count for group in self.sensors if isinstance(group, RimSensors))
 
 
 EPUCK = Robot()

@@ -10,7 +10,7 @@ from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.robot import Robot
-from epuckhebb.sim.sensors import Place, Surroundings, put_rays
+from epuckhebb.sim.sensors import NO_GOAL, Goal, Place, RimSensors, Surroundings, put_rays
 
 Sense = Callable[..., None]
 
@@ -25,14 +25,14 @@ class SenseWorkspace(NamedTuple):
 def sense_workspace(robot: Robot) -> SenseWorkspace:
     """Workspace for a robot of this kind."""
     rays = tuple(np.empty((6, len(ring))) for ring in _rings(robot))
-    return SenseWorkspace(rays, tuple(np.empty(group.count) for group in robot.sensors))
+    return SenseWorkspace(rays, tuple(np.zeros(group.count) for group in robot.sensors))
 
 
 def senses(robot: Robot) -> Sense:
-    """The function `sense(x, y, cos, sin, walls, lit, noise, noise_level, workspace, readings)` of a robot.
+    """The function `sense(x, y, cos, sin, walls, lit, noise, noise_level, workspace, readings, goal)` of a robot.
 
     It fills the readings, (inputs,), from the pose of the robot, the walls (boxes, 4), the lights, standard normal
-    noise, one number for each input, and the noise level, 1 for the sensors' own.
+    noise, one number for each input, the noise level, 1 for the sensors' own, and the goal.
     """
     rings = _rings(robot)
     parts: dict[str, Any] = {"put_rays": put_rays}
@@ -41,7 +41,8 @@ def senses(robot: Robot) -> Sense:
         parts[f"ring_{k}"] = _in_frame(ring)
         put.append(f"put_rays(x, y, cos, sin, ring_{k}, rays[{k}])")
     for k, group in enumerate(robot.sensors):
-        own = f"around, rays[{rings.index(group.places)}], scratch[{k}]"
+        ring_of = rings.index(group.places) if isinstance(group, RimSensors) else 0
+        own = f"around, rays[{ring_of}], scratch[{k}]"
         parts[f"read_{k}"], parts[f"look_{k}"] = group.kernels(robot.inputs_of(group).start, robot.radius_m)
         look.append(f"look_{k}({own})")
         read.append(f"read_{k}({own}, readings)")
@@ -62,16 +63,17 @@ def senses(robot: Robot) -> Sense:
         noise_level: float,
         workspace: SenseWorkspace,
         readings: Floats,
+        goal: Goal = NO_GOAL,
     ) -> None:
-        around = Surroundings(x, y, walls, lit, noise, noise_level)
+        around = Surroundings(x, y, cos, sin, walls, lit, noise, noise_level, goal)
         feel(x, y, cos, sin, around, workspace.rays, workspace.scratch, readings)
 
     return sense
 
 
 def _rings(robot: Robot) -> list[tuple[Place, ...]]:
-    """The places of all groups; groups that share places share their rays."""
-    return list(dict.fromkeys(group.places for group in robot.sensors))
+    """The places of all groups on the rim; groups that share places share their rays."""
+    return list(dict.fromkeys(group.places for group in robot.sensors if isinstance(group, RimSensors)))
 
 
 def _in_frame(places: tuple[Place, ...]) -> Floats:
@@ -83,9 +85,10 @@ def _in_frame(places: tuple[Place, ...]) -> Floats:
 
 def blinding(robot: Robot) -> Callable[[Floats, NDArray[np.int64]], None]:
     """The function that makes the sensors of these numbers dead, in all groups: they sense the dark, and no wall."""
-    firsts = np.array([robot.inputs_of(group).start for group in robot.sensors])
-    counts = np.array([group.count for group in robot.sensors])
-    dead = np.array([group.dead for group in robot.sensors])
+    on_rim = [group for group in robot.sensors if isinstance(group, RimSensors)]
+    firsts = np.array([robot.inputs_of(group).start for group in on_rim])
+    counts = np.array([group.count for group in on_rim])
+    dead = np.array([group.dead for group in on_rim])
 
     @compiled
     def blind(readings: Floats, numbers: NDArray[np.int64]) -> None:

@@ -1,7 +1,7 @@
-"""The inputs of a network, in groups: light sensors, distance sensors, a reward. Sensors sit on the robot's rim.
+"""The inputs of a network, in groups: light sensors, distance sensors, a reward, and sensors of the user's own.
 
-To add a kind of sensor, write a subclass of `SensorGroup` with what it senses (`kernels`) and what a dead one reads
-(`dead`). `Robot.sensors` has the groups of a robot, in the order of the network's inputs.
+To add a kind of sensor on the rim, write a subclass of `RimSensors` with what it senses (`kernels`) and what a dead one
+reads (`dead`). `Robot.sensors` has the groups of a robot, in the order of the network's inputs.
 """
 
 import math
@@ -59,23 +59,38 @@ _E_PUCK_CURVE = (
 )
 
 
-class Surroundings(NamedTuple):
-    """What sensors can sense. x, y: the robot's place [m]. walls: (boxes, 4) edges [m]. lit: the lights.
+class Goal(NamedTuple):
+    """The goal of a robot, and its distance from the robot [m]."""
 
-    noise: standard normal numbers, one for each input. noise_level: 1 for the sensors' own noise, 0 for none.
+    x: float
+    y: float
+    distance: float
+
+
+NO_GOAL = Goal(math.nan, math.nan, math.nan)
+
+
+class Surroundings(NamedTuple):
+    """What sensors can sense. x, y: the robot's place [m]. cos, sin: of its heading. walls: (boxes, 4) edges [m].
+
+    lit: the lights. goal: of this lifetime. noise: standard normal numbers, one for each input. noise_level: 1 for the
+    sensors' own noise, 0 for none.
     """
 
     x: float
     y: float
+    cos: float
+    sin: float
     walls: Floats
     lit: light.Lights
     noise: Floats
     noise_level: float
+    goal: Goal
 
 
 @compiled
-def _nothing(around: Surroundings, rays: Floats, scratch: Floats) -> None:
-    pass
+def nothing(around: Surroundings, rays: Floats, scratch: Floats) -> None:
+    """Nothing to look for."""
 
 
 class Kernels(NamedTuple):
@@ -86,7 +101,7 @@ class Kernels(NamedTuple):
     """
 
     read: Callable[[Surroundings, Floats, Floats, Floats], None]
-    look: Callable[[Surroundings, Floats, Floats], None] = _nothing
+    look: Callable[[Surroundings, Floats, Floats], None] = nothing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,6 +117,11 @@ class InputGroup:
         """The number of inputs."""
         return 1
 
+    @property
+    def labels(self) -> list[str]:
+        """The name of each input, for pages."""
+        return [self.label] * self.count
+
 
 @dataclass(frozen=True, kw_only=True)
 class RewardInput(InputGroup):
@@ -114,7 +134,16 @@ class RewardInput(InputGroup):
 
 @dataclass(frozen=True, kw_only=True)
 class SensorGroup(InputGroup, ABC):
-    """Sensors of one kind. places: where they are. dead: what a dead one reads.
+    """Sensors of one kind."""
+
+    @abstractmethod
+    def kernels(self, first: int, radius_m: float) -> Kernels:
+        """The functions of these sensors. first: place of the first among the inputs. radius_m: of the robot."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RimSensors(SensorGroup):
+    """Sensors on the rim of the robot. places: where they are. dead: what a dead one reads.
 
     Raises:
         ValueError: there is no sensor, or a place is not finite.
@@ -137,13 +166,9 @@ class SensorGroup(InputGroup, ABC):
         """The number of sensors."""
         return len(self.places)
 
-    @abstractmethod
-    def kernels(self, first: int, radius_m: float) -> Kernels:
-        """The functions of these sensors. first: place of the first among the inputs. radius_m: of the robot."""
-
 
 @dataclass(frozen=True, kw_only=True)
-class LightSensors(SensorGroup):
+class LightSensors(RimSensors):
     """Sensors of ambient light, which read 1 in the dark."""
 
     name: ClassVar[str] = "light"
@@ -166,7 +191,7 @@ class LightSensors(SensorGroup):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DistanceSensors(SensorGroup):
+class DistanceSensors(RimSensors):
     """Infra-red sensors or laser rays, which read 0 where no wall is near.
 
     curve: value at each distance, from 0 on, linear between; beyond the last point the last value. stretch: apparent

@@ -38,6 +38,7 @@ from epuckhebb.sim.maze import Pose, Side
 from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.sim.not_compiled import NotCompiledError, explained
 from epuckhebb.sim.own_fitness import FitnessError, example_arguments, facts_of, score_of
+from epuckhebb.sim.own_sensor import Sensor, own_sensors
 from epuckhebb.sim.plasticity.rule import (
     INITIAL_RANGE,
     InitialWeights,
@@ -149,7 +150,7 @@ class Session:
 
         Raises:
             NotCompiledError: the rule, or the user's fitness, does not compile.
-            FitnessError: the user's fitness gave no number.
+            FitnessError, SensorError: the user's fitness gave no number, or a sensor none from 0 to 1.
             LostRobotError: a pose or a weight stopped being finite; the message says whose and when.
         """
         first = self.steps
@@ -267,11 +268,19 @@ class Session:
             alone = compile_error(score_of(type(fitness)), *arguments)
             if alone is not None:
                 return explained(f"fitness {fitness.name}", fitness.step, alone, "state")
+        for sensor in own_sensors(self.world.robot.sensors):
+            alone = compile_error(sensor.kernels(0, 0.0).read, *sensor.example(self.individual.network.inputs))
+            if alone is not None and sensor.read is not None:
+                return explained(f"sensor {sensor.name}", sensor.read, alone)
         return explained(f"rule {rule.__name__}", rule.synapse, error, "synapse_state")
 
     def _check(self) -> None:
         """Check that the lifetime still has finite numbers."""
         life, who, tally = self.life, self.individual, self._read_tally()
+        for group, scratch in zip(self.world.robot.sensors, life.workspace.senses.scratch, strict=True):
+            if isinstance(group, Sensor):
+                for reading, value in zip(group.readings, scratch, strict=True):
+                    group.check_value(value, reading)
         if self.world.fitness.step is not None and not math.isfinite(life.score["sum"][0]):
             raise FitnessError(
                 f"fitness {self.world.fitness.name}: `step` gave infinite or nan values on a {who.side} trial of "

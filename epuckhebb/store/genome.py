@@ -26,7 +26,16 @@ from epuckhebb.store.run import Run
 _NOMINAL = "memory_"  # how the names of the arrays of nominal statistics begin
 _SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
 _OF_SEED = re.compile(rf"{REFERENCE}_\d+")
-_TEXTS = ("robot", "experiment", "optimizer", "training", "rule", "task", "fitness_function")  # of a champion
+_TEXTS = (
+    "robot",
+    "experiment",
+    "optimizer",
+    "training",
+    "rule",
+    "task",
+    "fitness_function",
+    "sensors",
+)  # of a champion
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +53,7 @@ class Genome:
         rule: The name of the plasticity rule with which it was evolved; "" without one, or if unknown.
         task: The name of the task for which it was evolved, if it is not the paper's.
         fitness_function: The name of the fitness that its evolution maximised, if it is not the paper's.
+        sensors: The readings of the robot's own sensors, by name, with `, ` between; "" without any.
         nominal: Statistics of the champion in its training world.
         self_memory: What its self-check compares with.
     """
@@ -60,6 +70,7 @@ class Genome:
     rule: str = ""
     task: str = ""
     fitness_function: str = ""
+    sensors: str = ""
     nominal: Nominal | None = None
     self_memory: SelfMemory | None = None
 
@@ -157,6 +168,8 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
         arrays |= {"task": np.str_(genome.task), "rewarded": np.int64(genome.network.rewarded)}
     if genome.fitness_function:
         arrays["fitness_function"] = np.str_(genome.fitness_function)
+    if genome.sensors:
+        arrays["sensors"] = np.str_(genome.sensors)
     for prefix, remembered in ((_NOMINAL, genome.nominal), (_SELF_MEMORY, genome.self_memory)):
         if remembered is not None:
             arrays |= {prefix + key: np.asarray(value) for key, value in asdict(remembered).items()}

@@ -49,8 +49,13 @@ class SelfMemory:
 
 def check_robot(robot: Robot) -> None:
     """Check that a robot has the sensors for a self-check; else a ValueError."""
-    others = len(robot.sensors) > 2
-    if others or robot.light.places != robot.distance.places or not robot.distance.curve[-1].value > 0:
+    own = [group.name for group in robot.sensors[2:]]
+    if own:
+        raise ValueError(
+            f"the self-check has no model of the sensors {', '.join(own)} of robot {robot.name}; leave out "
+            "robot.sensors, or give adaptation.self_check=false"
+        )
+    if robot.light.places != robot.distance.places or not robot.distance.curve[-1].value > 0:
         raise ValueError(
             f"the self-check needs infra-red sensors like the e-puck's; those of robot {robot.name} are others: each "
             "must also sense the light (light_places as distance_places), and read more than 0 far from walls (last "
