@@ -162,7 +162,7 @@ def _own_fitness(settings: DictConfig) -> None:
 
 
 def _own_sensors(sensors: Any) -> None:
-    """Write down where the user's sensors are, what was left as it is in the class, and what their readings are."""
+    """Write down where the user's sensors are, what was left as it is in the class, and what each reading is called."""
     for number, settings in enumerate(sensors if isinstance(sensors, ListConfig) else ()):
         key = f"robot.sensors[{number}]"
         if not isinstance(settings, DictConfig) or ":" not in str(settings.get("sensor")):

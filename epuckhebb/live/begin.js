@@ -7,9 +7,9 @@ let command = "";
 
 async function save() {
   $("saved").textContent = "Saving: the life is run once more, as `epuckhebb evaluate` does it …";
-  const { run, same, command: told } = await ask({ do: "save" });
+  const { run, same, command: typed } = await ask({ do: "save" });
   if (!run) { $("saved").textContent = ""; return; }
-  command = told;
+  command = typed;
   $("copy").disabled = false;
   $("saved").textContent = `${run}: ${same ? "run again, it is the same to the last bit" : "run again, it went otherwise: please tell us"}. See it again with: epuckhebb replay ${run} --open`;
 }
@@ -77,7 +77,7 @@ const charts = [
   { name: "fitness", heading: "Live fitness, F", note: "how well the robot is doing at this moment; 1 is best" },
   { name: "changeSignal", heading: "Change signal", note: "how unlike the training world things are" },
   { name: "rate", heading: "Effective rate, Nₑ", note: "how strongly this moment may change the connections" },
-  { name: "weightChange", heading: "Weight change", note: "how far all connections together are from where they were at birth" },
+  { name: "weightChange", heading: "Weight change", note: "how far all connections together are from the initial weights" },
 ];
 views = [
   ...data.controllers.map((_, c) => new LiveMaze(c)),
@@ -105,7 +105,7 @@ repaint();
 try {
   for (;;) {
     const { kind, payload } = await frame();
-    if (kind === WORLD) meet(decoded(payload));
+    if (kind === WORLD) follow(decoded(payload));
     else if (kind === SAMPLES) take(payload);
     redraw();
   }

@@ -1,4 +1,4 @@
-"""Runs a live world at a pace, does what pages wish between two steps, and wakes those who watch."""
+"""Runs a live world in real time or faster, makes the changes that pages ask for, and wakes the streams."""
 
 import threading
 import time
@@ -102,7 +102,7 @@ class Engine(threading.Thread):
     def _change(self, wish: dict[str, Any]) -> dict[str, Any]:
         values = wish.get("values")
         if not isinstance(values, dict):
-            raise ValueError("a change needs values")  # noqa: TRY004 - it is told to the page
+            raise ValueError("a change needs values")  # noqa: TRY004 - the page shows it
         with self.news:
             self.world.wish(values)
             if self._runs:

@@ -33,7 +33,7 @@ async function change(values) {
     const wish = { do: "change", values: waiting };
     waiting = null;
     const { error } = await ask(wish);
-    if (error) meet({ ...now });  // as it is, not as it was wished
+    if (error) follow({ ...now });  // as it is, not as it was wished
   }
   isBusy = false;
 }
@@ -221,21 +221,21 @@ function repaint() {
   redraw();
 }
 
-/** Take what the program tells of the world. */
-function meet(told) {
-  if (told.life !== undefined && told.life !== data.life) { location.reload(); return; }
-  const moved = now.byHand !== told.byHand, isNew = JSON.stringify(told.world) !== JSON.stringify(now.world);
-  now = structuredClone(told);
-  if (isNew && (!previews || !told.pending)) {
+/** Take the news of the world. */
+function follow(news) {
+  if (news.life !== undefined && news.life !== data.life) { location.reload(); return; }
+  const moved = now.byHand !== news.byHand, isNew = JSON.stringify(news.world) !== JSON.stringify(now.world);
+  now = structuredClone(news);
+  if (isNew && (!previews || !news.pending)) {
     if (previews) { data.worlds.pop(); own.forEach(({ begins }) => begins.pop()); }
     data.worlds.push(now.world);
-    for (const { begins } of own) begins.push(told.pending ? END : told.last.at ?? END);
+    for (const { begins } of own) begins.push(news.pending ? END : news.last.at ?? END);
   } else if (isNew) data.worlds[data.worlds.length - 1] = now.world;
-  else if (previews && !told.pending) for (const { begins } of own) begins[begins.length - 1] = told.last.at ?? END;
-  previews = told.pending && (isNew || previews);
-  if (moved && told.last.at !== null && !(data.changes.at(-1)?.at > told.last.at - 0.3)) {
-    data.changes.push({ at: told.last.at, byHand: true });
-    log(`${told.last.at.toFixed(1)} s: ${told.last.keys.join(", ").replaceAll("_", " ")}`);
+  else if (previews && !news.pending) for (const { begins } of own) begins[begins.length - 1] = news.last.at ?? END;
+  previews = news.pending && (isNew || previews);
+  if (moved && news.last.at !== null && !(data.changes.at(-1)?.at > news.last.at - 0.3)) {
+    data.changes.push({ at: news.last.at, byHand: true });
+    log(`${news.last.at.toFixed(1)} s: ${news.last.keys.join(", ").replaceAll("_", " ")}`);
   }
   const placed = waiting?.placed ?? (typeof hand?.thing === "number" ? world.placed : now.world.placed);
   world = { ...structuredClone(now.world), placed };
@@ -253,11 +253,11 @@ function log(line) {
 }
 
 function controls() {
-  const show = (id, value, told) => {
+  const show = (id, value, text) => {
     const input = $(id);
     if (!input.matches(":active")) input.value = value;
-    input.previousElementSibling.textContent = told;
-    input.setAttribute("aria-valuetext", told);
+    input.previousElementSibling.textContent = text;
+    input.setAttribute("aria-valuetext", text);
   };
   const nearest = RATES.reduce((best, rate, i) => (Math.abs(rate - world.rate) < Math.abs(RATES[best] - world.rate) ? i : best), 0);
   show("light", world.light, world.light.toFixed(2));

@@ -1,4 +1,4 @@
-"""The page of a live world, what it is told of the world, and the numbers that keep it up to date."""
+"""The page of a live world, and the frames of numbers that keep it up to date."""
 
 import json
 import struct
@@ -17,8 +17,8 @@ from epuckhebb.sim.by_hand import MOST_BLOCKS
 from epuckhebb.sim.maze import boxes
 from epuckhebb.sim.robot import STEP_S
 
-WORLD, SAMPLES, NOTHING = range(3)  # kinds of frames; the last tells that the server is there
-WEIGHTS_EVERY = 8  # steps; sensors, motors and poses are told of every step
+WORLD, SAMPLES, NOTHING = range(3)  # kinds of frames; the last says that the server is there
+WEIGHTS_EVERY = 8  # steps; sensors, motors and poses are sent of every step
 _MOST = 2048  # steps in a frame; who is behind gets more frames
 _FRAMES = "http://localhost:* http://127.0.0.1:*"  # where the page may be in a frame: a notebook of this machine
 
@@ -130,16 +130,16 @@ class View:
             engine.news.wait_for(self._is_behind, patience_s)
             if engine.has_ended:
                 return b""
-            told: dict[str, Any] = {}
+            news: dict[str, Any] = {}
             if engine.life != self._life:
                 self._life, self._version, self._sent = engine.life, -1, 0
-                told = facts(engine)
+                news = facts(engine)
             frames = []
             if engine.version != self._version:
                 self._version = engine.version
-                told |= state(engine)
-            if told:
-                frames.append(frame(WORLD, json.dumps(told, allow_nan=False).encode()))
+                news |= state(engine)
+            if news:
+                frames.append(frame(WORLD, json.dumps(news, allow_nan=False).encode()))
             if self._sent < engine.world.steps:
                 content, self._sent = samples(engine.world, self._sent)
                 frames.append(frame(SAMPLES, content))

@@ -33,7 +33,7 @@ _LARGEST = 2**16  # bytes of a wish
 _MOST_PAGES = 8
 _MOST_REQUESTS = 64  # at one time
 _PATIENCE_S = 20.0  # with a page that neither reads nor writes
-_QUIET_S = 5.0  # after which a page is told that the server is still there
+_QUIET_S = 5.0  # after which a page receives a sign that the server is still there
 _UNWATCHED_S = 3600.0  # after which a world without a page ends
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -129,21 +129,21 @@ class _Handler(BaseHTTPRequestHandler):
             try:
                 wish = json.loads(content)
                 if not isinstance(wish, dict):
-                    raise ValueError("a wish is a JSON object")  # noqa: TRY004, TRY301 - it is told to the page
+                    raise ValueError("a wish is a JSON object")  # noqa: TRY004, TRY301 - the page shows it
                 answer = self.server.engine.do(wish)
             except (ValueError, ArithmeticError, OSError, RuntimeError) as error:  # a ConfigError among them
                 answer = {"error": str(error)}
             self._send(json.dumps(answer).encode(), "application/json")
 
     def _is_ours(self) -> bool:
-        """Whether the request names this server, and not something that was bound to its address; else it is told."""
+        """Whether the request names this server, not a name bound to its address; else it is refused."""
         if self.headers.get("Host") in self._hosts():
             return True
         self._refuse(HTTPStatus.FORBIDDEN)
         return False
 
     def _is_trusted(self) -> bool:
-        """Whether the request comes from our page; else it is told."""
+        """Whether the request comes from our page; else it is refused."""
         origin = self.headers.get("Origin")
         site = self.headers.get("Sec-Fetch-Site", "same-origin")
         given = self.headers.get("X-Epuckhebb", "").encode("utf-8", "replace")

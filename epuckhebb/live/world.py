@@ -1,7 +1,7 @@
 """Robots that live the same lifetime, with and without plasticity, and all that someone does to them by hand.
 
 Each robot is alone in its own space of the same world, with the same noise. What is done by hand is done to all of
-them at the same step. It is an ordinary evaluation, `scenario.hand=FILE`, that gives the same bits again.
+them at the same step. An ordinary evaluation with `scenario.hand=FILE` is bit-identical.
 """
 
 import shlex
@@ -121,7 +121,7 @@ class LiveWorld:
 
     @property
     def is_over(self) -> bool:
-        """Whether all robots have come to the end of their lifetime."""
+        """Whether all robots are at the end of their lifetime."""
         return all(robot.is_over for robot in self.robots)
 
     @property

@@ -100,7 +100,7 @@ class Prepared:
 
 
 def _identity(part: object, functions: Sequence[Callable[..., object]]) -> tuple[str, ...]:
-    """What tells a part with these functions from another one with the same settings."""
+    """The code of a part of the user's, which distinguishes it from another one with the same settings."""
     module = type(part).__module__
     with suppress(UnknownPartError):  # then the module must do, whose name has the SHA-256 of a user's file
         return (module, *map(digest, functions))

@@ -1,4 +1,4 @@
-"""A sensor of the user's own: its readings follow those of the light and distance sensors."""
+"""A sensor of the user's own; in the inputs of the network it stands behind the light and distance sensors."""
 
 import math
 from collections import namedtuple
@@ -35,7 +35,7 @@ class SensorError(ValueError):
 class Sensor(SensorGroup):
     """A sensor of the user's own; subclasses add settings as fields, and a static method `read`, compiled by numba.
 
-    readings: the names of its readings. noise: standard deviation of the noise on each. `read` gives the reading, or as
+    readings: the name of each reading. noise: standard deviation of the noise on each. `read` gives the reading, or as
     many as there are names, each from 0 to 1. Its arguments are any of these names, in any order:
 
         x, y, heading    of the robot, m and rad (0 along x, from -pi to pi)
@@ -103,7 +103,7 @@ class Sensor(SensorGroup):
         """
         kind, what = type(self), f"sensor {self.name}"
         if kind.read is None:
-            raise ValueError(f"{what} has no static method `read`, which gives its readings")
+            raise ValueError(f"{what} has no static method `read`, which gives the readings")
         own_class.check_fields(what, kind)
         names = _arguments(kind)
         own_class.check_repeatable(what, kind.read)

@@ -168,9 +168,9 @@ class Scenario:
     @property
     def events(self) -> list[tuple[str, Mapping[str, Any]]]:
         """All changes in the order of the steps from which they hold, by hand before planned, each with its key."""
-        told = [(f"scenario.hand[{number}]", change) for number, change in enumerate(self.hand)]
-        told += [(f"scenario.changes[{number}]", change) for number, change in enumerate(self.changes)]
-        return sorted(told, key=lambda event: step_of(event[1])) if self.hand else told
+        events = [(f"scenario.hand[{number}]", change) for number, change in enumerate(self.hand)]
+        events += [(f"scenario.changes[{number}]", change) for number, change in enumerate(self.changes)]
+        return sorted(events, key=lambda event: step_of(event[1])) if self.hand else events
 
     def changed(self, change: Mapping[str, Any]) -> "Scenario":
         """This world after a change, without changes of its own; what happens at once happens with this one alone.

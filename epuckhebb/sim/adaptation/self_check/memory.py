@@ -146,7 +146,7 @@ def regression(moments: Floats, inputs: int, dead: NDArray[np.int64], others: ND
 def _solve(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
     """Solve A x = b for a symmetric positive definite A: (n, n), b: (n, columns).
 
-    Gauss elimination, one element at a time: the same bits on every machine. Those of LAPACK depend on the number of
+    Gauss elimination, one element at a time: bit-identical on every machine. Those of LAPACK depend on the number of
     threads and on the kind of processor. Source: Golub and Van Loan, *Matrix Computations* (2013), section 3.2.
     """
     rows, size = np.column_stack([matrix, right]), len(matrix)
