@@ -42,7 +42,7 @@ def test_a_rule_is_found_in_an_odd_folder(tmp_path, monkeypatch, text):
     rule = "import epuckhebb\nclass Own(epuckhebb.Rule):\n    @staticmethod\n    def synapse(): return 0.0\n"
     (folder / "own.py").write_text(rule, encoding="utf-8")
     monkeypatch.chdir(folder)
-    override = hydra._with_rules_found("hebbian.rule=own.py:Own,paper")
+    override = hydra._with_own_files_found("hebbian.rule=own.py:Own,paper")
     assert [overrides.value_of(one) for one in overrides.alternatives([override])["hebbian.rule"]] == [
         f"{folder}/own.py:Own",
         "paper",

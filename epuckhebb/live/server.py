@@ -203,8 +203,8 @@ class Play:
     """A live world that is served; a context manager that ends it. words: settings. port: the first that is tried."""
 
     def __init__(self, words: Sequence[str], side: Side, config_dir: str | None = None, port: int = PORT) -> None:
-        def make(asked: dict[str, Any]) -> LiveWorld:
-            given: dict[str, Any] = dict(asked)
+        def make(wanted: dict[str, Any]) -> LiveWorld:
+            given: dict[str, Any] = dict(wanted)
             on: Side = "right" if given.pop("side", side) == "right" else "left"
             kept = [word for word in words if word.partition("=")[0].partition(".")[0] not in given]
             return LiveWorld([*kept, *(f"{key}={quoted(str(value))}" for key, value in given.items())], on, config_dir)
