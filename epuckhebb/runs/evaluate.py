@@ -30,7 +30,7 @@ from epuckhebb.sim.block import load_kernel
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.digest import UnknownPartError, digest
 from epuckhebb.sim.network import Network
-from epuckhebb.sim.own_sensor import own_sensors
+from epuckhebb.sim.own_sensor import own_sensors, reading_names
 from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, evolved_sizes, functions_of, name_of
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
@@ -182,7 +182,7 @@ def _check_genome(genome: Genome, config: EvaluateConfig) -> None:
             f"{named} is for a network of layers {genome.network}, which {has} task={world.task.name}; "
             f"give task={genome.task or ONE_TRIAL.name}, or a champion that was evolved with task={world.task.name}"
         )
-    sensors = ", ".join(label for group in own_sensors(robot.sensors) for label in group.labels)
+    sensors = reading_names(robot.sensors)
     if genome.optimizer and genome.sensors != sensors:
         raise ConfigError(
             f"{named} is for a robot whose own sensors are {genome.sensors or 'none'}; those of robot {robot.name} are "
