@@ -23,7 +23,7 @@ from epuckhebb.config.schema import EvolveConfig, Plain, dump, say_unusual
 from epuckhebb.config.stored import from_values, settings
 from epuckhebb.evolution.evolve import Generation, evolve, memory_to_evolve
 from epuckhebb.runs import hydra
-from epuckhebb.runs.evaluate import compile_for
+from epuckhebb.runs.evaluate import check_sensors, compile_for
 from epuckhebb.runs.nominal import remember_training_world
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.progress import Bar, say
@@ -136,8 +136,8 @@ def prepare(config: EvolveConfig, *, has_genome: bool = True) -> Prepared:
     weights = None
     if has_genome and config.genome is not None:
         genome = load_genome(config.genome, world.experiment, config.layers)
-        given = genome.robot, genome.sensors, genome.network
-        if given != (world.robot.name, reading_names(world.robot.sensors), network):
+        check_sensors(genome, world.robot)
+        if genome.robot != world.robot.name or genome.network != network:
             raise ConfigError(
                 f"genome={config.genome} is for robot {genome.robot} and a network of layers {genome.network}; this "
                 f"evolution is for robot {world.robot.name} and layers {network}. Give another genome, robot or "
