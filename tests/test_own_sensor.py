@@ -216,3 +216,13 @@ def test_a_sensor_that_does_not_compile_is_named():
     assert "sensor Muddled of" in said
     assert "does not compile" in said
     assert not Path("out").exists()
+
+
+@pytest.mark.usefixtures("copy")
+def test_jobs_of_a_multirun_find_it_wherever_their_worker_started():
+    own = "robot.sensors=[{sensor: examples/own_sensor/my_sensors.py:Compass, noise: 0.05}]"
+    done("evolve", "-m", "seed=1,2", own, *SMALL_GA, "ga.generations=1", "hydra.sweep.dir=out", "hydra/launcher=basic")
+    for job in (0, 1):
+        words = Path(f"out/{job}/.hydra/overrides.yaml").read_text()
+        assert f"sensor:{Path.cwd()}/examples/own_sensor/my_sensors.py" in words
+        assert load_genome(f"out/{job}", "obstacles").sensors == "Compass north, Compass east"

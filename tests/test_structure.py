@@ -23,6 +23,7 @@ INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
     "reachable": {"maze"},
     "by_hand": {"maze", "reachable"},
     "sensors": {"compiled", "light"},
+    "look": {"compiled", "faults", "life", "physics", "random", "robot", "senses", "sensors", "task", "tasks"},
     "own_sensor": {"compiled", "light", "own_class", "sensors"},
     "robot": {"sensors"},
     "senses": {"compiled", "light", "robot", "sensors"},

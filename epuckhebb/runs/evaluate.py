@@ -30,9 +30,9 @@ from epuckhebb.sim.block import load_kernel
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.digest import UnknownPartError, digest
 from epuckhebb.sim.network import Network
-from epuckhebb.sim.own_sensor import own_sensors
+from epuckhebb.sim.own_sensor import own_sensors, reading_names
 from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, evolved_sizes, functions_of, name_of
-from epuckhebb.sim.robot import EPUCK
+from epuckhebb.sim.robot import EPUCK, Robot
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.session import LostRobotError
 from epuckhebb.sim.tasks.reversal import Reversal
@@ -172,6 +172,16 @@ def _robot_of(genome: str) -> str:
         return EPUCK.name
 
 
+def check_sensors(genome: Genome, robot: Robot) -> None:
+    """Refuse a champion whose robot had other sensors of the user's own."""
+    sensors = reading_names(robot.sensors)
+    if genome.optimizer and genome.sensors != sensors:
+        raise ConfigError(
+            f"genome={genome.name} is for a robot whose own sensors are {genome.sensors or 'none'}; those of robot "
+            f"{robot.name} are {sensors or 'none'}. Give robot.sensors=[...] as in training, or another champion"
+        )
+
+
 def _check_genome(genome: Genome, config: EvaluateConfig) -> None:
     """Refuse a genome for another robot or task, or without what a rule takes from it."""
     world, robot = config.world, config.world.robot
@@ -182,12 +192,7 @@ def _check_genome(genome: Genome, config: EvaluateConfig) -> None:
             f"{named} is for a network of layers {genome.network}, which {has} task={world.task.name}; "
             f"give task={genome.task or ONE_TRIAL.name}, or a champion that was evolved with task={world.task.name}"
         )
-    sensors = ", ".join(label for group in own_sensors(robot.sensors) for label in group.labels)
-    if genome.optimizer and genome.sensors != sensors:
-        raise ConfigError(
-            f"{named} is for a robot whose own sensors are {genome.sensors or 'none'}; those of robot {robot.name} are "
-            f"{sensors or 'none'}. Give robot.sensors=[...] as in training, or another champion"
-        )
+    check_sensors(genome, robot)
     if genome.robot != robot.name or genome.network.inputs != world.inputs:
         raise ConfigError(
             f"{named} is for robot {genome.robot} and a network of layers {genome.network}; robot {robot.name} has "

@@ -23,7 +23,7 @@ from epuckhebb.config.schema import EvolveConfig, Plain, dump, say_unusual
 from epuckhebb.config.stored import from_values, settings
 from epuckhebb.evolution.evolve import Generation, evolve, memory_to_evolve
 from epuckhebb.runs import hydra
-from epuckhebb.runs.evaluate import compile_for
+from epuckhebb.runs.evaluate import check_sensors, compile_for
 from epuckhebb.runs.nominal import remember_training_world
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.progress import Bar, say
@@ -32,7 +32,7 @@ from epuckhebb.sim.adaptation.nominal import Nominal, memory_to_measure_nominal
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, plan_of
 from epuckhebb.sim.network import Network
-from epuckhebb.sim.own_sensor import own_sensors
+from epuckhebb.sim.own_sensor import reading_names
 from epuckhebb.sim.plasticity.rule import NoRule, name_of
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 from epuckhebb.store import CHAMPION, CHECKPOINT, CONFIG, Genome, Run, RunFolder, champion_file, load_genome, provenance
@@ -115,7 +115,7 @@ class Prepared:
             rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
             task="" if config.world.task == ONE_TRIAL else config.world.task.name,
             fitness_function=config.world.fitness.name if config.world.fitness.is_own else "",
-            sensors=", ".join(label for group in own_sensors(config.world.robot.sensors) for label in group.labels),
+            sensors=reading_names(config.world.robot.sensors),
             nominal=nominal,
             self_memory=self_memory,
         )
@@ -136,6 +136,7 @@ def prepare(config: EvolveConfig, *, has_genome: bool = True) -> Prepared:
     weights = None
     if has_genome and config.genome is not None:
         genome = load_genome(config.genome, world.experiment, config.layers)
+        check_sensors(genome, world.robot)
         if genome.robot != world.robot.name or genome.network != network:
             raise ConfigError(
                 f"genome={config.genome} is for robot {genome.robot} and a network of layers {genome.network}; this "

@@ -2,6 +2,7 @@
 
 import functools
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, redirect_stderr, suppress
@@ -31,6 +32,7 @@ from epuckhebb.runtime.errors import ConfigError, JobFailedError, exit_with_pare
 from epuckhebb.runtime.resources import data_folder, path_of, thread_count
 from epuckhebb.store import check_folder_of_multirun, of_multirun
 
+_SENSOR = re.compile(r"(sensor: *)([^\s,}:]+\.py)(?=:)")  # the file of a sensor of the user's own
 _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _HYDRAS_WORDS = "Error executing job with overrides"  # before what a job raised
 
@@ -103,6 +105,8 @@ def run(command: str, job: Callable[[Any], None], arguments: list[str], config_d
 def _with_own_files_found(argument: str) -> str:
     """An override in which the user's files have absolute paths: a worker may start in another folder."""
     key = argument.partition("=")[0]
+    if key == "robot.sensors":
+        return _SENSOR.sub(lambda found: f"{found[1]}{path_of(found[2], key).absolute()}", argument)
     if key not in plugins.KEYS or ":" not in argument:
         return argument
     (choices,) = alternatives([argument]).values()

@@ -14,8 +14,8 @@ from functools import cached_property
 from itertools import accumulate, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled, in_turn
 from epuckhebb.sim.vectors import WIDTH, alike, plus, read, times, whole, write
 
@@ -134,7 +134,12 @@ class Network:
 PAPER_NETWORK = Network()
 
 
-def initial_weights_of(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+@dataclass(frozen=True)
+class GivenOutputs(Network):
+    """No network: what decides from outside writes the outputs for both wheels into the first two weights."""
+
+
+def initial_weights_of(weights: Floats) -> Floats:
     """The weights at the start of a lifetime: a copy of the inherited ones, clipped to +-2."""
     return np.clip(weights, -WEIGHT_LIMIT, WEIGHT_LIMIT)
 
@@ -155,7 +160,7 @@ def tanh(x: float) -> float:
     return math.copysign((tanh_a + tanh_d) / (1.0 + tanh_a * tanh_d), x)
 
 
-Pass = Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], None]
+Pass = Callable[[Floats, Floats, Floats], None]
 
 
 def forward_pass(network: Network) -> Pass:
@@ -164,7 +169,17 @@ def forward_pass(network: Network) -> Pass:
     weights: (synapses,). activation: (neurons,), inputs and bias given, the rest filled. drive: workspace, whole
     vectors of four for the widest layer, a layer's x W. The sizes are constants in the machine code.
     """
+    if isinstance(network, GivenOutputs):
+        return _pass_given(network.wheels)
     forward: Pass = in_turn(_fire, network.vectors, "weights, activation, drive")
+    return forward
+
+
+def _pass_given(wheels: int) -> Pass:
+    @compiled
+    def forward(weights: Floats, activation: Floats, drive: Floats) -> None:
+        activation[wheels], activation[wheels + 1] = weights[0], weights[1]
+
     return forward
 
 
@@ -175,9 +190,9 @@ def _fire(
     inputs: int,
     outputs: int,
     vectors: int,
-    weights: NDArray[np.float64],
-    activation: NDArray[np.float64],
-    drive: NDArray[np.float64],
+    weights: Floats,
+    activation: Floats,
+    drive: Floats,
 ) -> None:
     """Pass activations through one layer of connections: from neuron `pre` on to neuron `post` on."""
     for j in range(0, vectors * WIDTH, WIDTH):
@@ -194,7 +209,7 @@ def _fire(
         activation[post + j] = tanh(drive[j])
 
 
-def by_layer(network: Network, values: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def by_layer(network: Network, values: Floats) -> list[Floats]:
     """Numbers of all synapses, (..., synapses), as one (..., presynaptic, postsynaptic) array for each layer."""
     bounds = [*network.first_synapse, network.synapses]
     return [

@@ -155,6 +155,11 @@ def own_sensors(groups: Sequence[SensorGroup]) -> list[Sensor]:
     return [group for group in groups if isinstance(group, Sensor)]
 
 
+def reading_names(groups: Sequence[SensorGroup]) -> str:
+    """The readings of the user's sensors among the groups of a robot, with `, ` between."""
+    return ", ".join(label for sensor in own_sensors(groups) for label in sensor.labels)
+
+
 def recorded_sensor(name: str, readings: Sequence[str]) -> Sensor:
     """What stands for a user's sensor where a recorded run is read: its name and readings; it senses nothing."""
     zeros = (0.0,) * len(readings) if len(readings) > 1 else 0.0

@@ -17,6 +17,7 @@ from epuckhebb.sim.adaptation.adaptation import initial_adaptation_state
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide, check_nominal
 from epuckhebb.sim.adaptation.homeostasis import check_patterns
 from epuckhebb.sim.adaptation.self_check.corrections import Corrections, check_corrections
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compile_error
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import WEIGHTS
@@ -34,6 +35,7 @@ from epuckhebb.sim.life import (
     pad_samples,
 )
 from epuckhebb.sim.light import lights
+from epuckhebb.sim.look import look_kernel
 from epuckhebb.sim.maze import Pose, Side
 from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.sim.not_compiled import NotCompiledError, explained
@@ -156,8 +158,7 @@ class Session:
         first = self.steps
         last = min(first + count, self.lifetime.steps)
         while (now := self.steps) < last and not self._has_ended():
-            while self._phases and self._phases[0].step <= now:
-                self._enter(self._phases.pop(0))
+            self._enter_due()
             self._run(min(last, self._phases[0].step) if self._phases else last)
         return now - first
 
@@ -181,6 +182,14 @@ class Session:
         live = self._stage.kind_of(who.controller, who.network, more_faults).live
         self._kind = self._kind._replace(live=live)
         self._enter(self._phases.pop(0))
+
+    def look(self) -> Floats:
+        """The inputs that the network will have in the next step, (inputs,), without corrections of an adaptation."""
+        self._enter_due()
+        self._move_to_new_walls()
+        readings = np.zeros(self.individual.network.inputs)
+        look_kernel(self.world.robot, self.world.task)(self.life, self._setup, self._space.handles, readings)
+        return readings
 
     def outcome(self) -> Outcome:
         """The metrics of the lifetime so far, of one step or more."""
@@ -214,6 +223,17 @@ class Session:
     def _has_ended(self) -> bool:
         return len(self.life.trials) > 0 and bool(self._tally["over"])
 
+    def _enter_due(self) -> None:
+        """Begin the phases that the next step belongs to."""
+        while self._phases and self._phases[0].step <= self.steps:
+            self._enter(self._phases.pop(0))
+
+    def _move_to_new_walls(self) -> None:
+        """Put the robot among the walls of this phase, unless it stands in their way."""
+        if self._space is not self._phase.space and not self._phase.is_blocked(self._space):
+            self._phase.space.take_over(self._space)
+            self._space = self._phase.space
+
     def _enter(self, phase: Phase) -> None:
         """Begin a phase; its walls appear as soon as the robot is not in their way."""
         individual, lifetime, kind = self.individual, self.lifetime, self._kind
@@ -243,11 +263,9 @@ class Session:
         """Run the steps of one phase."""
         phase = self._phase
         while self._space is not phase.space and self.steps < until and not self._has_ended():
-            if phase.is_blocked(self._space):
+            self._move_to_new_walls()
+            if self._space is not phase.space:
                 self._live(self.steps + 1)  # the new walls wait until the robot has left
-            else:
-                phase.space.take_over(self._space)
-                self._space = phase.space
         if not self._has_ended():
             self._live(until)
         if self._has_ended() and self._record_every:

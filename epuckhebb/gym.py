@@ -1,0 +1,210 @@
+"""The robot as an environment of Gymnasium, for reinforcement learning: `pip install "epuckhebb[gym]"`.
+
+    import epuckhebb.gym  # registers the environment
+    env = gymnasium.make("epuckhebb/TMaze-v0", scenario="base", reward="fitness")
+
+An observation is the sensor readings of the next control step, an action the outputs for the left and the right wheel.
+An episode is a lifetime: the same step as in `evaluate`, so a champion that is driven from here is bit-identical to it.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from epuckhebb.config.compose import load
+from epuckhebb.config.overrides import quoted
+from epuckhebb.config.schema import EvolveConfig
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.arrays import Floats
+from epuckhebb.sim.compiled import kernel
+from epuckhebb.sim.maze import SIDES, Side
+from epuckhebb.sim.network import (
+    OUTPUTS,
+    PAPER_NETWORK,
+    WEIGHT_LIMIT,
+    GivenOutputs,
+    Network,
+    forward_pass,
+    initial_weights_of,
+)
+from epuckhebb.sim.plasticity.rule import NoRule
+from epuckhebb.sim.random import Stream, key
+from epuckhebb.sim.session import Individual, Session
+from epuckhebb.sim.stage import Stage
+from epuckhebb.sim.vectors import whole
+
+ID = "epuckhebb/TMaze-v0"
+REWARDS = ("fitness", "success", "progress")
+
+
+class TMaze(gymnasium.Env[Floats, Floats]):
+    """A robot in a maze; an episode is a lifetime of `evolve`, 60 s at 4 rad/s unless `overrides` say otherwise.
+
+    Observation: the sensor readings, 0 to 1, light first (a task may add a reward, -1 to 1). Action: the outputs for
+    the left and the right wheel, -1 to 1. The rewards of an episode add up to its `fitness`; to its `success`, 1 at the
+    last step if the robot is at its goal; or to its `progress`, how much nearer to the goal it is at the end than at
+    the start [m]. An episode terminates at the end of the lifetime.
+
+    scenario: the name of a scenario. reward: one of these. side: `left` (lamp off) or `right`; None for either at
+    random. overrides: more settings as on the command line, for example "fitness.function=FILE.py:NAME". config_dir: a
+    folder with more configuration files.
+
+    Raises:
+        ValueError: a setting cannot be used; the message says why.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  # as Gymnasium has it
+
+    def __init__(
+        self,
+        scenario: str = "base",
+        reward: str = "fitness",
+        side: Side | None = None,
+        overrides: Sequence[str] = (),
+        config_dir: str | Path | None = None,
+    ) -> None:
+        if reward not in REWARDS:
+            raise ConfigError(f"reward must be one of {', '.join(REWARDS)}, got {reward!r}")
+        _check_side(side)
+        words = [f"scenario={quoted(scenario)}", "hebbian=none", *overrides]
+        config = load(EvolveConfig, words, None if config_dir is None else str(config_dir))
+        self.world, self.lifetime, self.reward, self.side = config.world, config.lifetime, reward, side
+        self.network = GivenOutputs((self.world.inputs, OUTPUTS), self.world.task.gives_reward)
+        lowest = np.zeros(self.world.inputs)
+        lowest[self.world.robot.inputs :] = -1.0
+        self.observation_space = gymnasium.spaces.Box(lowest, np.ones(self.world.inputs), dtype=np.float64)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (OUTPUTS,), np.float64)
+        self._stage = Stage(self.world, self.lifetime, NoRule)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
+        """Begin a lifetime.
+
+        options: `side`, and `key`, the number of its sensor noise (`evaluation_key`); both are drawn without them.
+        """
+        super().reset(seed=seed)
+        given = dict(options or {})
+        side, noise = given.pop("side", self.side), given.pop("key", None)
+        if given:
+            raise ConfigError(f"options of reset are side and key, got {next(iter(given))}")
+        _check_side(side)
+        drawn = SIDES[int(self.np_random.integers(2))], self.np_random.integers(2**63)
+        individual = Individual(
+            genes=np.zeros(self.network.synapses),
+            side=side or drawn[0],
+            key=np.uint64(drawn[1] if noise is None else noise),
+            network=self.network,
+            task_key=int(drawn[1]),
+        )
+        self.session = Session(individual, self.world, self.lifetime, stage=self._stage)
+        self._given, self._distance = 0.0, None if self.reward != "progress" else self._goal_distance()
+        return self.session.look(), {"side": individual.side}
+
+    def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
+        """Run one control step, 32 ms."""
+        outputs = np.asarray(action, np.float64)
+        if outputs.shape != (OUTPUTS,) or not (np.abs(outputs) <= 1.0).all():
+            raise ValueError(f"an action must be two numbers from -1 to 1, left and right wheel, got {action!r}")
+        if self.session.is_over:
+            raise ValueError("the episode is over; call reset")
+        life = self.session.life
+        life.weights[:OUTPUTS] = outputs
+        sum_before = self._sum()
+        self.session.step()
+        is_over = self.session.is_over
+        distance = float(life.tally["goal_distance"][0])
+        info = {"goal_distance": distance, "success": distance < self.world.maze.goal_radius_m}
+        if is_over:
+            info["outcome"] = self.session.outcome()
+        return self.session.look(), self._reward(sum_before, distance, info, is_over), is_over, False, info
+
+    def _reward(self, sum_before: float, distance: float, info: dict[str, Any], is_over: bool) -> float:
+        if self.reward == "progress":
+            before, self._distance = self._distance, distance
+            return 0.0 if before is None else before - distance
+        if self.reward == "success":
+            return float(is_over and info["success"])
+        reward = (self._sum() - sum_before) / self.lifetime.steps
+        if is_over:
+            reward = info["outcome"].fitness - self._given
+        self._given += reward
+        return reward
+
+    def _sum(self) -> float:
+        """The part of the fitness that is a sum over the steps, times the steps: that of the paper, or of `step`."""
+        if self.world.fitness.is_own:
+            return float(self.session.life.score["sum"][0])
+        return 0.0 if self.world.task.has_trials else float(self.session.life.tally["behaviour_sum"][0]) / 2.0
+
+    def _goal_distance(self) -> float:
+        """The distance from the goal [m] before the first step."""
+        x, y, _ = self.session.pose
+        goal = self.world.goals_now[self.session.individual.side]
+        return float(np.hypot(x - goal.x, y - goal.y))
+
+
+def _check_side(side: Any) -> None:
+    if side is not None and side not in SIDES:
+        raise ConfigError(f"side must be {' or '.join(SIDES)}, or None for either at random, got {side!r}")
+
+
+def evaluation_key(seed: int, repeat: int, side: Side) -> int:
+    """The key of the sensor noise that `evaluate` has for this seed, repeat (from 0) and side, for `reset`."""
+    return int(key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)))
+
+
+def policy_from_genome(genes: Floats, network: Network = PAPER_NETWORK) -> Callable[[Floats], Floats]:
+    """The function from observation to action that the weights of a champion are: bit-identical to its network.
+
+    genes: (synapses,). network: that of these genes.
+    """
+    weights = initial_weights_of(np.asarray(genes, np.float64))
+    if weights.shape != (network.synapses,):
+        raise ConfigError(f"a network of layers {network} has {network.synapses} weights, got shape {weights.shape}")
+    activation, drive = np.zeros(network.neurons), np.empty(whole(max(network.post)))
+    activation[network.bias] = 1.0
+    pass_through = kernel(_pass, forward=forward_pass(network))
+
+    def policy(observation: Floats) -> Floats:
+        activation[: network.inputs] = observation
+        pass_through(weights, activation, drive)
+        return activation[network.wheels :].copy()
+
+    return policy
+
+
+forward = forward_pass(PAPER_NETWORK)
+
+
+def _pass(weights: Floats, activation: Floats, drive: Floats) -> None:
+    """Pass an observation through a network."""
+    forward(weights, activation, drive)
+
+
+def genome_from_policy(weights: Sequence[Any], bias: Any, network: Network = PAPER_NETWORK) -> Floats:
+    """The genes of a policy that has the layers of a network, tanh after each, and a bias in the first layer alone.
+
+    weights: for each layer of connections an array (postsynaptic, presynaptic) as `torch.nn.Linear.weight` has it.
+    bias: (neurons of the first hidden layer,). network: the paper's 16-7-5-8-4-2, unless given.
+
+    Raises:
+        ValueError: the shapes are others, or a weight lies outside +-2, to which the program would clip it.
+    """
+    layers = [np.asarray(one, np.float64).T for one in weights]
+    first = np.asarray(bias, np.float64)
+    shapes = [(network.inputs, network.post[0]), *network.shapes[1:]]
+    if [one.shape for one in layers] != shapes or first.shape != shapes[0][1:]:
+        wanted = ", ".join(str(shape[::-1]) for shape in shapes)
+        raise ConfigError(
+            f"a policy for layers {network} has weights of shape {wanted}, and a bias of shape {shapes[0][1:]}, got "
+            f"{', '.join(str(one.T.shape) for one in layers)}, and {first.shape}"
+        )
+    genes = np.concatenate([np.vstack([layers[0], first]).ravel(), *(one.ravel() for one in layers[1:])])
+    if not (np.abs(genes) <= WEIGHT_LIMIT).all():
+        raise ConfigError(f"weights must lie in [-{WEIGHT_LIMIT:g}, {WEIGHT_LIMIT:g}], got {np.abs(genes).max():g}")
+    return genes
+
+
+gymnasium.register(id=ID, entry_point=f"{__name__}:TMaze")
