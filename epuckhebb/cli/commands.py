@@ -162,8 +162,8 @@ def play(
         raise ConfigError(f"--side must be left or right, got {side}")
     words = with_robot(with_genomes_named(overrides), config_dir)
     with Play(words, "right" if side == "right" else "left", config_dir, port) as live, suppress(KeyboardInterrupt):
-        typer.echo(live.address)  # from here on, Ctrl-C is how it is ended
         say(live.hint or "Ctrl-C ends it.")
+        typer.echo(live.address)  # from here on, Ctrl-C is how it is ended
         if browser:
             open_page(live.address)
         live.wait()
