@@ -1,7 +1,9 @@
 const LIGHTS = robot.lights.length, DISTANCES = robot.distances.length;  // sensor readings are in this order
 
 // The network: inputs and the bias, hidden layers, wheels; genes layer by layer, a row for each presynaptic neuron.
+const RIM = LIGHTS + DISTANCES;  // sensors of the user's own follow those on the rim
 const INPUTS = layers[0], BIAS = INPUTS, layerSizes = [INPUTS + 1, ...layers.slice(1)];
+const OWN_END = INPUTS - (data.hasTrials ? 1 : 0);
 const firstNeuron = layerSizes.map((_, layer) => layerSizes.slice(0, layer).reduce((sum, n) => sum + n, 0));
 const NEURONS = layerSizes.reduce((sum, n) => sum + n, 0), WHEELS = NEURONS - 2;
 const GENES = layerSizes.slice(1).reduce((sum, n, layer) => sum + n * layerSizes[layer], 0);
@@ -190,12 +192,14 @@ class Network {
     pen.fillStyle = colours.soft;
     pen.textBaseline = "middle";
     pen.textAlign = "right";
-    for (const [text, neuron] of [["light", (LIGHTS - 1) / 2], ["proximity", LIGHTS + (DISTANCES - 1) / 2], ["constant 1", BIAS], ...(data.hasTrials ? [["reward", INPUTS - 1]] : [])]) {
+    const groups = [["light", 0, LIGHTS - 1], ["proximity", LIGHTS, RIM - 1], ...(RIM < OWN_END ? [["added", RIM, OWN_END - 1]] : [])];
+    const labels = groups.map(([text, first, last]) => [text, (first + last) / 2]);
+    for (const [text, neuron] of [...labels, ["constant 1", BIAS], ...(data.hasTrials ? [["reward", INPUTS - 1]] : [])]) {
       pen.fillText(text, this.x[0] - 16, (this.y[Math.floor(neuron)] + this.y[Math.ceil(neuron)]) / 2);
     }
     pen.strokeStyle = colours.soft;
     pen.lineWidth = 1;
-    for (const [first, last] of [[0, LIGHTS - 1], [LIGHTS, LIGHTS + DISTANCES - 1]]) {
+    for (const [, first, last] of groups) {
       const x = this.x[0] - 12;
       pen.strokeRect(x, this.y[first] - 3, 0, this.y[last] - this.y[first] + 6);
     }
