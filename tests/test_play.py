@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ import pytest
 import epuckhebb
 from epuckhebb.export.replay import recording, write_page
 from epuckhebb.live import page, server
+from epuckhebb.live import world as live_world
 from epuckhebb.live.engine import Engine
 from epuckhebb.live.server import Play
 from epuckhebb.live.world import BY_HAND, LiveWorld
@@ -100,9 +102,45 @@ def test_a_life_in_which_nothing_was_done_is_an_evaluation(here):
     assert not (here / "runs" / "play").exists()
 
 
+def test_a_life_of_hours_keeps_its_last_minutes(here, monkeypatch):
+    hours = [*WORDS, "lifetime.duration_s=14400"]
+    whole = LiveWorld(WORDS, "left")
+    assert whole.kept == live_world.KEPT
+    monkeypatch.setattr(live_world, "KEPT", 512)
+    world = LiveWorld(hours, "left")
+    for one in (whole, world):
+        disturb(one, 300)
+    for robot, other in zip(world.robots, whole.robots, strict=True):
+        assert world.steps == whole.steps > 3 * len(robot.samples.time)
+        last = np.arange(world.steps - 512, world.steps)
+        for kept, complete in zip(robot.samples, other.samples, strict=True):
+            np.testing.assert_array_equal(kept[last % 512], complete[last])
+    content, until = page.samples(world, 0)
+    since, count, _ = struct.unpack("<III", content[:12])
+    assert (since, count) == (-(-(world.steps - 512) // 8) * 8, until - since)
+    assert (content, until) == page.samples(whole, since) == page.samples(world, since)
+    saved = world.save(world.record())
+    assert saved.same
+    assert rerun(here / saved.run)[1] == ""
+
+
+def test_memory_does_not_grow_with_a_life():
+    world = LiveWorld([*WORDS, "lifetime.duration_s=14400"], "left")
+    assert all(sum(array.nbytes for array in robot.samples) < 50e6 for robot in world.robots)
+    tracemalloc.start()
+    try:
+        world.run(4 * live_world.KEPT)
+        grown, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert world.steps > 3 * len(world.robots[0].samples.time)
+    assert grown < 1e6
+
+
 @pytest.mark.thorough
 @pytest.mark.usefixtures("here")
-def test_a_life_of_many_trials_is_saved_when_they_are_over():
+def test_a_life_of_many_trials_is_saved_when_they_are_over(monkeypatch):
+    monkeypatch.setattr(live_world, "KEPT", 512)
     learner = Path(__file__).parents[1] / "runs" / "reference" / "reversal" / "learner_210.npz"
     words = [f"genome={learner}", "task=reversal", "hebbian=modulated", "task.trials=3", "task.last_switch=2"]
     world = LiveWorld(words, "left")
@@ -113,6 +151,12 @@ def test_a_life_of_many_trials_is_saved_when_they_are_over():
     world.wish({"reset": True})
     world.run(world.lifetime.steps)
     assert world.save(world.record()).same
+    content, _ = page.samples(world, world.steps - 1)
+    rows = np.frombuffer(content, "<f4", offset=12).reshape(len(world.robots), -1)
+    assert len({robot.steps for robot in world.robots}) > 1
+    for row, robot in zip(rows, world.robots, strict=True):
+        assert robot.steps > len(robot.samples.time) == 512
+        np.testing.assert_array_equal(row[:3], robot.samples.pose[(robot.steps - 1) % 512].astype(np.float32))
 
 
 BAD = [

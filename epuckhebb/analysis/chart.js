@@ -74,9 +74,9 @@ class Chart {
       pen.strokeStyle = controllerColour(c);
       pen.lineWidth = 1.4;
       pen.beginPath();
-      const first = Math.floor(from / data.interval), last = Math.min(life[this.name].length, until / data.interval + 1);
+      const first = Math.floor(from / data.interval), last = Math.min(samples, until / data.interval + 1);
       const stride = Math.ceil((last - first) / MOST_POINTS);
-      for (let k = first; k < last; k += stride) pen.lineTo(xOf(k * data.interval), yOf(life[this.name][k] * this.factor));
+      for (let k = first; k < last; k += stride) pen.lineTo(xOf(k * data.interval), yOf(life[this.name][sampleAt(k)] * this.factor));
       pen.stroke();
       if (life.arrival !== null && life.arrival >= from) {
         pen.lineWidth = 2;
@@ -95,7 +95,7 @@ class Chart {
     const [from, until] = this.drawn;
     this.cursor.style.transform = `translateX(${GUTTER + (shown.t - from) / (until - from || 1) * (this.width - GUTTER - 1)}px)`;
     lifetimes[shown.side].forEach((life, c) => {
-      const text = ` ${brief(life[this.name][poseAt(life, shown.t).k] * this.factor)}${this.unit}`;
+      const text = ` ${brief(life[this.name][sampleAt(poseAt(life, shown.t).k)] * this.factor)}${this.unit}`;
       if (this.values[c].value.data !== text) this.values[c].value.data = text;
     });
   }

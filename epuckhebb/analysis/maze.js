@@ -177,7 +177,7 @@ class Maze {
       this.still.lineJoin = this.still.lineCap = "round";
       this.still.beginPath();
       for (let i = this.drawnTo; i <= k; i++) {
-        this.still[life.resets.includes(i) ? "moveTo" : "lineTo"](...this.at(life.x[i], life.y[i]));
+        this.still[life.resets.includes(i) ? "moveTo" : "lineTo"](...this.at(life.x[sampleAt(i)], life.y[sampleAt(i)]));
       }
       this.still.stroke();
     };
@@ -224,7 +224,7 @@ class Maze {
     robot.distances.forEach((place, i) => {
       const [ahead, aside, azimuth] = place, [fromX, fromY] = onRobot(place);
       const lookX = Math.cos(heading + azimuth), lookY = Math.sin(heading + azimuth);
-      const near = life.sensors[k * INPUTS + LIGHTS + i], length = rayLength(world, fromX, fromY, lookX, lookY);
+      const near = life.sensors[sampleAt(k) * INPUTS + LIGHTS + i], length = rayLength(world, fromX, fromY, lookX, lookY);
       if (world.dead.includes(i)) blind.push(this.at(fromX, fromY));
       else {
         pen.strokeStyle = near > 0.05 ? colours.near : colours.soft;
@@ -252,7 +252,7 @@ class Maze {
       pen.fillStyle = colours.floor;
       pen.fill();
       pen.fillStyle = pen.strokeStyle = colours.lamp;
-      pen.globalAlpha = 1 - life.sensors[k * INPUTS + i];
+      pen.globalAlpha = 1 - life.sensors[sampleAt(k) * INPUTS + i];
       pen.fill();
       pen.globalAlpha = 1;
       pen.lineWidth = 1;
@@ -289,13 +289,14 @@ function situation(life, t) {
   const { k, x, y } = poseAt(life, t), number = worldNumber(life, t), world = data.worlds[number];
   const goals = data.hasTrials ? Object.values(world.goals) : [world.goals[shown.side]];
   const distance = Math.min(...goals.map(([goalX, goalY]) => Math.hypot(x - goalX, y - goalY)));
-  const touching = life.sensors.subarray(k * INPUTS + LIGHTS, k * INPUTS + LIGHTS + DISTANCES).some((near) => near > robot.contact);
+  const readings = life.sensors.subarray(sampleAt(k) * INPUTS, (sampleAt(k) + 1) * INPUTS);
+  const touching = readings.subarray(LIGHTS, LIGHTS + DISTANCES).some((near) => near > robot.contact);
   const since = life.stayed && t >= life.arrival ? `, arrived after ${life.arrival.toFixed(1)} s` : "";
   const goal = data.hasTrials ? "an end" : "the goal";
   const where = distance < maze.goalRadius ? `at ${goal}${since}` : `${(100 * distance).toFixed(0)} cm from ${goal}`;
   const around = sunChanges ? [`light ${world.light}`] : [];
   if (data.hasTrials) {
-    const reward = Math.round(life.sensors[(k + 1) * INPUTS - 1]), times = life.resets.filter((sample) => sample <= k).length;
+    const reward = Math.round(readings[INPUTS - 1]), times = life.resets.filter((sample) => sample <= k).length;
     around.push(`reset to the start ${times} times`, ...(reward ? [`reward ${reward}`] : []));
   }
   if (world.faults) around.push(world.faults);

@@ -26,7 +26,7 @@ const neuronNames = [
 /** Activations of all neurons at sample k, with the weights before that step's update. */
 function activations(life, k) {
   const activation = new Float64Array(NEURONS), drive = new Float64Array(NEURONS);
-  for (let i = 0; i < INPUTS; i++) activation[i] = life.sensors[k * INPUTS + i];
+  for (let i = 0; i < INPUTS; i++) activation[i] = life.sensors[sampleAt(k) * INPUTS + i];
   activation[BIAS] = 1;
   const part = (data.steps - 1) / data.steps;
   for (let gene = 0, done = INPUTS + 1; gene < GENES; gene++) {
@@ -42,7 +42,7 @@ function activations(life, k) {
 function poseAt(life, t) {
   const k = Math.min(samples - 1, Math.floor(t / data.interval + 1e-6));
   const next = life.resets.includes(k + 1) ? k : Math.min(samples - 1, k + 1);
-  const part = Math.max(0, t / data.interval - k), between = (values) => values[k] + part * (values[next] - values[k]);
+  const part = Math.max(0, t / data.interval - k), between = (values) => values[sampleAt(k)] + part * (values[sampleAt(next)] - values[sampleAt(k)]);
   return { k, x: between(life.x), y: between(life.y), heading: between(life.heading) };
 }
 

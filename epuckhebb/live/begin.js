@@ -47,6 +47,7 @@ for (const [id, choices] of Object.entries(data.choices)) {
 }
 $("side").value = data.sides[0];
 $("seed").value = data.seed;
+$("kept").textContent = Math.round(data.kept * data.interval / 60);
 robot.distances.forEach((_, i) => {
   const button = element("button", { type: "button", textContent: i, title: data.inputs[LIGHTS + i] });
   button.setAttribute("aria-label", `blind: ${data.inputs[LIGHTS + i]}`);
@@ -98,7 +99,7 @@ try { understood = sessionStorage.getItem("understood"); } catch { /* a frame ma
 $("hint").hidden = Boolean(understood);
 
 /** For the console and for tests: `live.state()`. */
-window.live = { maze, costs, state: () => ({ ...shown, samples, END, following, now, world, selected, robots: own.map((life) => poseAt(life, shown.t)), worlds: data.worlds.length }), change, seek };
+window.live = { maze, costs, state: () => ({ ...shown, samples, START, END, following, now, world, selected, robots: own.map((life) => poseAt(life, shown.t)), worlds: data.worlds.length }), change, seek };
 
 controls();
 repaint();

@@ -40,7 +40,7 @@ def facts(engine: Engine) -> dict[str, Any]:
         "life": engine.life,
         "isLive": True,
         "sides": [world.side],
-        "capacity": world.lifetime.steps,
+        "kept": world.kept,
         "interval": STEP_S,
         "steps": 1,
         "weightsEvery": WEIGHTS_EVERY,
@@ -86,16 +86,23 @@ def state(engine: Engine) -> dict[str, Any]:
 def samples(world: LiveWorld, since: int) -> tuple[bytes, int]:
     """What was recorded of all robots from a step on, at most some thousand steps; and up to which.
 
+    It begins later where the first of these samples are not kept any more. A robot whose trials are over stays as it
+    was.
+
     Three whole numbers come first: the first step, how many, and how many samples of weights. Then, for each robot,
     the rows of 32-bit numbers (pose, inputs, motors, fitness, change signal, rate, weight change) and the rows of the
     weights, as their change since the start of the lifetime.
     """
+    oldest = world.steps - world.kept
+    if since < oldest:
+        since = -(-oldest // WEIGHTS_EVERY) * WEIGHTS_EVERY
     until = min(world.steps, since + _MOST)
-    some = slice(since, until)
     first = -(-since // WEIGHTS_EVERY) * WEIGHTS_EVERY
+    steps = np.arange(since, until)
     parts = [struct.pack("<III", since, until - since, len(range(first, until, WEIGHTS_EVERY)))]
     for robot in world.robots:
         recorded = robot.samples
+        some = np.minimum(steps, robot.steps - 1) % len(recorded.time)
         columns = (
             recorded.pose[some],
             recorded.sensors[some],
@@ -106,7 +113,7 @@ def samples(world: LiveWorld, since: int) -> tuple[bytes, int]:
             recorded.weight_change[some, None],
         )
         parts.append(np.concatenate(columns, axis=1, dtype="<f4", casting="same_kind").tobytes())
-        change = recorded.weights[first:until:WEIGHTS_EVERY] - robot.genotype.weights.astype(np.float32)
+        change = recorded.weights[some[first - since :: WEIGHTS_EVERY]] - robot.genotype.weights.astype(np.float32)
         parts.append(change.astype("<f4", copy=False).tobytes())
     return b"".join(parts), until
 

@@ -39,6 +39,7 @@ BY_HAND = (
     "put",
     "reset",
 )
+KEPT = 37_504  # steps of which samples are kept, the last ones: 20 minutes, a multiple of `page.WEIGHTS_EVERY`
 _MOST_CHANGES = 20_000  # by hand in a lifetime
 _LONGEST_S = 3600.0
 _SETTINGS = ("lifetime.duration_s", "lifetime.record_every", "repeats")  # of an evaluation; a world has its own
@@ -74,7 +75,8 @@ class LiveWorld:
     """Robots in a lifetime that goes on as far as it is asked to, in a world that someone changes by hand.
 
     words: settings, as on the command line. side: which trial. config, genome: what they make. robots: one lifetime in
-    progress for each controller, the first without plasticity. changes: what was done by hand.
+    progress for each controller, the first without plasticity. kept: how many of their last samples are kept; a saved
+    lifetime does not need them. changes: what was done by hand.
 
     Raises:
         ConfigError: a setting or the genome cannot be used.
@@ -94,6 +96,7 @@ class LiveWorld:
         nominal, checks = prepared.remember(1)
         self.controllers = [GA_ALONE, *config.controllers]
         self.lifetime = replace(config.lifetime, record_every=1)
+        self.kept = KEPT
         individuals = individuals_for(
             genome.genes,
             self.controllers,
@@ -104,7 +107,9 @@ class LiveWorld:
             genome.network,
             config.seed,
         )
-        self.robots = [Session(individual, config.world, self.lifetime) for individual in individuals]
+        self.robots = [
+            Session(individual, config.world, self.lifetime, most_samples=self.kept) for individual in individuals
+        ]
         self.changes: list[dict[str, Any]] = []
         self._wished: dict[str, Any] = {}
         self.run(1)  # a change comes after the first step

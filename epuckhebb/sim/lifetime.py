@@ -185,7 +185,7 @@ def reset_to_genes(life: Life, genotype: Genotype) -> None:
 @compiled
 def record(
     samples: Samples,
-    place: int,
+    number: int,
     time: float,
     x: float,
     y: float,
@@ -194,8 +194,8 @@ def record(
     live_fitness: float,
     rate: float,
 ) -> None:
-    """Write the sample at a place."""
-    tally = life.tally[0]
+    """Write the sample of a number; where there is no room left, it replaces the oldest one."""
+    tally, place = life.tally[0], number % samples.time.shape[0]
     samples.time[place] = time
     samples.pose[place, 0], samples.pose[place, 1], samples.pose[place, 2] = x, y, heading
     inputs, synapses = samples.sensors.shape[1], samples.weights.shape[1]

@@ -94,13 +94,20 @@ class Session:
     with. samples: what is recorded, of length 0 where nothing is.
 
     stage: shared by lifetimes that run one after the other; without it, any number of sessions may be in progress.
+    most_samples: how many are kept, the last ones; None for all. Sample n is in place n modulo this number.
 
     Raises:
         ValueError: genes, network, robot and rule do not fit each other.
     """
 
     def __init__(
-        self, individual: Individual, world: Scenario, lifetime: Lifetime | None = None, *, stage: Stage | None = None
+        self,
+        individual: Individual,
+        world: Scenario,
+        lifetime: Lifetime | None = None,
+        *,
+        stage: Stage | None = None,
+        most_samples: int | None = None,
     ) -> None:
         self.individual, self.lifetime = individual, Lifetime() if lifetime is None else lifetime
         self._stage = stage = Stage(world, self.lifetime) if stage is None else stage
@@ -119,7 +126,9 @@ class Session:
         self._tally = self.life.tally[0]  # a view of the record
         self.samples = kind.no_samples
         if self._record_every:
-            self.samples = empty_samples(-(-self.lifetime.steps // self._record_every), individual.network)
+            count = -(-self.lifetime.steps // self._record_every)
+            count = count if most_samples is None else min(count, most_samples)
+            self.samples = empty_samples(count, individual.network)
         if individual.calibration is not None:
             count_calibration(
                 self.life, individual.calibration, self.lifetime.gain_rad_s, self._record_every, self.samples
