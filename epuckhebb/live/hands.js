@@ -235,9 +235,11 @@ function follow(news) {
   } else if (isNew) data.worlds[data.worlds.length - 1] = now.world;
   else if (previews && !news.pending) for (const { begins } of own) begins[begins.length - 1] = news.last.at ?? END;
   previews = news.pending && (isNew || previews);
-  if (moved && news.last.at !== null && !(data.changes.at(-1)?.at > news.last.at - 0.3)) {
-    data.changes.push({ at: news.last.at, byHand: true });
-    log(`${news.last.at.toFixed(1)} s: ${news.last.keys.join(", ").replaceAll("_", " ")}`);
+  const keys = news.last.keys.join(", ").replaceAll("_", " "), before = data.changes.at(-1);
+  const goesOn = before?.keys === keys && before.at > news.last.at - 0.3;  // a drag is many changes, and one mark
+  if (moved && news.last.at !== null && !goesOn) {
+    data.changes.push({ at: news.last.at, byHand: true, keys });
+    log(`${news.last.at.toFixed(1)} s: ${keys}`);
   }
   const placed = waiting?.placed ?? (typeof hand?.thing === "number" ? world.placed : now.world.placed);
   world = { ...structuredClone(now.world), placed };

@@ -362,11 +362,37 @@ def test_a_finger_drags_the_robot(play, live):
     assert state(page)["now"]["put"][1] == pytest.approx(-0.1, abs=0.02)
 
 
-def test_a_picture_of_all_figures_takes_less_than_a_frame(play):
-    """At 10 times real time, with every figure in sight; the browser has one core, which other work may take."""
+FRAMES = """seconds => new Promise((done) => {
+  const began = performance.now(), gaps = [];
+  let last = began;
+  const frame = (at) => {
+    gaps.push(at - last);
+    last = at;
+    at - began < 1000 * seconds ? requestAnimationFrame(frame) : done(gaps.slice(1));
+  };
+  requestAnimationFrame(frame);
+})"""
+
+
+def test_no_frame_takes_above_33_ms_with_all_figures_in_sight(play):
+    """At 10 times real time, for 5 s.
+
+    The browser has one core, which other work may take: a frame that waited for the core is not the page's fault. So
+    the median and 95 of 100 frames are bounded, and not the slowest one.
+    """
     page = play(viewport={"width": 1280, "height": 2000})
     page.locator("#speed").select_option("10")
     wait_until(page, lambda now: now["END"] > 60)
+    figures = page.locator("#mazes figure, #networks figure, #charts .chart").all()
+    assert len(figures) >= 7
+    for figure in figures:
+        expect(figure).to_be_in_viewport(ratio=1)
+    gaps = page.evaluate(FRAMES, 5)
     costs = page.evaluate("live.costs.slice(-120)")
-    print(f"a picture takes {np.median(costs):.1f} ms, 95 of 100 less than {np.percentile(costs, 95):.1f} ms")
+    for name, values in (("between frames", gaps), ("in a picture", costs)):
+        half, most = np.percentile(values, (50, 95))
+        print(f"{name}: median {half:.1f}, 95 % {most:.1f}, longest {max(values):.1f} ms")
+    assert len(gaps) > 100
     assert np.median(costs) < 16
+    assert np.median(gaps) < 33
+    assert np.percentile(costs, 95) < 33
