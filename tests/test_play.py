@@ -544,10 +544,10 @@ def test_the_command_prints_the_address_and_ends_with_ctrl_c():
     playing = command("scenario=4obstacles", "--port", "0")
     address = playing.stdout.readline().strip()
     assert address.startswith("http://127.0.0.1:")
-    assert "ssh -L" in playing.stderr.readline()
     playing.send_signal(signal.SIGINT)
     _, err = playing.communicate(timeout=30)
     assert playing.returncode == 0, err
+    assert "ssh -L" in err
     assert "Traceback" not in err
 
 
