@@ -7,6 +7,7 @@ import zipfile
 
 import numpy as np
 import pytest
+import yaml
 from cases import call, done, refused
 
 from epuckhebb.cli.output import json_text
@@ -86,6 +87,16 @@ def test_a_field_of_another_type_is_named(evaluated, change, place):
     told = refused("show", evaluated)
     assert "status.json cannot be used" in told
     assert place in told
+
+
+@pytest.mark.parametrize("group", ["compare", "hebbian", "robot"])
+def test_settings_that_lost_a_group_are_one_message(evaluated, group):
+    forget_checksums(evaluated)
+    file = evaluated / ".hydra" / "config.yaml"
+    settings = yaml.safe_load(file.read_text())
+    del settings[group]
+    file.write_text(yaml.safe_dump(settings))
+    assert isinstance(call("replay", evaluated, "-o", evaluated / "page.html").exception, SystemExit | None)
 
 
 def test_a_field_that_is_missing_is_named(evaluated):

@@ -64,6 +64,12 @@ def settings(file: Path) -> dict[str, Any]:
     return held
 
 
+def _within(values: Plain, group: str) -> Plain:
+    """The settings of a group; none where a damaged file has lost them, which the schema then refuses."""
+    found = values.get(group)
+    return found if isinstance(found, dict) else {}
+
+
 def without_own_code(values: Plain) -> Plain:
     """Plain values with a part of the program in place of each of the user's own; nothing of theirs is loaded.
 
@@ -71,9 +77,10 @@ def without_own_code(values: Plain) -> Plain:
     by a user's fitness is replaced, too.
     """
     values = copy.deepcopy(values)
-    rules = [rule for rule in (values["hebbian"], *values["compare"].values()) if rule.get("signal") == _OWN_SIGNAL]
+    rules = [rule for rule in (values.get("hebbian"), *_within(values, "compare").values()) if isinstance(rule, dict)]
+    rules = [rule for rule in rules if rule.get("signal") == _OWN_SIGNAL]
     rules += [part for part, key, *_ in references(values) if key == "rule"]
-    for part in values["robot"].get("sensors", []):
+    for part in _within(values, "robot").get("sensors", []):
         name = part.pop("sensor").rpartition(":")[2]
         readings = part["readings"]
         part.clear()
