@@ -1,4 +1,4 @@
-"""Slips in the keywords of Python calls are told in our own words, with the near keyword."""
+"""Slips in the keywords of Python calls are refused with the near keyword."""
 
 import pytest
 

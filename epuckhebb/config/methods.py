@@ -27,7 +27,7 @@ class Method:
 
     Attributes:
         name: What the table calls it.
-        over: The method whose champions it takes; empty if it evolves its own.
+        champions_of: The method whose champions it takes; empty if it evolves its own.
         evolve: Settings of `epuckhebb evolve` by key: of its champions, or of the rule alone that they then get; empty
             if nothing is evolved.
         evaluate: Settings of `epuckhebb evaluate` by key: what is added to the champions of `champions_of`.

@@ -8,6 +8,7 @@ from contextlib import suppress
 from typing import Any
 
 from epuckhebb.live.world import LiveWorld, Record, Saved
+from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.robot import STEP_S
 
@@ -76,7 +77,7 @@ class Engine(threading.Thread):
         self.version += self.world.robots[0].world is not before or self.world.is_over or bool(self.trouble)
         return done > 0
 
-    def do(self, wish: dict[str, Any]) -> dict[str, Any]:
+    def do(self, wish: Any) -> dict[str, Any]:
         """Do what a page wishes, in the thread that serves it; returns the answer.
 
         Raises:
@@ -94,6 +95,8 @@ class Engine(threading.Thread):
             "new": self._new,
             "save": self._save,
         }
+        if not isinstance(wish, dict):
+            raise ConfigError("a wish is a JSON object")
         act = acts.get(str(wish.get("do")))
         if act is None:
             raise ValueError(f"a page may wish {', '.join(acts)}, got {wish.get('do')!r}")
@@ -102,7 +105,7 @@ class Engine(threading.Thread):
     def _change(self, wish: dict[str, Any]) -> dict[str, Any]:
         values = wish.get("values")
         if not isinstance(values, dict):
-            raise ValueError("a change needs values")  # noqa: TRY004 - the page shows it
+            raise ConfigError("a change needs values")
         with self.news:
             self.world.wish(values)
             if self._runs:
