@@ -52,7 +52,7 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
         left, right = decide(life, setup, space.walls, x, y, heading, cos, sin, step)
 
         # Move.
-        left, right = turn_wheels(trial.faults, tally, left, right, gain, setup.key, step)
+        left, right = turn_wheels(trial.faults, tally, life.past, left, right, gain, setup.key, step)
         move(space, cos, sin, left, right)
         new_x, new_y, heading = pose(space)
         tally.step = step + 1
@@ -98,7 +98,7 @@ def decide(
         draw_noise(setup.key, step, workspace.noise)
     goal = Goal(trial.goal_x, trial.goal_y, tally.goal_distance)
     sense(x, y, cos, sin, walls, setup.lit, workspace.noise, setup.noise_level, workspace.senses, activation, goal)
-    apply_sensor_faults(activation, trial.faults)
+    apply_sensor_faults(activation, trial.faults, life.past, step)
     blind(activation, trial.faults.dead_sensors)
     correct(activation, corrections, life.adaptation.correcting)
     scale(activation, weights, tally, life.adaptation.homeostasis, setup.nominal, step)
