@@ -156,6 +156,28 @@ class Life(NamedTuple):
     past: Floats
 
 
+class Group(NamedTuple):
+    """What robots in one space carry, first axis the robots: of `Life`, of `Genotype` (genes: its weights), and keys.
+
+    motion: (robots, 6), the view of the space's state. wheels: (robots, 4) and before: (robots, 2), workspace.
+    """
+
+    tally: NDArray[np.void]
+    weights: Floats
+    synapse_state: NDArray[np.void]
+    activation: Floats
+    score: NDArray[np.void]
+    genes: Floats
+    coefficients: Floats
+    modulatory: Floats
+    lengths: Floats
+    signs: Floats
+    keys: NDArray[np.uint64]
+    motion: Floats
+    wheels: Floats
+    before: Floats
+
+
 def initial_life(
     genotype: Genotype,
     network: Network,
