@@ -40,6 +40,7 @@ BRIEF = {
         "champions=1",
         "repeats=1",
         "rates=[0.002]",
+        "hydra/launcher=basic",
         "ga.population=4",
         "ga.elites=1",
         "ga.generations=1",
