@@ -96,12 +96,14 @@ def mentioned(page):
 def folder(tmp_path_factory):
     """A folder with what the pages speak of: the examples, a learner, an evolution and a sweep of one's own."""
     folder = tmp_path_factory.mktemp("clone")
-    for name in ("examples", "runs/reference/reversal"):
+    for name in ("examples", "runs/reference/reversal", "runs/reference/champions"):
         shutil.copytree(ROOT / name, folder / name)
     experiments = folder / "my_conf" / "experiment"
     experiments.mkdir(parents=True)
     for name in ("dim", "mine"):
         (experiments / f"{name}.yaml").write_text(blocks(ROOT / "docs" / "tutorial.md", "yaml")[0])
+    (folder / "my_conf" / "adaptation").mkdir()
+    (folder / "my_conf" / "adaptation" / "mine.yaml").write_text(blocks(ROOT / "docs" / "parts.md", "yaml")[0])
     (folder / "my_conf" / "method").mkdir()
     for name, text in zip(("mine", "after", "fixed"), blocks(ROOT / "docs" / "leaderboard.md", "yaml"), strict=True):
         (folder / "my_conf" / "method" / f"{name}.yaml").write_text(text)
@@ -155,6 +157,14 @@ def test_the_commands_of_a_page_are_understood(page, folder, monkeypatch):
         if composed := composed_only(command, words):
             result = call(command, *composed)
             assert result.exit_code == 0 or ("ray_local" in line and NO_RAY in result.stderr), (line, result.output)
+
+
+def test_what_n_means_per_metre_has_the_numbers_of_the_answer():
+    (script,) = blocks(ROOT / "docs" / "faq.md", "python")
+    names = {}
+    exec(script, names)
+    for name, shown in (("steps", ".0f"), ("most", ".1f"), ("slow", ".1f"), ("small", ".2f")):
+        assert re.search(rf"^{name} = .*# .*\b{names[name]:{shown}}\b", script, re.MULTILINE), name
 
 
 @pytest.mark.thorough
