@@ -1,5 +1,6 @@
 """The commands of the pages are understood and run, the rule shown is the example, and links lead somewhere."""
 
+import ast
 import itertools
 import re
 import shlex
@@ -19,6 +20,7 @@ from epuckhebb.live import server
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
+ORACLE = ROOT / "tests" / "reference.py"
 RUNS = [ROOT / "runs" / "README.md", ROOT / "runs" / "reference" / "README.md"]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *RUNS, *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
 APART = ("tutorial", "clusters")  # the first has a test of its own below; the commands of the second fill a cluster
@@ -319,4 +321,18 @@ def test_links_lead_somewhere(page):
             file, _, place = target.partition("#")
             found = page.parent / file if file else page
             assert found.exists(), target
-            assert not place or place in anchors(found), target
+            assert not place or found.resolve() == ORACLE or place in anchors(found), target
+
+
+def test_the_page_of_methods_links_the_lines_of_the_oracle(request):
+    page = ROOT / "docs" / "methods.md"
+    lines = {
+        node.name: node.lineno for node in ast.walk(ast.parse(ORACLE.read_text())) if isinstance(node, ast.FunctionDef)
+    }
+    link = r"\[`(\w+)`\]\(\.\./tests/reference\.py#L\d+\)"
+    linked = re.sub(link, lambda found: f"[`{found[1]}`](../tests/reference.py#L{lines[found[1]]})", page.read_text())
+    if request.config.getoption("--regenerate"):
+        page.write_text(linked)
+    assert page.read_text() == linked, f"stale; run: pytest tests/{request.path.name} --regenerate"
+    rules = re.findall(r"    def (\w+)\(self, layer, pre", ORACLE.read_text())
+    assert set(rules) <= set(re.findall(link, linked))
