@@ -272,9 +272,10 @@ def evaluate_into(
             run.write(hand.NAME, hand.content(config.scenario.hand))
         metrics, traces = prepared.run(remembered, threads)
         run.write("metrics.csv", metrics)
-        recorded, figures = bool(config.lifetime.record_every), dict[str, Callable[[], bytes]]()
+        recorded, figures = bool(config.lifetime.record_every), dict[str, tuple[Any, ...]]()
         if isinstance(config.world.task, Reversal):
-            figures["figures/reversal.png"] = _write_reversal(run, config, config.world.task, metrics, traces)
+            shares = _write_reversal(run, config, config.world.task, metrics, traces)
+            figures["reversal"] = config, genome.name, shares, traces.trials
         else:
             table, below = tables.paper_table(metrics), [*map(tables.plain, notes), tables.saturation(metrics)]
             run.write("table.csv", tables.to_csv(table))
@@ -282,16 +283,18 @@ def evaluate_into(
         if remembered.checks is not None:
             run.write("findings.csv", findings(remembered.checks))
         if recorded:
-            figures["figures/trajectories.png"] = functools.partial(_trajectories, traces, config, genome.name)
-        run.left_behind = functools.partial(_left_behind, path, [*(["traces.npz"] if recorded else []), *figures])
+            figures["trajectories"] = config, caption(config, genome.name), traces
+        kind = config.figures.value
+        files = {f"figures/{name}.{kind}": (name, kind, *data) for name, data in figures.items() if kind != "none"}
+        run.left_behind = functools.partial(_left_behind, path, [*(["traces.npz"] if recorded else []), *files])
         report(path)
         with ThreadPoolExecutor(1) as aside:
-            drawn = {name: aside.submit(draw) for name, draw in figures.items()}
+            drawn = {file: aside.submit(_figure, *what) for file, what in files.items()}
             if recorded:
                 run.write("traces.npz", traces_file(traces, genome.weights, genome.network))
-            for name, figure in drawn.items():
+            for file, figure in drawn.items():
                 try:
-                    run.write(name, figure.result())
+                    run.write(file, figure.result())
                 except Exception as error:  # of matplotlib: what a user's fonts and styles may raise has no end
                     raise JobFailedError(f"{run.left_behind()}: {type(error).__name__}: {error}") from error
 
@@ -302,32 +305,24 @@ def _left_behind(path: Path, files: Sequence[str]) -> str:
     return f"{path} has its tables, and lacks {' and '.join(missing) or 'nothing'}"
 
 
-def _trajectories(traces: Traces, config: EvaluateConfig, genome_name: str) -> bytes:
-    """The figure of the recorded lifetimes."""
-    from epuckhebb.analysis import figures  # matplotlib takes a while to load
+def _figure(*what: Any) -> bytes:
+    """The content of a figure's file; what: the arguments of `figures.file_of`."""
+    from epuckhebb.runs import figures  # matplotlib takes a while to load
 
-    return figures.trajectories(traces, config.world, caption(config, genome_name))
+    return figures.file_of(*what)
 
 
 def _write_reversal(
     run: RunFolder, config: EvaluateConfig, task: Reversal, metrics: pd.DataFrame, traces: Traces
-) -> Callable[[], bytes]:
-    """Write the tables of reversal learning: every trial, and the rewarded shares. Returns what draws their figure."""
+) -> pd.DataFrame:
+    """Write the tables of reversal learning: every trial, and the rewarded shares, which are returned."""
     from epuckhebb.analysis import reversal
 
     shares = reversal.table(metrics, traces.trials, task, config.seed)
     run.write("reversal_trials.csv", traces.trials)
     run.write("reversal.csv", shares)
     run.write("reversal.md", reversal.to_markdown(shares))
-
-    def draw() -> bytes:
-        from epuckhebb.analysis import reversal_figure
-
-        genome, lifetimes = metrics.genome[0], 2 * config.repeats
-        title = f"{config.world.name} ({config.changed}) · genome {genome} · {lifetimes} lifetimes each"
-        return reversal_figure.figure(shares, traces.trials, title)
-
-    return draw
+    return shares
 
 
 def caption(config: EvaluateConfig, genome_name: str, controllers: Sequence[tuple[str, float]] | None = None) -> str:

@@ -36,7 +36,8 @@ _HALF = re.compile(r"\..+\.\d+\.tmp")  # what `write_atomic` writes beside a fil
 _ATTEMPT = re.compile(r"\d{8}-\d{6}-[0-9a-f]{8}_\d+|stop")  # what `jobs.launch` leaves in `unfinished/`
 _OF_A_RUN = re.compile(  # the files that a run of a study leaves, but for its tables
     r"\.epuckhebb\.lock|(status|provenance|cost)\.json|\.hydra/(config|overrides)\.yaml|(rules|own_code)/.*|table\.csv"
-    r"|(table|reversal)\.md|(champion|checkpoint|traces)\.npz|figures/(trajectories|learning|reversal)\.png"
+    r"|(table|reversal)\.md|(champion|checkpoint|traces)\.npz"
+    r"|figures/(trajectories|maze|network|weight_change|learning|reversal)\.(png|svg|pdf)"
 )
 
 
