@@ -19,8 +19,7 @@ from epuckhebb.analysis.lifetimes import Evaluated, gather
 from epuckhebb.analysis.self_checks import Checks
 from epuckhebb.config.build import controller_of, network_for, with_controls
 from epuckhebb.config.compose import load
-from epuckhebb.config.keywords import overrides_of, value_text
-from epuckhebb.config.overrides import check_config_dir, quoted
+from epuckhebb.config.overrides import check_config_dir, overrides_of, quoted, value_text
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, say_unusual
 from epuckhebb.evolution.evolve import history_row
 from epuckhebb.live.server import Play

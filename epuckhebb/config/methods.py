@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 
 from epuckhebb.config.choices import choice_file, choice_names, choice_of
 from epuckhebb.config.conf import first_comment, rows, table_file
-from epuckhebb.config.keywords import value_text
+from epuckhebb.config.overrides import value_text
 from epuckhebb.config.parts import part_class
 from epuckhebb.runtime.errors import ConfigError, did_you_mean
 from epuckhebb.runtime.resources import path_of
