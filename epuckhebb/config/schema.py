@@ -81,6 +81,7 @@ _NO_KEYS = ("maze", "robot", "task", "fitness", "lamp_on", "placed", "rate", "pu
 _LOOSE = {  # what may be given in several forms, which `scenario_from` checks: type and default
     "name": (str, ""),
     "goals": (Any, None),
+    "second_lamp": (Any, None),
     "dead_sensors": (Any, list),
     "changes": (list[Any], list),
     "hand": (str | None, None),
@@ -97,6 +98,7 @@ if TYPE_CHECKING:
     ScenarioConfig = Any
 else:
     keys = [_key_of(known) for known in fields(Scenario) if known.name not in _NO_KEYS]
+    keys.append(("start", Any, field(default=None)))  # of the maze, as this scenario has it
     ScenarioConfig = make_dataclass("ScenarioConfig", keys, kw_only=True, namespace={"__module__": __name__})
 
 
