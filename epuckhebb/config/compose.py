@@ -21,7 +21,6 @@ from epuckhebb.config.overrides import parsed, with_names_compared
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed
 from epuckhebb.config.stored import as_config
 from epuckhebb.config.words import check_words, explain
-from epuckhebb.config.yaml_file import NO_ENVIRONMENT
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
 
@@ -94,7 +93,8 @@ def _world(*, _root_: DictConfig) -> str:
 
 
 def _environment(*_: Any, _node_: Any) -> None:
-    raise ConfigError(f"{_node_._get_full_key(None)}: {NO_ENVIRONMENT}")
+    key = _node_._get_full_key(None)
+    raise ConfigError(f"{key}: environment variables are not read by a configuration; write the value itself")
 
 
 _register: Any = OmegaConf.register_resolver if IS_HYDRA_1_4 else OmegaConf.register_new_resolver  # its name changed
