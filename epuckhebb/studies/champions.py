@@ -70,7 +70,7 @@ def world_named(name: str, config_dir: str | None) -> Scenario:
     """A world by its name."""
     robot = in_training_world(TRAINED["obstacles"], (), config_dir).robot
     try:
-        world = world_of(name, search_folders(config_dir), robot)
+        world = world_of(name, robot, search_folders(config_dir))
     except ValueError as error:
         raise ConfigError(f"scenario {name}: {error}") from error
     if world is None:
