@@ -97,7 +97,7 @@ def check_starts(starts: Sequence[Pose], radius: float, walls: NDArray[np.float6
         ValueError: two overlap, one stands in a wall, or one is outside the arena.
     """
     for number, (x, y, _) in enumerate(starts):
-        if not max(abs(x), abs(y)) < arena or gap(x, y, walls) < radius:
+        if not max(abs(x), abs(y)) < arena or (len(walls) and gap(x, y, walls) < radius):
             raise ValueError(f"robot {number} of {len(starts)} does not fit the maze at its start, {x:g}, {y:g}")
     for (one, start), (other, place) in combinations(enumerate(starts), 2):
         apart = math.dist(start[:2], place[:2])
