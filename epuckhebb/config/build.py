@@ -27,7 +27,7 @@ from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.kernels import check_inputs
 from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.maze import SIDES, Maze, Place, Side
+from epuckhebb.sim.maze import SIDES, Maze, Place, Pose, Side
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
 from epuckhebb.sim.plasticity.control import Sign
@@ -203,6 +203,9 @@ def scenario_from(
     """The world of a configuration. task, fitness: None for the paper's."""
     values = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     in_maze, of_kind = maze_from(maze), robot_from(robot)
+    start = values.pop("start")
+    if start is not None:
+        in_maze = replace(in_maze, start=_start(start))
     for number, change in enumerate(values["changes"]):
         if not isinstance(change, Mapping):
             raise ConfigError(f"scenario.changes[{number}] must be as {{at_s: 60, light: 1.0}}, got {change}")
@@ -220,6 +223,14 @@ def scenario_from(
         task=ONE_TRIAL if task is None else task_from(task),
         fitness=PAPER_FITNESS if fitness is None else fitness_from(fitness),
     )
+
+
+def _start(given: Any) -> Pose:
+    numbers = list(given) if isinstance(given, list | tuple) else []
+    if len(numbers) != 3 or not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
+        raise ConfigError(f"scenario.start must be [x, y, heading_deg], in m and degrees, or null, got {given}")
+    x, y, heading_deg = map(float, numbers)
+    return Pose(x, y, math.radians(heading_deg))
 
 
 def _goals(given: Any, maze: Maze) -> dict[Side, Place]:

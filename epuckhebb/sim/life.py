@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate, initial_adaptation_state
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.faults import Faults
+from epuckhebb.sim.faults import Faults, initial_past
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, Network
@@ -142,7 +142,7 @@ class Life(NamedTuple):
 
     tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records. activation: (neurons,).
     adaptation: what it carries. trials: records of `epuckhebb.sim.task.TRIAL`, none where a lifetime is one trial.
-    score: one record, what its fitness stores.
+    score: one record, what its fitness stores. past: what late sensors and wheels need (`epuckhebb.sim.faults`).
     """
 
     tally: NDArray[np.void]
@@ -153,6 +153,7 @@ class Life(NamedTuple):
     trials: NDArray[np.void]
     score: NDArray[np.void]
     workspace: Workspace
+    past: Floats
 
 
 class Group(NamedTuple):
@@ -210,6 +211,7 @@ def initial_life(
         trials=trials,
         score=fitness.initial_state(),
         workspace=workspace_for(network, robot) if workspace is None else workspace,
+        past=initial_past(robot),
     )
 
 

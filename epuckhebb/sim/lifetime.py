@@ -54,7 +54,7 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
         left, right = decide(life, setup, space.walls, NO_ROBOTS, x, y, heading, cos, sin, step)
 
         # Move.
-        left, right = turn_wheels(trial.faults, tally, left, right, gain, setup.key, step)
+        left, right = turn_wheels(trial.faults, tally, life.past, left, right, gain, setup.key, step)
         move(space, cos, sin, left, right)
         new_x, new_y, heading = pose(space)
         if settle(tally, trial, x, y, new_x, new_y, heading, step):
@@ -168,7 +168,7 @@ def decide(
     goal = Goal(trial.goal_x, trial.goal_y, tally.goal_distance)
     noise, noise_level = workspace.noise, setup.noise_level
     sense(x, y, cos, sin, walls, setup.lit, noise, noise_level, workspace.senses, activation, goal, robots)
-    apply_sensor_faults(activation, trial.faults)
+    apply_sensor_faults(activation, trial.faults, life.past, step)
     blind(activation, trial.faults.dead_sensors)
     correct(activation, corrections, life.adaptation.correcting)
     scale(activation, weights, tally, life.adaptation.homeostasis, setup.nominal, step)

@@ -34,7 +34,6 @@ from epuckhebb.sim.life import (
     initial_life,
     pad_samples,
 )
-from epuckhebb.sim.light import lights
 from epuckhebb.sim.look import look_kernel
 from epuckhebb.sim.maze import Pose, Side
 from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
@@ -52,7 +51,7 @@ from epuckhebb.sim.plasticity.update import initial_lengths
 from epuckhebb.sim.plasticity.weight_change import saturated_fraction
 from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.stage import Kind, Phase, Stage, have_more_faults, trial_of
+from epuckhebb.sim.stage import Kind, Phase, Stage, have_more_faults, lights_of, trial_of
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
 _Tally = _namedtuple("_Tally", TALLY.names)  # a whole tally is read in the time that four of its fields take
@@ -263,7 +262,7 @@ class Session:
             self.genotype,
             kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate)),
             kind.nominal if individual.nominal is None else individual.nominal,
-            lights(self.world.light, self.world.lamp, lamp_on=lamp_on),
+            lights_of(self.world, lamp_on=lamp_on),
             trial_of(self.world, individual.side, self._start),
             self.world.fitness.numbers(),
             float(lifetime.gain_rad_s),

@@ -16,6 +16,7 @@ from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
 from epuckhebb.sim.genome import GenomePlan, plan_of
 from epuckhebb.sim.kernels import kernel_of
 from epuckhebb.sim.life import Lifetime, Plasticity, Samples, Trial, Workspace, empty_samples, workspace_for
+from epuckhebb.sim.light import Lights, lights
 from epuckhebb.sim.maze import Pose, Region, Side, added
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.physics import PymunkSpace
@@ -168,6 +169,11 @@ def trial_of(scenario: Scenario, side: Side, start: Pose | None = None) -> Trial
     )
 
 
+def lights_of(scenario: Scenario, lamp_on: bool) -> Lights:
+    """The lights of a world."""
+    return lights(scenario.light, scenario.lamp, lamp_on, scenario.sun_turn_deg, scenario.second_lamp)
+
+
 def faults_of(scenario: Scenario) -> Faults:
     """The faults of the robot in a world."""
     return Faults(
@@ -179,4 +185,9 @@ def faults_of(scenario: Scenario) -> Faults:
         float(scenario.left_slip),
         float(scenario.right_slip),
         lag_of(scenario.mass_ratio),
+        float(scenario.left_distance_gain),
+        float(scenario.crosstalk),
+        int(scenario.sensor_levels),
+        int(scenario.sensor_delay_steps),
+        int(scenario.wheel_delay_steps),
     )
