@@ -216,6 +216,24 @@ def leaderboard(
 
 @app.command(cls=ConfiguredCommand)
 @report_errors()
+def flock(
+    overrides: Overrides = None,
+    quick: Annotated[bool, typer.Option("--quick", help="4 flocks of 20 minutes, no sweep: half a minute.")] = False,
+    config_dir: ConfigDir = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Couplings between robots, and what they are good for."""
+    from epuckhebb.config.overrides import check_config_dir
+    from epuckhebb.studies.flock import flock as run
+
+    begin(quiet)
+    check_config_dir(config_dir)
+    print_study(run(overrides or [], quick=quick, config_dir=config_dir), as_json, quiet)
+
+
+@app.command(cls=ConfiguredCommand)
+@report_errors()
 def sweep(
     name: Annotated[
         str,

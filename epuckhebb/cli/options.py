@@ -36,6 +36,7 @@ _EXAMPLES = {
         "all hydra/launcher=slurm",
         "light methods=my_rules.py:Mine",
     ],
+    "flock": ["--quick", "flock=live_fitness flock.breaks=knower", "flock.coupling=my_couplings.py:Mine repeats=5"],
     "evaluate": [
         "scenario=4obstacles",
         "scenario=lowlight hebbian.N=0.002 repeats=50",

@@ -1,4 +1,4 @@
-"""Finds the class of a rule, a fitness, an optimizer or a task by its name."""
+"""Finds the class of a rule, a fitness, a coupling, an optimizer or a task by its name."""
 
 import importlib
 import pkgutil
@@ -12,7 +12,8 @@ from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import path_of
-from epuckhebb.sim import tasks
+from epuckhebb.sim import coupling, couplings, tasks
+from epuckhebb.sim.coupling import Coupling
 from epuckhebb.sim.own_fitness import Fitness, check_class
 from epuckhebb.sim.plasticity import rules as rule_files
 from epuckhebb.sim.plasticity.rule import Rule, arguments_of
@@ -63,6 +64,19 @@ def rule_file(settings: Mapping[str, Any]) -> Path | None:
     """The file of a user's own rule; None for a rule of the program."""
     file, colon, _ = str(settings.get("rule", "")).rpartition(":")
     return path_of(file, "hebbian.rule") if colon else None
+
+
+def coupling_class(where: str) -> type[Coupling]:
+    """The class of a coupling between robots, of the program's own or of a file."""
+    key = "flock.coupling"
+    if ":" not in where:
+        return _class_of(couplings, where, Coupling, key)
+    kind = class_named(where, Coupling, key)
+    try:
+        coupling.check_class(kind)
+    except ValueError as error:
+        raise ConfigError(f"{key}={where}: {error}") from error
+    return kind
 
 
 def optimizer_names() -> list[str]:

@@ -22,7 +22,6 @@ from epuckhebb.sim.physics import MOTION, Handles, PymunkSpace, mover_of_all
 from epuckhebb.sim.random import Stream, key, normal, rng
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import EPUCK, STEP_S
-from epuckhebb.sim.together import check_starts
 
 HOLD = 5  # steps between two decisions of a robot
 PERIOD = 40  # decisions between two changes of the couplings
@@ -76,8 +75,8 @@ class Flock:
         check_range(self, "flock", "duration_s", least=2 * CHANGE_S, most=1e6)
         check_range(self, "flock", "at_s", least=CHANGE_S, most=self.duration_s - CHANGE_S)
         check_range(self, "flock", "loudness", "noise", most=100.0)
-        check_range(self, "flock", "range_m", "spacing_m", most=100.0, above=True)
-        check_starts(self.places, EPUCK.radius_m, np.zeros((0, 4)), math.inf)
+        check_range(self, "flock", "range_m", most=100.0, above=True)
+        check_range(self, "flock", "spacing_m", least=2 * EPUCK.radius_m, most=100.0)  # nearer ones would overlap
 
     @property
     def places(self) -> list[Pose]:

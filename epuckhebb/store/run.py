@@ -15,7 +15,7 @@ from epuckhebb.store.disk import CHAMPION, CONFIG, PROVENANCE, SCHEMA, STATUS, b
 from epuckhebb.store.records import Cost, JobFile, ListOfJobs, Provenance, Status, checked_table, record
 
 _RESULTS = (".csv", "champion.npz")  # endings of the files on which other runs and tables rely
-_TABLE_OF_FOLDER = {"lifetimes": "metrics.csv", "history": "history.csv"}  # a reproduction keeps many of one kind
+_TABLE_OF_FOLDER = {"lifetimes": "metrics.csv", "history": "history.csv", "cells": "runs.csv"}  # of studies
 _COLUMNS = {name: known for name, (_, known) in columns.TABLES.items()}
 # The other columns of these depend on what was swept, and on the task.
 _COLUMNS |= {"summary.csv": columns.SUMMARY, "sweep.csv": columns.METRICS}

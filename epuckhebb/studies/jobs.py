@@ -129,10 +129,17 @@ def open_study(
             raise ConfigError(f"cannot write to {error.filename or folder}: {error.strerror}") from error
 
 
-def run_tasks(folder: Path, command: str, config: Checked, arguments: list[str], tasks: Sequence[Task]) -> None:
+def run_tasks(
+    folder: Path,
+    command: str,
+    config: Checked,
+    arguments: list[str],
+    tasks: Sequence[Task],
+    own: Mapping[Path, OwnFile] | None = None,
+) -> None:
     """Do in this process, in order, the tasks of a study that are not done; see `open_study`."""
     results = [task.results for task in tasks if task.results]
-    with open_study(folder, command, config, arguments, results) as study:
+    with open_study(folder, command, config, arguments, results, own) as study:
         missing = {}
         for number, task in enumerate(tasks):
             names = [result.relative_to(folder).as_posix() for result in task.results]
