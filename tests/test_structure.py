@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import epuckhebb
-from epuckhebb.config.parts import optimizer_names, rule_names, task_names
+from epuckhebb.config.parts import part_names
 
 PACKAGE = Path(epuckhebb.__file__).parent
 INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
@@ -101,7 +101,7 @@ def test_imports_inside_sim(part):
 
 
 def rules():
-    return [f"epuckhebb.sim.plasticity.rules.{name}" for name in rule_names()]
+    return [f"epuckhebb.sim.plasticity.rules.{name}" for name in part_names("rule")]
 
 
 def test_a_rule_is_one_file_that_no_other_has_to_know():
@@ -118,7 +118,7 @@ def test_a_rule_is_one_file_that_no_other_has_to_know():
 
 def test_a_task_is_one_file_that_few_others_have_to_know():
     """But for the paper's, which is the usual one; of another, only what tells its results knows."""
-    for name in task_names():
+    for name in part_names("task"):
         users = {module.split(".")[1] for module, needs in GRAPH.items() if f"epuckhebb.sim.tasks.{name}" in needs}
         assert "sim" not in users or name == "trial", name
         assert "evolution" not in users, name
@@ -126,7 +126,7 @@ def test_a_task_is_one_file_that_few_others_have_to_know():
 
 def test_an_optimizer_is_one_file_that_no_other_has_to_know():
     """But for the genetic algorithm, whose settings are a group of the configuration."""
-    optimizers = [f"epuckhebb.evolution.optimizers.{name}" for name in optimizer_names()]
+    optimizers = [f"epuckhebb.evolution.optimizers.{name}" for name in part_names("optimizer")]
     for optimizer in optimizers:
         assert not GRAPH[optimizer] & {*optimizers, "epuckhebb.evolution.evolve"}, optimizer
         users = sorted(module for module, needs in GRAPH.items() if optimizer in needs)

@@ -116,7 +116,7 @@ def estimator(seed: int) -> pd.DataFrame:
     Series: [nats]. Wirings of frozen flocks: area under the curve, the chance that a pair with a link has more transfer
     entropy than a pair without one, in one window of 16 s; one half says nothing.
     """
-    rng = np.random.default_rng(seed)
+    drawn = rng(seed, Stream.flock, 3)
     rows = [("independent series, 199 steps", float(np.mean(list(_independent(drawn)))), 1 / (2 * 199))]
     x, noise = drawn.standard_normal(_STEPS), drawn.standard_normal(_STEPS)
     copy = np.roll(x, 1) + 0.5 * noise
@@ -224,8 +224,8 @@ def page(table: pd.DataFrame, checks: pd.DataFrame, made: str, figures: Sequence
     return "\n".join(
         [
             "# Couplings between robots: influence or competence?\n",
-            f"{made} Mean cosine of heading to the goal of the intact robots, 1 for straight there. 95 % intervals over "
-            "flocks. *Shuffled*: the coupling is given the transfer entropy of other pairs, or the live fitness of "
+            f"{made} Mean cosine of heading to the goal of the intact robots, 1 for straight there. 95 % intervals "
+            "over flocks. *Shuffled*: the coupling is given the transfer entropy of other pairs, or the live fitness of "
             "another robot. The oracle is told which robot broke.\n",
             *(f"![{name.removesuffix('.png')}](figures/{name})\n" for name in figures),
             main_table(table),

@@ -18,8 +18,10 @@ _COLOURS = {  # Okabe and Ito's; the control of a coupling is dashed
 }  # fmt: skip
 _OWN = "#CC79A7"  # a coupling of the user's
 _TITLES = {
-    "stranger": "a robot that knows nothing breaks", "knower": "a robot that knows the way breaks", "none": "none breaks"
-}  # fmt: skip
+    "stranger": "a robot that knows nothing breaks",
+    "knower": "a robot that knows the way breaks",
+    "none": "no robot breaks",
+}
 _STRONG = 0.15  # share of what a robot listens to, from which on a coupling is drawn
 
 
@@ -62,8 +64,8 @@ def couplings(shown: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]
             _network(axes, weights, broken, knowers)
             axes.set_title(f"{_title(coupling)}\n{when}", fontsize=10)
     figure.supxlabel(
-        "arrow: to a listener, from a robot with more than 15 % of its attention · disc: larger if others listen more · "
-        "blue: knows the way · red: breaks",
+        "arrow: to a listener, from a robot with more than 15 % of its attention · disc: larger if others listen more "
+        "· blue: knows the way · red: breaks",
         fontsize=8,
     )
     return to_png(figure)
@@ -88,11 +90,13 @@ def _network(axes: Axes, weights: NDArray[np.float64], broken: int, knowers: int
                 color="#555555",
                 alpha=0.75,
                 connectionstyle="arc3,rad=0.15",
-            )  # fmt: skip
+            )
         )
     heard = weights.sum(axis=0) / (count - 1)
     colours = ["#D55E00" if k == broken else "#56B4E9" if k < knowers else "#dddddd" for k in range(count)]
-    axes.scatter(*places.T, s=60 + 130 * heard, c=colours, edgecolors="black", linewidths=0.8, zorder=3)
+    axes.scatter(
+        places[:, 0], places[:, 1], s=60 + 130 * heard, c=colours, edgecolors="black", linewidths=0.8, zorder=3
+    )
     for number, (x, y) in enumerate(places):
         axes.annotate(str(number), (1.27 * x, 1.27 * y), ha="center", va="center", fontsize=8)
     axes.set(xlim=(-1.5, 1.5), ylim=(-1.5, 1.5), aspect="equal")

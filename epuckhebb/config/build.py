@@ -6,16 +6,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from epuckhebb.config import hand
-from epuckhebb.config.parts import (
-    GENETIC,
-    NONE,
-    PAPER,
-    fitness_class,
-    optimizer_class,
-    rule_class,
-    rule_names,
-    task_class,
-)
+from epuckhebb.config.parts import GENETIC, NONE, PAPER, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings
 from epuckhebb.evolution.optimizer import Optimizer
@@ -29,7 +20,7 @@ from epuckhebb.sim.kernels import check_inputs
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES, Maze, Place, Pose, Side
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
-from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
+from epuckhebb.sim.own_fitness import PAPER_FITNESS
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
 from epuckhebb.sim.plasticity.rules.paper import Paper
@@ -52,52 +43,33 @@ def check_counts(**counts: int) -> None:
 
 
 def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
-    """The rule that a part of the configuration describes.
-
-    Args:
-        settings: `rule`, the name of one or `FILE.py:NAME`, and the rule's own settings.
-        key: Where in the configuration they stand, for messages.
-    """
-    given = {name: value for name, value in settings.items() if name not in ("rule", "name")}
-    where = settings.get("rule")
-    if where == NONE:
-        if given:
-            raise ConfigError(
-                f"{key}.{next(iter(given))} does nothing with {key}=none, which is no plasticity; choose a rule: "
-                f"{key}={', '.join(rule_names())}"
-            )
-        return NO_RULE
-    kind = rule_class(str(where), key)
-    try:
-        return kind(**part_settings(kind, given, key, f"rule {where}"))
-    except ConfigError:
-        raise
-    except ValueError as error:
-        raise ConfigError(str(error).replace("hebbian.", f"{key}.", 1)) from error
+    """The rule that a part of the configuration describes. key: where it stands there, for messages."""
+    given = {name: value for name, value in settings.items() if name != "name"}
+    if given.get("rule") != NONE:
+        rule: Rule = part_from("rule", given, key)
+        return rule
+    if len(given) > 1:
+        useless = next(name for name in given if name != "rule")
+        raise ConfigError(
+            f"{key}.{useless} does nothing with {key}=none, which is no plasticity; choose a rule: "
+            f"{key}={', '.join(part_names('rule'))}"
+        )
+    return NO_RULE
 
 
 def optimizer_from(settings: Mapping[str, Any], ga: Optimizer | None) -> Optimizer:
-    """The optimizer that a part of the configuration describes.
-
-    Args:
-        settings: `algorithm`, the name of one, and its own settings, but for those of the genetic algorithm.
-        ga: The settings of the genetic algorithm, None for another optimizer.
-    """
-    given = {name: value for name, value in settings.items() if name != "algorithm"}
-    algorithm = settings.get("algorithm")
-    if algorithm == GENETIC:
-        if given:
-            raise ConfigError(
-                f"optimizer.{next(iter(given))} does nothing with optimizer=ga, whose settings are ga.population, "
-                "ga.generations, ...; give one of these, or another optimizer"
-            )
-        if ga is None:
-            raise ConfigError("optimizer=ga needs settings: give ga=textbook or ga=as_coded")
-        return ga
-    kind = optimizer_class(algorithm)
-    if ga is not None:
-        raise not_its_settings(str(algorithm))
-    return kind(**part_settings(kind, given, "optimizer", f"optimizer {algorithm}"))
+    """The optimizer that a part of the configuration describes. ga: the genetic algorithm; None for another one."""
+    if settings.get("algorithm") != GENETIC:
+        if ga is not None:
+            raise not_its_settings(str(settings.get("algorithm")))
+        optimizer: Optimizer = part_from("optimizer", settings, "optimizer")
+        return optimizer
+    useless = [f"optimizer.{name}" for name in settings if name != "algorithm"]
+    if useless:
+        raise ConfigError(f"{useless[0]} does nothing with optimizer=ga, whose settings are ga.population and so on")
+    if ga is None:
+        raise ConfigError("optimizer=ga needs settings: give ga=textbook or ga=as_coded")
+    return ga
 
 
 def not_its_settings(optimizer: str) -> ConfigError:
@@ -168,31 +140,6 @@ def with_controls(controller: Controller, task: Task) -> list[Controller]:
     return [controller, replace(controller, name=f"{controller.name} (reward inverted)", rule=rule)]
 
 
-def task_from(settings: Mapping[str, Any]) -> Task:
-    """The task that a part of the configuration describes: `kind`, the name of one, and its own settings."""
-    given = {name: value for name, value in settings.items() if name != "kind"}
-    where = settings.get("kind")
-    kind = task_class(where)
-    if given and not fields(kind):
-        raise ConfigError(f"task.{next(iter(given))} does nothing with task={where}, which has no settings")
-    return kind(**part_settings(kind, given, "task", f"task {where}"))
-
-
-def fitness_from(settings: Mapping[str, Any]) -> Fitness:
-    """The fitness that a part of the configuration describes: `function`, and its own settings."""
-    given = {name: value for name, value in settings.items() if name != "function"}
-    where = str(settings.get("function"))
-    kind = fitness_class(where)
-    if given and not fields(kind):
-        raise ConfigError(f"fitness.{next(iter(given))} does nothing with fitness {where}, which has no settings")
-    try:
-        return kind(**part_settings(kind, given, "fitness", f"fitness {where}"))
-    except ConfigError:
-        raise
-    except Exception as error:  # what a user's own checks may raise has no end
-        raise ConfigError(f"fitness.function={where}: {error}") from error
-
-
 def scenario_from(
     scenario: Any,
     maze: Mapping[str, Any],
@@ -220,8 +167,8 @@ def scenario_from(
         **values,
         maze=in_maze,
         robot=of_kind,
-        task=ONE_TRIAL if task is None else task_from(task),
-        fitness=PAPER_FITNESS if fitness is None else fitness_from(fitness),
+        task=ONE_TRIAL if task is None else part_from("task", task, "task"),
+        fitness=PAPER_FITNESS if fitness is None else part_from("fitness", fitness, "fitness"),
     )
 
 

@@ -5,9 +5,7 @@ from itertools import product
 from typing import Any, NamedTuple
 
 from epuckhebb.config.build import check_counts
-from epuckhebb.config.parts import coupling_class
-from epuckhebb.config.values import part_settings
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.config.parts import part_from
 from epuckhebb.sim.coupling import Coupling
 from epuckhebb.sim.couplings.frozen import Frozen
 from epuckhebb.sim.couplings.oracle import Oracle
@@ -62,7 +60,7 @@ def check(keys: FlockKeys, seed: int, repeats: int, threads: int) -> tuple[list[
     """The rows of the tables, and for each condition of the sweep, the usual one first, its flocks: one a break.
 
     Raises:
-        ValueError: a value is outside its range, or the coupling is unknown.
+        ValueError: a value is outside its range; ConfigError, which is one: the coupling is unknown.
     """
     check_counts(seed=seed, repeats=repeats, threads=threads)
     names = [keys.breaks] if isinstance(keys.breaks, str) else keys.breaks
@@ -79,16 +77,10 @@ def check(keys: FlockKeys, seed: int, repeats: int, threads: int) -> tuple[list[
 
 
 def _rows(keys: FlockKeys) -> list[Row]:
-    given = {"N": keys.N, "decay": keys.decay, **keys.own}
+    settings = {"N": keys.N, "decay": keys.decay, **keys.own}
     rows = [Row(FROZEN, Frozen())]
     for where in _ROWS if keys.coupling == ALL else (keys.coupling,):
-        kind, name = coupling_class(where), where.rpartition(":")[2]
-        try:
-            coupling = kind(**part_settings(kind, given, "flock.own", f"coupling {name}"))
-        except ConfigError:
-            raise
-        except Exception as error:  # what a user's own checks may raise has no end
-            raise ConfigError(f"flock.coupling={where}: {error}" if ":" in where else str(error)) from error
+        coupling, name = part_from("coupling", {"coupling": where, **settings}, "flock"), where.rpartition(":")[2]
         if name not in (FROZEN, ORACLE):
             rows.append(Row(name, coupling))
         if keys.shuffled and name not in _WITHOUT_CONTROL:

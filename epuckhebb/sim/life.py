@@ -167,6 +167,7 @@ class Group(NamedTuple):
     synapse_state: NDArray[np.void]
     activation: Floats
     score: NDArray[np.void]
+    past: Floats
     genes: Floats
     coefficients: Floats
     modulatory: Floats

@@ -89,6 +89,7 @@ def live_together(group: Group, life: Life, setup: Setup, space: Handles, until:
                 life.trials,
                 group.score[i],
                 life.workspace,
+                group.past[i],
             )
             genotype = Genotype(
                 group.genes[i],
@@ -116,7 +117,7 @@ def live_together(group: Group, life: Life, setup: Setup, space: Handles, until:
             tally = one.tally[0]
             tally.goal_distance = to_goal(trial, x, y)
             left, right = decide(one, own, space.walls, motion, x, y, heading, cos, sin, step)
-            left, right = turn_wheels(trial.faults, tally, left, right, gain, own.key, step)
+            left, right = turn_wheels(trial.faults, tally, one.past, left, right, gain, own.key, step)
             wheels[i, 0], wheels[i, 1], wheels[i, 2], wheels[i, 3] = left, right, cos, sin
             group.before[i, 0], group.before[i, 1] = x, y
         move_all(space, motion, wheels)

@@ -22,7 +22,7 @@ from epuckhebb.sim.session import Individual, Session
 from epuckhebb.sim.stage import Stage
 
 _SHARED = ("side", "controller", "network")  # of an individual: one lamp, one kernel and one rate for all
-_OF_LIFE = ("tally", "weights", "synapse_state", "activation", "score")
+_OF_LIFE = ("tally", "weights", "synapse_state", "activation", "score", "past")
 
 
 class Together:

@@ -387,11 +387,11 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
     "champions.csv": ("Of `leaderboard`: a row for each champion. `leaderboard.csv` is computed from it.", _CHAMPIONS),
     "worlds.csv": ("Of `leaderboard`: a row for each method and test world.", _WORLDS),
     "cost.csv": ("Of `leaderboard`: times, which differ between repetitions of the same command.", _COSTS),
-    "runs.csv": ("Of `flock`: a row for each run.", _RUNS),
+    "runs.csv": ("Of `flock` and of its conditions: a row for each run.", _RUNS),
     "flock.csv": ("Of `flock`: a row for each condition and coupling, over the runs.", _OVER_RUNS),
     "curves.csv": ("Of `flock`: a row for each minute, in the usual condition.", _CURVES),
     "minutes.csv": (
-        "Of `flock`: the same for each run.",
+        "Of the usual condition of `flock`: the same for each run.",
         {
             **dict(list(_CURVES.items())[:2]),
             "seed": _RUNS["seed"],
