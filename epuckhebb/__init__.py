@@ -25,6 +25,7 @@ __version__ = "0.2.0"
 __all__ = [
     "GA",
     "Adaptation",
+    "Coupling",
     "Evaluation",
     "Evolution",
     "Evolved",
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from epuckhebb.api import Evaluation, Evolution, Live
     from epuckhebb.evolution.optimizers.ga import GA
     from epuckhebb.sim.adaptation.adaptation import Adaptation
+    from epuckhebb.sim.coupling import Coupling
     from epuckhebb.sim.life import Lifetime
     from epuckhebb.sim.own_fitness import Fitness
     from epuckhebb.sim.own_sensor import Sensor
@@ -58,6 +60,7 @@ if TYPE_CHECKING:
 _FROM = {  # name -> where it is, and what it is called there; loaded when asked for
     "GA": ("evolution.optimizers.ga", "GA"),
     "Adaptation": ("sim.adaptation.adaptation", "Adaptation"),
+    "Coupling": ("sim.coupling", "Coupling"),
     "Evaluation": ("api", "Evaluation"),
     "Evolution": ("api", "Evolution"),
     "Evolved": ("sim.plasticity.rule", "Evolved"),

@@ -24,7 +24,7 @@ METRICS = (
     "least_gap_m",
 )  # fmt: skip
 _GOOD = 0.9  # cosine of heading to the goal
-_BOUNDS = dict.fromkeys(("before", "just_after", "long_after"), (-1.0, 1.0)) | {"difference": (-2.0, 2.0)}
+_BOUNDS = dict.fromkeys(("before", "just_after", "long_after"), (-1.0, 1.0))
 _TITLES = {"stranger": "A robot that knows nothing breaks", "knower": "A robot that knows the way breaks"}
 _STEPS, _SETS = 200_000, 60  # of series with a known transfer entropy, and how many short ones
 
@@ -225,8 +225,8 @@ def page(table: pd.DataFrame, checks: pd.DataFrame, made: str, figures: Sequence
         [
             "# Couplings between robots: influence or competence?\n",
             f"{made} Mean cosine of heading to the goal of the intact robots, 1 for straight there. 95 % intervals "
-            "over flocks. *Shuffled*: the coupling is given the transfer entropy of other pairs, or the live fitness of "
-            "another robot. The oracle is told which robot broke.\n",
+            "over flocks. *Shuffled*: the coupling is given the transfer entropy of other pairs, or the live fitness "
+            "of another robot. The oracle is told which robot broke.\n",
             *(f"![{name.removesuffix('.png')}](figures/{name})\n" for name in figures),
             main_table(table),
             *([f"## Sweep: long after the break\n\n{swept}"] if swept else []),

@@ -50,7 +50,9 @@ def print_flock(path: Path, console: Console) -> None:
                 f"{row.before:.3f}",
                 rescue.share(row.long_after, row.long_after_low, row.long_after_high),
                 f"{row.good * row.runs:.0f} of {row.runs}",
-                f"{row.difference:+.2f} [{row.difference_low:+.2f}, {row.difference_high:+.2f}]",
+                f"{row.difference:+.2f} [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"
+                if row.difference_high > row.difference_low
+                else "",
             )
             for row in own.itertuples()
         ]

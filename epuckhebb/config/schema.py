@@ -295,7 +295,7 @@ class LeaderboardConfig(Checked):
 class FlockConfig(Checked):
     """All keys of `epuckhebb flock`. rows, cells: see `epuckhebb.config.flock.check`."""
 
-    seed: int = 1000
+    seed: int = 1100
     repeats: int = 20
     threads: int = 0
     flock: FlockKeys = field(default_factory=FlockKeys)

@@ -75,8 +75,8 @@ class Flock:
         check_range(self, "flock", "duration_s", least=2 * CHANGE_S, most=1e6)
         check_range(self, "flock", "at_s", least=CHANGE_S, most=self.duration_s - CHANGE_S)
         check_range(self, "flock", "loudness", "noise", most=100.0)
-        check_range(self, "flock", "range_m", most=100.0, above=True)
-        check_range(self, "flock", "spacing_m", least=2 * EPUCK.radius_m, most=100.0)  # nearer ones would overlap
+        for name in ("range_m", "spacing_m"):  # nearer robots would overlap
+            check_range(self, "flock", name, least=2 * EPUCK.radius_m, most=100.0)
 
     @property
     def places(self) -> list[Pose]:

@@ -28,7 +28,13 @@ from epuckhebb.store import Run, RunFolder, provenance
 from epuckhebb.studies import jobs
 from epuckhebb.studies.jobs import Job
 
-QUICK = ("repeats=4", "flock.duration_s=1200", "flock.at_s=600", "flock.sweep={loudness: [], knowers: [], range_m: []}")
+QUICK = (
+    "seed=1",  # those of the study are not looked at in a smoke test
+    "repeats=4",
+    "flock.duration_s=1200",
+    "flock.at_s=600",
+    "flock.sweep={loudness: [], knowers: [], range_m: []}",
+)
 _NOT_SHOWN = ("(shuffled)", "oracle")  # in the picture of couplings
 
 
