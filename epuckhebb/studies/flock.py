@@ -13,12 +13,12 @@ from typing import Any
 import pandas as pd
 
 from epuckhebb.analysis import flock as tables
-from epuckhebb.analysis import report
+from epuckhebb.analysis import flock_replay, report
 from epuckhebb.config import plugins
 from epuckhebb.config.compose import load
 from epuckhebb.config.flock import Row, shorter
 from epuckhebb.config.schema import FlockConfig, Plain, dump
-from epuckhebb.config.stored import from_values
+from epuckhebb.config.stored import from_values, settings
 from epuckhebb.runs import hydra
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.resources import thread_count
@@ -35,7 +35,7 @@ QUICK = (
     "flock.at_s=600",
     "flock.sweep={loudness: [], knowers: [], range_m: []}",
 )
-_NOT_SHOWN = ("(shuffled)", "oracle")  # in the picture of couplings
+_NOT_SHOWN = ("(shuffled)", "oracle")  # in the picture of couplings, and in a replay
 
 
 def flock(arguments: list[str], *, quick: bool, config_dir: str | None = None) -> Path:
@@ -85,10 +85,27 @@ def _identity(job: Plain) -> str:
 
 
 def shown(config: FlockConfig) -> tuple[Flock, dict[str, Record]]:
-    """The first flock of the usual condition, with the last kind of break, once with each coupling."""
-    first = config.cells[0][-1]
-    records = _run_all([(row, first, config.seed) for row in config.rows], thread_count(config.threads))
-    return first, {row.name: record for row, record in zip(config.rows, records, strict=True)}
+    """The first flock of the usual condition, with the last kind of break, once with each coupling but the controls."""
+    first, rows = config.cells[0][-1], [row for row in config.rows if not row.name.endswith(_NOT_SHOWN)]
+    records = _run_all([(row, first, config.seed) for row in rows], thread_count(config.threads))
+    return first, {row.name: record for row, record in zip(rows, records, strict=True)}
+
+
+def replay_page(path: Path) -> str:
+    """The page that replays a finished study: its first flock runs again.
+
+    Raises:
+        ConfigError: The folder holds no study of flocks, or the flock does not run as it did.
+    """
+    done = Run(path)
+    config = from_values(settings(done.config_file), FlockConfig, str(path))
+    flock, records = shown(config)
+    runs = done.table("runs.csv")
+    for name, record in records.items():
+        row = runs[(runs.coupling == name) & (runs.breaks == flock.breaks) & (runs.seed == config.seed)].iloc[0]
+        if tables.metrics_of(flock, record)["long_after"] != row.long_after:
+            raise ConfigError(f"{path} was made by another version of the program, or of its coupling; run it again")
+    return flock_replay.page(flock, records, f"{path.name}: seed {config.seed}")
 
 
 def _run_all(wanted: Sequence[tuple[Row, Flock, int]], threads: int) -> list[Record]:
@@ -133,11 +150,7 @@ def _report(folder: RunFolder, config: FlockConfig, done: list[Run]) -> None:
         folder.write(f"{name}.csv", frame)
     first, records = shown(config)
     at = int(first.at_s / CHANGE_S)
-    networks = {
-        name: (record.weights[at], record.weights[-1])
-        for name, record in records.items()
-        if not name.endswith(_NOT_SHOWN)
-    }
+    networks = {name: (record.weights[at], record.weights[-1]) for name, record in records.items()}
     pictures = {
         "flock.png": flock_figure.curves(curves, first.at_s, config.repeats),
         "couplings.png": flock_figure.couplings(networks, first.broken, first.knowers),
