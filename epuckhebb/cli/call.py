@@ -11,6 +11,7 @@ from epuckhebb.runtime.console import Terminal
 from epuckhebb.runtime.errors import ConfigError
 
 if TYPE_CHECKING:
+    from epuckhebb.analysis.evaluate import Rows
     from epuckhebb.studies.jobs import Job
 
 
@@ -42,7 +43,7 @@ def run_command(
     flags += ["--cfg", cfg] if cfg else []
     begin(quiet)
     overrides.check_config_dir(config_dir)
-    check_words(command, arguments, config_dir)
+    check_words(command, arguments, config_dir, several=multirun)
     if not cfg:
         hydra.check(command, arguments, config_dir, prepare, multirun=multirun)
     early = _EarlyReport() if reports and not (multirun or quiet or as_json) else None
@@ -77,11 +78,11 @@ class _EarlyReport:
 
         return reporting
 
-    def _print(self, run: Path) -> None:
+    def _print(self, run: Path, metrics: "Rows") -> None:
         from epuckhebb.cli import show
 
         try:
-            show.print_results(run, Terminal())
+            show.print_results(run, Terminal(), metrics)
         except (ConfigError, OSError) as error:
             self.error = error
 

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.cli import show_run, show_study
 from epuckhebb.cli.show_genome import genome_as_json, genomes_named, print_champion
 from epuckhebb.config.conf import flat
@@ -32,10 +33,15 @@ KINDS = {  # file of results -> what prints all of them, and what says them in s
 }
 
 
-def print_results(path: Path, console: Console) -> None:
-    """Print the results of a run; nothing of a study that has not written its tables yet."""
+def print_results(path: Path, console: Console, metrics: Rows | None = None) -> None:
+    """Print the results of a run; nothing of a study that has not written its tables yet.
+
+    metrics: the lifetimes of an evaluation; read unless given.
+    """
     kind = next((file for file in KINDS if Run(path).has(file)), None)
-    if kind:
+    if kind == "metrics.csv":
+        show_run.print_evaluation(path, console, metrics)
+    elif kind:
         KINDS[kind][0](path, console)
 
 
@@ -112,8 +118,7 @@ def as_json(path: Path) -> dict[str, Any]:
     values = {"run": str(path), **run.provenance, "status": run.status}
     for name in ("metrics", "history", "leaderboard", "flock"):
         if run.has(f"{name}.csv"):
-            frame = run.table(f"{name}.csv")
-            values[name] = frame.astype(object).where(frame.notna(), None).to_dict("records")
+            values[name] = run.rows(f"{name}.csv")
     return values
 
 

@@ -32,14 +32,13 @@ _LEAST = {"seed": 0, "first_seed": 0, "threads": 0, "repeats": 1, "reversal_repe
 _MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
 
 
-def check_counts(**counts: int) -> None:
-    """Refuse numbers of these keys that cannot be."""
-    for key, count in counts.items():
-        if count < _LEAST[key]:
-            raise ValueError(f"{key} must be {_LEAST[key]} or more, got {count}")
-    threads = counts.get("threads", 0)
-    if threads > _MOST_THREADS:
-        raise ValueError(f"threads must lie between 0 (one for each core) and {_MOST_THREADS}, got {threads}")
+def check_counts(values: Mapping[str, Any]) -> None:
+    """Refuse numbers that cannot be. values: of keys, other ones among them."""
+    for key, least in _LEAST.items():
+        if key in values and values[key] < least:
+            raise ValueError(f"{key} must be {least} or more, got {values[key]}")
+    if values.get("threads", 0) > _MOST_THREADS:
+        raise ValueError(f"threads must lie between 0 (one for each core) and {_MOST_THREADS}, got {values['threads']}")
 
 
 def rule_from(settings: Mapping[str, Any], key: str) -> Rule:

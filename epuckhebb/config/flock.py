@@ -62,7 +62,7 @@ def check(keys: FlockKeys, seed: int, repeats: int, threads: int) -> tuple[list[
     Raises:
         ValueError: a value is outside its range; ConfigError, which is one: the coupling is unknown.
     """
-    check_counts(seed=seed, repeats=repeats, threads=threads)
+    check_counts({"seed": seed, "repeats": repeats, "threads": threads})
     names = [keys.breaks] if isinstance(keys.breaks, str) else keys.breaks
     if not isinstance(names, list) or not names or len(set(map(str, names))) < len(names):
         raise ValueError(f"flock.breaks must be none, stranger, knower, or a list of different ones, got {keys.breaks}")
