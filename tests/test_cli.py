@@ -111,14 +111,14 @@ def test_a_read_only_output_folder(here):
 
 
 def test_interrupting_evolve_leaves_a_whole_checkpoint(here, monkeypatch):
-    show = evolve.EvolutionProgress.show
+    show = evolve.EvolutionProgress.add
 
     def stop(self, generation):
         show(self, generation)
         if generation.number == 1:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(evolve.EvolutionProgress, "show", stop)
+    monkeypatch.setattr(evolve.EvolutionProgress, "add", stop)
     stopped = call("evolve", *TINY)
     run = only_run(here / "runs" / "evolve")
     assert stopped.exit_code == 130, stopped.stderr
