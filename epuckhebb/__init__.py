@@ -23,6 +23,7 @@ __version__ = "0.2.0"
 __all__ = [
     "GA",
     "Adaptation",
+    "Coupling",
     "Evaluation",
     "Evolution",
     "Evolved",
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from epuckhebb.api.results import Evaluation, Evolution, Live
     from epuckhebb.evolution.optimizers.ga import GA
     from epuckhebb.sim.adaptation.adaptation import Adaptation
+    from epuckhebb.sim.coupling import Coupling
     from epuckhebb.sim.life import Lifetime
     from epuckhebb.sim.own_fitness import Fitness
     from epuckhebb.sim.own_sensor import Sensor
@@ -53,6 +55,7 @@ if TYPE_CHECKING:
 _FROM = {  # name -> where it is, if not in `api`
     "GA": "evolution.optimizers.ga",
     "Adaptation": "sim.adaptation.adaptation",
+    "Coupling": "sim.coupling",
     "Evaluation": "api.results",
     "Evolution": "api.results",
     "Evolved": "sim.plasticity.rule",

@@ -101,8 +101,8 @@ def evaluate(
     say_unusual(config)
     threads = thread_count(config.threads)
     remembered = prepared.remember(threads, say)
-    metrics, recorded = prepared.run(remembered, threads)
-    return Evaluation(metrics=metrics, prepared=prepared, recorded=recorded, checks=remembered.checks)
+    rows, recorded = prepared.run(remembered, threads)
+    return Evaluation(metrics=pd.DataFrame(rows), prepared=prepared, recorded=recorded, checks=remembered.checks)
 
 
 def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool = True, **keys: Any) -> Evolution:

@@ -2,6 +2,7 @@
 
 import html
 import webbrowser
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from epuckhebb.analysis import figures, replay, reversal, self_checks, tables
-from epuckhebb.analysis.evaluate import Traces
+from epuckhebb.analysis.evaluate import TRIALS, Traces
 from epuckhebb.analysis.self_checks import Checks
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.live.server import Play
@@ -109,7 +110,7 @@ class Evaluation:
     @cached_property
     def table(self) -> pd.DataFrame:
         """The paper's table: a row for each metric, a column for each controller and side; means over the repeats."""
-        return tables.paper_table(self.metrics)
+        return self._framed(tables.paper_table(self.metrics.to_dict("records")))
 
     @cached_property
     def traces(self) -> dict[str, NDArray[Any]]:
@@ -120,12 +121,12 @@ class Evaluation:
     @property
     def trials(self) -> pd.DataFrame:
         """A row for each trial of each lifetime, as in `reversal_trials.csv`; none where a life is one trial."""
-        return self.recorded.trials
+        return pd.DataFrame(self.recorded.trials, columns=list(TRIALS))
 
     @cached_property
     def findings(self) -> pd.DataFrame | None:
         """What robots found in their self-checks, with the columns of `findings.csv`; None if there were none."""
-        return None if self.checks is None else self_checks.findings(self.checks)
+        return None if self.checks is None else pd.DataFrame(self_checks.findings(self.checks))
 
     def plot(self) -> Picture:
         """The paths of the first repeat, for each controller; ValueError if nothing was recorded."""
@@ -152,7 +153,12 @@ class Evaluation:
         task = self.config.world.task
         if isinstance(task, Reversal):
             return reversal.table(self.metrics, self.trials, task, self.config.seed).set_index("controller")
-        return tables.formatted(self.table)
+        return self._framed(tables.formatted(tables.paper_table(self.metrics.to_dict("records"))))
+
+    def _framed(self, table: Mapping[tuple[str, str], Mapping[str, Any]]) -> pd.DataFrame:
+        columns = pd.MultiIndex.from_tuples(list(table), names=["controller", "side"])
+        frame = pd.DataFrame([*table.values()], columns=pd.Index(tables.ROWS, name="metric"))
+        return frame.set_axis(columns).T
 
     def _require_traces(self) -> None:
         if not self.config.lifetime.record_every:

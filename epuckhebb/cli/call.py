@@ -11,6 +11,7 @@ from epuckhebb.runtime.console import Terminal
 from epuckhebb.runtime.errors import ConfigError
 
 if TYPE_CHECKING:
+    from epuckhebb.analysis.evaluate import Rows
     from epuckhebb.studies.jobs import Job
 
 
@@ -77,11 +78,11 @@ class _EarlyReport:
 
         return reporting
 
-    def _print(self, run: Path) -> None:
+    def _print(self, run: Path, metrics: "Rows") -> None:
         from epuckhebb.cli import show
 
         try:
-            show.print_results(run, Terminal())
+            show.print_results(run, Terminal(), metrics)
         except (ConfigError, OSError) as error:
             self.error = error
 

@@ -29,6 +29,7 @@ from epuckhebb.config.build import (
     scenario_from,
     with_controls,
 )
+from epuckhebb.config.flock import FlockKeys, check
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
@@ -281,20 +282,37 @@ class LeaderboardConfig(Checked):
             )
 
 
-_ALL: tuple[Any, ...] = (EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig)
+@dataclass(kw_only=True)
+class FlockConfig(Checked):
+    """All keys of `epuckhebb flock`. rows, cells: see `epuckhebb.config.flock.check`."""
+
+    command: ClassVar[str] = "flock"
+    seed: int = 1100
+    repeats: int = 20
+    threads: int = 0
+    flock: FlockKeys = field(default_factory=FlockKeys)
+
+    def __post_init__(self) -> None:
+        """Validate the settings."""
+        self.rows, self.cells = check(self.flock, self.seed, self.repeats, self.threads)
+
+
+_ALL: tuple[Any, ...] = (EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig, FlockConfig)
 SCHEMAS = {schema.command: schema for schema in _ALL}
 # Below these, the schema does not know the keys.
-OPEN = ("hebbian", "compare", "change", "maze", "robot", "optimizer", "task", "fitness", "scenario.goals")
+OPEN = ("hebbian", "compare", "change", "maze", "robot", "optimizer", "task", "fitness", "scenario.goals", "flock.own")
 for _command, _schema in SCHEMAS.items():
     _node = OmegaConf.structured(_schema)
     for _key in ("hebbian", "compare", "change", "optimizer", "task", "fitness"):
         if _key in _node:
             OmegaConf.set_struct(_node[_key], False)  # Hydra takes any key below them, without a +
+    if _schema is FlockConfig:
+        OmegaConf.set_struct(_node.flock.own, False)
     if _schema is EvolveConfig:
         _node.ga = None  # until group ga is chosen, which other optimizers than the GA undo
     ConfigStore.instance().store(name=f"schema_{_command}", node=_node, provider="epuckhebb")
 
-Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig)
+Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig, FlockConfig)
 
 
 def typed(cfg: DictConfig, schema: type[Config]) -> Config:

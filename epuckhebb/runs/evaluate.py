@@ -10,10 +10,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from epuckhebb.analysis import tables
-from epuckhebb.analysis.evaluate import Traces, evaluate, memory_to_evaluate
+from epuckhebb.analysis.evaluate import Rows, Traces, evaluate, memory_to_evaluate
 from epuckhebb.analysis.self_checks import findings
 from epuckhebb.config import hand, plugins
 from epuckhebb.config.overrides import alternatives, quoted, value_of
@@ -39,6 +37,12 @@ from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 from epuckhebb.store import Genome, RunFolder, load_genome, traces_file
 
+Report = Callable[[Path, Rows], None]
+
+
+def _no_report(*_: object) -> None:
+    """Report nothing."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Prepared:
@@ -63,7 +67,7 @@ class Prepared:
         """What the adaptations compare with; `report` is given a sentence if it must be measured first."""
         return remembered_for(self.genome, self.config, threads, report)
 
-    def run(self, remembered: Remembered, threads: int) -> tuple[pd.DataFrame, Traces]:
+    def run(self, remembered: Remembered, threads: int) -> tuple[Rows, Traces]:
         """Run the lifetimes: a row each, and the traces of those that were recorded."""
         config, genome = self.config, self.genome
         return evaluate(
@@ -131,7 +135,7 @@ def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
     return Prepared(config=config, genome=genome)
 
 
-def evaluate_job(cfg: Any, report: Callable[[Path], None] = lambda _: None) -> None:
+def evaluate_job(cfg: Any, report: Report = _no_report) -> None:
     """Do one job of Hydra's: evaluate into its folder. cfg: as Hydra composed it. report: as in `evaluate_into`."""
     with hydra.job_folder() as path:
         config, facts = hydra.checked(cfg, EvaluateConfig), {"command_line": hydra.job_command("evaluate")}
@@ -139,7 +143,7 @@ def evaluate_job(cfg: Any, report: Callable[[Path], None] = lambda _: None) -> N
         evaluate_into(path, config, hydra.job_overrides(), facts, threads=threads, report=report)
 
 
-def recorded_job(cfg: Any, report: Callable[[Path], None] = lambda _: None) -> None:
+def recorded_job(cfg: Any, report: Report = _no_report) -> None:
     """Do one job of Hydra's that must record its lifetimes. The arguments are those of `evaluate_job`."""
     if not cfg.lifetime.record_every:
         with hydra.job_folder():
@@ -240,11 +244,12 @@ def evaluate_into(
     facts: dict[str, Any],
     *,
     threads: int,
-    report: Callable[[Path], None] = lambda _: None,
+    report: Report = _no_report,
 ) -> None:
     """Claim a folder and evaluate into it. overrides, facts: as for `RunFolder.new`.
 
-    report: is given the folder as soon as its tables are written. Figures come later: they take longer than lifetimes.
+    report: is given the folder and the lifetimes as soon as its tables are written. Figures come later: they take
+    longer than lifetimes.
 
     Raises:
         ConfigError: The settings cannot be used.
@@ -271,20 +276,20 @@ def evaluate_into(
         if config.scenario.hand is not None:
             run.write(hand.NAME, hand.content(config.scenario.hand))
         metrics, traces = prepared.run(remembered, threads)
-        run.write("metrics.csv", metrics)
         recorded, figures = bool(config.lifetime.record_every), dict[str, Callable[[], bytes]]()
         if isinstance(config.world.task, Reversal):
             figures["figures/reversal.png"] = _write_reversal(run, config, config.world.task, metrics, traces)
         else:
+            run.write("metrics.csv", metrics)
             table, below = tables.paper_table(metrics), [*map(tables.plain, notes), tables.saturation(metrics)]
-            run.write("table.csv", tables.to_csv(table))
+            run.write("table.csv", tables.flat(table))
             run.write("table.md", "\n".join([tables.to_markdown(table), *(f"{note}\n" for note in below if note)]))
         if remembered.checks is not None:
             run.write("findings.csv", findings(remembered.checks))
         if recorded:
             figures["figures/trajectories.png"] = functools.partial(_trajectories, traces, config, genome.name)
         run.left_behind = functools.partial(_left_behind, path, [*(["traces.npz"] if recorded else []), *figures])
-        report(path)
+        report(path, metrics)
         with ThreadPoolExecutor(1) as aside:
             drawn = {name: aside.submit(draw) for name, draw in figures.items()}
             if recorded:
@@ -310,13 +315,17 @@ def _trajectories(traces: Traces, config: EvaluateConfig, genome_name: str) -> b
 
 
 def _write_reversal(
-    run: RunFolder, config: EvaluateConfig, task: Reversal, metrics: pd.DataFrame, traces: Traces
+    run: RunFolder, config: EvaluateConfig, task: Reversal, rows: Rows, traces: Traces
 ) -> Callable[[], bytes]:
     """Write the tables of reversal learning: every trial, and the rewarded shares. Returns what draws their figure."""
+    import pandas as pd
+
     from epuckhebb.analysis import reversal
 
-    shares = reversal.table(metrics, traces.trials, task, config.seed)
-    run.write("reversal_trials.csv", traces.trials)
+    metrics, trials = pd.DataFrame(rows), pd.DataFrame(traces.trials)
+    shares = reversal.table(metrics, trials, task, config.seed)
+    run.write("metrics.csv", metrics)
+    run.write("reversal_trials.csv", trials)
     run.write("reversal.csv", shares)
     run.write("reversal.md", reversal.to_markdown(shares))
 
@@ -325,7 +334,7 @@ def _write_reversal(
 
         genome, lifetimes = metrics.genome[0], 2 * config.repeats
         title = f"{config.world.name} ({config.changed}) · genome {genome} · {lifetimes} lifetimes each"
-        return reversal_figure.figure(shares, traces.trials, title)
+        return reversal_figure.figure(shares, trials, title)
 
     return draw
 

@@ -10,7 +10,6 @@ from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.life import Samples, empty_samples
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import PAPER_NETWORK, Network
-from epuckhebb.store import columns
 from epuckhebb.store.disk import TRACES
 from epuckhebb.store.genome import checked_genes
 from epuckhebb.store.npz import Arrays, compressed, one_error
@@ -54,6 +53,4 @@ def read_findings(run: Run) -> list[dict[str, Any]]:
     """What the robots of a run found in their self-checks, a row each; nothing if they made none."""
     if not run.has("findings.csv"):
         return []
-    texts = {name: "" for name, column in columns.FOUND.items() if column.kind == columns.TEXT_OR_EMPTY}
-    rows = run.table("findings.csv").fillna(texts).to_dict("records")
-    return [{str(name): value for name, value in row.items()} for row in rows]
+    return [{name: "" if value is None else value for name, value in row.items()} for row in run.rows("findings.csv")]

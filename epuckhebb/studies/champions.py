@@ -13,6 +13,7 @@ from typing import Any
 
 import pandas as pd
 
+from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.config import compose, plugins
 from epuckhebb.config.names import world_of
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, Plain, dump
@@ -150,13 +151,13 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
     own = plugins.own_files(config.values)
     with RunFolder.new(path, facts["command_line"][1], dump(config), overrides, facts, own) as run:
         began = time.process_time()
-        rows = []
+        rows: Rows = []
         for name in job["worlds"]:
             there = prepared.in_world(world_named(name, job.get("config_dir")))
-            rows.append(there.run(there.remember(threads), threads)[0])
+            rows += there.run(there.remember(threads), threads)[0]
         if genome.sha256 != facts["genome_sha256"]:
             raise JobFailedError(f"the genes of {genome.name} changed in its lifetimes")
-        run.write("metrics.csv", pd.concat(rows))
+        run.write("metrics.csv", pd.DataFrame(rows))
         run.write(COST, _cost_since(began))
 
 
