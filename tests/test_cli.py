@@ -63,7 +63,7 @@ def test_the_same_command_twice_and_on_other_threads_gives_the_same_bytes(here):
     assert len(written) == 1
 
 
-@pytest.mark.parametrize("launcher", first_of(["joblib", "basic"]))
+@pytest.mark.parametrize("launcher", first_of(["basic", "joblib"]))
 def test_multirun_sweeps(here, launcher):
     words = ["-m", "hebbian.N=0,0.002", "scenario=base,4obstacles", f"hydra/launcher={launcher}", "seed=3"]
     done("evaluate", *words, *FAST)
