@@ -187,11 +187,12 @@ def evolve_into(
         assert after is not None  # there is at least one generation
         last = after.generation
         run.write(CHAMPION, prepared.champion(last, config.seed, *prepared.remember(last.champion, threads)))
-        from epuckhebb.analysis import charts  # matplotlib takes a while to load, and only this needs it
+        kind = config.figures.value
+        if kind != "none":
+            from epuckhebb.runs import figures  # matplotlib takes a while to load
 
-        history = pd.read_csv(io.StringIO(after.history))
-        title = f"{config.world.name}, seed {config.seed}, {config.algorithm.name}"
-        run.write("figures/learning.png", charts.learning_curves({title: [history]}))
+            history = pd.read_csv(io.StringIO(after.history))
+            run.write(f"figures/learning.{kind}", figures.file_of("learning", kind, config, history))
 
 
 def _write_generation(run: RunFolder, state: Checkpoint, prepared: Prepared) -> None:
@@ -260,9 +261,9 @@ def _check_own_files(path: Path, own: Mapping[Path, plugins.OwnFile], before: Ma
             )
 
 
-def _changeable(config: EvolveConfig) -> tuple[str, str]:
+def _changeable(config: EvolveConfig) -> tuple[str, ...]:
     """The keys that may be changed when an evolution is resumed; others would make it another evolution."""
-    return f"{config.algorithm.key}.generations", "threads"
+    return f"{config.algorithm.key}.generations", "threads", "figures"
 
 
 def _digest(path: Path, changeable: tuple[str, ...]) -> str:
