@@ -32,6 +32,7 @@ __all__ = [
     "Hebbian",
     "Lifetime",
     "Live",
+    "Optimizer",
     "Rule",
     "Sensor",
     "evaluate",
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from epuckhebb.api import Evaluation, Evolution, Live
+    from epuckhebb.evolution.optimizer import Optimizer
     from epuckhebb.evolution.optimizers.ga import GA
     from epuckhebb.sim.adaptation.adaptation import Adaptation
     from epuckhebb.sim.life import Lifetime
@@ -65,6 +67,7 @@ _FROM = {  # name -> where it is, and what it is called there; loaded when asked
     "Hebbian": ("sim.plasticity.rules.paper", "Paper"),
     "Lifetime": ("sim.life", "Lifetime"),
     "Live": ("api", "Live"),
+    "Optimizer": ("evolution.optimizer", "Optimizer"),
     "Rule": ("sim.plasticity.rule", "Rule"),
     "Sensor": ("sim.own_sensor", "Sensor"),
 }

@@ -18,7 +18,8 @@ from epuckhebb.config.parts import (
 )
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings
-from epuckhebb.evolution.optimizer import Optimizer
+from epuckhebb.evolution.optimizer import Algorithm
+from epuckhebb.evolution.search import measures_of
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.adaptation import Adaptation, compares_fitness
 from epuckhebb.sim.adaptation.self_check.calibration import check_time
@@ -76,7 +77,7 @@ def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
         raise ConfigError(str(error).replace("hebbian.", f"{key}.", 1)) from error
 
 
-def optimizer_from(settings: Mapping[str, Any], ga: Optimizer | None) -> Optimizer:
+def optimizer_from(settings: Mapping[str, Any], ga: Algorithm | None) -> Algorithm:
     """The optimizer that a part of the configuration describes.
 
     Args:
@@ -97,7 +98,14 @@ def optimizer_from(settings: Mapping[str, Any], ga: Optimizer | None) -> Optimiz
     kind = optimizer_class(algorithm)
     if ga is not None:
         raise not_its_settings(str(algorithm))
-    return kind(**part_settings(kind, given, "optimizer", f"optimizer {algorithm}"))
+    try:
+        optimizer = kind(**part_settings(kind, given, "optimizer", f"optimizer {algorithm}"))
+        measures_of(optimizer)
+    except ConfigError:
+        raise
+    except Exception as error:  # what a user's own checks may raise has no end
+        raise ConfigError(f"optimizer.algorithm={algorithm}: {error}") from error
+    return optimizer
 
 
 def not_its_settings(optimizer: str) -> ConfigError:

@@ -9,7 +9,7 @@ names is left as it is.
 import functools
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ from epuckhebb.config.choices import (
     where_known,
 )
 from epuckhebb.config.overrides import literal
-from epuckhebb.config.parts import NONE, PAPER, fitness_class, rule_class, rule_file
+from epuckhebb.config.parts import NONE, PAPER, fitness_class, optimizer_class, rule_class, rule_file
 from epuckhebb.config.parts_from_yaml import maze_from, sensor_class
 from epuckhebb.config.schema import ScenarioConfig, plain, said
 from epuckhebb.evolution.training import Training
@@ -73,7 +73,9 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
             cfg.training.name += " changed"
         if None in (cfg.get("compare") or {}).values():
             cfg.compare = _compared(cfg.compare, folders)
-        _own_fitness(cfg.fitness)
+        _own_part(cfg.fitness, "fitness.function", fitness_class)
+        if "optimizer" in cfg and _own_part(cfg.optimizer, "optimizer.algorithm", optimizer_class):
+            cfg.ga = None
         _own_sensors(cfg.robot.get("sensors"))
         _own_rules(cfg, str(choices.get("hebbian")), folders)
         if cfg.scenario.get("hand") is not None:
@@ -152,13 +154,14 @@ def _own_rules(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> None:
         cfg.hebbian.name = kind.__name__.lower()
 
 
-def _own_fitness(settings: DictConfig) -> None:
-    """Write down where a user's fitness is, and what they left as it is in the class."""
-    file, colon, name = str(settings.get("function")).rpartition(":")
-    if not colon:
-        return
-    settings.function = literal(f"{path_of(file, 'fitness.function').absolute()}:{name}")
-    _write_defaults(settings, fitness_class(settings.function))
+def _own_part(settings: DictConfig, key: str, class_of: Callable[[str], type]) -> bool:
+    """Write down where a part of the user's is, and what they left as it is in its class; whether it is theirs."""
+    last = key.rpartition(".")[2]
+    file, colon, name = str(settings.get(last)).rpartition(":")
+    if colon:
+        settings[last] = literal(f"{path_of(file, key).absolute()}:{name}")
+        _write_defaults(settings, class_of(settings[last]))
+    return bool(colon)
 
 
 def _own_sensors(sensors: Any) -> None:

@@ -9,10 +9,10 @@ from typing import Any
 
 from epuckhebb.config.plugins import Base, class_named
 from epuckhebb.evolution import optimizers
-from epuckhebb.evolution.optimizer import Optimizer
+from epuckhebb.evolution.optimizer import Algorithm, Optimizer
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import path_of
-from epuckhebb.sim import tasks
+from epuckhebb.sim import own_class, tasks
 from epuckhebb.sim.own_fitness import Fitness, check_class
 from epuckhebb.sim.plasticity import rules as rule_files
 from epuckhebb.sim.plasticity.rule import Rule, arguments_of
@@ -70,9 +70,20 @@ def optimizer_names() -> list[str]:
     return _names_in(optimizers)
 
 
-def optimizer_class(algorithm: Any) -> type[Optimizer]:
-    """The class of the optimizer of this name, whose fields are its settings."""
-    return _class_of(optimizers, algorithm, Optimizer, "optimizer.algorithm")  # type: ignore[type-abstract]
+def optimizer_class(algorithm: Any) -> type[Algorithm]:
+    """The class of an optimizer, of the program's own or of a file; its fields are its settings."""
+    key = "optimizer.algorithm"
+    if ":" not in str(algorithm):
+        own = ", or an optimizer of your own, FILE.py:NAME"
+        return _class_of(optimizers, algorithm, Algorithm, key, own)  # type: ignore[type-abstract]
+    kind = class_named(algorithm, Optimizer, key)  # type: ignore[type-abstract]
+    if not hasattr(kind, "tell"):
+        raise ConfigError(f"{key}={algorithm}: optimizer {kind.__name__} has no method `tell`")
+    try:
+        own_class.check_fields(f"optimizer {kind.__name__}", kind)
+    except ValueError as error:
+        raise ConfigError(f"{key}={algorithm}: {error}") from error
+    return kind
 
 
 def task_names() -> list[str]:
@@ -89,11 +100,11 @@ def _names_in(package: types.ModuleType) -> list[str]:
     return sorted(module.name for module in pkgutil.iter_modules(package.__path__))
 
 
-def _class_of(package: types.ModuleType, name: Any, base: type[Base], key: str) -> type[Base]:
+def _class_of(package: types.ModuleType, name: Any, base: type[Base], key: str, own: str = "") -> type[Base]:
     """The subclass of a base that the module of this name has of its own."""
     known = _names_in(package)
     if name not in known:
-        raise ConfigError(f"{key} must be one of {', '.join(known)}, got {name!r}")
+        raise ConfigError(f"{key} must be one of {', '.join(known)}{own}, got {name!r}")
     module = importlib.import_module(f"{package.__name__}.{name}")
     kinds = (kind for kind in vars(module).values() if isinstance(kind, type) and issubclass(kind, base))
     return next(kind for kind in kinds if kind.__module__ == module.__name__)

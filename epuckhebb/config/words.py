@@ -40,7 +40,8 @@ def check_words(command: str, words: list[str], config_dir: str | None = None) -
     except HydraException:
         return  # Hydra will say what is wrong with it
     choices = groups(command)
-    optimizer = next((one.value() for one in reversed(overrides) if one.key_or_group == "optimizer"), GENETIC)
+    named = [one.value() for one in overrides if one.key_or_group in ("optimizer", "optimizer.algorithm")]
+    optimizer = named[-1] if named else GENETIC
     for override in overrides:
         key = override.key_or_group
         if key.partition(".")[0] == GENETIC and isinstance(optimizer, str) and optimizer != GENETIC:
