@@ -10,6 +10,7 @@ import functools
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -180,9 +181,9 @@ def _own_sensors(sensors: Any) -> None:
 
 def _write_defaults(settings: DictConfig, kind: Any) -> None:
     """Write down what the user left as it is in a class."""
-    for key, field in kind.__dataclass_fields__.items():
-        if key not in settings and isinstance(field.default, bool | int | float | str):
-            settings[key] = field.default
+    for field in fields(kind):
+        if field.name not in settings and isinstance(field.default, bool | int | float | str):
+            settings[field.name] = field.default
 
 
 def _absolute(file: Path, settings: DictConfig) -> str:
