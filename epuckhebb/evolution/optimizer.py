@@ -126,14 +126,14 @@ class Optimizer(Algorithm):
         check_range(self, "optimizer", "gene_limit", above=True)
 
     @property
-    def first(self) -> int:
+    def first_generation(self) -> int:
         """The size of the first generation."""
         return self.population
 
     @property
     def individuals(self) -> int:
         """The size of the largest generation."""
-        return max(self.population, self.first)
+        return max(self.population, self.first_generation)
 
     def limits(self, plan: GenomePlan) -> Floats:
         """The bound of each gene, (genes,)."""
@@ -152,7 +152,9 @@ class Optimizer(Algorithm):
         round_ = loops * len(SIDES)
         confirmation = CANDIDATES * -(-self.confirm // round_) * round_
         return Schedule(
-            paper_generations(self.first * round_, self.population * round_, confirmation, training.stretch(lifetime)),
+            paper_generations(
+                self.first_generation * round_, self.population * round_, confirmation, training.stretch(lifetime)
+            ),
             loops,
         )
 
@@ -177,7 +179,7 @@ class EvolutionStrategy(Optimizer):
         check_range(self, "optimizer", "sigma", above=True)
 
     @property
-    def first(self) -> int:
+    def first_generation(self) -> int:
         """The size of the first generation."""
         return self.starts
 

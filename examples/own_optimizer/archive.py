@@ -21,11 +21,10 @@ HALF = 0.45  # m, the range of the archive
 
 def draw(archive, cells, file):
     """A heat map: a column for each end with the lamp on, a row for each with the lamp off; colour is fitness."""
-    place = [np.clip(((archive[x] + HALF) / (2 * HALF) * cells).astype(int), 0, cells - 1) for x in archive.columns[:2]]
     fitness = np.full((cells, cells), np.nan)
-    fitness[place[1], place[0]] = archive.fitness
+    fitness.flat[archive["index"].astype(int)] = archive.objective
     figure, axes = plt.subplots(figsize=(6.4, 5.2), layout="constrained")
-    image = axes.imshow(fitness, origin="lower", extent=[-HALF, HALF, -HALF, HALF], cmap="viridis")
+    image = axes.imshow(fitness.T, origin="lower", extent=[-HALF, HALF, -HALF, HALF], cmap="viridis")
     for on, off, text in (
         (GOAL, -GOAL, "both goals"),
         (-GOAL, GOAL, "neither"),
@@ -35,7 +34,7 @@ def draw(archive, cells, file):
         axes.plot(on, off, "s", markersize=14, markerfacecolor="none", markeredgecolor="crimson")
         axes.annotate(text, (on, off), (0, 11 if off > 0 else -18), textcoords="offset points", ha="center", size=9)
     axes.set(xlabel="final x with the lamp on [m]", ylabel="final x with the lamp off [m]")
-    axes.set_title(f"{len(archive)} of {cells * cells} cells; best fitness {archive.fitness.max():.3f}", size=10)
+    axes.set_title(f"{len(archive)} of {cells * cells} cells; best fitness {archive.objective.max():.3f}", size=10)
     figure.colorbar(image, label="fitness")
     figure.savefig(file, dpi=120)
 
@@ -47,14 +46,15 @@ def main():
     words.add_argument("--lamp-on", type=float, help="final x with the lamp on, m")
     words.add_argument("--lamp-off", type=float, help="final x with the lamp off, m")
     given = words.parse_args()
-    archive = pd.read_csv(given.run / "archive.csv", float_precision="round_trip")
+    archive = pd.read_csv(given.run / "archive.csv", dtype=str).astype(float)  # to the last digit
     settings = yaml.safe_load((given.run / ".hydra" / "config.yaml").read_text())
     draw(archive, settings["optimizer"]["cells"], "archive.png")
     if given.lamp_on is not None and given.lamp_off is not None:
-        nearest = np.hypot(archive.x_lamp_on - given.lamp_on, archive.x_lamp_off - given.lamp_off).idxmin()
-        chosen = archive.loc[nearest]
-        np.save("genome.npy", chosen.filter(like="gene_").to_numpy(float))
-        print(f"genome.npy: ends at {chosen.x_lamp_on:.3f} and {chosen.x_lamp_off:.3f}, fitness {chosen.fitness:.3f}")
+        distance = np.hypot(archive.measures_0 - given.lamp_on, archive.measures_1 - given.lamp_off)
+        chosen = archive.loc[distance.idxmin()]
+        np.save("genome.npy", chosen.filter(like="solution").to_numpy(float))
+        ends = f"{chosen.measures_0:.2f} with the lamp on, {chosen.measures_1:.2f} with the lamp off"
+        print(f"genome.npy: final x {ends}, fitness {chosen.objective:.3f}")
 
 
 if __name__ == "__main__":
