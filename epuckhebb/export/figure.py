@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from epuckhebb.analysis import charts, figures, leaderboard, summary
 from epuckhebb.analysis.image import KINDS, MM, image
-from epuckhebb.analysis.limits import limits
+from epuckhebb.analysis.reversal import limits
 from epuckhebb.config.schema import Config, EvaluateConfig, EvolveConfig
 from epuckhebb.config.stored import from_values, settings, without_own_code
 from epuckhebb.export.replay import recording

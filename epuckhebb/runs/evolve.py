@@ -22,6 +22,7 @@ from epuckhebb.config.build import network_for
 from epuckhebb.config.schema import EvolveConfig, Plain, dump, say_unusual
 from epuckhebb.config.stored import from_values, settings
 from epuckhebb.evolution.evolve import Generation, evolve, memory_to_evolve
+from epuckhebb.evolution.search import OptimizerError, Search, check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import check_sensors, compile_for
 from epuckhebb.runs.nominal import remember_training_world
@@ -123,12 +124,12 @@ class Prepared:
 
 
 def prepare(config: EvolveConfig, *, has_genome: bool = True) -> Prepared:
-    """Check that the given weights fit, and that there is memory for all individuals.
+    """Check that the given weights fit, that the optimizer starts, and that there is memory for all individuals.
 
     has_genome: whether the genome that the settings name exists yet; else nothing is read.
 
     Raises:
-        ConfigError: The genome is for another robot or network, or memory is too small.
+        ConfigError: The genome is for another robot or network, memory is too small, or the optimizer fails.
     """
     world, key, individuals = config.world, config.algorithm.key, config.algorithm.individuals
     network = network_for(world, config.layers)
@@ -152,6 +153,10 @@ def prepare(config: EvolveConfig, *, has_genome: bool = True) -> Prepared:
             Need(nominal, "what the champion remembers", "lower scenario.paper_duration_s"),
         ]
     )
+    try:
+        check_start(config.algorithm, config.plan, config.seed)
+    except OptimizerError as error:
+        raise ConfigError(str(error)) from error
     return Prepared(config=config, network=network, plan=plan, weights=weights)
 
 
@@ -183,10 +188,12 @@ def evolve_into(
             after = Checkpoint.following(after, generation)
             run.write(CHECKPOINT, after.as_bytes(digest))
             _write_generation(run, after, prepared)
-            progress.show(generation)
+            progress.add(generation)
         assert after is not None  # there is at least one generation
         last = after.generation
         run.write(CHAMPION, prepared.champion(last, config.seed, *prepared.remember(last.champion, threads)))
+        for name, table in last.tables.items():
+            run.write(f"{name}.csv", table)
         kind = config.figures.value
         if kind != "none":
             from epuckhebb.runs import figures  # matplotlib takes a while to load
@@ -224,7 +231,7 @@ def resume(arguments: list[str]) -> Path:
     after = Checkpoint.read(
         path,
         prepared.plan.genes,
-        lambda state: config.algorithm.search(config.plan, config.seed, state),
+        lambda log: Search(config.algorithm, config.plan, config.seed, log),
         _digest(path, changeable),
     )
     _check_weights(prepared, after, path)
@@ -299,17 +306,12 @@ class EvolutionProgress(Bar):
     def __init__(self, generations: int, *, quiet: bool, each: bool = True) -> None:
         """Prepare to show so many generations; say nothing if `quiet`."""
         super().__init__("generation", generations, quiet=quiet, each=each)
-        self._steps, self._seconds, self._shown = 0, 0.0, 0
-        self.put(0, "compiling …")
+        self._steps, self._seconds = 0, 0.0
+        self.update(self._task, description="compiling …")
 
-    def show(self, generation: Generation) -> None:
+    def add(self, generation: Generation) -> None:
         """Show a generation that has just ended."""
         self._steps += generation.robot_steps
         self._seconds += generation.seconds
-        self._shown += 1
-        done = generation.number + 1
         best, mean, speed = generation.fitness.max(), generation.fitness.mean(), self._steps / self._seconds / 1e6
-        text = f"best {best:.3f}  mean {mean:.3f}  {speed:.2f} M robot-steps/s"
-        self.put(done, text)
-        left = self._seconds / self._shown * (self._total - done)
-        self.say(f"generation {done}/{self._total}  {text}  {left:.0f} s left")
+        self.show(generation.number + 1, f"best {best:.3f}  mean {mean:.3f}  {speed:.2f} M robot-steps/s")
