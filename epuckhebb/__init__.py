@@ -34,11 +34,13 @@ __all__ = [
     "Live",
     "Rule",
     "Sensor",
+    "Wiring",
     "evaluate",
     "evolve",
     "load",
     "play",
     "sweep",
+    "tanh",
 ]
 
 if TYPE_CHECKING:
@@ -49,24 +51,29 @@ if TYPE_CHECKING:
     from epuckhebb.api import Evaluation, Evolution, Live
     from epuckhebb.evolution.optimizers.ga import GA
     from epuckhebb.sim.adaptation.adaptation import Adaptation
+    from epuckhebb.sim.evolved import Evolved
     from epuckhebb.sim.life import Lifetime
+    from epuckhebb.sim.network import tanh
     from epuckhebb.sim.own_fitness import Fitness
     from epuckhebb.sim.own_sensor import Sensor
-    from epuckhebb.sim.plasticity.rule import Evolved, Rule
+    from epuckhebb.sim.plasticity.rule import Rule
     from epuckhebb.sim.plasticity.rules.paper import Paper as Hebbian
+    from epuckhebb.sim.wiring import Wiring
 
 _FROM = {  # name -> where it is, and what it is called there; loaded when asked for
     "GA": ("evolution.optimizers.ga", "GA"),
     "Adaptation": ("sim.adaptation.adaptation", "Adaptation"),
     "Evaluation": ("api", "Evaluation"),
     "Evolution": ("api", "Evolution"),
-    "Evolved": ("sim.plasticity.rule", "Evolved"),
+    "Evolved": ("sim.evolved", "Evolved"),
     "Fitness": ("sim.own_fitness", "Fitness"),
     "Hebbian": ("sim.plasticity.rules.paper", "Paper"),
     "Lifetime": ("sim.life", "Lifetime"),
     "Live": ("api", "Live"),
     "Rule": ("sim.plasticity.rule", "Rule"),
     "Sensor": ("sim.own_sensor", "Sensor"),
+    "Wiring": ("sim.wiring", "Wiring"),
+    "tanh": ("sim.network", "tanh"),
 }
 
 

@@ -24,7 +24,7 @@ from epuckhebb.config.overrides import check_config_dir, quoted
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, say_unusual
 from epuckhebb.evolution.evolve import history_row
 from epuckhebb.live.server import Play
-from epuckhebb.runs.evaluate import Prepared, caption, prepare, with_robot
+from epuckhebb.runs.evaluate import Prepared, as_evolved, caption, prepare
 from epuckhebb.runs.evolve import EvolutionProgress
 from epuckhebb.runs.evolve import prepare as prepare_evolution
 from epuckhebb.runs.notes import notes_of
@@ -195,7 +195,7 @@ def evaluate(
         if "=" in str(genome) and not Path(genome).exists():
             raise ConfigError(f"{genome} is no genome; give that first: evaluate('reference', {str(genome)!r})")
         path = resolve_run(genome, "evolve") if str(genome) == LATEST else genome
-        words = with_robot([*words, f"genome={quoted(str(path))}"], folder)
+        words = as_evolved([*words, f"genome={quoted(str(path))}"], folder)
     config = load(EvaluateConfig, words, folder)
     if rule is not None:
         if rule.N == 0 and not isinstance(rule, NoRule):
@@ -270,7 +270,7 @@ def play(
     if side not in SIDES:
         raise ConfigError(f"side must be {' or '.join(SIDES)}, got {side!r}")
     folder = _folder(config_dir)
-    words = with_robot([f"genome={quoted(str(genome))}", *overrides_of(overrides, keys)], folder)
+    words = as_evolved([f"genome={quoted(str(genome))}", *overrides_of(overrides, keys)], folder)
     return Live(Play(words, "right" if side == "right" else "left", folder))
 
 
@@ -299,7 +299,7 @@ def _genome_of(given: Any, config: EvaluateConfig) -> Genome:
             "genome must be genes (an array), `reference`, `reference_7`, or where a champion is, got "
             f"{type(given).__name__}"
         )
-    network = network_for(config.world, config.layers)
+    network = network_for(config.world, config.shape)
     plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
     array = np.asarray(genes)
     plan = next((plan for plan in plans if array.shape == (plan.genes,)), plans[0])

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from epuckhebb.config import hand
@@ -15,6 +15,7 @@ from epuckhebb.config.parts import (
     rule_class,
     rule_names,
     task_class,
+    wiring_class,
 )
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings
@@ -36,7 +37,9 @@ from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
+from epuckhebb.sim.wiring import LAYERS, Wiring
 
+Shape = tuple[int, ...] | Wiring | None  # of a network: its layers, a wiring, or nothing said
 _LEAST = {"seed": 0, "first_seed": 0, "threads": 0, "repeats": 1, "reversal_repeats": 1, "champions": 1}
 _MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
 
@@ -238,9 +241,38 @@ def _goals(given: Any, maze: Maze) -> dict[Side, Place]:
     return goals
 
 
-def network_for(world: Scenario, layers: tuple[int, ...] | None) -> Network:
-    """The network of these layers; without them, the paper's hidden layers between the inputs and the wheels."""
-    network = Network((world.inputs, *HIDDEN, OUTPUTS) if layers is None else layers, world.task.gives_reward)
+@dataclass(kw_only=True)
+class _Layers:
+    """The settings of a network of layers. layers: None where they follow from the genome, or from the robot."""
+
+    layers: tuple[int, ...] | None = None
+
+
+def shape_from(settings: Mapping[str, Any]) -> Shape:
+    """What a part of the configuration says of the network: `wiring`, its own settings, and `layers`."""
+    where = str(settings.get("wiring"))
+    own = {"wiring"} if where == LAYERS or settings.get("layers") is not None else {"wiring", "layers"}
+    given = {name: value for name, value in settings.items() if name not in own}
+    if where == LAYERS:
+        return _Layers(**part_settings(_Layers, given, "network", f"network.wiring={where}")).layers
+    kind = wiring_class(where)
+    try:
+        return kind(**part_settings(kind, given, "network", f"network.wiring={where}"))
+    except ConfigError:
+        raise
+    except Exception as error:  # what a user's own checks may raise has no end
+        raise ConfigError(f"network.wiring={where}: {error}") from error
+
+
+def network_for(world: Scenario, shape: Shape) -> Network:
+    """The network of this shape; without one, the paper's hidden layers between the inputs and the wheels."""
+    if isinstance(shape, Wiring):
+        try:
+            return Network((world.inputs, *shape.sizes), world.task.gives_reward, shape)
+        except Exception as error:  # of a user's code
+            own = "" if isinstance(error, ValueError) else f"wiring {shape.name}: {type(error).__name__}: "
+            raise ConfigError(f"{own}{error}") from error
+    network = Network((world.inputs, *HIDDEN, OUTPUTS) if shape is None else shape, world.task.gives_reward)
     check_inputs(network, world.robot, world.task)
     return network
 
@@ -294,6 +326,15 @@ def check_task(controller: Controller, task: Task) -> None:
     if controller.rule.reward is not Reward.given and not task.gives_reward:
         raise ValueError(
             f"hebbian.reward={controller.rule.reward.name} does nothing with task={task.name}, which gives no reward"
+        )
+
+
+def check_homeostasis(adaptation: Adaptation, shape: Shape) -> None:
+    """Refuse homeostasis for a network that has no first layer, whose weights from the light sensors it scales."""
+    if adaptation.homeostasis and isinstance(shape, Wiring):
+        raise ValueError(
+            f"adaptation={adaptation.name} scales the weights between the light sensors and the first layer, and "
+            f"network.wiring={shape.name} has no layers; give another adaptation, or network.wiring={LAYERS}"
         )
 
 

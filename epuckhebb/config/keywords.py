@@ -14,6 +14,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.sim.own_fitness import Fitness
 from epuckhebb.sim.plasticity.rule import Rule
+from epuckhebb.sim.wiring import Wiring
 
 
 def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]:
@@ -35,8 +36,9 @@ def keyword_overrides(key: str, value: Any) -> Iterator[str]:
     """The overrides that a keyword stands for: one, or those of the keys below it."""
     if isinstance(value, type):
         raise ConfigError(f"{key} must be an object or a name, got a class; give an object of it, with its settings")
-    if isinstance(value, Rule | Fitness):
-        own, name = "rule" if isinstance(value, Rule) else "function", type(value).__name__
+    if isinstance(value, Rule | Fitness | Wiring):
+        own = {Rule: "rule", Fitness: "function", Wiring: "wiring"}[type(value).__mro__[-2]]
+        name = type(value).__name__
         raise ConfigError(f"{key} of this call cannot be an object; give its file: {key}={{'{own}': 'FILE.py:{name}'}}")
     if isinstance(value, Adaptation) and value.acts and value.name == NONE:
         raise ConfigError(f"{key} needs a name for tables and figures; give Adaptation(name='mine', ...)")

@@ -27,7 +27,7 @@ from epuckhebb.config.choices import (
     where_known,
 )
 from epuckhebb.config.overrides import literal
-from epuckhebb.config.parts import NONE, PAPER, fitness_class, rule_class, rule_file
+from epuckhebb.config.parts import NONE, PAPER, fitness_class, rule_class, rule_file, wiring_class
 from epuckhebb.config.parts_from_yaml import maze_from, sensor_class
 from epuckhebb.config.schema import ScenarioConfig, plain, said
 from epuckhebb.evolution.training import Training
@@ -38,6 +38,7 @@ from epuckhebb.sim.maze import T_MAZE, Maze
 from epuckhebb.sim.plasticity.rule import Rule
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.wiring import LAYERS
 
 _GROUPS = ("maze", "robot", "scenario", "hebbian", "training")
 _BRINGS_RULE = "override /hebbian"  # in the defaults of an adaptation
@@ -74,6 +75,7 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
         if None in (cfg.get("compare") or {}).values():
             cfg.compare = _compared(cfg.compare, folders)
         _own_fitness(cfg.fitness)
+        _wiring(cfg.network)
         _own_sensors(cfg.robot.get("sensors"))
         _own_rules(cfg, str(choices.get("hebbian")), folders)
         if cfg.scenario.get("hand") is not None:
@@ -83,6 +85,7 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
                 settings.adaptation = _adaptation(settings.adaptation, f"compare.{name}.adaptation", folders)
         try:
             changes = [_changed(cfg, str(choices.get("scenario")), folders), *_changed_lifetime(cfg, choices, folders)]
+            changes += _changed_network(cfg.network)
             cfg.changed = literal(", ".join(filter(None, changes)))
             cfg.change = {}  # they are in the scenario, and in its name
         except (ValueError, OmegaConfBaseException) as error:
@@ -159,6 +162,19 @@ def _own_fitness(settings: DictConfig) -> None:
         return
     settings.function = literal(f"{path_of(file, 'fitness.function').absolute()}:{name}")
     _write_defaults(settings, fitness_class(settings.function))
+
+
+def _wiring(settings: DictConfig) -> None:
+    """Write down where a user's wiring is, and what was left as it is in the class of a wiring."""
+    where = str(settings.get("wiring"))
+    if where == LAYERS:
+        return
+    file, colon, name = where.rpartition(":")
+    if colon:
+        settings.wiring = literal(f"{path_of(file, 'network.wiring').absolute()}:{name}")
+    if settings.get("layers") is None:
+        settings.pop("layers", None)
+    _write_defaults(settings, wiring_class(settings.wiring))
 
 
 def _own_sensors(sensors: Any) -> None:
@@ -251,6 +267,17 @@ def _changed_lifetime(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequ
     for key, value in plain(cfg.lifetime).items():
         if key != _RECORDING and value != usual.get(key):
             yield f"lifetime.{key}={value:g}"
+
+
+def _changed_network(settings: DictConfig) -> Iterator[str]:
+    """The wiring, if there is one, and settings that are not those of its class."""
+    if settings.wiring == LAYERS:
+        return
+    yield f"network.wiring={str(settings.wiring).rpartition(':')[2]}"
+    known = wiring_class(str(settings.wiring)).__dataclass_fields__
+    for key, value in settings.items():
+        if key in known and value != known[str(key)].default:
+            yield f"network.{key}={value}"
 
 
 def scenario_of(choice: str, folders: Sequence[Path], maze: dict[str, Any], robot: dict[str, Any]) -> Scenario | None:

@@ -1,4 +1,4 @@
-"""Finds the class of a rule, a fitness, an optimizer or a task by its name."""
+"""Finds the class of a rule, a fitness, a wiring, an optimizer or a task by its name."""
 
 import importlib
 import pkgutil
@@ -12,11 +12,12 @@ from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import path_of
-from epuckhebb.sim import tasks
+from epuckhebb.sim import tasks, wiring, wirings
 from epuckhebb.sim.own_fitness import Fitness, check_class
 from epuckhebb.sim.plasticity import rules as rule_files
 from epuckhebb.sim.plasticity.rule import Rule, arguments_of
 from epuckhebb.sim.task import Task
+from epuckhebb.sim.wiring import LAYERS, Wiring
 
 NONE, PAPER = "none", "paper"
 GENETIC = "ga"  # the optimizer whose settings are a group of their own
@@ -54,6 +55,29 @@ def fitness_class(where: str) -> type[Fitness]:
     kind = class_named(where, Fitness, key)
     try:
         check_class(kind)
+    except ValueError as error:
+        raise ConfigError(f"{key}={where}: {error}") from error
+    return kind
+
+
+def wiring_names() -> list[str]:
+    """The wirings that the program has, besides layers."""
+    return _names_in(wirings)
+
+
+def wiring_class(where: str) -> type[Wiring]:
+    """The class of a wiring, of the program's own or of a file."""
+    key = "network.wiring"
+    if ":" not in where:
+        if where not in wiring_names():
+            raise ConfigError(
+                f"{key}={where} must be one of {', '.join([LAYERS, *wiring_names()])}, or a wiring of your own, "
+                "FILE.py:NAME"
+            )
+        return _class_of(wirings, where, Wiring, key)
+    kind = class_named(where, Wiring, key)
+    try:
+        wiring.check_class(kind)
     except ValueError as error:
         raise ConfigError(f"{key}={where}: {error}") from error
     return kind

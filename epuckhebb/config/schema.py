@@ -18,6 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config.build import (
     check_counts,
+    check_homeostasis,
     check_self_check,
     check_signal,
     check_task,
@@ -27,6 +28,7 @@ from epuckhebb.config.build import (
     network_for,
     optimizer_from,
     scenario_from,
+    shape_from,
     with_controls,
 )
 from epuckhebb.evolution.evolve import evolved_plan
@@ -43,6 +45,7 @@ from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
 from epuckhebb.sim.reachable import grid_bytes
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
+from epuckhebb.sim.wiring import LAYERS
 
 _BRIGHTEST, _FASTEST = 2.0, 0.1  # more light, or a higher base rate, is unusual
 _OF_A_RESOLVER = re.compile("^ConfigError raised while resolving interpolation: ")  # before a message of our own
@@ -102,19 +105,12 @@ class ScenarioConfig:
 
 
 @dataclass(kw_only=True)
-class NetworkConfig:
-    """The keys of a network. layers: None where they follow from the genome, or from the robot."""
-
-    layers: list[int] | None = None
-
-
-@dataclass(kw_only=True)
 class WorldConfig(Checked):
     """The keys that `evaluate` and `evolve` have in common, and the world that comes of them.
 
     change: the changes by name while they are composed into the scenario, empty then; those of the user's have their
     settings. world: the scenario, with
-    its maze and robot. layers: of the network; None if they were left open.
+    its maze and robot. shape: of the network; None if it was left open.
     """
 
     seed: int = 1
@@ -123,7 +119,7 @@ class WorldConfig(Checked):
     change: dict[str, Any] = field(default_factory=dict)
     maze: dict[str, Any] = field(default_factory=dict)
     robot: dict[str, Any] = field(default_factory=dict)
-    network: NetworkConfig = field(default_factory=NetworkConfig)
+    network: dict[str, Any] = field(default_factory=lambda: {"wiring": LAYERS, "layers": None})
     hebbian: dict[str, Any] = field(default_factory=dict)
     lifetime: Lifetime = field(default_factory=Lifetime)
     task: dict[str, Any] = field(default_factory=lambda: {"kind": ONE_TRIAL.name})
@@ -137,9 +133,9 @@ class WorldConfig(Checked):
         memory = grid_bytes(self.world.maze.arena_m)
         resources.require([resources.Need(memory, "a way to the goals of so large a maze", "lower maze.arena_m")])
         self.world.check()
-        self.layers = None if self.network.layers is None else tuple(self.network.layers)
-        if self.layers is not None:
-            network_for(self.world, self.layers)
+        self.shape = shape_from(self.network)
+        if self.shape is not None:
+            network_for(self.world, self.shape)
         check_wheel_gain(self.lifetime, self.world)
 
 
@@ -175,6 +171,7 @@ class EvaluateConfig(WorldConfig):
             check_signal(controller, self.world)
             check_task(controller, self.world.task)
             check_self_check(controller.adaptation, self.world, self.lifetime)
+            check_homeostasis(controller.adaptation, self.shape)
 
 
 @dataclass(kw_only=True)
@@ -202,7 +199,7 @@ class EvolveConfig(WorldConfig):
         self.algorithm = optimizer_from(self.optimizer, self.ga)
         self.schedule = self.algorithm.schedule(self.training, self.lifetime)
         self.training.check(self.world, self.lifetime, self.schedule.loops)
-        network = network_for(self.world, self.layers)
+        network = network_for(self.world, self.shape)
         self.plan = evolved_plan(network, self.controller.rule, given=self.genome is not None)
         self.algorithm.check(self.plan)
 
@@ -287,10 +284,10 @@ SCHEMAS = {
     "leaderboard": LeaderboardConfig,
 }
 # Below these, the schema does not know the keys.
-OPEN = ("hebbian", "compare", "change", "maze", "robot", "optimizer", "task", "fitness", "scenario.goals")
+OPEN = ("hebbian", "compare", "change", "maze", "robot", "network", "optimizer", "task", "fitness", "scenario.goals")
 for _command, _schema in SCHEMAS.items():
     _node = OmegaConf.structured(_schema)
-    for _key in ("hebbian", "compare", "change", "optimizer", "task", "fitness"):
+    for _key in ("hebbian", "compare", "change", "network", "optimizer", "task", "fitness"):
         if _key in _node:
             OmegaConf.set_struct(_node[_key], False)  # Hydra takes any key below them, without a +
     if _schema is EvolveConfig:

@@ -58,7 +58,7 @@ def _nominal(genome: Genome, config: EvaluateConfig, threads: int, report: Calla
         config,
         genome.nominal,
         missing_nominal(config, genome.nominal),
-        lambda world: measure_nominal(genome.weights, world, gain, threads, genome.network),
+        lambda world: measure_nominal(genome.network_genes, world, gain, threads, genome.network),
         report,
     )
     was_known = genome.nominal is not None and genome.nominal.gain_rad_s == gain
@@ -87,7 +87,7 @@ def _self_checks(genome: Genome, config: EvaluateConfig, threads: int, report: C
         return None
 
     def measure(world: Scenario) -> SelfMemory:
-        return _self_memory(run_in_training_world(genome.weights, world, 1.0, threads, genome.network), world)
+        return _self_memory(run_in_training_world(genome.network_genes, world, 1.0, threads, genome.network), world)
 
     try:
         memory = _remembered(
@@ -143,10 +143,10 @@ def training_world(config: EvaluateConfig) -> Scenario:
 
 
 def remember_training_world(
-    weights: NDArray[np.float64], world: Scenario, threads: int, network: Network
+    genes: NDArray[np.float64], world: Scenario, threads: int, network: Network
 ) -> tuple[Nominal, SelfMemory | None]:
     """What a champion remembers of its training world; nothing for a self-check that its robot cannot do there."""
-    sides = run_in_training_world(weights, world, threads=threads, network=network)
+    sides = run_in_training_world(genes, world, threads=threads, network=network)
     return nominal_of(sides, world, 1.0), _self_memory(sides, world) if can_check_itself(world) else None
 
 

@@ -105,7 +105,7 @@ def decide(
     reward_input(activation, tally.reward)
 
     # Act.
-    forward(weights, activation, workspace.drive)
+    forward(weights, activation, workspace.drive, life.neurons)
     left, right = activation[WHEELS], activation[WHEELS + 1]
 
     # Score.
@@ -207,3 +207,6 @@ def record(
     samples.rate[place], samples.weight_change[place] = rate, tally.weight_change + tally.scaling
     for k in range(synapses):
         samples.weights[place, k] = life.weights[k]
+    neurons = samples.activations.shape[1]
+    for j in range(neurons):
+        samples.activations[place, j] = life.activation[life.activation.shape[0] - neurons + j]
