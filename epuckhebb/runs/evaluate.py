@@ -19,7 +19,7 @@ from epuckhebb.analysis.self_checks import findings
 from epuckhebb.config import hand, plugins
 from epuckhebb.config.methods import typed_as
 from epuckhebb.config.overrides import alternatives, quoted, value_of
-from epuckhebb.config.parts import wiring_names
+from epuckhebb.config.parts import part_names
 from epuckhebb.config.schema import EvaluateConfig, dump, say_unusual
 from epuckhebb.runs import hydra
 from epuckhebb.runs.nominal import Remembered, missing_nominal, remembered_for, training_world
@@ -170,7 +170,7 @@ def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
         words = [*words, f"robot={quoted(robot)}"]
     (called, settings), *several = {("", "") if one is None else (one.wiring, one.wiring_settings) for one in genomes}
     keys = {word.partition("=")[0] for word in given}
-    if several or called not in wiring_names() or keys & {"network", "network.wiring"}:
+    if several or not settings or called not in part_names("wiring") or keys & {"network", "network.wiring"}:
         return words
     own = {f"network.{key}": value for key, value in json.loads(settings).items() if f"network.{key}" not in keys}
     return [*words, f"network.wiring={called}", *typed_as(own)]

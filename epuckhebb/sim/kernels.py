@@ -5,10 +5,10 @@ from typing import Any
 from epuckhebb.sim import faults
 from epuckhebb.sim.adaptation import adaptation
 from epuckhebb.sim.compiled import kernel, with_parts
-from epuckhebb.sim.lifetime import decide, live
+from epuckhebb.sim.lifetime import decide, live, live_together, settle
 from epuckhebb.sim.network import Network, forward_pass
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness, score_of, scored
-from epuckhebb.sim.physics import mover
+from epuckhebb.sim.physics import mover, mover_of_all
 from epuckhebb.sim.plasticity.rule import NoRule, Rule
 from epuckhebb.sim.plasticity.update import modulation_of, update_of
 from epuckhebb.sim.random import normal_numbers
@@ -32,8 +32,9 @@ def kernel_of(
     more_faults: bool = False,
     task: Task = ONE_TRIAL,
     fitness: Fitness = PAPER_FITNESS,
+    together: bool = False,
 ) -> Any:
-    """`live` with these parts, compiled or from the cache.
+    """`live` with these parts, or `live_together`, compiled or from the cache.
 
     more_faults: whether there are other faults than dead sensors and weak wheels. task, fitness: only their kinds
     matter.
@@ -49,9 +50,9 @@ def kernel_of(
         self_check=self_check,
         homeostatic=homeostatic,
     )
-    place = (rule, hooks, network, robot, more_faults, type(task), scored(fitness))
+    place = (rule, hooks, network, robot, more_faults, type(task), scored(fitness), together)
     if place not in _kernels:
-        _kernels[place] = _made(rule, hooks, network, robot, more_faults, task, scored(fitness))
+        _kernels[place] = _made(rule, hooks, network, robot, more_faults, task, scored(fitness), together)
     return _kernels[place]
 
 
@@ -63,6 +64,7 @@ def _made(
     more_faults: bool,
     task: Task,
     fitness: type[Fitness],
+    together: bool,
 ) -> Any:
     check_inputs(network, robot, task)
     parts = {
@@ -82,8 +84,10 @@ def _made(
         **faults.hooks(robot, more_faults)._asdict(),
         **task.hooks(robot.inputs)._asdict(),
         "move": mover(robot),
+        "move_all": mover_of_all(robot),
     }
-    return kernel(live, decide=with_parts(decide, **parts), **parts)
+    parts |= {"decide": with_parts(decide, **parts), "settle": with_parts(settle, **parts)}
+    return kernel(live_together if together else live, **parts)
 
 
 def check_inputs(network: Network, robot: Robot, task: Task) -> None:

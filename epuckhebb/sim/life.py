@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate, initial_adaptation_state
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.faults import Faults
+from epuckhebb.sim.faults import Faults, initial_past
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, Network
@@ -144,7 +144,8 @@ class Life(NamedTuple):
 
     tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records. activation: (neurons,).
     adaptation: what it carries. trials: records of `epuckhebb.sim.task.TRIAL`, none where a lifetime is one trial.
-    score: one record, what its fitness stores. neurons: of a wiring; its state lasts as long as the lifetime.
+    score: one record, what its fitness stores. neurons: of a wiring; its state lasts as long as the lifetime. past:
+    what late sensors and wheels need (`epuckhebb.sim.faults`).
     """
 
     tally: NDArray[np.void]
@@ -156,6 +157,33 @@ class Life(NamedTuple):
     score: NDArray[np.void]
     neurons: Neurons
     workspace: Workspace
+    past: Floats
+
+
+class Group(NamedTuple):
+    """What robots in one space carry, first axis the robots: of `Life`, of `Genotype` (genes: its weights), and keys.
+
+    neurons, parameters: of a wiring. motion: (robots, 6), the view of the space's state. wheels: (robots, 4) and
+    before: (robots, 2), workspace.
+    """
+
+    tally: NDArray[np.void]
+    weights: Floats
+    synapse_state: NDArray[np.void]
+    activation: Floats
+    score: NDArray[np.void]
+    past: Floats
+    genes: Floats
+    coefficients: Floats
+    modulatory: Floats
+    lengths: Floats
+    signs: Floats
+    keys: NDArray[np.uint64]
+    neurons: NDArray[np.void]
+    parameters: Floats
+    motion: Floats
+    wheels: Floats
+    before: Floats
 
 
 def initial_life(
@@ -192,6 +220,7 @@ def initial_life(
         score=fitness.initial_state(),
         neurons=genotype.neurons._replace(state=genotype.neurons.state.copy()),
         workspace=workspace_for(network, robot) if workspace is None else workspace,
+        past=initial_past(robot),
     )
 
 
