@@ -129,7 +129,7 @@ class WorldConfig(Checked):
     change: dict[str, Any] = field(default_factory=dict)
     maze: dict[str, Any] = field(default_factory=dict)
     robot: dict[str, Any] = field(default_factory=dict)
-    network: dict[str, Any] = field(default_factory=lambda: {"wiring": LAYERS, "layers": None})
+    network: dict[str, Any] = field(default_factory=lambda: {"wiring": LAYERS})
     hebbian: dict[str, Any] = field(default_factory=dict)
     lifetime: Lifetime = field(default_factory=Lifetime)
     task: dict[str, Any] = field(default_factory=lambda: {"kind": ONE_TRIAL.name})
