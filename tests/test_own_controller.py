@@ -204,7 +204,10 @@ class Fine(Base):
         (["ctrnn", "network.hidden=-1"], ["network.hidden must be 0 or more, got -1"]),
         (["ctrnn", "network.layers=[16,2]"], ["network.layers is no key of wiring ctrnn; it has hidden"]),
         (["mlp", "network.hidden=3"], ["network.hidden is no key of wiring mlp; it has layers"]),
-        (["ctrnn", "hebbian=modulated"], ["rule modulated has a modulatory neuron", "network.wiring=ctrnn has no layers"]),
+        (
+            ["ctrnn", "hebbian=modulated"],
+            ["rule modulated has a modulatory neuron", "ctrnn has no layers"],
+        ),
         (["elman", "hebbian=abcd_shared"], ["rule abcd_shared has A for each layer", "network.wiring=elman"]),
         (["elman", "hebbian=discrete"], ["rule discrete keeps the lengths of incoming weights"]),
     ],
