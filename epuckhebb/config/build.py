@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from epuckhebb.config import hand
-from epuckhebb.config.parts import GENETIC, NONE, PAPER, part_from, part_names
+from epuckhebb.config.parts import GENETIC, NONE, PAPER, Layers, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings
 from epuckhebb.evolution.optimizer import Algorithm
@@ -30,7 +30,9 @@ from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
+from epuckhebb.sim.wiring import LAYERS, Wiring
 
+Shape = tuple[int, ...] | Wiring | None  # of a network: its layers, a wiring, or nothing said
 _LEAST = {"seed": 0, "first_seed": 0, "threads": 0, "repeats": 1, "reversal_repeats": 1, "champions": 1}
 _MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
 
@@ -202,9 +204,21 @@ def _goals(given: Any, maze: Maze) -> dict[Side, Place]:
     return goals
 
 
-def network_for(world: Scenario, layers: tuple[int, ...] | None) -> Network:
-    """The network of these layers; without them, the paper's hidden layers between the inputs and the wheels."""
-    network = Network((world.inputs, *HIDDEN, OUTPUTS) if layers is None else layers, world.task.gives_reward)
+def shape_from(settings: Mapping[str, Any]) -> Shape:
+    """What a part of the configuration says of the network: `wiring`, and its own settings."""
+    made: Layers | Wiring = part_from("wiring", settings, "network")
+    return made.layers if isinstance(made, Layers) else made
+
+
+def network_for(world: Scenario, shape: Shape) -> Network:
+    """The network of this shape; without one, the paper's hidden layers between the inputs and the wheels."""
+    if isinstance(shape, Wiring):
+        try:
+            return Network((world.inputs, *shape.sizes), world.task.gives_reward, shape)
+        except Exception as error:  # of a user's code
+            own = "" if isinstance(error, ValueError) else f"wiring {shape.name}: {type(error).__name__}: "
+            raise ConfigError(f"{own}{error}") from error
+    network = Network((world.inputs, *HIDDEN, OUTPUTS) if shape is None else shape, world.task.gives_reward)
     check_inputs(network, world.robot, world.task)
     return network
 
@@ -273,6 +287,15 @@ def check_stay(controller: Controller, world: Scenario, lifetime: Lifetime) -> N
         )
     if adaptation.recognise:
         check_recognition(world.robot)
+
+
+def check_homeostasis(adaptation: Adaptation, shape: Shape) -> None:
+    """Refuse homeostasis for a network that has no first layer, whose weights from the light sensors it scales."""
+    if adaptation.homeostasis and isinstance(shape, Wiring):
+        raise ValueError(
+            f"adaptation={adaptation.name} scales the weights between the light sensors and the first layer, and "
+            f"network.wiring={shape.name} has no layers; give another adaptation, or network.wiring={LAYERS}"
+        )
 
 
 def check_self_check(adaptation: Adaptation, world: Scenario, lifetime: Lifetime) -> None:

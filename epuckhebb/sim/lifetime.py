@@ -27,6 +27,7 @@ from epuckhebb.sim.robot import EPUCK, STEP_S
 from epuckhebb.sim.senses import blinding, largest_distance_reading, senses
 from epuckhebb.sim.sensors import NO_ROBOTS, Goal
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
+from epuckhebb.sim.wiring import Neurons
 
 OWN = int(fitness.Signal.fitness)
 CONTACT = 0.8  # a distance reading above this counts as contact, as in the published code
@@ -88,6 +89,7 @@ def live_together(group: Group, life: Life, setup: Setup, space: Handles, until:
                 life.adaptation,
                 life.trials,
                 group.score[i],
+                Neurons(group.neurons[i], group.parameters[i], life.neurons.numbers, life.neurons.step_s),
                 life.workspace,
                 group.past[i],
             )
@@ -176,7 +178,7 @@ def decide(
     reward_input(activation, tally.reward)
 
     # Act.
-    forward(weights, activation, workspace.drive)
+    forward(weights, activation, workspace.drive, life.neurons)
     left, right = activation[WHEELS], activation[WHEELS + 1]
 
     # Score.
@@ -277,3 +279,6 @@ def record(
     samples.rate[place], samples.weight_change[place] = rate, tally.weight_change + tally.scaling
     for k in range(synapses):
         samples.weights[place, k] = life.weights[k]
+    neurons = samples.activations.shape[1]
+    for j in range(neurons):
+        samples.activations[place, j] = life.activation[life.activation.shape[0] - neurons + j]

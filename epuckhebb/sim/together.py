@@ -57,6 +57,8 @@ class Together:
             lengths=_stacked([one.lengths for one in genotypes]),
             signs=_stacked([np.asarray(one.signs, float) for one in genotypes]),
             keys=np.array([one.key for one in individuals], np.uint64),
+            neurons=_stacked([life.neurons.state for life in lives]),
+            parameters=_stacked([life.neurons.parameters for life in lives]),
             motion=self._space.handles.state[: MOTION * count].reshape(count, MOTION),
             wheels=np.zeros((count, 4)),
             before=np.zeros((count, 2)),
