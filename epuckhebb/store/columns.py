@@ -184,6 +184,11 @@ RESCUE: Columns = {
     "training_harmed": number("trials solved in the training world without plasticity that fail there with it"),
     "training_solved": number("of how many"),
 }
+_RESCUE_BY_CHAMPION: Columns = {
+    **{key: RESCUE[key] for key in ("experiment", "controller", "N")},
+    "genome": _CONDITION["genome"],
+    **{key: RESCUE[key] for key in ("broken", "rescued", "intact", "harmed")},
+}
 _RESCUE_AND_HARM: Columns = {
     **_CONDITION,
     "solved": number("trials that the genes alone solve in the training world"),
@@ -374,6 +379,7 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
         "Of sweeps and `evaluate -m` over champions, in their training world and in changed ones: a row a plasticity.",
         RESCUE,
     ),
+    "rescue_by_champion.csv": ("Of the same: the counts of each champion.", _RESCUE_BY_CHAMPION),
     "rescue_and_harm.csv": (
         "Of `reproduce` and such sweeps: the same for each world. A trial is one champion on one side.",
         _RESCUE_AND_HARM,
