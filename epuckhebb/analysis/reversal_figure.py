@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from epuckhebb.analysis.figures import plain, to_png
-from epuckhebb.analysis.limits import CHANCE, OPTIMUM
+from epuckhebb.analysis.reversal import CHANCE, OPTIMUM
 
 _COLOURS = ("#999999", "#009E73", "#CC79A7", "#0072B2", "#D55E00", "#E69F00")
 _BEFORE, _AFTER = -3, 6  # trials around the switch

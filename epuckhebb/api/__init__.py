@@ -25,7 +25,7 @@ from epuckhebb.runs.evaluate import prepare, with_robot
 from epuckhebb.runs.evolve import EvolutionProgress
 from epuckhebb.runs.evolve import prepare as prepare_evolution
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.progress import TaskProgress, be_quiet, say
+from epuckhebb.runtime.progress import Bar, be_quiet, say
 from epuckhebb.runtime.resources import LATEST, thread_count
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.genome import plan_of
@@ -128,7 +128,7 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     with EvolutionProgress(config.schedule.generations, quiet=not progress, each=False) as bar:
         for generation in prepared.generations(thread_count(config.threads)):
             generations.append(generation)
-            bar.show(generation)
+            bar.add(generation)
     return Evolution(generations[-1].champion, pd.DataFrame(map(history_row, generations)))
 
 
@@ -198,7 +198,7 @@ def sweep(
     be_quiet(not progress)
     jobs = [dict(zip(over, values, strict=True)) for values in itertools.product(*over.values())]
     evaluations = []
-    with TaskProgress([1.0] * len(jobs), each=False) as bar:
+    with Bar("job", len(jobs), each=False) as bar:
         for number, job in enumerate(jobs):
             settings = {key: _label(key, value) for key, value in job.items()}
             bar.show(number, ", ".join(f"{key}={value}" for key, value in settings.items()))

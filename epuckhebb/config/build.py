@@ -12,6 +12,8 @@ from epuckhebb.config.values import part_settings
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.adaptation import Adaptation, compares_fitness
+from epuckhebb.sim.adaptation.gate import Stay
+from epuckhebb.sim.adaptation.recognise.place import check_recognition
 from epuckhebb.sim.adaptation.self_check.calibration import check_time
 from epuckhebb.sim.adaptation.self_check.memory import check_robot
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
@@ -252,6 +254,20 @@ def check_task(controller: Controller, task: Task) -> None:
         raise ValueError(
             f"hebbian.reward={controller.rule.reward.name} does nothing with task={task.name}, which gives no reward"
         )
+
+
+def check_stay(controller: Controller, world: Scenario, lifetime: Lifetime) -> None:
+    """Refuse learning without a rule, a start after the end, and recognition by a robot without the sensors."""
+    adaptation = controller.adaptation
+    if adaptation.stay is Stay.learn and isinstance(controller.rule, NoRule):
+        raise ValueError("adaptation.stay=learn needs a plasticity rule: give hebbian=stay, or adaptation.stay=halt")
+    if lifetime.duration_s <= adaptation.start_by_s < math.inf:
+        raise ValueError(
+            f"adaptation.start_by_s must be less than lifetime.duration_s = {lifetime.duration_s:g}, or inf for never, "
+            f"got {adaptation.start_by_s:g}"
+        )
+    if adaptation.recognise:
+        check_recognition(world.robot)
 
 
 def check_self_check(adaptation: Adaptation, world: Scenario, lifetime: Lifetime) -> None:

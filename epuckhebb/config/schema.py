@@ -20,6 +20,7 @@ from epuckhebb.config.build import (
     check_counts,
     check_self_check,
     check_signal,
+    check_stay,
     check_task,
     check_wheel_gain,
     compared,
@@ -176,6 +177,7 @@ class EvaluateConfig(WorldConfig):
             check_signal(controller, self.world)
             check_task(controller, self.world.task)
             check_self_check(controller.adaptation, self.world, self.lifetime)
+            check_stay(controller, self.world, self.lifetime)
 
 
 @dataclass(kw_only=True)

@@ -9,7 +9,7 @@ import pandas as pd
 
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis import report
-from epuckhebb.analysis.limits import limits
+from epuckhebb.analysis.reversal import limits
 from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.store import Run, RunFolder

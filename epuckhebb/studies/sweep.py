@@ -74,7 +74,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     jobs = list(listed.values())
     if again:
         say(repeated(len(again), again[0].settings, listed[again[0].run].settings))
-    settings = provenance.digest([identities.settings(job.config) for job in jobs])
+    settings = provenance.digest([identity.settings(job.config) for job in jobs])
     usual = Path("runs") / "sweep" / f"{name}_{settings[:8]}"
     folder, launcher = folder_and_launcher(of_hydra, usual)
     words_typed = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]
