@@ -86,7 +86,7 @@ def test_the_page_of_methods_has_the_parameters_of_conf(generated):
     generated(METHODS, "parameters", parameters())
 
 
-@pytest.mark.parametrize("command", ["evaluate", "evolve", "reproduce", "leaderboard"])
+@pytest.mark.parametrize("command", ["evaluate", "evolve", "reproduce", "leaderboard", "flock"])
 def test_every_key_is_told(command):
     told = {key.name: key.description for group in keys.all_groups() for _, own in sections(group) for key in own}
     assert [name for name, meaning in told.items() if not meaning] == []

@@ -47,10 +47,10 @@ class Together:
         starts = [world.maze.start if one.start is None else one.start for one in individuals]
         _check_starts(starts, world.robot.radius_m, world.boxes, world.maze.arena_m)
         self._space.place_robot(*starts)
-        lives = [session.life for session in self._sessions]
+        initial = [session.life for session in self._sessions]
         genotypes = [session.genotype for session in self._sessions]
         self._group = Group(
-            **{name: _stacked([getattr(life, name) for life in lives]) for name in _OF_LIFE},
+            **{name: _stacked([getattr(life, name) for life in initial]) for name in _OF_LIFE},
             genes=_stacked([one.weights for one in genotypes]),
             coefficients=_stacked([one.coefficients for one in genotypes]),
             modulatory=_stacked([one.modulatory for one in genotypes]),

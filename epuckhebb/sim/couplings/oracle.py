@@ -1,4 +1,4 @@
-"""The oracle: from the break on, nobody listens to the robot that broke. It is told which, as no robot can be."""
+"""The oracle: from the break on, nobody listens to the robot that broke. It is given its number, which no robot could sense."""
 
 from dataclasses import dataclass
 
