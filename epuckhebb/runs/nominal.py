@@ -52,7 +52,7 @@ def remembered_for(genome: Genome, config: EvaluateConfig, threads: int, report:
         nominal = _remembered(
             genome,
             config,
-            was_known,
+            known,
             missing,
             report,
             lambda one: measure_nominal(weights, one, gain, threads, network),
