@@ -229,7 +229,7 @@ class Fine(Fitness):
     ("words", "texts"),
     [
         (["fitness=papr"], ["fitness", "paper"]),
-        (["fitness.function=explorer"], ["fitness.function must be paper", "FILE.py:NAME"]),
+        (["fitness.function=explorer"], ["fitness.function", "paper", "FILE.py:NAME"]),
         (["fitness.function=nowhere.py:Fine"], ["fitness.function=", "nowhere.py:Fine: there is no file"]),
         (["fitness.function=bad.py:Fin"], ["has no fitness Fin", "Did you mean Fine?"]),
         (["fitness.function=bad.py:NotOne"], ["has no fitness NotOne", "subclass of epuckhebb.Fitness"]),
@@ -250,7 +250,7 @@ class Fine(Fitness):
         (["fitness.function=bad.py:Undefined"], ["fitness Undefined: `life` must return a finite number", "nan"]),
         (["fitness.function=bad.py:Fine", "fitness.gaol=1"], ["fitness.gaol is no key of", "Did you mean goal?"]),
         (["fitness.function=bad.py:Fine", "fitness.goal=far"], ["fitness.goal must be a finite number"]),
-        (["fitness.goal=1"], ["fitness.goal does nothing with fitness paper"]),
+        (["fitness.goal=1"], ["fitness.goal", "fitness paper"]),
         (["hebbian.signal=fitness"], ["hebbian.signal=fitness needs a fitness with a method `step`"]),
         (
             ["fitness.function=bad.py:Fine", "hebbian.signal=fitness", "adaptation=shortfall", "hebbian=paper"],

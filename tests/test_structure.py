@@ -32,6 +32,7 @@ INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
     "physics": {"compiled", "maze", "robot"},
     "task": {"compiled", "fitness", "maze", "sensors"},
     "tasks": {"compiled", "fitness", "maze", "physics", "random", "robot", "sensors", "task"},
+    "goal_signal": {"compiled", "random", "robot"},
     "scenario": {"by_hand", "faults", "goal_signal", "light", "maze", "own_fitness"}
     | {"reachable", "robot", "sensors", "task", "tasks"},
     "genome": {"network", "plasticity"},

@@ -43,7 +43,7 @@ def run_command(
     flags += ["--cfg", cfg] if cfg else []
     begin(quiet)
     overrides.check_config_dir(config_dir)
-    check_words(command, arguments, config_dir)
+    check_words(command, arguments, config_dir, several=multirun)
     if not cfg:
         hydra.check(command, arguments, config_dir, prepare, multirun=multirun)
     early = _EarlyReport() if reports and not (multirun or quiet or as_json) else None

@@ -115,24 +115,32 @@ def replay(
     ] = None,
     open_page: Open = False,
 ) -> None:
-    """A page, or a film, to watch an evaluation's lifetimes."""
+    """A page, or a film, to watch an evaluation's lifetimes, or a flock."""
     from epuckhebb.analysis import movie
-    from epuckhebb.export.replay import recording, require_video, write_movie, write_page
+    from epuckhebb.export.replay import recording, require_video, write, write_movie, write_page
+    from epuckhebb.store import Run as Folder
     from epuckhebb.store import resolve_run
 
     if mp4:
         require_video()
-    run = resolve_run(run, "evaluate")
-    recorded = recording(run)
-    written = []
-    if output or open_page or not (gif or mp4):
-        page = output or run / "replay.html"
-        write_page(recorded, page)
+    run = resolve_run(run, "evaluate", "flock")
+    page, written = output or run / "replay.html", []
+    if Folder(run).has("flock.csv"):
+        from epuckhebb.studies.flock import replay_page
+
+        if gif or mp4:
+            raise ConfigError("--gif and --mp4 are for runs of `epuckhebb evaluate`; a flock is replayed as a page")
+        write(page, replay_page(run).encode())
         written.append(page)
-    for target, make in ((gif, movie.gif), (mp4, movie.mp4)):
-        if target:
-            write_movie(recorded, target, make)
-            written.append(target)
+    else:
+        recorded = recording(run)
+        if output or open_page or not (gif or mp4):
+            write_page(recorded, page)
+            written.append(page)
+        for target, make in ((gif, movie.gif), (mp4, movie.mp4)):
+            if target:
+                write_movie(recorded, target, make)
+                written.append(target)
     for path in written:
         typer.echo(path)
     if open_page:
@@ -211,6 +219,24 @@ def leaderboard(
         return
     run(planned)
     print_study(planned.folder, as_json, quiet)
+
+
+@app.command(cls=ConfiguredCommand)
+@report_errors()
+def flock(
+    overrides: Overrides = None,
+    quick: Annotated[bool, typer.Option("--quick", help="4 flocks of 20 minutes, no sweep: half a minute.")] = False,
+    config_dir: ConfigDir = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Couplings between robots, and what they are good for."""
+    from epuckhebb.config.overrides import check_config_dir
+    from epuckhebb.studies.flock import flock as run
+
+    begin(quiet)
+    check_config_dir(config_dir)
+    print_study(run(overrides or [], quick=quick, config_dir=config_dir), as_json, quiet)
 
 
 @app.command(cls=ConfiguredCommand)

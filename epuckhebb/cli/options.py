@@ -64,6 +64,7 @@ _EXAMPLES = {
         "light methods=my_rules.py:Mine",
         "all hydra/launcher=slurm",
     ],
+    "flock": ["--quick", "flock=live_fitness flock.breaks=knower", "flock.coupling=my_couplings.py:Mine repeats=5"],
     "sweep": ["light", 'n_sweep "seed=range(1,6)" genome=runs/evolve/RUN --dry-run', "obstacles hydra/launcher=slurm"],
     "show": ["", "latest", "reference_7"],
     "keys": ["scenario", "evolve"],

@@ -24,6 +24,7 @@ _MANY = 6  # files of a folder that are counted and not named
 
 KINDS = {  # file of results -> what prints all of them, and what says them in short
     "claims.csv": (show_study.print_reproduction, show_study.reproduction_in_short),
+    "flock.csv": (show_study.print_flock, show_study.flock_in_short),
     "leaderboard.csv": (show_study.print_leaderboard, show_study.leaderboard_in_short),
     "summary.csv": (show_study.print_sweep, show_study.sweep_in_short),
     "reversal.csv": (show_run.print_reversal, show_run.reversal_in_short),  # it has metrics.csv, too
@@ -115,7 +116,7 @@ def as_json(path: Path) -> dict[str, Any]:
     """Provenance, status and results of a run, as JSON values."""
     run = Run(path)
     values = {"run": str(path), **run.provenance, "status": run.status}
-    for name in ("metrics", "history", "leaderboard"):
+    for name in ("metrics", "history", "leaderboard", "flock"):
         if run.has(f"{name}.csv"):
             values[name] = run.rows(f"{name}.csv")
     return values

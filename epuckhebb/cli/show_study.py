@@ -1,4 +1,4 @@
-"""Prints the tables of a study: a reproduction, a sweep or a leaderboard."""
+"""Prints the tables of a study: a reproduction, a sweep, a leaderboard or flocks."""
 
 import math
 from pathlib import Path
@@ -40,6 +40,35 @@ def reproduction_in_short(path: Path) -> str:
     claims = Run(path).table("claims.csv")
     claims = claims[~claims.verdict.str.startswith("check")]
     return f"{(claims.verdict == 'holds').sum()} of {len(claims)} claims hold"
+
+
+def print_flock(path: Path, console: Console) -> None:
+    """Print where the robots of each coupling headed in the usual condition, and where the page is."""
+    from epuckhebb.analysis.flock import usual  # brings statistics
+
+    for breaks, own in usual(Run(path).table("flock.csv")).groupby("breaks", sort=False):
+        rows = [
+            (
+                row.coupling,
+                f"{row.before:.3f}",
+                rescue.share(row.long_after, row.long_after_low, row.long_after_high),
+                f"{row.good * row.runs:.0f} of {row.runs}",
+                f"{row.difference:+.2f} [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"
+                if row.difference_high > row.difference_low
+                else "",
+            )
+            for row in own.itertuples()
+        ]
+        headings = ("couplings", "before", "long after", "above .9", "difference to frozen")
+        print_table(console, f"Cosine of heading to the goal; breaks: {breaks} (95 % interval)", headings, rows, text=1)
+    print_line(console, f"Report: {path}/report.html")
+
+
+def flock_in_short(path: Path) -> str:
+    """How well the best coupling does, beside frozen ones."""
+    table = Run(path).table("flock.csv")
+    own = table[table.breaks == table.breaks.iloc[-1]].set_index("coupling").long_after.groupby(level=0).first()
+    return ", ".join(f"{name} {value:.2f}" for name, value in own.sort_values(ascending=False).head(3).items())
 
 
 def print_leaderboard(path: Path, console: Console) -> None:

@@ -12,6 +12,8 @@ from epuckhebb.config.values import part_settings
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.adaptation import Adaptation, compares_fitness
+from epuckhebb.sim.adaptation.gate import Stay
+from epuckhebb.sim.adaptation.recognise.place import check_recognition
 from epuckhebb.sim.adaptation.self_check.calibration import check_time
 from epuckhebb.sim.adaptation.self_check.memory import check_robot
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
@@ -32,14 +34,13 @@ _LEAST = {"seed": 0, "first_seed": 0, "threads": 0, "repeats": 1, "reversal_repe
 _MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
 
 
-def check_counts(**counts: int) -> None:
-    """Refuse numbers of these keys that cannot be."""
-    for key, count in counts.items():
-        if count < _LEAST[key]:
-            raise ValueError(f"{key} must be {_LEAST[key]} or more, got {count}")
-    threads = counts.get("threads", 0)
-    if threads > _MOST_THREADS:
-        raise ValueError(f"threads must lie between 0 (one for each core) and {_MOST_THREADS}, got {threads}")
+def check_counts(values: Mapping[str, Any]) -> None:
+    """Refuse numbers that cannot be. values: of keys, other ones among them."""
+    for key, least in _LEAST.items():
+        if key in values and values[key] < least:
+            raise ValueError(f"{key} must be {least} or more, got {values[key]}")
+    if values.get("threads", 0) > _MOST_THREADS:
+        raise ValueError(f"threads must lie between 0 (one for each core) and {_MOST_THREADS}, got {values['threads']}")
 
 
 def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
@@ -253,6 +254,20 @@ def check_task(controller: Controller, task: Task) -> None:
         raise ValueError(
             f"hebbian.reward={controller.rule.reward.name} does nothing with task={task.name}, which gives no reward"
         )
+
+
+def check_stay(controller: Controller, world: Scenario, lifetime: Lifetime) -> None:
+    """Refuse learning without a rule, a start after the end, and recognition by a robot without the sensors."""
+    adaptation = controller.adaptation
+    if adaptation.stay is Stay.learn and isinstance(controller.rule, NoRule):
+        raise ValueError("adaptation.stay=learn needs a plasticity rule: give hebbian=stay, or adaptation.stay=halt")
+    if lifetime.duration_s <= adaptation.start_by_s < math.inf:
+        raise ValueError(
+            f"adaptation.start_by_s must be less than lifetime.duration_s = {lifetime.duration_s:g}, or inf for never, "
+            f"got {adaptation.start_by_s:g}"
+        )
+    if adaptation.recognise:
+        check_recognition(world.robot)
 
 
 def check_self_check(adaptation: Adaptation, world: Scenario, lifetime: Lifetime) -> None:

@@ -47,6 +47,8 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
         choices: The file that was chosen of each group.
         folders: Where Hydra looked for files, first found first taken.
     """
+    if ":" in str((cfg.get("flock") or {}).get("coupling")):
+        cfg.flock.coupling = _absolute(cfg.flock.coupling, "flock.coupling")
     if "scenario" not in cfg or cfg.get("changed") is not None:
         return cfg
     own = {name: settings for name, settings in cfg.change.items() if settings is not None}  # no choices of the group

@@ -1,4 +1,4 @@
-"""Parts of the science that have classes: a rule, a fitness, an optimizer, a task, a sensor; each is found by its name.
+"""Parts of the science that have classes: a rule, a fitness, a coupling, and others; each is found by its name.
 
 A part of the program is a file of a package, named by the part; one of the user's is `FILE.py:NAME`.
 """
@@ -15,7 +15,8 @@ from epuckhebb.config.values import part_settings
 from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.sim import tasks
+from epuckhebb.sim import coupling, couplings, tasks
+from epuckhebb.sim.coupling import Coupling
 from epuckhebb.sim.own_fitness import Fitness, check_class
 from epuckhebb.sim.own_sensor import Sensor
 from epuckhebb.sim.plasticity import rules
@@ -50,6 +51,7 @@ class _Kind:
 _KINDS = {
     "rule": _Kind("rule", Rule, rules, check=arguments_of),
     "fitness": _Kind("function", Fitness, usual={PAPER: Fitness}, check=check_class),
+    "coupling": _Kind("coupling", Coupling, couplings, check=coupling.check_class),
     "optimizer": _Kind("algorithm", Optimizer, optimizers),
     "task": _Kind("kind", Task, tasks),
     "sensor": _Kind("sensor", Sensor, check=lambda _: None),
@@ -57,7 +59,7 @@ _KINDS = {
 
 
 def part_names(kind: str) -> list[str]:
-    """The parts of a kind (`rule`, `fitness`, `optimizer`, `task`, `sensor`) that the program has."""
+    """The parts of a kind (`rule`, `fitness`, `coupling`, `optimizer`, `task`, `sensor`) that the program has."""
     return _KINDS[kind].names
 
 

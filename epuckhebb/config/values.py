@@ -40,7 +40,7 @@ def record(
     for key in given:
         if key not in kinds:
             known = f"is no key of {owner}; it has" if owner else "is not known; known are"
-            raise ConfigError(f"{where}.{key} {known} {', '.join(kinds)}{did_you_mean(key, kinds)}")
+            raise ConfigError(f"{where}.{key} {known} {', '.join(kinds) or 'none'}{did_you_mean(key, kinds)}")
     for key in kinds:
         if key not in given and key not in defaults:
             raise ConfigError(f"{where}.{key} is missing")

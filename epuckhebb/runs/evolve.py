@@ -183,7 +183,7 @@ def evolve_into(
             after = Checkpoint.following(after, generation)
             run.write(CHECKPOINT, after.as_bytes(digest))
             _write_generation(run, after, prepared)
-            progress.show(generation)
+            progress.add(generation)
         assert after is not None  # there is at least one generation
         last = after.generation
         run.write(CHAMPION, prepared.champion(last, config.seed, *prepared.remember(last.champion, threads)))
@@ -298,17 +298,12 @@ class EvolutionProgress(Bar):
     def __init__(self, generations: int, *, quiet: bool, each: bool = True) -> None:
         """Prepare to show so many generations; say nothing if `quiet`."""
         super().__init__("generation", generations, quiet=quiet, each=each)
-        self._steps, self._seconds, self._shown = 0, 0.0, 0
-        self.put(0, "compiling …")
+        self._steps, self._seconds = 0, 0.0
+        self.update(self._task, description="compiling …")
 
-    def show(self, generation: Generation) -> None:
+    def add(self, generation: Generation) -> None:
         """Show a generation that has just ended."""
         self._steps += generation.robot_steps
         self._seconds += generation.seconds
-        self._shown += 1
-        done = generation.number + 1
         best, mean, speed = generation.fitness.max(), generation.fitness.mean(), self._steps / self._seconds / 1e6
-        text = f"best {best:.3f}  mean {mean:.3f}  {speed:.2f} M robot-steps/s"
-        self.put(done, text)
-        left = self._seconds / self._shown * (self._total - done)
-        self.say(f"generation {done}/{self._total}  {text}  {left:.0f} s left")
+        self.show(generation.number + 1, f"best {best:.3f}  mean {mean:.3f}  {speed:.2f} M robot-steps/s")

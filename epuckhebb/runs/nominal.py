@@ -87,6 +87,8 @@ def missing_nominal(config: EvaluateConfig, nominal: Nominal | None) -> str:
     at_another = nominal is not None and nominal.gain_rad_s != gain and any(one.is_gated for one in adaptations)
     if any(one.needs_nominal for one in adaptations) and (nominal is None or at_another):
         return f"has no nominal statistics at {gain:g} rad/s"
+    if any(one.recognise for one in adaptations) and nominal is not None and nominal.sun is None:
+        return "has no nominal statistics of sun, lamp and walls"
     return ""
 
 

@@ -14,6 +14,7 @@ from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate, initial_a
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.faults import Faults, initial_past
+from epuckhebb.sim.goal_signal import SignalNumbers
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, Network
@@ -47,6 +48,8 @@ TALLY = np.dtype(
         ("need", np.float64),  # g of the last step
         ("change_signal", np.float64),  # nan without a signal
         ("away_s", np.float64),  # since the start, or since it was at the goal
+        ("exploring", np.bool_),  # whether the gate of exploration is open
+        ("halted", np.bool_),  # whether it stands still at the goal
         ("late_s", np.float64),  # how long the signal of change has been above its threshold
         ("noise_left", np.float64),  # on the wheels' outputs, of exploration
         ("noise_right", np.float64),
@@ -219,13 +222,15 @@ def initial_life(
 class Trial(NamedTuple):
     """What the robot is to do, and what is wrong with it.
 
-    goal_x, goal_y, goal_radius: m. arm: the region in which it has turned the right way. arena: m, half side.
-    faults: what is wrong. terms: the numbers of its task, a tuple of a type of their own.
+    goal_x, goal_y, goal_radius: m. signal: how it is given the goal signal. arm: the region in which it has turned the
+    right way. arena: m, half side. faults: what is wrong. terms: the numbers of its task, a tuple of a type of their
+    own.
     """
 
     goal_x: float
     goal_y: float
     goal_radius: float
+    signal: SignalNumbers
     arm: Region
     arena: float
     faults: Faults

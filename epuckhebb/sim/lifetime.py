@@ -38,7 +38,7 @@ sense, blind, nearest = senses(EPUCK), blinding(EPUCK), largest_distance_reading
 draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
 move_all = mover_of_all(EPUCK)
 learn, modulate = update_of(NoRule, PAPER_NETWORK), modulation_of(NoRule, PAPER_NETWORK)
-correct, scale, open_gate, explore, compensate = adaptation.hooks(adaptation.NONE, EPUCK)
+correct, scale, open_gate, explore, compensate, resets = adaptation.hooks(adaptation.Parts(), EPUCK)
 apply_sensor_faults, turn_wheels = faults.hooks(EPUCK, more=False)
 reward_input, to_goal, end_step = ONE_TRIAL.hooks(EPUCK.inputs)
 
@@ -203,11 +203,10 @@ def decide(
             live_fitness = worth
 
     # Learn.
-    at_goal = tally.goal_distance < trial.goal_radius
     need = open_gate(
-        plasticity.gate, tally, life.adaptation, activation, live_fitness, setup.nominal, at_goal, step, setup.key
+        plasticity.gate, tally, life.adaptation, activation, live_fitness, setup.nominal, trial, step, setup.key
     )
-    if tally.need > 0.0 and need == 0.0:
+    if resets and tally.need > 0.0 and need == 0.0:
         reset_to_genes(life, genotype)
     tally.need = need
     rate = effective_rate(plasticity.rate, need, live_fitness, plasticity.floor)

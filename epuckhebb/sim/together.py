@@ -45,7 +45,7 @@ class Together:
         self._live = stage.kind_of(individuals[0].controller, individuals[0].network, stage.more_faults).live
         self._space = PymunkSpace(world.boxes, world.robot, world.wall_friction, count)
         starts = [world.maze.start if one.start is None else one.start for one in individuals]
-        check_starts(starts, world.robot.radius_m, world.boxes, world.maze.arena_m)
+        _check_starts(starts, world.robot.radius_m, world.boxes, world.maze.arena_m)
         self._space.place_robot(*starts)
         lives = [session.life for session in self._sessions]
         genotypes = [session.genotype for session in self._sessions]
@@ -90,7 +90,7 @@ class Together:
         return [session.outcome(pose) for session, pose in zip(self._sessions, self.poses, strict=True)]
 
 
-def check_starts(starts: Sequence[Pose], radius: float, walls: NDArray[np.float64], arena: float) -> None:
+def _check_starts(starts: Sequence[Pose], radius: float, walls: NDArray[np.float64], arena: float) -> None:
     """Check that robots of this radius [m] have room. walls: (boxes, 4) edges [m]. arena: its half side [m].
 
     Raises:

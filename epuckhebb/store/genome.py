@@ -89,8 +89,12 @@ class Genome:
 def _sha256(remembered: Nominal | SelfMemory | None) -> str:
     if remembered is None:
         return ""
-    values = sorted(asdict(remembered).items())
+    values = sorted(_known(remembered).items())
     return hashlib.sha256(b"".join(name.encode() + np.asarray(value).tobytes() for name, value in values)).hexdigest()
+
+
+def _known(remembered: Nominal | SelfMemory) -> dict[str, Any]:
+    return {name: value for name, value in asdict(remembered).items() if value is not None}
 
 
 def load_genome(where: str, experiment: str, layers: tuple[int, ...] | None = None) -> Genome:
@@ -159,7 +163,7 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
             arrays |= {"rewarded": np.int64(genome.network.rewarded)} if name == "task" else {}
     for prefix, remembered in ((_NOMINAL, genome.nominal), (_SELF_MEMORY, genome.self_memory)):
         if remembered is not None:
-            arrays |= {prefix + key: np.asarray(value) for key, value in asdict(remembered).items()}
+            arrays |= {prefix + key: np.asarray(value) for key, value in _known(remembered).items()}
     return compressed(arrays)
 
 
@@ -233,6 +237,9 @@ def _nominal(arrays: Arrays, path: Path, inputs: int, lights: int) -> Nominal | 
         values = _memory(arrays, _NOMINAL, shapes)
         if values and not values["fitness"].size:
             raise ValueError("its fitness is of no second")
+        for name, shape in {"sun": (3,), "echo": (2, None)}.items() if values else ():
+            if _NOMINAL + name in arrays:
+                values[name] = arrays.take(_NOMINAL + name, "f", shape).astype(np.float64)
         return Nominal(**values) if values else None
 
 

@@ -46,7 +46,7 @@ class Identities:
             ConfigError: A value or the genome cannot be used.
         """
         try:
-            check_counts(**{key: config[key] for key in _APART})
+            check_counts(config)
         except ValueError as error:
             raise ConfigError(str(error)) from error
         shared = self.validate_shared(config)

@@ -56,7 +56,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
         ConfigError: There is no such sweep, or a key, a value or the genome cannot be used.
     """
     of_hydra = for_hydra("sweep", arguments)
-    words.check_words("evaluate", arguments, config_dir)
+    words.check_words("evaluate", arguments, config_dir, several=True)
     named = [f"experiment={name}"]
     params = compose.swept([*named, *of_hydra], config_dir)
     if not params:
