@@ -9,7 +9,8 @@ from epuckhebb.config import hand
 from epuckhebb.config.parts import GENETIC, NONE, PAPER, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings
-from epuckhebb.evolution.optimizer import Optimizer
+from epuckhebb.evolution.optimizer import Algorithm
+from epuckhebb.evolution.search import measures_of
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.adaptation import Adaptation, compares_fitness
 from epuckhebb.sim.adaptation.gate import Stay
@@ -58,12 +59,16 @@ def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
     return NO_RULE
 
 
-def optimizer_from(settings: Mapping[str, Any], ga: Optimizer | None) -> Optimizer:
+def optimizer_from(settings: Mapping[str, Any], ga: Algorithm | None) -> Algorithm:
     """The optimizer that a part of the configuration describes. ga: the genetic algorithm; None for another one."""
     if settings.get("algorithm") != GENETIC:
         if ga is not None:
             raise not_its_settings(str(settings.get("algorithm")))
-        optimizer: Optimizer = part_from("optimizer", settings, "optimizer")
+        optimizer: Algorithm = part_from("optimizer", settings, "optimizer")
+        try:
+            measures_of(optimizer)
+        except ValueError as error:
+            raise ConfigError(f"optimizer.algorithm={settings['algorithm']}: {error}") from error
         return optimizer
     useless = [f"optimizer.{name}" for name in settings if name != "algorithm"]
     if useless:

@@ -111,6 +111,15 @@ class NetworkConfig:
     layers: list[int] | None = None
 
 
+class Figures(Enum):
+    """The files to which a run writes its figures."""
+
+    png = "png"
+    svg = "svg"
+    pdf = "pdf"
+    none = "none"
+
+
 @dataclass(kw_only=True)
 class WorldConfig(Checked):
     """The keys that `evaluate` and `evolve` have in common, and the world that comes of them.
@@ -121,6 +130,7 @@ class WorldConfig(Checked):
 
     seed: int = 1
     threads: int = 0
+    figures: Figures = Figures.png
     scenario: ScenarioConfig = field(default_factory=ScenarioConfig)
     change: dict[str, Any] = field(default_factory=dict)
     maze: dict[str, Any] = field(default_factory=dict)

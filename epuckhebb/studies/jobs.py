@@ -24,7 +24,7 @@ from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import counting
 from epuckhebb.store import SCHEMA, UNFINISHED, OwnFile, Run, RunFolder, as_json, set_aside, write_atomic
 
-NO_EFFECT = ("threads",)  # keys on which no result depends
+NO_EFFECT = ("threads", "figures")  # keys on which no result depends
 _LIST, _JOBS, _STOP = "sweep.json", "jobs", "stop"
 AT_ONCE = 1000  # jobs that a launcher gets at a time: as many as SLURM takes in one array (its MaxArraySize is 1001)
 

@@ -133,16 +133,22 @@ def _write_over_all(write: Callable[[str, bytes | str | pd.DataFrame], None], ga
         write("over_champions.csv", summary.over_champions(rows, settings))
     doses = summary.dose_response(rows, settings)
     if doses:
-        write("figures/dose_response.png", doses)
+        write("figures/dose_response.png", _image(doses))
     found = summary.rescue_and_harm(rows)
     if found is not None:
         tables, page, figure = found
         for name, table in tables.items():
             write(f"{name}.csv", table)
         write("report.md", page)
-        write(f"figures/{rescue.FIGURE}", figure)
+        write(f"figures/{rescue.FIGURE}", _image(figure))
     elif missing := summary.no_rescue(rows, settings):
         say(missing)
+
+
+def _image(figure: Any) -> bytes:
+    from epuckhebb.analysis.image import image  # matplotlib takes a while to load
+
+    return image(figure)
 
 
 def _evaluated(path: Path, settings: Mapping[str, str], place: Mapping[str, str]) -> Evaluated:
