@@ -13,7 +13,7 @@ from step import GENES
 from epuckhebb.sim import light
 from epuckhebb.sim.maze import T_MAZE, Pose, boxes
 from epuckhebb.sim.network import PAPER_NETWORK, forward_pass, initial_weights_of
-from epuckhebb.sim.physics import PymunkSpace, mover
+from epuckhebb.sim.physics.pymunk import PymunkSpace, mover
 from epuckhebb.sim.plasticity.rule import initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.plasticity.update import StepContext, update_of

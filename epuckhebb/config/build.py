@@ -1,9 +1,9 @@
 """Makes the parts of the science from a checked configuration: controllers, tasks, worlds, networks, optimizers."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, TypeVar
 
 from epuckhebb.config import hand
 from epuckhebb.config.parts import (
@@ -12,6 +12,7 @@ from epuckhebb.config.parts import (
     PAPER,
     fitness_class,
     optimizer_class,
+    physics_class,
     rule_class,
     rule_names,
     task_class,
@@ -30,13 +31,16 @@ from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES, Maze, Place, Side
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
+_Part = TypeVar("_Part", Task, Physics)
 _LEAST = {"seed": 0, "first_seed": 0, "threads": 0, "repeats": 1, "reversal_repeats": 1, "champions": 1}
 _MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
 
@@ -170,12 +174,22 @@ def with_controls(controller: Controller, task: Task) -> list[Controller]:
 
 def task_from(settings: Mapping[str, Any]) -> Task:
     """The task that a part of the configuration describes: `kind`, the name of one, and its own settings."""
+    return _of_kind(settings, "task", task_class)
+
+
+def physics_from(settings: Mapping[str, Any]) -> Physics:
+    """The physics that a part of the configuration describes, as `task_from`."""
+    return _of_kind(settings, "physics", physics_class)
+
+
+def _of_kind(settings: Mapping[str, Any], group: str, class_of: Callable[[Any], type[_Part]]) -> _Part:
     given = {name: value for name, value in settings.items() if name != "kind"}
     where = settings.get("kind")
-    kind = task_class(where)
+    kind: Any = class_of(where)
     if given and not fields(kind):
-        raise ConfigError(f"task.{next(iter(given))} does nothing with task={where}, which has no settings")
-    return kind(**part_settings(kind, given, "task", f"task {where}"))
+        raise ConfigError(f"{group}.{next(iter(given))} does nothing with {group}={where}, which has no settings")
+    made: _Part = kind(**part_settings(kind, given, group, f"{group} {where}"))
+    return made
 
 
 def fitness_from(settings: Mapping[str, Any]) -> Fitness:
@@ -199,8 +213,9 @@ def scenario_from(
     robot: Mapping[str, Any],
     task: Mapping[str, Any] | None = None,
     fitness: Mapping[str, Any] | None = None,
+    physics: Mapping[str, Any] | None = None,
 ) -> Scenario:
-    """The world of a configuration. task, fitness: None for the paper's."""
+    """The world of a configuration. task, fitness, physics: None for the paper's, or that of the plane."""
     values = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     in_maze, of_kind = maze_from(maze), robot_from(robot)
     for number, change in enumerate(values["changes"]):
@@ -219,6 +234,7 @@ def scenario_from(
         robot=of_kind,
         task=ONE_TRIAL if task is None else task_from(task),
         fitness=PAPER_FITNESS if fitness is None else fitness_from(fitness),
+        physics=PYMUNK if physics is None else physics_from(physics),
     )
 
 

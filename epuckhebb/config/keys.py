@@ -12,7 +12,7 @@ import yaml
 
 from epuckhebb.config.conf import TABLES, first_comment, groups, rows, table_file
 from epuckhebb.config.methods import Method
-from epuckhebb.config.parts import NONE, optimizer_class, rule_class, task_class
+from epuckhebb.config.parts import NONE, optimizer_class, physics_class, rule_class, task_class
 from epuckhebb.config.schema import SCHEMAS
 from epuckhebb.runtime.errors import ConfigError, did_you_mean
 from epuckhebb.runtime.resources import data_folder
@@ -110,6 +110,8 @@ def _schema(group: str, file: Path) -> Any:
         return rule_class(str(held["rule"]), group) if held.get("rule", NONE) != NONE else None
     if group == "task":
         return task_class(held.get(group, held)["kind"])
+    if group == "physics":
+        return physics_class(held["kind"])
     if group == "optimizer":
         return optimizer_class(held["algorithm"])
     kinds = [typing.get_type_hints(schema).get(group) for schema in SCHEMAS.values()]

@@ -235,7 +235,7 @@ def _changed(cfg: DictConfig, choice: str, folders: Sequence[Path]) -> str:
     folders = where_known("scenario", choice, folders)
     original = scenario_of(choice, folders, maze, robot)
     task = plain(cfg.task) if "task" in cfg else None
-    world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task, plain(cfg.fitness))
+    world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task, plain(cfg.fitness), plain(cfg.physics))
     return "" if original is None else world.changed_from(original, maze_brought(choice, folders) or T_MAZE, EPUCK)
 
 

@@ -1,4 +1,4 @@
-"""Finds the class of a rule, a fitness, an optimizer or a task by its name."""
+"""Finds the class of a rule, a fitness, an optimizer, a task or a physics by its name."""
 
 import importlib
 import pkgutil
@@ -12,10 +12,11 @@ from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import path_of
-from epuckhebb.sim import tasks
+from epuckhebb.sim import physics, tasks
 from epuckhebb.sim.own_fitness import Fitness, check_class
 from epuckhebb.sim.plasticity import rules as rule_files
 from epuckhebb.sim.plasticity.rule import Rule, arguments_of
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
 
 NONE, PAPER = "none", "paper"
@@ -83,6 +84,11 @@ def task_names() -> list[str]:
 def task_class(name: Any) -> type[Task]:
     """The class of the task of this name, whose fields are its settings."""
     return _class_of(tasks, name, Task, "task.kind")
+
+
+def physics_class(name: Any) -> type[Physics]:
+    """The class of the physics of this name, whose fields are its settings."""
+    return _class_of(physics, name, Physics, "physics.kind")  # type: ignore[type-abstract]
 
 
 def _names_in(package: types.ModuleType) -> list[str]:

@@ -8,12 +8,13 @@ from epuckhebb.sim.compiled import kernel, with_parts
 from epuckhebb.sim.lifetime import decide, live
 from epuckhebb.sim.network import Network, forward_pass
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness, score_of, scored
-from epuckhebb.sim.physics import mover
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.rule import NoRule, Rule
 from epuckhebb.sim.plasticity.update import modulation_of, update_of
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.senses import blinding, largest_distance_reading, senses
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
@@ -32,6 +33,7 @@ def kernel_of(
     more_faults: bool = False,
     task: Task = ONE_TRIAL,
     fitness: Fitness = PAPER_FITNESS,
+    physics: Physics = PYMUNK,
 ) -> Any:
     """`live` with these parts, compiled or from the cache.
 
@@ -49,9 +51,9 @@ def kernel_of(
         self_check=self_check,
         homeostatic=homeostatic,
     )
-    place = (rule, hooks, network, robot, more_faults, type(task), scored(fitness))
+    place = (rule, hooks, network, robot, more_faults, type(task), scored(fitness), physics)
     if place not in _kernels:
-        _kernels[place] = _made(rule, hooks, network, robot, more_faults, task, scored(fitness))
+        _kernels[place] = _made(rule, hooks, network, robot, more_faults, task, scored(fitness), physics)
     return _kernels[place]
 
 
@@ -63,6 +65,7 @@ def _made(
     more_faults: bool,
     task: Task,
     fitness: type[Fitness],
+    physics: Physics,
 ) -> Any:
     check_inputs(network, robot, task)
     parts = {
@@ -71,7 +74,7 @@ def _made(
         "HAS_TRIALS": task.has_trials,
         "HAS_SCORE": fitness.step is not None,
         "score": score_of(fitness),
-        "sense": senses(robot),
+        "sense": senses(robot, physics),
         "blind": blinding(robot),
         "nearest": largest_distance_reading(robot),
         "draw_noise": normal_numbers(robot.inputs),
@@ -81,7 +84,8 @@ def _made(
         **hooks._asdict(),
         **faults.hooks(robot, more_faults)._asdict(),
         **task.hooks(robot.inputs)._asdict(),
-        "move": mover(robot),
+        "move": physics.mover(robot),
+        "record_tilt": physics.record_tilt(),
     }
     return kernel(live, decide=with_parts(decide, **parts), **parts)
 

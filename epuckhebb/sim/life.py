@@ -18,11 +18,13 @@ from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, Network
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
 from epuckhebb.sim.random import noise_workspace_size
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.senses import SenseWorkspace, sense_workspace
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import NO_TRIALS
 from epuckhebb.sim.vectors import whole
 
@@ -109,10 +111,10 @@ class Workspace(NamedTuple):
     change: Floats
 
 
-def workspace_for(network: Network, robot: Robot) -> Workspace:
+def workspace_for(network: Network, robot: Robot, physics: Physics = PYMUNK) -> Workspace:
     """Workspace for this network and robot."""
     return Workspace(
-        senses=sense_workspace(robot),
+        senses=sense_workspace(robot, physics),
         noise=np.zeros(noise_workspace_size(robot.inputs)),
         drive=np.empty(whole(max(network.post))),
         synapses=np.empty((3, network.synapses)),
@@ -138,7 +140,7 @@ class Genotype(NamedTuple):
 
 
 class Life(NamedTuple):
-    """All that a lifetime carries from step to step, but for the pymunk space in which the robot stands.
+    """All that a lifetime carries from step to step, but for the space in which the robot stands.
 
     tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records. activation: (neurons,).
     adaptation: what it carries. trials: records of `epuckhebb.sim.task.TRIAL`, none where a lifetime is one trial.
@@ -226,7 +228,8 @@ class Samples(NamedTuple):
 
     time [s]; pose: x, y [m], heading [rad]; sensors: the network's inputs; motors: the 2 network outputs; fitness:
     live F; change_signal: nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|, that of homeostasis
-    included; weights: (samples, synapses), after the step's update, without the scale of homeostasis.
+    included; weights: (samples, synapses), after the step's update, without the scale of homeostasis; tilt: roll, pitch
+    [rad] and height above the floor [m], nothing in the plane.
     """
 
     time: Floats
@@ -238,9 +241,10 @@ class Samples(NamedTuple):
     rate: Floats
     weight_change: Floats
     weights: NDArray[np.float32]
+    tilt: Floats
 
 
-def empty_samples(count: int, network: Network) -> Samples:
+def empty_samples(count: int, network: Network, physics: Physics = PYMUNK) -> Samples:
     """Arrays for so many samples."""
 
     def numbers(*shape: int) -> Floats:
@@ -256,6 +260,7 @@ def empty_samples(count: int, network: Network) -> Samples:
         rate=numbers(),
         weight_change=numbers(),
         weights=np.zeros((count, network.synapses), np.float32),
+        tilt=numbers(physics.tilts),
     )
 
 

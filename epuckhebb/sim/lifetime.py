@@ -8,9 +8,6 @@ any step and resumed bit-identically.
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from epuckhebb.sim import faults, fitness
 from epuckhebb.sim.adaptation import adaptation
 from epuckhebb.sim.compiled import compiled
@@ -18,13 +15,14 @@ from epuckhebb.sim.life import Genotype, Life, Samples, Setup
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, forward_pass
 from epuckhebb.sim.own_fitness import Fitness, score_of
-from epuckhebb.sim.physics import Handles, is_lost, mover, pose
+from epuckhebb.sim.physics.pymunk import PYMUNK, mover
 from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.plasticity.update import StepContext, effective_rate, modulation_of, update_of
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.robot import EPUCK, STEP_S
 from epuckhebb.sim.senses import blinding, largest_distance_reading, senses
 from epuckhebb.sim.sensors import Goal
+from epuckhebb.sim.space import Handles, is_lost, pose
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
 OWN = int(fitness.Signal.fitness)
@@ -33,9 +31,10 @@ CONTACT = 0.8  # a distance reading above this counts as contact, as in the publ
 # The parts of a lifetime, as the paper's robot without plasticity has them; `kernel_of` puts others in their place.
 WHEELS, HAS_RULE, HAS_TRIALS, HAS_SCORE = PAPER_NETWORK.wheels, False, False, False
 score = score_of(Fitness)
-sense, blind, nearest = senses(EPUCK), blinding(EPUCK), largest_distance_reading(EPUCK)
+sense, blind, nearest = senses(EPUCK, PYMUNK), blinding(EPUCK), largest_distance_reading(EPUCK)
 draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
 learn, modulate = update_of(NoRule, PAPER_NETWORK), modulation_of(NoRule, PAPER_NETWORK)
+record_tilt = PYMUNK.record_tilt()
 correct, scale, open_gate, explore, compensate = adaptation.hooks(adaptation.NONE, EPUCK)
 apply_sensor_faults, turn_wheels = faults.hooks(EPUCK, more=False)
 reward_input, to_goal, end_step = ONE_TRIAL.hooks(EPUCK.inputs)
@@ -49,7 +48,7 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
 
     for step in range(tally.step, until):
         cos, sin = math.cos(heading), math.sin(heading)
-        left, right = decide(life, setup, space.walls, x, y, heading, cos, sin, step)
+        left, right = decide(life, setup, space, x, y, heading, cos, sin, step)
 
         # Move.
         left, right = turn_wheels(trial.faults, tally, left, right, gain, setup.key, step)
@@ -77,7 +76,7 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
 def decide(
     life: Life,
     setup: Setup,
-    walls: NDArray[np.float64],
+    space: Handles,
     x: float,
     y: float,
     heading: float,
@@ -97,7 +96,7 @@ def decide(
     if setup.noise_level > 0.0:
         draw_noise(setup.key, step, workspace.noise)
     goal = Goal(trial.goal_x, trial.goal_y, tally.goal_distance)
-    sense(x, y, cos, sin, walls, setup.lit, workspace.noise, setup.noise_level, workspace.senses, activation, goal)
+    sense(x, y, cos, sin, space, setup.lit, workspace.noise, setup.noise_level, workspace.senses, activation, goal)
     apply_sensor_faults(activation, trial.faults)
     blind(activation, trial.faults.dead_sensors)
     correct(activation, corrections, life.adaptation.correcting)
@@ -159,6 +158,7 @@ def decide(
     tally.weight_change_sum += tally.weight_change + tally.scaling
     if setup.record_every > 0 and step % setup.record_every == 0:
         record(setup.samples, step // setup.record_every, step * STEP_S, x, y, heading, life, live_fitness, rate)
+        record_tilt(space, setup.samples.tilt, (step // setup.record_every) % setup.samples.time.shape[0])
 
     # Explore, and compensate for weak wheels.
     left, right = explore(plasticity.gate, tally, life.adaptation, activation, left, right, setup.gain)

@@ -128,7 +128,7 @@ class Session:
         if self._record_every:
             count = -(-self.lifetime.steps // self._record_every)
             count = count if most_samples is None else min(count, most_samples)
-            self.samples = empty_samples(count, individual.network)
+            self.samples = empty_samples(count, individual.network, first.physics)
         if individual.calibration is not None:
             count_calibration(
                 self.life, individual.calibration, self.lifetime.gain_rad_s, self._record_every, self.samples
@@ -178,9 +178,9 @@ class Session:
         time. A wall that would appear where the robot stands waits until it has left.
 
         Raises:
-            ValueError: the world has another robot, task or fitness.
+            ValueError: the world has another robot, task, fitness or physics.
         """
-        for kind in ("robot", "task", "fitness"):
+        for kind in ("robot", "task", "fitness", "physics"):
             new, old = getattr(world, kind), getattr(self.world, kind)
             if new != old:
                 raise ValueError(
@@ -197,7 +197,8 @@ class Session:
         self._enter_due()
         self._move_to_new_walls()
         readings = np.zeros(self.individual.network.inputs)
-        look_kernel(self.world.robot, self.world.task)(self.life, self._setup, self._space.handles, readings)
+        look = look_kernel(self.world.robot, self.world.task, self.world.physics)
+        look(self.life, self._setup, self._space.handles, readings)
         return readings
 
     def outcome(self) -> Outcome:
@@ -325,7 +326,7 @@ class Session:
                 f"{where} the rule {type(who.controller.rule).__name__} made weights, their change, or what synapses "
                 f"keep, infinite or nan; noticed {when}"
             )
-        raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")
+        raise LostRobotError(f"{where} the robot's pose {self._space.lost} {when}")
 
 
 def _genotype_of(individual: Individual, kind: Kind, world: Scenario) -> Genotype:

@@ -16,6 +16,8 @@ from epuckhebb.store.genome import checked_genes
 from epuckhebb.store.npz import Arrays, compressed, one_error
 from epuckhebb.store.run import Run
 
+_TILT = "tilt"  # left out where no robot tilts
+
 
 def traces_file(traces: Traces, weights: NDArray[np.float64], network: Network) -> bytes:
     """The content of `traces.npz`."""
@@ -24,8 +26,9 @@ def traces_file(traces: Traces, weights: NDArray[np.float64], network: Network) 
 
 def traces_arrays(traces: Traces, weights: NDArray[np.float64], network: Network) -> dict[str, NDArray[Any]]:
     """Recorded lifetimes as arrays by name, with the weights and the network that they began with; `columns.TRACES`."""
+    samples = {name: array for name, array in traces.samples._asdict().items() if array.size or name != _TILT}
     lifetimes = {"controller": np.array(traces.controller), "side": np.array(traces.side)}
-    return lifetimes | {"genome": weights, "layers": np.array(network.layers)} | traces.samples._asdict()
+    return lifetimes | {"genome": weights, "layers": np.array(network.layers)} | samples
 
 
 def read_traces(run: Run, lifetimes: int, samples: int) -> tuple[Traces, NDArray[np.float64], Network]:
@@ -40,7 +43,11 @@ def read_traces(run: Run, lifetimes: int, samples: int) -> tuple[Traces, NDArray
         network = Network(arrays.layers() or PAPER_NETWORK.layers)
         found = {}
         for name, empty in empty_samples(0, network)._asdict().items():
-            found[name] = arrays.take(name, "f", (lifetimes, samples, *empty.shape[1:]))
+            shape = (lifetimes, samples, *empty.shape[1:])
+            if name == _TILT:
+                found[name] = arrays.take(name, "f", (*shape[:2], None)) if name in arrays else np.zeros(shape)
+            else:
+                found[name] = arrays.take(name, "f", shape)
             if name != "change_signal" and not np.isfinite(found[name]).all():
                 raise ValueError(f"{name} must hold finite numbers")
         controllers, sides = (arrays.take(name, "U", (lifetimes,)).tolist() for name in ("controller", "side"))
