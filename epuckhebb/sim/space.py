@@ -31,10 +31,17 @@ class Handles(Protocol):
 
 
 class Space(ABC):
-    """Walls and one robot. handles: for compiled code, in the thread that asks. lost: why a robot is lost."""
+    """Walls and one robot."""
 
-    handles: Any
-    lost: str = "stopped being finite or left the arena"
+    @property
+    @abstractmethod
+    def handles(self) -> Any:
+        """What compiled code needs, in the thread that asks: see `Handles`."""
+
+    @property
+    def lost(self) -> str:
+        """What became of the pose of a robot that is lost."""
+        return "stopped being finite or left the arena"
 
     @abstractmethod
     def place_robot(self, pose: Pose) -> None:

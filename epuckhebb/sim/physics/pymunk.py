@@ -113,7 +113,7 @@ class PymunkSpace(Space):
         self._body, self._disc = body._body, disc._shape
         motion = BodyFields.POSITION | BodyFields.ANGLE | BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY
         self._exchanges = state, push = _Exchange(motion), _Exchange(BodyFields.FORCE | BodyFields.TORQUE)
-        self.handles = Handles(
+        self._handles = Handles(
             state=state.values,
             walls=boxes,
             space=_address(self._space._space),
@@ -127,6 +127,11 @@ class PymunkSpace(Space):
             push_count=push.count,
             push=push.values,
         )
+
+    @property
+    def handles(self) -> Handles:
+        """See `Space`."""
+        return self._handles
 
     def place_robot(self, pose: Pose) -> None:
         """Take the robot out of the space and put it in again at this pose, at rest.
@@ -144,8 +149,8 @@ class PymunkSpace(Space):
         lib.cpBodySetAngularVelocity(body, 0.0)
         lib.cpSpaceAddBody(space, body)
         lib.cpSpaceAddShape(space, disc)
-        self.handles.state[:] = 0.0
-        self.handles.state[:3] = pose
+        self._handles.state[:] = 0.0
+        self._handles.state[:3] = pose
 
     def take_over(self, before: "PymunkSpace") -> None:
         """Put a robot where the one of another space is, with the same motion and without its contacts."""
@@ -153,7 +158,7 @@ class PymunkSpace(Space):
         self.place_robot(Pose(*motion[:3].tolist()))
         lib.cpBodySetVelocity(self._body, tuple(motion[[_V_X, _V_Y]].tolist()))
         lib.cpBodySetAngularVelocity(self._body, float(motion[_TURN]))
-        self.handles.state[:_CLEAR_FOR] = motion
+        self._handles.state[:_CLEAR_FOR] = motion
 
 
 @compiled
