@@ -14,6 +14,7 @@ from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate, initial_a
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.faults import Faults
+from epuckhebb.sim.fitness import History
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, Network
@@ -212,13 +213,14 @@ class Trial(NamedTuple):
 class Plasticity(NamedTuple):
     """The settings of a rule and of an adaptation, as numbers.
 
-    rate: N at the wheel gain of this lifetime. floor, signal: of the live fitness. numbers: all settings of the rule.
-    gate: of the adaptation.
+    rate: N at the wheel gain of this lifetime. floor, signal, history: of the live fitness. numbers: all settings of
+    the rule. gate: of the adaptation.
     """
 
     rate: float
     floor: float
     signal: int
+    history: History
     numbers: tuple[float, ...]
     gate: Gate
 

@@ -118,7 +118,15 @@ def decide(
     tally.contacts += nearness > CONTACT
     trial_steps = step + 1.0 - tally.began
     live_fitness = fitness.live_fitness(
-        plasticity.signal, activation, left, right, behaviour, tally.goal_distance, trial_steps, tally.undirected_sum
+        plasticity.signal,
+        activation,
+        left,
+        right,
+        behaviour,
+        tally.goal_distance,
+        trial_steps,
+        tally.undirected_sum,
+        plasticity.history,
     )
 
     if HAS_SCORE:

@@ -66,7 +66,8 @@ class Individual:
     task's random numbers; individuals that are compared have the same, and so have both sides. start: None for the
     maze's. signs: of the plastic updates, (synapses,), None for the rule's sign; shuffled ones must be given. nominal:
     what an adaptation compares with. corrections: from a self-check, None for none. calibration: the manoeuvre before
-    its lifetime, if it is part of the lifetime. record: whether samples are recorded.
+    its lifetime, if it is part of the lifetime. record: whether samples are recorded. after: whose lifetime comes
+    before, where the live fitness carries its history.
     """
 
     genes: NDArray[np.float64]
@@ -81,6 +82,7 @@ class Individual:
     corrections: Corrections | None = None
     calibration: CalibrationRecord | None = None
     record: bool = False
+    after: "Individual | None" = None
 
 
 class LostRobotError(ArithmeticError):
@@ -133,6 +135,11 @@ class Session:
             count_calibration(
                 self.life, individual.calibration, self.lifetime.gain_rad_s, self._record_every, self.samples
             )
+        self._history = individual.controller.rule.history
+        if individual.after is not None:
+            before = Session(individual.after, world, self.lifetime, stage=stage)
+            before.step(self.lifetime.steps)
+            self._history = before.history
         self._start = first.maze.start if individual.start is None else individual.start
         self._space = self._phases[0].space
         self._space.place_robot(self._start)
@@ -142,6 +149,13 @@ class Session:
     def steps(self) -> int:
         """How many steps have been run."""
         return int(self._tally["step"])
+
+    @property
+    def history(self) -> fitness.History:
+        """The history of the live fitness so far."""
+        tally, before = self._tally, self._history
+        steps = float(tally["step"] - tally["began"])
+        return fitness.History(before.steps + steps, before.sum + float(tally["undirected_sum"]))
 
     @property
     def is_over(self) -> bool:
@@ -257,7 +271,7 @@ class Session:
             self._tally["weight_change"] = 0.0
         self._setup = Setup(
             self.genotype,
-            kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate)),
+            kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate), history=self._history),
             kind.nominal if individual.nominal is None else individual.nominal,
             lights(self.world.light, self.world.lamp, lamp_on=lamp_on),
             trial_of(self.world, individual.side, self._start),

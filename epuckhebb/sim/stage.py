@@ -133,6 +133,7 @@ class Stage:
                 float(rule.N) * rule.gain_factor(self.lifetime.gain_rad_s) if own else 0.0,
                 float(rule.floor),
                 int(rule.signal),
+                rule.history,
                 tuple(numbers.values()),
                 gate_numbers(adaptation),
             ),
