@@ -63,6 +63,7 @@ class Robot:
         self.changes = [(math.ceil(change["at_s"] / STEP - 1e-9), change) for change in scenario.changes]
         self.walls, self.wanted, self.placed_walls = None, None, []
         self.rubbing, self.speeds = None, [0.0, 0.0]
+        self.felt, self.commands = [], []
         self.enter(scenario)
         self.put_walls()
 
@@ -245,9 +246,13 @@ class Robot:
         kind = self.kind
         numbers = noise(self.key, self.step_number, kind.inputs) if self.noise_level > 0 else np.zeros(kind.inputs)
         place_x, place_y, look_x, look_y = self.placed(kind.light.places, x, y, heading)
-        irradiance = 1 + light.SUN_IRRADIANCE * self.world.light * np.maximum(
-            0, look_x * light.SUN_X + look_y * light.SUN_Y
-        )
+        sun = math.atan2(light.SUN_Y, light.SUN_X) + math.radians(self.world.sun_turn_deg)
+        facing = np.maximum(0, look_x * math.cos(sun) + look_y * math.sin(sun)) * math.hypot(light.SUN_X, light.SUN_Y)
+        irradiance = 1 + light.SUN_IRRADIANCE * self.world.light * facing
+        if self.world.second_lamp is not None:
+            lamp_x, lamp_y, intensity = self.world.second_lamp
+            to_x, to_y = lamp_x - place_x, lamp_y - place_y
+            irradiance += intensity * np.maximum(0, look_x * to_x + look_y * to_y) / np.hypot(to_x, to_y) ** 3
         if self.side == "right":
             lamp = self.world.lamp
             to_x, to_y = lamp.x_m - place_x, lamp.y_m - place_y
@@ -270,8 +275,16 @@ class Robot:
         value = np.interp(apparent, curve[:, 0], curve[:, 1])
         fraction = np.interp(apparent, curve[:, 0], curve[:, 2])
         echo = value * (1 + self.noise_level * fraction * numbers[kind.light.count :])
-        echo = np.clip(echo / kind.distance.full_scale, 0, 1) * self.world.distance_gain + self.world.distance_offset
+        gain = np.where(np.array(kind.distance.places)[:, 2] > 0, self.world.left_distance_gain, 1)
+        echo = np.clip(echo / kind.distance.full_scale, 0, 1) * gain * self.world.distance_gain
+        echo = np.clip(echo + self.world.distance_offset, 0, 1)
+        echo = echo + self.world.crosstalk * (np.roll(echo, 1) + np.roll(echo, -1))
         readings = np.clip(np.concatenate([dark, echo]), 0, 1)
+        if self.world.sensor_levels:
+            steps = self.world.sensor_levels - 1
+            readings = np.floor(readings * steps + 0.5) / steps
+        self.felt.append(readings)
+        readings = self.felt[max(0, len(self.felt) - 1 - self.world.sensor_delay_steps)].copy()
         for number in self.world.dead_sensors:
             if number < kind.light.count:
                 readings[number] = 1
@@ -530,6 +543,9 @@ class Robot:
 
     def move(self, left, right, heading):
         kind = self.kind
+        self.commands.append((left, right))
+        late = len(self.commands) - 1 - self.world.wheel_delay_steps
+        left, right = self.commands[late] if late >= 0 else (0.0, 0.0)
         left, right = left * self.world.left_wheel, right * self.world.right_wheel
         spell = (self.step_number - 1) // 16
         for wheel, (output, slip) in enumerate([(left, self.world.left_slip), (right, self.world.right_slip)]):

@@ -63,7 +63,7 @@ def robot():
 
 @cache
 def settings_of(name):
-    found = world_of(name, [CONF], robot())
+    found = world_of(name, robot(), [CONF])
     values = {field.name: getattr(found, field.name) for field in fields(found)}
     del values["robot"], values["task"]
     return {**values, "name": name, "maze": found.maze.name, "lamp": asdict(found.lamp)}

@@ -13,7 +13,7 @@ from cmaes import SepCMA
 
 import epuckhebb
 from epuckhebb.config.build import optimizer_from
-from epuckhebb.config.parts import optimizer_names
+from epuckhebb.config.parts import part_names
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizers import sep_cma_es
 from epuckhebb.evolution.optimizers.ga import GA
@@ -62,7 +62,7 @@ def generations(search, count):
 
 
 def test_every_optimizer_of_the_program_is_tested_here():
-    assert optimizer_names() == sorted(SMALL)
+    assert part_names("optimizer") == sorted(SMALL)
 
 
 @pytest.mark.parametrize("name", SMALL)

@@ -63,6 +63,10 @@ def test_both_hold_the_configuration_and_the_champions(built):
         assert {f"epuckhebb/{name}" for name in data()} <= set(archive.namelist())
 
 
+def test_both_can_be_published(built):
+    run(sys.executable, "-m", "twine", "check", "--strict", *map(str, built), cwd=built[0].parent)
+
+
 def test_every_verb_outside_the_repository(built, tmp_path):
     venv.create(tmp_path / "venv", with_pip=True)
     scripts = tmp_path / "venv" / "bin"

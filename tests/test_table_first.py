@@ -72,7 +72,7 @@ def test_a_figure_that_fails_leaves_the_rest(run, monkeypatch):
     assert kept <= status["sha256"].keys()
     assert "no font" in status["error"]
     assert "no font" in status["traceback"]
-    assert all(Run(run).is_as_written(name) for name in kept)
+    assert all(Run(run).content(name) for name in kept)
     assert re.search("State +failed: ", done("show", "run").stdout)
 
 

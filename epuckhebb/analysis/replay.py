@@ -193,6 +193,17 @@ def world_facts(world: Scenario) -> dict[str, Any]:
     faults += [f"{side} wheel slips {100 * slip:g} % of the time" for side, slip in slipping if slip]
     if world.distance_gain != 1 or world.distance_offset:
         faults.append(f"distance readings times {world.distance_gain:g} plus {world.distance_offset:g}")
+    more = {
+        "infra-red on the left times {:g}": (world.left_distance_gain, 1),
+        "cross-talk of {:g}": (world.crosstalk, 0),
+        "{:g} levels a reading": (world.sensor_levels, 0),
+        "readings {:g} steps late": (world.sensor_delay_steps, 0),
+        "wheels {:g} steps late": (world.wheel_delay_steps, 0),
+        "sun turned by {:g} degrees": (world.sun_turn_deg, 0),
+    }
+    faults += [text.format(value) for text, (value, intact) in more.items() if value != intact]
+    if world.second_lamp is not None:
+        faults.append("a second lamp")
     if world.mass_ratio != 1:
         faults.append(f"{world.mass_ratio:g} times as heavy")
     if world.wall_friction:

@@ -14,6 +14,7 @@ from epuckhebb.cli import completion
 from epuckhebb.cli.call import print_jobs, print_runs, print_study, run_command
 from epuckhebb.cli.options import (
     Cfg,
+    Command,
     ConfigDir,
     ConfiguredCommand,
     DryRun,
@@ -101,12 +102,12 @@ def evaluate(
         open_in_browser(page)
 
 
-@app.command()
+@app.command(cls=Command)
 @report_errors()
 def replay(
     run: Run,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Where to write the page.  [RUN/replay.html]")
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="The page.  [RUN/replay.html]")
     ] = None,
     gif: Annotated[Path | None, typer.Option("--gif", metavar="FILE", help="Write a GIF, for slides.")] = None,
     mp4: Annotated[
@@ -143,9 +144,9 @@ def replay(
 def play(
     overrides: Overrides = None,
     side: Annotated[str, typer.Option("--side", metavar="left|right", help="Which way is the right one.")] = "left",
-    port: Annotated[int, typer.Option("--port", help="Where to listen on this machine; the next one if taken.")] = 8470,
+    port: Annotated[int, typer.Option("--port", metavar="PORT", help="The next free one is taken.")] = 8470,
     browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Open the page, or only print its address.")
+        bool, typer.Option("--browser/--no-browser", help="Open the page.  [yes]", show_default=False)
     ] = True,
     config_dir: ConfigDir = None,
     quiet: Quiet = False,
@@ -173,9 +174,7 @@ def play(
 @report_errors()
 def reproduce(
     words: Annotated[list[str] | None, experiment_argument()] = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="3 champions, 3 repeats, 2 rates: a look in two minutes.")
-    ] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="A smoke test in two minutes: 3 champions, 2 rates.")] = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -193,7 +192,7 @@ def leaderboard(
     words: Annotated[list[str] | None, experiment_argument("reversal")] = None,
     quick: Annotated[
         bool,
-        typer.Option("--quick", help="3 methods, 2 champions, 8 test worlds, obstacles: a look in three minutes."),
+        typer.Option("--quick", help="A smoke test in three minutes: 3 methods, 2 champions."),
     ] = False,
     dry_run: DryRun = False,
     config_dir: ConfigDir = None,
@@ -219,9 +218,7 @@ def leaderboard(
 def sweep(
     name: Annotated[
         str,
-        typer.Argument(
-            metavar="NAME", help="A file of conf/experiment/, see below.", autocompletion=completion.complete_sweep
-        ),
+        typer.Argument(metavar="NAME", hidden=True, autocompletion=completion.complete_sweep),
     ],
     overrides: Overrides = None,
     dry_run: DryRun = False,
@@ -256,26 +253,26 @@ def sweep(
         raise JobFailedError(failure_of(planned, outcome))
 
 
-@app.command()
+@app.command(cls=Command)
 @report_errors()
 def show(
     what: Annotated[
         str | None,
         typer.Argument(
-            help="A run, sweep, multirun or reproduction, latest, a champion's file, or reference_7.  [latest runs]",
+            help="A folder of runs, latest, a champion's file, or reference_7.  [latest runs]",
             metavar="WHAT",
             autocompletion=completion.complete_shown,
         ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Tell what a run or a champion holds, or list the latest runs."""
+    """What a run or a champion holds, or the latest runs."""
     from epuckhebb.cli import show as shown
 
     print_result(as_json, False, lambda: shown.shown_as_json(what), lambda console: shown.show(what, console))
 
 
-@app.command()
+@app.command(cls=Command)
 @report_errors()
 def keys(
     group: Annotated[
@@ -292,13 +289,13 @@ def keys(
     print_groups([known.group_named(group)] if group else known.all_groups(), Terminal())
 
 
-@app.command()
+@app.command(cls=Command)
 @report_errors()
 def export(
     what: Annotated[
         str,
         typer.Argument(
-            help="A run of `epuckhebb evaluate`, or a champion: a run of `epuckhebb evolve`, a file, reference_7.",
+            help="A run of evaluate, or a champion: a run of evolve, a file, reference_7.",
             metavar="RUN",
             autocompletion=completion.complete_shown,
         ),
@@ -322,7 +319,7 @@ def export(
     typer.echo(exported.next_step(written[0]))
 
 
-@app.command()
+@app.command(cls=Command)
 @report_errors()
 def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
     """Repeat a run, and check that its CSV files are bit-identical."""

@@ -1,22 +1,12 @@
 """Makes the parts of the science from a checked configuration: controllers, tasks, worlds, networks, optimizers."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, replace
-from typing import Any, TypeVar
+from typing import Any
 
 from epuckhebb.config import hand
-from epuckhebb.config.parts import (
-    GENETIC,
-    NONE,
-    PAPER,
-    fitness_class,
-    optimizer_class,
-    physics_class,
-    rule_class,
-    rule_names,
-    task_class,
-)
+from epuckhebb.config.parts import GENETIC, NONE, PAPER, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings
 from epuckhebb.evolution.optimizer import Optimizer
@@ -28,19 +18,17 @@ from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.kernels import check_inputs
 from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.maze import SIDES, Maze, Place, Side
+from epuckhebb.sim.maze import SIDES, Maze, Place, Pose, Side
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
-from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
+from epuckhebb.sim.own_fitness import PAPER_FITNESS
 from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
-_Part = TypeVar("_Part", Task, Physics)
 _LEAST = {"seed": 0, "first_seed": 0, "threads": 0, "repeats": 1, "reversal_repeats": 1, "champions": 1}
 _MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
 
@@ -56,52 +44,33 @@ def check_counts(**counts: int) -> None:
 
 
 def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
-    """The rule that a part of the configuration describes.
-
-    Args:
-        settings: `rule`, the name of one or `FILE.py:NAME`, and the rule's own settings.
-        key: Where in the configuration they stand, for messages.
-    """
-    given = {name: value for name, value in settings.items() if name not in ("rule", "name")}
-    where = settings.get("rule")
-    if where == NONE:
-        if given:
-            raise ConfigError(
-                f"{key}.{next(iter(given))} does nothing with {key}=none, which is no plasticity; choose a rule: "
-                f"{key}={', '.join(rule_names())}"
-            )
-        return NO_RULE
-    kind = rule_class(str(where), key)
-    try:
-        return kind(**part_settings(kind, given, key, f"rule {where}"))
-    except ConfigError:
-        raise
-    except ValueError as error:
-        raise ConfigError(str(error).replace("hebbian.", f"{key}.", 1)) from error
+    """The rule that a part of the configuration describes. key: where it stands there, for messages."""
+    given = {name: value for name, value in settings.items() if name != "name"}
+    if given.get("rule") != NONE:
+        rule: Rule = part_from("rule", given, key)
+        return rule
+    if len(given) > 1:
+        useless = next(name for name in given if name != "rule")
+        raise ConfigError(
+            f"{key}.{useless} does nothing with {key}=none, which is no plasticity; choose a rule: "
+            f"{key}={', '.join(part_names('rule'))}"
+        )
+    return NO_RULE
 
 
 def optimizer_from(settings: Mapping[str, Any], ga: Optimizer | None) -> Optimizer:
-    """The optimizer that a part of the configuration describes.
-
-    Args:
-        settings: `algorithm`, the name of one, and its own settings, but for those of the genetic algorithm.
-        ga: The settings of the genetic algorithm, None for another optimizer.
-    """
-    given = {name: value for name, value in settings.items() if name != "algorithm"}
-    algorithm = settings.get("algorithm")
-    if algorithm == GENETIC:
-        if given:
-            raise ConfigError(
-                f"optimizer.{next(iter(given))} does nothing with optimizer=ga, whose settings are ga.population, "
-                "ga.generations, ...; give one of these, or another optimizer"
-            )
-        if ga is None:
-            raise ConfigError("optimizer=ga needs settings: give ga=textbook or ga=as_coded")
-        return ga
-    kind = optimizer_class(algorithm)
-    if ga is not None:
-        raise not_its_settings(str(algorithm))
-    return kind(**part_settings(kind, given, "optimizer", f"optimizer {algorithm}"))
+    """The optimizer that a part of the configuration describes. ga: the genetic algorithm; None for another one."""
+    if settings.get("algorithm") != GENETIC:
+        if ga is not None:
+            raise not_its_settings(str(settings.get("algorithm")))
+        optimizer: Optimizer = part_from("optimizer", settings, "optimizer")
+        return optimizer
+    useless = [f"optimizer.{name}" for name in settings if name != "algorithm"]
+    if useless:
+        raise ConfigError(f"{useless[0]} does nothing with optimizer=ga, whose settings are ga.population and so on")
+    if ga is None:
+        raise ConfigError("optimizer=ga needs settings: give ga=textbook or ga=as_coded")
+    return ga
 
 
 def not_its_settings(optimizer: str) -> ConfigError:
@@ -172,41 +141,6 @@ def with_controls(controller: Controller, task: Task) -> list[Controller]:
     return [controller, replace(controller, name=f"{controller.name} (reward inverted)", rule=rule)]
 
 
-def task_from(settings: Mapping[str, Any]) -> Task:
-    """The task that a part of the configuration describes: `kind`, the name of one, and its own settings."""
-    return _of_kind(settings, "task", task_class)
-
-
-def physics_from(settings: Mapping[str, Any]) -> Physics:
-    """The physics that a part of the configuration describes, as `task_from`."""
-    return _of_kind(settings, "physics", physics_class)
-
-
-def _of_kind(settings: Mapping[str, Any], group: str, class_of: Callable[[Any], type[_Part]]) -> _Part:
-    given = {name: value for name, value in settings.items() if name != "kind"}
-    where = settings.get("kind")
-    kind: Any = class_of(where)
-    if given and not fields(kind):
-        raise ConfigError(f"{group}.{next(iter(given))} does nothing with {group}={where}, which has no settings")
-    made: _Part = kind(**part_settings(kind, given, group, f"{group} {where}"))
-    return made
-
-
-def fitness_from(settings: Mapping[str, Any]) -> Fitness:
-    """The fitness that a part of the configuration describes: `function`, and its own settings."""
-    given = {name: value for name, value in settings.items() if name != "function"}
-    where = str(settings.get("function"))
-    kind = fitness_class(where)
-    if given and not fields(kind):
-        raise ConfigError(f"fitness.{next(iter(given))} does nothing with fitness {where}, which has no settings")
-    try:
-        return kind(**part_settings(kind, given, "fitness", f"fitness {where}"))
-    except ConfigError:
-        raise
-    except Exception as error:  # what a user's own checks may raise has no end
-        raise ConfigError(f"fitness.function={where}: {error}") from error
-
-
 def scenario_from(
     scenario: Any,
     maze: Mapping[str, Any],
@@ -218,6 +152,9 @@ def scenario_from(
     """The world of a configuration. task, fitness, physics: None for the paper's, or that of the plane."""
     values = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     in_maze, of_kind = maze_from(maze), robot_from(robot)
+    start = values.pop("start")
+    if start is not None:
+        in_maze = replace(in_maze, start=_start(start))
     for number, change in enumerate(values["changes"]):
         if not isinstance(change, Mapping):
             raise ConfigError(f"scenario.changes[{number}] must be as {{at_s: 60, light: 1.0}}, got {change}")
@@ -232,10 +169,18 @@ def scenario_from(
         **values,
         maze=in_maze,
         robot=of_kind,
-        task=ONE_TRIAL if task is None else task_from(task),
-        fitness=PAPER_FITNESS if fitness is None else fitness_from(fitness),
-        physics=PYMUNK if physics is None else physics_from(physics),
+        task=ONE_TRIAL if task is None else part_from("task", task, "task"),
+        fitness=PAPER_FITNESS if fitness is None else part_from("fitness", fitness, "fitness"),
+        physics=PYMUNK if physics is None else part_from("physics", physics, "physics"),
     )
+
+
+def _start(given: Any) -> Pose:
+    numbers = list(given) if isinstance(given, list | tuple) else []
+    if len(numbers) != 3 or not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
+        raise ConfigError(f"scenario.start must be [x, y, heading_deg], in m and degrees, or null, got {given}")
+    x, y, heading_deg = map(float, numbers)
+    return Pose(x, y, math.radians(heading_deg))
 
 
 def _goals(given: Any, maze: Maze) -> dict[Side, Place]:

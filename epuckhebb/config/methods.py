@@ -7,10 +7,10 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from epuckhebb.config.choices import choice_file, choice_names, choice_settings
+from epuckhebb.config.choices import choice_file, choice_names, choice_of
 from epuckhebb.config.conf import first_comment, rows, table_file
 from epuckhebb.config.keywords import value_text
-from epuckhebb.config.parts import rule_class
+from epuckhebb.config.parts import part_class
 from epuckhebb.runtime.errors import ConfigError, did_you_mean
 from epuckhebb.runtime.resources import path_of
 from epuckhebb.sim.plasticity.rule import InitialWeights
@@ -102,15 +102,15 @@ def _wanted(names: Sequence[str], known: Sequence[str]) -> Iterator[str]:
 
 def _read(name: str, why: str, known: Sequence[str], folders: Sequence[Path]) -> Method:
     """The method of a row of the table, or of a file of the user's."""
-    settings = choice_settings("method", name, folders)
-    if settings is None:
+    found = choice_of("method", name, folders)
+    if found is None:
         raise ConfigError(
             f"{why}={name}: a method is one of {', '.join(known)}, or FILE.py:NAME, a rule of your own"
             f"{did_you_mean(name, known)}"
         )
     own = choice_file("method", name, folders)
     file = own or f"{table_file('method')}: {name}"
-    held: Any = OmegaConf.to_container(settings)
+    held: Any = OmegaConf.to_container(found.settings)
     for key, value in held.items():
         if key not in _KEYS:
             raise ConfigError(
@@ -150,7 +150,7 @@ def _own(where: str, known: Sequence[str]) -> Method:
     """A rule of the user's own: evolved with the weights if it has something to evolve, added to champions if not."""
     file, _, name = where.rpartition(":")
     path = path_of(file, "methods").absolute()
-    kind = rule_class(f"{path}:{name}", "hebbian")
+    kind = part_class("rule", f"{path}:{name}", "hebbian")
     if name in known:
         raise ConfigError(f"methods={where}: the name {name} is taken by a method; give your rule another one")
     rule, described = {"hebbian.rule": f"{path}:{name}"}, f"a rule of {path.name}"

@@ -38,6 +38,7 @@ from epuckhebb.runtime.progress import say_once
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.fitness import Signal
+from epuckhebb.sim.goal_signal import GoalSignal
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
@@ -83,12 +84,19 @@ class ScenarioConfig:
     name: str = ""
     experiment: str = "obstacles"
     light: float = 0.1
+    sun_turn_deg: float = 0.0
     obstacles: int = 0
     layout: int = 0
+    start: Any = None
     goals: Any = None
     dead_sensors: Any = field(default_factory=list)
     distance_gain: float = 1.0
     distance_offset: float = 0.0
+    left_distance_gain: float = 1.0
+    crosstalk: float = 0.0
+    sensor_levels: int = 0
+    sensor_delay_steps: int = 0
+    wheel_delay_steps: int = 0
     left_wheel: float = 1.0
     right_wheel: float = 1.0
     left_slip: float = 0.0
@@ -96,6 +104,8 @@ class ScenarioConfig:
     mass_ratio: float = 1.0
     wall_friction: float = 0.0
     lamp: Lamp = field(default_factory=Lamp)
+    second_lamp: Any = None
+    goal_signal: GoalSignal = field(default_factory=GoalSignal)
     changes: list[Any] = field(default_factory=list)
     hand: str | None = None
     paper_N: float = 0.000015

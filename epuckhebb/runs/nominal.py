@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.self_checks import Checks, self_checks
-from epuckhebb.config.names import maze_asked, scenario_of
+from epuckhebb.config import names
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.adaptation.nominal import (
     REPEATS,
     Nominal,
@@ -136,10 +135,7 @@ def _remembered(
 
 def training_world(config: EvaluateConfig) -> Scenario:
     """The world in which controllers of this experiment are evolved, in the maze of the evaluation, for its robot."""
-    maze = maze_asked(config.scenario.name, config.maze)
-    world = scenario_of(TRAINED[config.world.experiment], [data_folder("conf")], maze, config.robot)
-    assert world is not None  # the program has these files
-    return world
+    return names.training_world(config.world.experiment, config.scenario.name, config.maze, config.robot)
 
 
 def remember_training_world(

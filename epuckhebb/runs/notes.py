@@ -5,12 +5,12 @@ from dataclasses import asdict
 
 import pandas as pd
 
-from epuckhebb.config.names import scenario_of
+from epuckhebb.config.names import training_world
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.runtime.resources import REFERENCE, data_folder
 from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
-from epuckhebb.sim.scenario import EXPERIMENTS, TRAINED, Scenario
+from epuckhebb.sim.scenario import EXPERIMENTS, Scenario
 from epuckhebb.store import Genome, load_genome
 
 
@@ -59,8 +59,7 @@ def _other_experiment(genome: Genome, config: EvaluateConfig) -> str:
     world = config.world
     if not genome.experiment or genome.experiment == world.experiment:
         return ""
-    trained = scenario_of(TRAINED[genome.experiment], [data_folder("conf")], config.maze, config.robot)
-    assert trained is not None  # the program has these files
+    trained = training_world(genome.experiment, config.scenario.name, config.maze, config.robot)
     before, now = _facts(trained), _facts(world)
     differ = [f"{name} {value} -> {now[name]}" for name, value in before.items() if now[name] != value]
     same = "" if "light" in " ".join(differ) else f"; the light, {now['light']}, is the same"

@@ -5,10 +5,10 @@ from typing import Any
 from epuckhebb.sim import faults
 from epuckhebb.sim.adaptation import adaptation
 from epuckhebb.sim.compiled import kernel, with_parts
-from epuckhebb.sim.lifetime import decide, live
+from epuckhebb.sim.lifetime import decide, live, live_together, settle
 from epuckhebb.sim.network import Network, forward_pass
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness, score_of, scored
-from epuckhebb.sim.physics.pymunk import PYMUNK
+from epuckhebb.sim.physics.pymunk import PYMUNK, mover_of_all
 from epuckhebb.sim.plasticity.rule import NoRule, Rule
 from epuckhebb.sim.plasticity.update import modulation_of, update_of
 from epuckhebb.sim.random import normal_numbers
@@ -34,8 +34,9 @@ def kernel_of(
     task: Task = ONE_TRIAL,
     fitness: Fitness = PAPER_FITNESS,
     physics: Physics = PYMUNK,
+    together: bool = False,
 ) -> Any:
-    """`live` with these parts, compiled or from the cache.
+    """`live` with these parts, or `live_together`, compiled or from the cache.
 
     more_faults: whether there are other faults than dead sensors and weak wheels. task, fitness: only their kinds
     matter.
@@ -51,9 +52,9 @@ def kernel_of(
         self_check=self_check,
         homeostatic=homeostatic,
     )
-    place = (rule, hooks, network, robot, more_faults, type(task), scored(fitness), physics)
+    place = (rule, hooks, network, robot, more_faults, type(task), scored(fitness), physics, together)
     if place not in _kernels:
-        _kernels[place] = _made(rule, hooks, network, robot, more_faults, task, scored(fitness), physics)
+        _kernels[place] = _made(rule, hooks, network, robot, more_faults, task, scored(fitness), physics, together)
     return _kernels[place]
 
 
@@ -66,6 +67,7 @@ def _made(
     task: Task,
     fitness: type[Fitness],
     physics: Physics,
+    together: bool,
 ) -> Any:
     check_inputs(network, robot, task)
     parts = {
@@ -86,8 +88,10 @@ def _made(
         **task.hooks(robot.inputs)._asdict(),
         "move": physics.mover(robot),
         "record_tilt": physics.record_tilt(),
+        "move_all": mover_of_all(robot),
     }
-    return kernel(live, decide=with_parts(decide, **parts), **parts)
+    parts |= {"decide": with_parts(decide, **parts), "settle": with_parts(settle, **parts)}
+    return kernel(live_together if together else live, **parts)
 
 
 def check_inputs(network: Network, robot: Robot, task: Task) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate, initial_adaptation_state
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.faults import Faults
+from epuckhebb.sim.faults import Faults, initial_past
 from epuckhebb.sim.fitness import History
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
@@ -145,7 +145,7 @@ class Life(NamedTuple):
 
     tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records. activation: (neurons,).
     adaptation: what it carries. trials: records of `epuckhebb.sim.task.TRIAL`, none where a lifetime is one trial.
-    score: one record, what its fitness stores.
+    score: one record, what its fitness stores. past: what late sensors and wheels need (`epuckhebb.sim.faults`).
     """
 
     tally: NDArray[np.void]
@@ -156,6 +156,30 @@ class Life(NamedTuple):
     trials: NDArray[np.void]
     score: NDArray[np.void]
     workspace: Workspace
+    past: Floats
+
+
+class Group(NamedTuple):
+    """What robots in one space carry, first axis the robots: of `Life`, of `Genotype` (genes: its weights), and keys.
+
+    motion: (robots, 6), the view of the space's state. wheels: (robots, 4) and before: (robots, 2), workspace.
+    """
+
+    tally: NDArray[np.void]
+    weights: Floats
+    synapse_state: NDArray[np.void]
+    activation: Floats
+    score: NDArray[np.void]
+    past: Floats
+    genes: Floats
+    coefficients: Floats
+    modulatory: Floats
+    lengths: Floats
+    signs: Floats
+    keys: NDArray[np.uint64]
+    motion: Floats
+    wheels: Floats
+    before: Floats
 
 
 def initial_life(
@@ -191,6 +215,7 @@ def initial_life(
         trials=trials,
         score=fitness.initial_state(),
         workspace=workspace_for(network, robot) if workspace is None else workspace,
+        past=initial_past(robot),
     )
 
 

@@ -32,7 +32,7 @@ def look(life: Life, setup: Setup, space: Handles, readings: Floats) -> None:
     cos, sin = math.cos(heading), math.sin(heading)
     goal = Goal(trial.goal_x, trial.goal_y, to_goal(trial, x, y))
     sense(x, y, cos, sin, space, setup.lit, workspace.noise, setup.noise_level, workspace.senses, readings, goal)
-    apply_sensor_faults(readings, trial.faults)
+    apply_sensor_faults(readings, trial.faults, life.past, life.tally[0].step)
     blind(readings, trial.faults.dead_sensors)
     reward_input(readings, tally.reward)
 

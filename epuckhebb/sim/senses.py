@@ -10,7 +10,7 @@ from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.robot import Robot
-from epuckhebb.sim.sensors import NO_GOAL, Goal, Place, RimSensors, Surroundings
+from epuckhebb.sim.sensors import NO_GOAL, NO_ROBOTS, Goal, Place, RimSensors, Surroundings
 from epuckhebb.sim.space import Handles, Physics
 
 Sense = Callable[..., None]
@@ -30,10 +30,10 @@ def sense_workspace(robot: Robot, physics: Physics) -> SenseWorkspace:
 
 
 def senses(robot: Robot, physics: Physics) -> Sense:
-    """The function `sense(x, y, cos, sin, space, lit, noise, noise_level, workspace, readings, goal)` of a robot.
+    """The function `sense(x, y, cos, sin, space, lit, noise, noise_level, workspace, readings, goal, robots)`.
 
-    It fills the readings, (inputs,), from the pose of the robot, the space, the lights, standard normal
-    noise, one number for each input, the noise level, 1 for the sensors' own, and the goal.
+    It fills the readings, (inputs,), from the pose of the robot, its space, the lights, standard normal
+    noise, one number for each input, the noise level, 1 for the sensors' own, the goal, and the robots in its space.
     """
     rings = _rings(robot)
     parts: dict[str, Any] = {"put_rays": physics.put_rays(robot)}
@@ -65,8 +65,9 @@ def senses(robot: Robot, physics: Physics) -> Sense:
         workspace: SenseWorkspace,
         readings: Floats,
         goal: Goal = NO_GOAL,
+        robots: Floats = NO_ROBOTS,
     ) -> None:
-        around = Surroundings(x, y, cos, sin, space.walls, lit, noise, noise_level, goal)
+        around = Surroundings(x, y, cos, sin, space.walls, lit, noise, noise_level, goal, robots)
         feel(space, x, y, cos, sin, around, workspace.rays, workspace.scratch, readings)
 
     return sense

@@ -34,7 +34,6 @@ from epuckhebb.sim.life import (
     initial_life,
     pad_samples,
 )
-from epuckhebb.sim.light import lights
 from epuckhebb.sim.look import look_kernel
 from epuckhebb.sim.maze import Pose, Side
 from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
@@ -52,7 +51,7 @@ from epuckhebb.sim.plasticity.update import initial_lengths
 from epuckhebb.sim.plasticity.weight_change import saturated_fraction
 from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.stage import Kind, Phase, Stage, have_more_faults, trial_of
+from epuckhebb.sim.stage import Kind, Phase, Stage, have_more_faults, lights_of, trial_of
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
 _Tally = _namedtuple("_Tally", TALLY.names)  # a whole tally is read in the time that four of its fields take
@@ -93,7 +92,7 @@ class Session:
     """A lifetime in progress, run with `step`, in a world that `change` may replace at any time.
 
     individual, lifetime: as given. world: the present scenario. life, genotype: the present state, and what it started
-    with. samples: what is recorded, of length 0 where nothing is.
+    with. setup: what holds in that world. samples: what is recorded, of length 0 where nothing is.
 
     stage: shared by lifetimes that run one after the other; without it, any number of sessions may be in progress.
     most_samples: how many are kept, the last ones; None for all. Sample n is in place n modulo this number.
@@ -212,11 +211,11 @@ class Session:
         self._move_to_new_walls()
         readings = np.zeros(self.individual.network.inputs)
         look = look_kernel(self.world.robot, self.world.task, self.world.physics)
-        look(self.life, self._setup, self._space.handles, readings)
+        look(self.life, self.setup, self._space.handles, readings)
         return readings
 
-    def outcome(self) -> Outcome:
-        """The metrics of the lifetime so far, of one step or more."""
+    def outcome(self, pose: Pose | None = None) -> Outcome:
+        """The metrics of the lifetime so far, of one step or more. pose: of a robot that is in another's space."""
         tally, world = self._read_tally(), self.world
         behaviour, reward = tally.behaviour_sum / tally.step, fitness.reward(tally.goal_distance)
         nearest = min(math.dist(self._start[:2], goal) for goal in self._first.goals_now.values())
@@ -238,8 +237,13 @@ class Session:
             outcome = OutcomeOfTrials.of(outcome, self.life.trials)
         if not world.fitness.is_own:
             return outcome
-        own = world.fitness.of_lifetime(facts_of(outcome, *self.pose[:2]), self.life.score)
+        own = world.fitness.of_lifetime(facts_of(outcome, *(pose or self.pose)[:2]), self.life.score)
         return outcome.with_fitness(own)
+
+    def share(self, **arrays: Any) -> None:
+        """Carry on in these arrays, of the names of `Life`: those of robots in one space lie behind one another."""
+        self.life = self.life._replace(**arrays)
+        self._tally = self.life.tally[0]
 
     def _read_tally(self) -> Any:
         return _Tally._make(self._tally.item())
@@ -269,11 +273,11 @@ class Session:
         if self.world.reset:
             self.life.weights[:], self.life.synapse_state[:] = self.genotype.weights, self.genotype.synapse_state
             self._tally["weight_change"] = 0.0
-        self._setup = Setup(
+        self.setup = Setup(
             self.genotype,
             kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate), history=self._history),
             kind.nominal if individual.nominal is None else individual.nominal,
-            lights(self.world.light, self.world.lamp, lamp_on=lamp_on),
+            lights_of(self.world, lamp_on=lamp_on),
             trial_of(self.world, individual.side, self._start),
             self.world.fitness.numbers(),
             float(lifetime.gain_rad_s),
@@ -297,12 +301,12 @@ class Session:
 
     def _live(self, until: int) -> None:
         try:
-            self._kind.live(self.life, self._setup, self._space.handles, until)
+            self._kind.live(self.life, self.setup, self._space.handles, until)
         except Exception as error:  # machine code raises nothing, so it comes from compiling
-            raise self._explained(error) from error
-        self._check()
+            raise self.explained(error) from error
+        self.check()
 
-    def _explained(self, error: Exception) -> NotCompiledError:
+    def explained(self, error: Exception) -> NotCompiledError:
         """Whose fault it is that a kernel does not compile: that of a part that does not compile alone, or the rule."""
         fitness, rule = self.world.fitness, type(self.individual.controller.rule)
         if fitness.step is not None:
@@ -316,7 +320,7 @@ class Session:
                 return explained(f"sensor {sensor.name}", sensor.read, alone)
         return explained(f"rule {rule.__name__}", rule.synapse, error, "synapse_state")
 
-    def _check(self) -> None:
+    def check(self) -> None:
         """Check that the lifetime still has finite numbers."""
         life, who, tally = self.life, self.individual, self._read_tally()
         for group, scratch in zip(self.world.robot.sensors, life.workspace.senses.scratch, strict=True):

@@ -16,6 +16,7 @@ from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
 from epuckhebb.sim.genome import GenomePlan, plan_of
 from epuckhebb.sim.kernels import kernel_of
 from epuckhebb.sim.life import Lifetime, Plasticity, Samples, Trial, Workspace, empty_samples, workspace_for
+from epuckhebb.sim.light import Lights, lights
 from epuckhebb.sim.maze import Pose, Region, Side, added
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.control import Sign, signs
@@ -63,20 +64,22 @@ class Stage:
     """What lifetimes that run one after the other share: the world's spaces, kernels and workspaces.
 
     fallback_rule: individuals without a rule share its kernel, with N = 0. The results are bit-identical, and there is
-    one kernel less to compile.
+    one kernel less to compile. together: whether the lifetimes share a space.
 
     Raises:
         ValueError: the wheel gain is above the limit of the robot's motors.
     """
 
-    def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: type[Rule] = Paper) -> None:
+    def __init__(
+        self, world: Scenario, lifetime: Lifetime, fallback_rule: type[Rule] = Paper, *, together: bool = False
+    ) -> None:
         robot = world.robot
         if lifetime.gain_rad_s > robot.motor_limit_rad_s:
             raise ValueError(
                 f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of "
                 f"robot {robot.name}, got {lifetime.gain_rad_s}"
             )
-        self.world, self.lifetime, self._fallback_rule = world, lifetime, fallback_rule
+        self.world, self.lifetime, self._fallback_rule, self._together = world, lifetime, fallback_rule, together
         self.phases = self.phases_of(world)
         self.more_faults = have_more_faults(self.phases)
         self._kinds: dict[tuple[int, int, bool], Kind] = {}
@@ -128,6 +131,7 @@ class Stage:
                 task=self.world.task,
                 fitness=self.world.fitness,
                 physics=self.world.physics,
+                together=self._together,
             ),
             plasticity=Plasticity(
                 float(rule.N) * rule.gain_factor(self.lifetime.gain_rad_s) if own else 0.0,
@@ -167,6 +171,11 @@ def trial_of(scenario: Scenario, side: Side, start: Pose | None = None) -> Trial
     )
 
 
+def lights_of(scenario: Scenario, lamp_on: bool) -> Lights:
+    """The lights of a world."""
+    return lights(scenario.light, scenario.lamp, lamp_on, scenario.sun_turn_deg, scenario.second_lamp)
+
+
 def faults_of(scenario: Scenario) -> Faults:
     """The faults of the robot in a world."""
     return Faults(
@@ -178,4 +187,9 @@ def faults_of(scenario: Scenario) -> Faults:
         float(scenario.left_slip),
         float(scenario.right_slip),
         lag_of(scenario.mass_ratio),
+        float(scenario.left_distance_gain),
+        float(scenario.crosstalk),
+        int(scenario.sensor_levels),
+        int(scenario.sensor_delay_steps),
+        int(scenario.wheel_delay_steps),
     )

@@ -8,7 +8,7 @@ import hashlib
 import re
 import shutil
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -59,17 +59,14 @@ class RunFolder:
         command_line: The command that works in it.
         failure: Why the work failed although no error left the block; "" if it did not.
         left_behind: A function that says what an interruption would leave behind.
-        advanced: A function that reports how far the current work is, from 0 to 1 and in words.
     """
 
     def __init__(self, path: Path, lock: BaseFileLock | None, facts: dict[str, Any]) -> None:
         """Own what `new` or `resume` has claimed; `facts` is the provenance of this call."""
         self.path, self.command_line, self.failure = path, list(facts["command_line"]), ""
         self.left_behind: Callable[[], str] = lambda: ""
-        self.advanced: Callable[[float, str], None] = lambda *_: None
         self._lock, self._started = lock, _now()
-        self._kept: dict[str, str] = {}  # name -> SHA-256 of the results on which a later call relies
-        self._written: dict[str, str] = {}  # the same for all files written
+        self._written: dict[str, str] = {}  # name -> SHA-256 of the files written
         self._earlier: dict[str, str] = {}  # the same for files that an earlier call wrote, and this one not yet
 
     @classmethod
@@ -125,13 +122,12 @@ class RunFolder:
         arguments: list[str],
         facts: dict[str, Any],
         own: Mapping[Path, OwnFile] | None = None,
-        results: Sequence[Path] = (),
     ) -> "RunFolder":
         """Resume the work in a folder, or begin it there; one process at a time.
 
         What killed processes have left half done is removed. If the work was begun before, `provenance.json` keeps its
         content and gets an entry with these facts. The arguments are those of `new`, with `config` None where each
-        job has its own; `results` are files of earlier calls that stay.
+        job has its own.
         """
         lock, content = None, provenance(command, arguments) | _own_code(own) | facts
         try:
@@ -144,9 +140,7 @@ class RunFolder:
             with suppress(ConfigError):  # nothing can be read where nothing has begun
                 earlier, status = before.provenance, before.status
                 run._started = status.get("started", run._started)
-                names = {result.relative_to(path).as_posix() for result in results}
-                for name, sha256 in status.get("sha256", {}).items():
-                    (run._kept if name in names else run._earlier)[name] = sha256
+                run._earlier = dict(status.get("sha256", {}))
                 again = {"started": _now(), "command_line": content["command_line"], **facts, "code": content["code"]}
                 content = {**earlier, "resumed": [*earlier.get("resumed", []), again]}
             _remove_half_done(path)
@@ -167,13 +161,6 @@ class RunFolder:
         disk.write_atomic(self.path / name, content)
         if name != STATUS:
             self._written[name] = hashlib.sha256(content).hexdigest()
-
-    def keep(self, name: str, content: bytes | pd.DataFrame) -> None:
-        """Write a result on which a later call relies; its SHA-256 is written before it."""
-        content = as_bytes(content)
-        self._kept[name] = hashlib.sha256(content).hexdigest()
-        self._write_status("running")
-        self.write(name, content)
 
     def remove_stale(self) -> None:
         """Remove what an earlier call wrote and this one did not; a file that was changed since is set aside."""
@@ -241,7 +228,7 @@ class RunFolder:
         return left
 
     def _write_status(self, state: str, **more: str) -> None:
-        sha256, status = self._earlier | self._kept, {"schema": SCHEMA, "state": state, "started": self._started}
+        sha256, status = dict(self._earlier), {"schema": SCHEMA, "state": state, "started": self._started}
         if state != "running":
             sha256 |= self._written
             status |= {"finished": _now()} | {key: value for key, value in more.items() if value}

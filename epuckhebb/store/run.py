@@ -15,7 +15,6 @@ from epuckhebb.store.disk import CHAMPION, CONFIG, PROVENANCE, SCHEMA, STATUS, b
 from epuckhebb.store.records import Cost, JobFile, ListOfJobs, Provenance, Status, checked_table, record
 
 _RESULTS = (".csv", "champion.npz")  # endings of the files on which other runs and tables rely
-_TABLE_OF_FOLDER = {"lifetimes": "metrics.csv", "history": "history.csv"}  # a reproduction keeps many of one kind
 _COLUMNS = {name: known for name, (_, known) in columns.TABLES.items()}
 # The other columns of these depend on what was swept, and on the task.
 _COLUMNS |= {"summary.csv": columns.SUMMARY, "sweep.csv": columns.METRICS}
@@ -26,7 +25,7 @@ class Run:
     """A run folder. Every property and method reads the files as they are now.
 
     What cannot be read raises `ConfigError`, and so does a folder of another version of this program. Only `state`,
-    `error`, `has`, `is_as_written` and `is_whole` answer in any case.
+    `error`, `has` and `is_whole` answer in any case.
     """
 
     def __init__(self, path: Path) -> None:
@@ -103,14 +102,6 @@ class Run:
         """Whether a file is there, or should be: then reading it says that it was lost."""
         return (self.path / name).is_file() or name in self._known().get("sha256", {})
 
-    def is_as_written(self, name: str) -> bool:
-        """Whether a file is there and, as far as is known, what the run wrote."""
-        try:
-            self.content(name)
-        except ConfigError:
-            return False
-        return True
-
     @property
     def is_whole(self) -> bool:
         """Whether the run is finished and its results are as they were then: not cut, changed or lost."""
@@ -165,8 +156,7 @@ class Run:
 
 def read_table(content: bytes, folder: Path, name: str) -> pd.DataFrame:
     """The table in a CSV file of a run folder, checked. content: the file's."""
-    kind = _TABLE_OF_FOLDER.get(name.partition("/")[0], name)
-    return checked_table(content, folder / name, _COLUMNS[kind], rows=kind not in _MAY_BE_EMPTY)
+    return checked_table(content, folder / name, _COLUMNS[name], rows=name not in _MAY_BE_EMPTY)
 
 
 def _json(file: Path) -> dict[str, Any]:

@@ -5,8 +5,7 @@ process at a time works in it. Results are whole or absent: a file is renamed in
 `unfinished/` until it is finished, and is then renamed in one step. A study may be killed at any moment: the next call
 ends bit-identical to one that was never stopped.
 
-`Job`s run in many processes or on a cluster: open the folder with `open_study` and hand them to `launch`. `Task`s run
-in this process, one after the other, and use threads themselves: `run_tasks` does them in order.
+Open the folder with `open_study`, and hand jobs to `launch`: they run in many processes or on a cluster.
 """
 
 import json
@@ -21,29 +20,12 @@ from epuckhebb.config import overrides
 from epuckhebb.config.schema import Checked, Plain, dump
 from epuckhebb.runs import hydra
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.runtime.progress import TaskProgress, counting
+from epuckhebb.runtime.progress import counting
 from epuckhebb.store import SCHEMA, UNFINISHED, OwnFile, Run, RunFolder, as_json, discard, set_aside, write_atomic
 
 NO_EFFECT = ("threads",)  # keys on which no result depends
 _LIST, _JOBS, _STOP = "sweep.json", "jobs", "stop"
 AT_ONCE = 1000  # jobs that a launcher gets at a time: as many as SLURM takes in one array (its MaxArraySize is 1001)
-
-
-@dataclass(frozen=True)
-class Task:
-    """Something that a study does in its own process.
-
-    Attributes:
-        name: Shown while it is done.
-        results: The files that it leaves; none if it is done in every call.
-        do: A function that writes the results with `RunFolder.keep`, and reports with `RunFolder.advanced`.
-        size: How long it takes, in any unit, to estimate the time left.
-    """
-
-    name: str
-    results: tuple[Path, ...]
-    do: Callable[[RunFolder], None]
-    size: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,18 +67,13 @@ class Outcome:
         return {"done_before": self.before, "done_now": now, "failed": failed, "left_out": self.left}
 
 
-def is_whole(result: Path) -> bool:
-    """Whether a result is there: a file, or a run that is finished and whole."""
-    return result.is_file() or Run(result).is_whole
-
-
 @contextmanager
 def open_study(
     folder: Path,
     command: str,
     config: Checked | None,
     arguments: list[str],
-    results: Sequence[tuple[Path, ...]],
+    jobs: Sequence[Job],
     own: Mapping[Path, OwnFile] | None = None,
 ) -> Iterator[RunFolder]:
     """Work on a study in its folder, and write in its `status.json` how that ends.
@@ -106,7 +83,7 @@ def open_study(
         command: The command of the command line.
         config: The configuration, if the whole study has one.
         arguments: What followed the command.
-        results: What each of its jobs will leave; an interruption reports how many of them are done.
+        jobs: Its jobs; an interruption reports how many of them are done.
         own: The user's files, which the folder keeps as copies.
 
     Raises:
@@ -115,34 +92,16 @@ def open_study(
     """
 
     def left_behind() -> str:
-        done = sum(all(map(is_whole, job)) for job in results)
-        return f"{done} of {len(results)} jobs are done; the same command does the rest"
+        return f"{len(jobs) - len(todo(folder, jobs))} of {len(jobs)} jobs are done; the same command does the rest"
 
-    stay = [result for job in results for result in job]
     facts = {} if config is None else {"seed": config.seed}
     written = None if config is None else dump(config)
-    with RunFolder.resume(folder, command, written, arguments, facts, own, stay) as study:
+    with RunFolder.resume(folder, command, written, arguments, facts, own) as study:
         study.left_behind = left_behind
         try:
             yield study
         except OSError as error:
             raise ConfigError(f"cannot write to {error.filename or folder}: {error.strerror}") from error
-
-
-def run_tasks(folder: Path, command: str, config: Checked, arguments: list[str], tasks: Sequence[Task]) -> None:
-    """Do in this process, in order, the tasks of a study that are not done; see `open_study`."""
-    results = [task.results for task in tasks if task.results]
-    with open_study(folder, command, config, arguments, results) as study:
-        missing = {}
-        for number, task in enumerate(tasks):
-            names = [result.relative_to(folder).as_posix() for result in task.results]
-            if not names or not all(map(Run(folder).is_as_written, names)):
-                missing[number] = task
-        with TaskProgress([task.size if n in missing else 0.0 for n, task in enumerate(tasks)]) as progress:
-            study.advanced = progress.within
-            for number, task in missing.items():
-                progress.show(number, task.name)
-                task.do(study)
 
 
 def todo(folder: Path, jobs: Sequence[Job]) -> list[Job]:

@@ -11,8 +11,9 @@ from epuckhebb.config.schema import LeaderboardConfig
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.store import provenance
+from epuckhebb.studies.champions import search_folders, worlds_digest
 from epuckhebb.studies.jobs import Job, folder_and_launcher, for_hydra
-from epuckhebb.studies.leaderboard_jobs import REVERSAL, Entry, Planner, search_folders, tests_of, worlds_digest
+from epuckhebb.studies.leaderboard_jobs import REVERSAL, Entry, Planner, tests_of
 
 EXPERIMENTS = (*TRAINED, REVERSAL)
 QUICK = ("champions=2", "tests=[rescue]", "methods=[ga,sep_cma_es_varied,abcd_shared]")

@@ -83,8 +83,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
 
 def sweep(planned: Sweep, *, fail_fast: bool) -> Outcome:
     """Do the jobs that are not done, then write the tables over all that are."""
-    results = [(planned.folder / job.run,) for job in planned.jobs]
-    with open_study(planned.folder, "sweep", None, planned.arguments, results) as study:
+    with open_study(planned.folder, "sweep", None, planned.arguments, planned.jobs) as study:
         outcome = launch(study, planned.name, planned.jobs, planned.launcher, evaluate_job, fail_fast=fail_fast)
         _write_tables(study, outcome.done, outcome.failures)
         study.remove_stale()  # an earlier sweep of other jobs may have used the folder

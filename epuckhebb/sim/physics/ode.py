@@ -226,7 +226,7 @@ class Ode(Physics):
 
     friction: coefficient, of all contacts. erp: share of an overlap that a step mends. contact_cfm, joint_cfm: softness
     of contacts and of joints. bounce: share of the speed that a contact faster than bounce_speed_m_s gives back.
-    sun: vector towards the sun, to the right, ahead and up. lamp_m: height of the lamp above the floor. put_down: axis
+    sun_up: upward part of the unit vector towards the sun. lamp_m: height of the lamps above the floor. put_down: axis
     in the robot's frame and angle [rad] by which a robot is turned when it is put somewhere, besides its heading.
     """
 
@@ -241,7 +241,7 @@ class Ode(Physics):
     joint_cfm: float = 1e-5
     bounce: float = 0.5
     bounce_speed_m_s: float = 0.01
-    sun: tuple[float, ...] = (0.6, 0.55, 1.0)
+    sun_up: float = 0.776
     lamp_m: float = 0.0
     put_down: tuple[float, ...] = (-1.0, 1.0, 1.0, -0.004395102393195)
 
@@ -249,11 +249,11 @@ class Ode(Physics):
         """Validate the settings."""
         check_range(self, "physics", "gravity_m_s2", "contact_cfm", "joint_cfm", above=True)
         check_range(self, "physics", "friction", "bounce_speed_m_s", "lamp_m")
-        check_range(self, "physics", "erp", "bounce", most=1)
-        for key, names in (("sun", "right, ahead, up"), ("put_down", "x, y, z, angle")):
-            numbers = getattr(self, key)
-            if len(numbers) != names.count(",") + 1 or not any(numbers[:3]):
-                raise ValueError(f"physics.{key} must be [{names}], the first three not all 0, got {list(numbers)}")
+        check_range(self, "physics", "erp", "bounce", "sun_up", most=1)
+        if len(self.put_down) != 4 or not any(self.put_down[:3]):
+            raise ValueError(
+                f"physics.put_down must be [x, y, z, angle], not all of x, y, z 0, got {list(self.put_down)}"
+            )
 
     def space(self, walls: Floats, world: Any) -> OdeSpace:
         """See `Physics`."""
@@ -353,20 +353,20 @@ class Ode(Physics):
         """See `Physics`: light falls from above and from the floor, all else is as in the plane."""
         if not isinstance(group, LightSensors):
             return group.kernels(first, radius_m)
-        count, lamp_height = group.count, self.lamp_m
-        sun_x, sun_y, sun_z = (np.array(self.sun) / np.linalg.norm(self.sun)).tolist()
+        count, lamp_height, sun_up = group.count, self.lamp_m, self.sun_up
 
         @compiled
         def read(around: Surroundings, rays: Floats, scratch: Floats, readings: Floats) -> None:  # noqa: ARG001
             lit, noise = around.lit, around.noise
             for i in range(count):
-                look_x, look_y, look_z = rays[7, i], rays[8, i], rays[9, i]
-                bright = 1.0 + lit.sun * max(0.0, look_x * sun_x + look_y * sun_y + look_z * sun_z)
-                to_x, to_y, to_z = lit.lamp_x - rays[0, i], lit.lamp_y - rays[1, i], lamp_height - rays[6, i]
-                distance = math.sqrt(to_x * to_x + to_y * to_y + to_z * to_z)
-                if -(lit.lamp_towards_x * to_x + lit.lamp_towards_y * to_y) >= lit.cos_beam * distance:
-                    facing = max(0.0, look_x * to_x + look_y * to_y + look_z * to_z)
-                    bright += lit.lamp_intensity * facing / (distance * distance * distance)
+                bright = 1.0 + lit.sun * max(0.0, rays[7, i] * lit.sun_x + rays[8, i] * lit.sun_y + rays[9, i] * sun_up)
+                if lit.second_intensity > 0.0:
+                    bright += lit.second_intensity * lamp(
+                        rays, i, lit.second_x, lit.second_y, lamp_height, 0.0, 0.0, -1.0
+                    )
+                if lit.lamp_intensity > 0.0:
+                    towards = lit.lamp_towards_x, lit.lamp_towards_y, lit.cos_beam
+                    bright += lit.lamp_intensity * lamp(rays, i, lit.lamp_x, lit.lamp_y, lamp_height, *towards)
                 noisy = light.reading(bright) * (1.0 + around.noise_level * light.NOISE * noise[first + i])
                 readings[first + i] = min(1.0, max(0.0, noisy))
 
@@ -381,6 +381,19 @@ class Ode(Physics):
                 tilt[place, k] = space.state[_ROLL + k]
 
         return record
+
+
+@compiled
+def lamp(
+    rays: Floats, i: int, x: float, y: float, height: float, towards_x: float, towards_y: float, cos_beam: float
+) -> float:
+    """Irradiance on sensor i from a lamp of intensity 1 at (x, y, height) that shines along (towards_x, towards_y)."""
+    to_x, to_y, to_z = x - rays[0, i], y - rays[1, i], height - rays[6, i]
+    distance = math.sqrt(to_x * to_x + to_y * to_y + to_z * to_z)
+    if -(towards_x * to_x + towards_y * to_y) < cos_beam * distance:  # outside the beam
+        return 0.0
+    facing: float = max(0.0, rays[7, i] * to_x + rays[8, i] * to_y + rays[9, i] * to_z)
+    return facing / (distance * distance * distance)
 
 
 @compiled

@@ -15,7 +15,7 @@ from epuckhebb.sim import faults
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import kernel
 from epuckhebb.sim.life import TALLY, CalibrationRecord, Lifetime, Trial, Workspace, workspace_for
-from epuckhebb.sim.light import Lights, lights
+from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Pose, Side, boxes
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
 from epuckhebb.sim.physics.pymunk import PYMUNK, mover
@@ -25,7 +25,7 @@ from epuckhebb.sim.robot import EPUCK, STEP_S, Robot
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.senses import blinding, senses
 from epuckhebb.sim.space import Handles, Physics, pose
-from epuckhebb.sim.stage import trial_of
+from epuckhebb.sim.stage import lights_of, trial_of
 
 _QUARTER = 10  # steps at full speed in which an e-puck turns by 89 degrees
 _TO_LEFT, _TO_RIGHT = 3, 4  # steps at full speed, 4 mm each, that bring it within 3 mm of the side walls
@@ -57,10 +57,12 @@ def drive(
     workspace: Workspace,
     tallies: NDArray[np.void],
     calibration: CalibrationRecord,
+    past: Floats,
 ) -> None:
     """Drive the manoeuvre with the robot that stands in `space`, sensing and moving as in a lifetime.
 
     key: of the sensor noise. tallies: one record of `TALLY`. calibration: its speeds are commanded, the rest is filled.
+    past: as `faults.initial_past`.
     """
     tally = tallies[0]
     x, y, heading = pose(space)
@@ -71,10 +73,10 @@ def drive(
             draw_noise(key, step, workspace.noise)
         readings = calibration.readings[step]
         sense(x, y, cos, sin, space, lit, workspace.noise, noise_level, workspace.senses, readings)
-        apply_sensor_faults(readings, trial.faults)
+        apply_sensor_faults(readings, trial.faults, past, step)
         blind(readings, trial.faults.dead_sensors)
         left, right = calibration.speeds[step, 0], calibration.speeds[step, 1]
-        left, right = turn_wheels(trial.faults, tally, left, right, 1.0, key, step)
+        left, right = turn_wheels(trial.faults, tally, past, left, right, 1.0, key, step)
         move(space, cos, sin, left, right)
         x, y, heading = pose(space)
     last = calibration.speeds.shape[0]
@@ -115,13 +117,14 @@ def calibrate(
     trial = trial_of(world, side)
     _kernel_of(robot, world.physics, trial.faults.more)(
         space.handles,
-        lights(world.light, world.lamp, lamp_on=side == "right"),
+        lights_of(world, lamp_on=side == "right"),
         trial,
         float(noise),
         key,
         workspace_for(Network((robot.inputs, *HIDDEN, OUTPUTS)), robot, world.physics),
         np.zeros(1, TALLY),
         calibration,
+        faults.initial_past(robot),
     )
     return calibration
 
