@@ -199,6 +199,14 @@ def _goals(given: Any, maze: Maze) -> dict[Side, Place]:
     return goals
 
 
+def check_library(world: Scenario) -> None:
+    """Refuse a physics whose library is not installed."""
+    try:
+        world.physics.check_library()
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+
+
 def network_for(world: Scenario, layers: tuple[int, ...] | None) -> Network:
     """The network of these layers; without them, the paper's hidden layers between the inputs and the wheels."""
     network = Network((world.inputs, *HIDDEN, OUTPUTS) if layers is None else layers, world.task.gives_reward)

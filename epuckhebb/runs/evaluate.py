@@ -16,6 +16,7 @@ from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Traces, evaluate, memory_to_evaluate
 from epuckhebb.analysis.self_checks import findings
 from epuckhebb.config import hand, plugins
+from epuckhebb.config.build import check_library
 from epuckhebb.config.overrides import alternatives, quoted, value_of
 from epuckhebb.config.schema import EvaluateConfig, dump, say_unusual
 from epuckhebb.runs import hydra
@@ -115,6 +116,7 @@ def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
     Raises:
         ConfigError: The genome cannot be read, is for another robot, task or rule, or memory is too small.
     """
+    check_library(config.world)
     if genome is None:
         genome = load_genome(config.genome, config.world.experiment, config.layers)
     _check_genome(genome, config)
