@@ -24,6 +24,7 @@ from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES, Maze, Place, Pose, Side
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
 from epuckhebb.sim.plasticity.rules.paper import Paper
@@ -154,8 +155,9 @@ def scenario_from(
     robot: Mapping[str, Any],
     task: Mapping[str, Any] | None = None,
     fitness: Mapping[str, Any] | None = None,
+    physics: Mapping[str, Any] | None = None,
 ) -> Scenario:
-    """The world of a configuration. task, fitness: None for the paper's."""
+    """The world of a configuration. task, fitness, physics: None for the paper's, or that of the plane."""
     values = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     in_maze, of_kind = maze_from(maze), robot_from(robot)
     start = values.pop("start")
@@ -177,6 +179,7 @@ def scenario_from(
         robot=of_kind,
         task=ONE_TRIAL if task is None else part_from("task", task, "task"),
         fitness=PAPER_FITNESS if fitness is None else part_from("fitness", fitness, "fitness"),
+        physics=PYMUNK if physics is None else part_from("physics", physics, "physics"),
     )
 
 
@@ -202,6 +205,14 @@ def _goals(given: Any, maze: Maze) -> dict[Side, Place]:
             raise ConfigError(f"scenario.goals.{side} must be two numbers, x and y in m, got {place}")
         goals[side] = Place(*map(float, numbers))
     return goals
+
+
+def check_library(world: Scenario) -> None:
+    """Refuse a physics whose library is not installed."""
+    try:
+        world.physics.check_library()
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
 
 
 def shape_from(settings: Mapping[str, Any]) -> Shape:

@@ -216,7 +216,7 @@ def _changed(cfg: DictConfig, name: str, folders: Sequence[Path]) -> str:
         folders = OURS
     original = world_of(name, robot, folders, maze)
     task = plain(cfg.task) if "task" in cfg else None
-    world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task, plain(cfg.fitness))
+    world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task, plain(cfg.fitness), plain(cfg.physics))
     brought = _maze_brought(name, folders)
     return "" if original is None else world.changed_from(original, maze_from(brought) if brought else T_MAZE, EPUCK)
 

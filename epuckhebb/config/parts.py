@@ -15,12 +15,13 @@ from epuckhebb.config.values import part_settings
 from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Algorithm, check_optimizer
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.sim import coupling, couplings, own_fitness, tasks, wiring, wirings
+from epuckhebb.sim import coupling, couplings, own_fitness, physics, tasks, wiring, wirings
 from epuckhebb.sim.coupling import Coupling
 from epuckhebb.sim.own_fitness import Fitness
 from epuckhebb.sim.own_sensor import Sensor
 from epuckhebb.sim.plasticity import rules
 from epuckhebb.sim.plasticity.rule import Rule, arguments_of
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.wiring import LAYERS, Wiring
 
@@ -63,6 +64,7 @@ _KINDS = {
     "coupling": _Kind("coupling", Coupling, couplings, check=coupling.check_class),
     "optimizer": _Kind("algorithm", Algorithm, optimizers, check=check_optimizer),
     "task": _Kind("kind", Task, tasks),
+    "physics": _Kind("kind", Physics, physics),
     "sensor": _Kind("sensor", Sensor, check=lambda _: None),
 }
 

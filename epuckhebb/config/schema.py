@@ -44,6 +44,7 @@ from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.reachable import grid_bytes
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
@@ -136,12 +137,13 @@ class WorldConfig(Checked):
     lifetime: Lifetime = field(default_factory=Lifetime)
     task: dict[str, Any] = field(default_factory=lambda: {"kind": ONE_TRIAL.name})
     fitness: dict[str, Any] = field(default_factory=lambda: {"function": PAPER_FITNESS.name})
+    physics: dict[str, Any] = field(default_factory=lambda: {"kind": PYMUNK.name})
     changed: str | None = None
 
     def __post_init__(self) -> None:
         """Validate the settings."""
         check_counts(vars(self))
-        self.world = scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness)
+        self.world = scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
         memory = grid_bytes(self.world.maze.arena_m)
         resources.require([resources.Need(memory, "a way to the goals of so large a maze", "lower maze.arena_m")])
         self.world.check()
@@ -309,11 +311,11 @@ class FlockConfig(Checked):
 _ALL: tuple[Any, ...] = (EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig, FlockConfig)
 SCHEMAS = {schema.command: schema for schema in _ALL}
 # Below these, the schema does not know the keys.
-_GROUPS = ("hebbian", "compare", "change", "maze", "robot", "network", "optimizer", "task", "fitness")
+_GROUPS = ("hebbian", "compare", "change", "maze", "robot", "network", "optimizer", "task", "fitness", "physics")
 OPEN = (*_GROUPS, "scenario.goals", "flock.own")
 for _command, _schema in SCHEMAS.items():
     _node = OmegaConf.structured(_schema)
-    for _key in ("hebbian", "compare", "change", "network", "optimizer", "task", "fitness"):
+    for _key in ("hebbian", "compare", "change", "network", "optimizer", "task", "fitness", "physics"):
         if _key in _node:
             OmegaConf.set_struct(_node[_key], False)  # Hydra takes any key below them, without a +
     if _schema is FlockConfig:

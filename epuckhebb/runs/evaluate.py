@@ -15,6 +15,7 @@ from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate, memory_to_evaluate
 from epuckhebb.analysis.self_checks import findings
 from epuckhebb.config import hand, plugins
+from epuckhebb.config.build import check_library
 from epuckhebb.config.methods import typed_as
 from epuckhebb.config.overrides import alternatives, quoted, value_of
 from epuckhebb.config.parts import part_names
@@ -127,6 +128,7 @@ def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
     Raises:
         ConfigError: The genome cannot be read, is for another robot, task or rule, or memory is too small.
     """
+    check_library(config.world)
     if genome is None:
         genome = load_genome(config.genome, config.world.experiment, config.shape)
     _check_genome(genome, config)

@@ -18,7 +18,7 @@ import yaml
 from numpy.typing import NDArray
 
 from epuckhebb.config import plugins
-from epuckhebb.config.build import network_for
+from epuckhebb.config.build import check_library, network_for
 from epuckhebb.config.schema import EvolveConfig, Plain, dump, say_unusual
 from epuckhebb.config.stored import from_values, settings
 from epuckhebb.evolution.evolve import Generation, evolve, memory_to_evolve
@@ -147,6 +147,7 @@ def prepare(config: EvolveConfig, *, has_genome: bool = True) -> Prepared:
         ConfigError: The genome is for another robot or network, memory is too small, or the optimizer fails.
     """
     world, key, individuals = config.world, config.algorithm.key, config.algorithm.individuals
+    check_library(world)
     network = network_for(world, config.shape)
     plan = plan_of(network, type(config.controller.rule))
     given = None

@@ -14,16 +14,19 @@ from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate, initial_a
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.faults import Faults, initial_past
+from epuckhebb.sim.fitness import History
 from epuckhebb.sim.goal_signal import SignalNumbers
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, Network
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
 from epuckhebb.sim.random import noise_workspace_size
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.senses import SenseWorkspace, sense_workspace
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import NO_TRIALS
 from epuckhebb.sim.vectors import whole
 from epuckhebb.sim.wiring import NO_NEURONS, Neurons
@@ -113,10 +116,10 @@ class Workspace(NamedTuple):
     change: Floats
 
 
-def workspace_for(network: Network, robot: Robot) -> Workspace:
+def workspace_for(network: Network, robot: Robot, physics: Physics = PYMUNK) -> Workspace:
     """Workspace for this network and robot."""
     return Workspace(
-        senses=sense_workspace(robot),
+        senses=sense_workspace(robot, physics),
         noise=np.zeros(noise_workspace_size(robot.inputs)),
         drive=np.empty(network.neurons if network.wiring is not None else whole(max(network.post))),
         synapses=np.empty((3, network.synapses)),
@@ -143,7 +146,7 @@ class Genotype(NamedTuple):
 
 
 class Life(NamedTuple):
-    """All that a lifetime carries from step to step, but for the pymunk space in which the robot stands.
+    """All that a lifetime carries from step to step, but for the space in which the robot stands.
 
     tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records. activation: (neurons,).
     adaptation: what it carries. trials: records of `epuckhebb.sim.task.TRIAL`, none where a lifetime is one trial.
@@ -248,13 +251,14 @@ class Trial(NamedTuple):
 class Plasticity(NamedTuple):
     """The settings of a rule and of an adaptation, as numbers.
 
-    rate: N at the wheel gain of this lifetime. floor, signal: of the live fitness. numbers: all settings of the rule.
-    gate: of the adaptation.
+    rate: N at the wheel gain of this lifetime. floor, signal, history: of the live fitness. numbers: all settings of
+    the rule. gate: of the adaptation.
     """
 
     rate: float
     floor: float
     signal: int
+    history: History
     numbers: tuple[float, ...]
     gate: Gate
 
@@ -265,7 +269,8 @@ class Samples(NamedTuple):
     time [s]; pose: x, y [m], heading [rad]; sensors: the network's inputs; motors: the 2 network outputs; fitness:
     live F; change_signal: nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|, that of homeostasis
     included; weights: (samples, synapses), after the step's update, without the scale of homeostasis; activations:
-    (samples, neurons) of those of a wiring, which weights and inputs alone do not give; none of layers.
+    (samples, neurons) of those of a wiring, which weights and inputs alone do not give; none of layers; tilt: roll,
+    pitch [rad] and height above the floor [m], nothing in the plane.
     """
 
     time: Floats
@@ -278,9 +283,10 @@ class Samples(NamedTuple):
     weight_change: Floats
     weights: NDArray[np.float32]
     activations: NDArray[np.float32]
+    tilt: Floats
 
 
-def empty_samples(count: int, network: Network) -> Samples:
+def empty_samples(count: int, network: Network, physics: Physics = PYMUNK) -> Samples:
     """Arrays for so many samples."""
 
     def numbers(*shape: int) -> Floats:
@@ -297,6 +303,7 @@ def empty_samples(count: int, network: Network) -> Samples:
         weight_change=numbers(),
         weights=np.zeros((count, network.synapses), np.float32),
         activations=np.zeros((count, recorded_neurons(network)), np.float32),
+        tilt=numbers(physics.tilts),
     )
 
 

@@ -427,6 +427,7 @@ TRACES: Mapping[str, Array] = {
     "change_signal": _sample("", "the signal that opens the gate of an adaptation; nan where there is none"),
     "rate": _sample("per step", "effective rate N_e"),
     "weight_change": _sample("", "sum of abs(W - W_gene) over all weights"),
+    "tilt": _sample("rad, rad, m", "roll, pitch and height above the floor, with `physics=ode` alone", (3,)),
     "weights": _sample("", "all weights, layer by layer, a row for each presynaptic neuron", ("synapses",)),
 }
 

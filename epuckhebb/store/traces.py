@@ -15,6 +15,8 @@ from epuckhebb.store.genome import checked_genes, network_from, wiring_arrays
 from epuckhebb.store.npz import Arrays, compressed, one_error
 from epuckhebb.store.run import Run
 
+_TILT = "tilt"  # there is none where no robot tilts
+
 
 def traces_file(traces: Traces, weights: NDArray[np.float64], network: Network) -> bytes:
     """The content of `traces.npz`."""
@@ -42,7 +44,10 @@ def read_traces(run: Run, lifetimes: int, samples: int) -> tuple[Traces, NDArray
         found = {}
         for name, empty in empty_samples(0, network)._asdict().items():
             shape = (lifetimes, samples, *empty.shape[1:])
-            found[name] = np.zeros(shape) if 0 in empty.shape[1:] else arrays.take(name, "f", shape)
+            if name == _TILT and name in arrays:
+                found[name] = arrays.take(name, "f", (*shape[:2], None))
+            else:
+                found[name] = np.zeros(shape) if 0 in empty.shape[1:] else arrays.take(name, "f", shape)
             if name != "change_signal" and not np.isfinite(found[name]).all():
                 raise ValueError(f"{name} must hold finite numbers")
         controllers, sides = (arrays.take(name, "U", (lifetimes,)).tolist() for name in ("controller", "side"))
