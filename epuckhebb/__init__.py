@@ -31,6 +31,7 @@ __all__ = [
     "Hebbian",
     "Lifetime",
     "Live",
+    "Optimizer",
     "Rule",
     "Sensor",
     "evaluate",
@@ -43,6 +44,7 @@ __all__ = [
 if TYPE_CHECKING:
     from epuckhebb.api import evaluate, evolve, load, play, sweep
     from epuckhebb.api.results import Evaluation, Evolution, Live
+    from epuckhebb.evolution.optimizer import Optimizer
     from epuckhebb.evolution.optimizers.ga import GA
     from epuckhebb.sim.adaptation.adaptation import Adaptation
     from epuckhebb.sim.coupling import Coupling
@@ -63,6 +65,7 @@ _FROM = {  # name -> where it is, if not in `api`
     "Hebbian": "sim.plasticity.rules.paper",
     "Lifetime": "sim.life",
     "Live": "api.results",
+    "Optimizer": "evolution.optimizer",
     "Rule": "sim.plasticity.rule",
     "Sensor": "sim.own_sensor",
 }

@@ -160,6 +160,7 @@ def test_a_fitness_of_a_lifetime_alone_needs_no_kernel_of_its_own(genomes):
     assert kernel_of(*parts, fitness=Judged()) is kernel_of(*parts)
 
 
+@pytest.mark.thorough
 def test_a_lifetime_of_many_trials_keeps_them():
     task = Reversal(trials=2, last_switch=2, time_out_s=0.5)
     world = Scenario(task=task, lamp=Lamp(intensity=0.0), fitness=Judged())
@@ -239,7 +240,11 @@ class Fine(Fitness):
         (["fitness.function=bad.py:Lucky"], ["draws from random"]),
         (["fitness.function=bad.py:Bare"], ["goal is not a setting; write @dataclass"]),
         (["fitness.function=bad.py:Muddled"], ["fitness Muddled of", "does not compile", "times"]),
-        (["fitness.function=bad.py:Infinite"], ["fitness Infinite: `step` gave infinite or nan"]),
+        pytest.param(
+            ["fitness.function=bad.py:Infinite"],
+            ["fitness Infinite: `step` gave infinite or nan"],
+            marks=pytest.mark.thorough,  # it compiles
+        ),
         (["fitness.function=bad.py:Failing"], ["fitness Failing: `life` failed: IndexError"]),
         (["fitness.function=bad.py:Wordy"], ["fitness Wordy: `life` must return a finite number", "'good'"]),
         (["fitness.function=bad.py:Undefined"], ["fitness Undefined: `life` must return a finite number", "nan"]),
@@ -261,6 +266,7 @@ def test_what_cannot_be_a_fitness_is_refused_before_anything_runs(words, texts):
     assert not Path("out").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("copy")
 def test_a_multirun_and_a_sweep_take_it():
     words = [OWN, *SHORT, "lifetime.record_every=0"]

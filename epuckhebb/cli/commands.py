@@ -144,6 +144,26 @@ def replay(
         open_in_browser(page)
 
 
+@app.command(cls=Command)
+@report_errors()
+def figure(
+    run: Run,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the figure; a wrong one lists those of the run.")],
+    kind: Annotated[str, typer.Option("--format", "-f", metavar="png|svg|pdf", help="Of the file.")] = "png",
+    width: Annotated[
+        float | None, typer.Option("--width", metavar="MM", help="88: a column of a paper, 180: a page.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="[RUN/figures/NAME.FORMAT]")
+    ] = None,
+) -> None:
+    """Draw a figure of a run again, in a format and a size."""
+    from epuckhebb.export.figure import draw
+    from epuckhebb.store import resolve_run
+
+    typer.echo(draw(resolve_run(run), name, kind, width, output))
+
+
 @app.command(cls=ConfiguredCommand)
 def play(
     overrides: Overrides = None,

@@ -62,6 +62,7 @@ _EXAMPLES = {
         "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles",
     ],
     "replay": ["latest --open", "runs/evaluate/RUN --gif film.gif"],
+    "figure": ["latest trajectories --format pdf --width 180", "runs/sweep/RUN rescue_and_harm --format svg"],
     "play": ["scenario=4obstacles", "hebbian=oja scenario=lowlight", "adaptation=novelty --side right"],
     "reproduce": ["--quick", "obstacles champions=40", "all genome=Best.npy signal=as_coded"],
     "leaderboard": [

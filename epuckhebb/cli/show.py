@@ -15,7 +15,7 @@ from epuckhebb.config.conf import flat
 from epuckhebb.config.stored import settings
 from epuckhebb.runtime.console import print_line
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.store import Run, below_runs, load_genome, of_multirun, resolve_run
+from epuckhebb.store import CONFIG, Run, below_runs, load_genome, of_multirun, resolve_run
 
 _LATEST = 10  # runs that are listed when none is named
 _CHANGED = {"light": "lowlight", "obstacles": "4obstacles"}  # a changed world of each experiment
@@ -189,7 +189,7 @@ def _print_run(path: Path, console: Console) -> None:
 
 def _settings(path: Path) -> Iterator[str]:
     """The resolved configuration of a run, as it could be typed; of the maze and the robot, only their names."""
-    if not Run(path).has_config:
+    if not Run(path).has(CONFIG):
         return
     config = settings(Run(path).config_file)
     for key in ("maze", "robot"):

@@ -12,7 +12,7 @@ from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.analysis.self_checks import in_words
 from epuckhebb.config.stored import settings
 from epuckhebb.runtime.console import print_line, print_table
-from epuckhebb.store import Run, read_findings
+from epuckhebb.store import CONFIG, Run, read_findings
 
 
 def print_evaluation(path: Path, console: Console, metrics: Rows | None = None) -> None:
@@ -78,7 +78,7 @@ def evolution_in_short(path: Path) -> str:
 
 def _fittest(path: Path, last: dict[str, Any]) -> str:
     """How often the fittest of the last generation reached its goal, or was rewarded."""
-    config = settings(Run(path).config_file) if Run(path).has_config else {}
+    config = settings(Run(path).config_file) if Run(path).has(CONFIG) else {}
     task = config.get("task") or {}
     if task.get("kind") != "reversal":
         return f"the fittest reached its goal in {100 * last['best_success']:.0f} % of its training lifetimes"

@@ -9,9 +9,12 @@ from epuckhebb.config import hand
 from epuckhebb.config.parts import GENETIC, NONE, PAPER, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings, row
-from epuckhebb.evolution.optimizer import Optimizer
+from epuckhebb.evolution.optimizer import Algorithm
+from epuckhebb.evolution.search import measures_of
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.adaptation import Adaptation, compares_fitness
+from epuckhebb.sim.adaptation.gate import Stay
+from epuckhebb.sim.adaptation.recognise.place import check_recognition
 from epuckhebb.sim.adaptation.self_check.calibration import check_time
 from epuckhebb.sim.adaptation.self_check.memory import check_robot
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
@@ -56,12 +59,16 @@ def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
     return NO_RULE
 
 
-def optimizer_from(settings: Mapping[str, Any], ga: Optimizer | None) -> Optimizer:
+def optimizer_from(settings: Mapping[str, Any], ga: Algorithm | None) -> Algorithm:
     """The optimizer that a part of the configuration describes. ga: the genetic algorithm; None for another one."""
     if settings.get("algorithm") != GENETIC:
         if ga is not None:
             raise not_its_settings(str(settings.get("algorithm")))
-        optimizer: Optimizer = part_from("optimizer", settings, "optimizer")
+        optimizer: Algorithm = part_from("optimizer", settings, "optimizer")
+        try:
+            measures_of(optimizer)
+        except ValueError as error:
+            raise ConfigError(f"optimizer.algorithm={settings['algorithm']}: {error}") from error
         return optimizer
     useless = [f"optimizer.{name}" for name in settings if name != "algorithm"]
     if useless:
@@ -236,6 +243,20 @@ def check_task(controller: Controller, task: Task) -> None:
         raise ValueError(
             f"hebbian.reward={controller.rule.reward.name} does nothing with task={task.name}, which gives no reward"
         )
+
+
+def check_stay(controller: Controller, world: Scenario, lifetime: Lifetime) -> None:
+    """Refuse learning without a rule, a start after the end, and recognition by a robot without the sensors."""
+    adaptation = controller.adaptation
+    if adaptation.stay is Stay.learn and isinstance(controller.rule, NoRule):
+        raise ValueError("adaptation.stay=learn needs a plasticity rule: give hebbian=stay, or adaptation.stay=halt")
+    if lifetime.duration_s <= adaptation.start_by_s < math.inf:
+        raise ValueError(
+            f"adaptation.start_by_s must be less than lifetime.duration_s = {lifetime.duration_s:g}, or inf for never, "
+            f"got {adaptation.start_by_s:g}"
+        )
+    if adaptation.recognise:
+        check_recognition(world.robot)
 
 
 def check_self_check(adaptation: Adaptation, world: Scenario, lifetime: Lifetime) -> None:

@@ -149,6 +149,10 @@ def _own_code(cfg: DictConfig) -> None:
     if ":" in str(cfg.fitness.get("function")):
         cfg.fitness.function = _absolute(cfg.fitness.function, "fitness.function")
         _write_defaults(cfg.fitness, part_class("fitness", cfg.fitness.function, "fitness"))
+    if ":" in str((cfg.get("optimizer") or {}).get("algorithm")):
+        cfg.optimizer.algorithm = _absolute(cfg.optimizer.algorithm, "optimizer.algorithm")
+        _write_defaults(cfg.optimizer, part_class("optimizer", cfg.optimizer.algorithm, "optimizer"))
+        cfg.ga = None
     sensors = cfg.robot.get("sensors")
     for number, settings in enumerate(sensors if isinstance(sensors, ListConfig) else ()):
         key = f"robot.sensors[{number}]"

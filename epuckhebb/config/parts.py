@@ -13,7 +13,7 @@ from typing import Any
 from epuckhebb.config.plugins import class_named
 from epuckhebb.config.values import part_settings
 from epuckhebb.evolution import optimizers
-from epuckhebb.evolution.optimizer import Optimizer
+from epuckhebb.evolution.optimizer import Algorithm, check_optimizer
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim import coupling, couplings, tasks
 from epuckhebb.sim.coupling import Coupling
@@ -52,7 +52,7 @@ _KINDS = {
     "rule": _Kind("rule", Rule, rules, check=arguments_of),
     "fitness": _Kind("function", Fitness, usual={PAPER: Fitness}, check=check_class),
     "coupling": _Kind("coupling", Coupling, couplings, check=coupling.check_class),
-    "optimizer": _Kind("algorithm", Optimizer, optimizers),
+    "optimizer": _Kind("algorithm", Algorithm, optimizers, check=check_optimizer),
     "task": _Kind("kind", Task, tasks),
     "sensor": _Kind("sensor", Sensor, check=lambda _: None),
 }

@@ -20,6 +20,7 @@ from epuckhebb.config.build import (
     check_counts,
     check_self_check,
     check_signal,
+    check_stay,
     check_task,
     check_wheel_gain,
     compared,
@@ -110,6 +111,15 @@ class NetworkConfig:
     layers: list[int] | None = None
 
 
+class Figures(Enum):
+    """The files to which a run writes its figures."""
+
+    png = "png"
+    svg = "svg"
+    pdf = "pdf"
+    none = "none"
+
+
 @dataclass(kw_only=True)
 class WorldConfig(Checked):
     """The keys that `evaluate` and `evolve` have in common, and the world that comes of them.
@@ -120,6 +130,7 @@ class WorldConfig(Checked):
 
     seed: int = 1
     threads: int = 0
+    figures: Figures = Figures.png
     scenario: ScenarioConfig = field(default_factory=ScenarioConfig)
     change: dict[str, Any] = field(default_factory=dict)
     maze: dict[str, Any] = field(default_factory=dict)
@@ -176,6 +187,7 @@ class EvaluateConfig(WorldConfig):
             check_signal(controller, self.world)
             check_task(controller, self.world.task)
             check_self_check(controller.adaptation, self.world, self.lifetime)
+            check_stay(controller, self.world, self.lifetime)
 
 
 @dataclass(kw_only=True)

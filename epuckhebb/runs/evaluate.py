@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate, memory_to_evaluate
@@ -36,6 +36,9 @@ from epuckhebb.sim.session import LostRobotError
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 from epuckhebb.store import Genome, RunFolder, load_genome, traces_file
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Report = Callable[[Path, Rows], None]
 
@@ -276,9 +279,9 @@ def evaluate_into(
         if config.scenario.hand is not None:
             run.write(hand.NAME, hand.content(config.scenario.hand))
         metrics, traces = prepared.run(remembered, threads)
-        recorded, figures = bool(config.lifetime.record_every), dict[str, Callable[[], bytes]]()
+        recorded, figures = bool(config.lifetime.record_every), dict[str, tuple[Any, ...]]()
         if isinstance(config.world.task, Reversal):
-            figures["figures/reversal.png"] = _write_reversal(run, config, config.world.task, metrics, traces)
+            figures["reversal"] = config, genome.name, *_write_reversal(run, config, config.world.task, metrics, traces)
         else:
             run.write("metrics.csv", metrics)
             table, below = tables.paper_table(metrics), [*map(tables.plain, notes), tables.saturation(metrics)]
@@ -287,16 +290,18 @@ def evaluate_into(
         if remembered.checks is not None:
             run.write("findings.csv", findings(remembered.checks))
         if recorded:
-            figures["figures/trajectories.png"] = functools.partial(_trajectories, traces, config, genome.name)
-        run.left_behind = functools.partial(_left_behind, path, [*(["traces.npz"] if recorded else []), *figures])
+            figures["trajectories"] = config, caption(config, genome.name), traces
+        kind = config.figures.value
+        files = {f"figures/{name}.{kind}": (name, kind, *data) for name, data in figures.items() if kind != "none"}
+        run.left_behind = functools.partial(_left_behind, path, [*(["traces.npz"] if recorded else []), *files])
         report(path, metrics)
         with ThreadPoolExecutor(1) as aside:
-            drawn = {name: aside.submit(draw) for name, draw in figures.items()}
+            drawn = {file: aside.submit(_figure, *what) for file, what in files.items()}
             if recorded:
                 run.write("traces.npz", traces_file(traces, genome.weights, genome.network))
-            for name, figure in drawn.items():
+            for file, figure in drawn.items():
                 try:
-                    run.write(name, figure.result())
+                    run.write(file, figure.result())
                 except Exception as error:  # of matplotlib: what a user's fonts and styles may raise has no end
                     raise JobFailedError(f"{run.left_behind()}: {type(error).__name__}: {error}") from error
 
@@ -307,17 +312,17 @@ def _left_behind(path: Path, files: Sequence[str]) -> str:
     return f"{path} has its tables, and lacks {' and '.join(missing) or 'nothing'}"
 
 
-def _trajectories(traces: Traces, config: EvaluateConfig, genome_name: str) -> bytes:
-    """The figure of the recorded lifetimes."""
-    from epuckhebb.analysis import figures  # matplotlib takes a while to load
+def _figure(*what: Any) -> bytes:
+    """The content of a figure's file; what: the arguments of `figures.file_of`."""
+    from epuckhebb.runs import figures  # matplotlib takes a while to load
 
-    return figures.trajectories(traces, config.world, caption(config, genome_name))
+    return figures.file_of(*what)
 
 
 def _write_reversal(
     run: RunFolder, config: EvaluateConfig, task: Reversal, rows: Rows, traces: Traces
-) -> Callable[[], bytes]:
-    """Write the tables of reversal learning: every trial, and the rewarded shares. Returns what draws their figure."""
+) -> "tuple[pd.DataFrame, pd.DataFrame]":
+    """Write the tables of reversal learning. Returns the rewarded shares, and every trial."""
     import pandas as pd
 
     from epuckhebb.analysis import reversal
@@ -328,15 +333,7 @@ def _write_reversal(
     run.write("reversal_trials.csv", trials)
     run.write("reversal.csv", shares)
     run.write("reversal.md", reversal.to_markdown(shares))
-
-    def draw() -> bytes:
-        from epuckhebb.analysis import reversal_figure
-
-        genome, lifetimes = metrics.genome[0], 2 * config.repeats
-        title = f"{config.world.name} ({config.changed}) · genome {genome} · {lifetimes} lifetimes each"
-        return reversal_figure.figure(shares, trials, title)
-
-    return draw
+    return shares, trials
 
 
 def caption(config: EvaluateConfig, genome_name: str, controllers: Sequence[tuple[str, float]] | None = None) -> str:

@@ -369,7 +369,7 @@ class Outcome(NamedTuple):
     weight_change_final: sum over weights of |W - W_gene|. contact_fraction: share of steps with a distance reading
     above 0.8. success: whether the robot was within 5 cm of its goal at the last step. fitness: how well it did its
     task; the paper's final fitness unless that is another. steps: done. saturated_fraction: share of the final weights
-    at their bound.
+    at their bound. x, y: m, where the robot is at the end.
     """
 
     time_to_goal: float
@@ -384,6 +384,8 @@ class Outcome(NamedTuple):
     fitness: float
     steps: int
     saturated_fraction: float
+    x: float
+    y: float
 
     def with_fitness(self, fitness: float) -> "Outcome":
         """The same metrics with another fitness."""

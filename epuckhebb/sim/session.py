@@ -217,12 +217,13 @@ class Session:
             world.task.fitness(behaviour, reward, self.life.trials, nearest),
             tally.step,
             saturated_fraction(self.life.weights, self.individual.controller.rule.w_max),
+            *(pose or self.pose)[:2],
         )
         if len(self.life.trials):
             outcome = OutcomeOfTrials.of(outcome, self.life.trials)
         if not world.fitness.is_own:
             return outcome
-        own = world.fitness.of_lifetime(facts_of(outcome, *(pose or self.pose)[:2]), self.life.score)
+        own = world.fitness.of_lifetime(facts_of(outcome), self.life.score)
         return outcome.with_fitness(own)
 
     def share(self, **arrays: Any) -> None:

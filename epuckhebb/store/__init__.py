@@ -12,7 +12,6 @@ from epuckhebb.store.folder import (
     RunFolder,
     as_bytes,
     check_folder_of_multirun,
-    discard,
     set_aside,
 )
 from epuckhebb.store.genome import Genome, champion_file, checked_genes, is_bundled, load_genome
@@ -35,7 +34,6 @@ __all__ = [
     "champion_file",
     "check_folder_of_multirun",
     "checked_genes",
-    "discard",
     "is_bundled",
     "load_genome",
     "of_multirun",

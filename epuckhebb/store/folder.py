@@ -25,7 +25,7 @@ from filelock import BaseFileLock
 from epuckhebb.runtime import errors
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import say
-from epuckhebb.store import columns, disk
+from epuckhebb.store import disk
 from epuckhebb.store.disk import CONFIG, LOCK, OVERRIDES, PROVENANCE, SCHEMA, STATUS, as_json, is_locked, release
 from epuckhebb.store.provenance import provenance
 from epuckhebb.store.records import OwnCode
@@ -40,10 +40,6 @@ SET_ASIDE = "set_aside"  # folder of a study for what was in the way, or holds a
 _PATIENCE_S = 1.0  # how long another process may lock a folder just to look whether it is locked
 _HALF = re.compile(r"\..+\.\d+\.tmp")  # what `write_atomic` writes beside a file
 _ATTEMPT = re.compile(r"\d{8}-\d{6}-[0-9a-f]{8}_\d+|stop")  # what `jobs.launch` leaves in `unfinished/`
-_OF_A_RUN = re.compile(  # the files that a run of a study leaves, but for its tables
-    r"\.epuckhebb\.lock|(status|provenance|cost)\.json|\.hydra/(config|overrides)\.yaml|(rules|own_code)/.*|table\.csv"
-    r"|(table|reversal)\.md|(champion|checkpoint|traces)\.npz|figures/(trajectories|learning|reversal)\.png"
-)
 
 
 class OwnFile(Protocol):
@@ -294,17 +290,7 @@ def _remove_half_done(path: Path) -> None:
             if not attempt.is_dir():
                 attempt.unlink()
             elif not is_locked(attempt):
-                discard(attempt, path)
-
-
-def discard(attempt: Path, study: Path) -> None:
-    """Remove an attempt at a run of a study; set it aside if it holds a file that this program does not write."""
-    for file in attempt.rglob("*"):
-        name = file.relative_to(attempt).as_posix()
-        if not (file.is_dir() or name in columns.TABLES or _OF_A_RUN.fullmatch(name) or _HALF.fullmatch(file.name)):
-            set_aside(attempt, study, "holds files that this program did not write")
-            return
-    shutil.rmtree(attempt)
+                shutil.rmtree(attempt)
 
 
 def set_aside(entry: Path, study: Path, why: str) -> None:

@@ -26,16 +26,7 @@ from epuckhebb.store.run import Run
 _NOMINAL = "memory_"  # how the names of the arrays of nominal statistics begin
 _SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
 _OF_SEED = re.compile(rf"{REFERENCE}_\d+")
-_TEXTS = (
-    "robot",
-    "experiment",
-    "optimizer",
-    "training",
-    "rule",
-    "task",
-    "fitness_function",
-    "sensors",
-)  # of a champion
+_TEXTS = ("robot", "experiment", "optimizer", "training", "rule", "task", "fitness_function", "sensors")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,14 +157,10 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
         "optimizer": np.str_(genome.optimizer),
         "training": np.str_(genome.training),
     }
-    if genome.rule:
-        arrays["rule"] = np.str_(genome.rule)
-    if genome.task:
-        arrays |= {"task": np.str_(genome.task), "rewarded": np.int64(genome.network.rewarded)}
-    if genome.fitness_function:
-        arrays["fitness_function"] = np.str_(genome.fitness_function)
-    if genome.sensors:
-        arrays["sensors"] = np.str_(genome.sensors)
+    for name in ("rule", "task", "fitness_function", "sensors"):
+        if text := getattr(genome, name):
+            arrays[name] = np.str_(text)
+            arrays |= {"rewarded": np.int64(genome.network.rewarded)} if name == "task" else {}
     for prefix, remembered in ((_NOMINAL, genome.nominal), (_SELF_MEMORY, genome.self_memory)):
         if remembered is not None:
             arrays |= {prefix + key: np.asarray(value) for key, value in _known(remembered).items()}

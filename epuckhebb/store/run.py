@@ -68,11 +68,6 @@ class Run:
         self.content(CONFIG)
         return self.path / CONFIG
 
-    @property
-    def has_config(self) -> bool:
-        """Whether there is, or should be, a resolved configuration; a sweep has one for each job instead."""
-        return self.has(CONFIG)
-
     def content(self, name: str) -> bytes:
         """The content of a file, which must be what the run wrote, as far as its status has its checksum."""
         found = bytes_of(self.path / name)

@@ -141,7 +141,8 @@ def _work(path: Path, job: Plain, facts: dict[str, Any]) -> None:
 
 
 def _report(folder: RunFolder, config: FlockConfig, done: list[Run]) -> None:
-    from epuckhebb.analysis import figures, flock_figure  # matplotlib takes a while to load
+    from epuckhebb.analysis import flock_figure  # matplotlib takes a while to load
+    from epuckhebb.analysis.image import image, small
 
     runs = pd.concat([one.table("runs.csv") for one in done], ignore_index=True)
     table, checks = tables.table(runs, config.seed), tables.estimator(config.seed)
@@ -151,21 +152,22 @@ def _report(folder: RunFolder, config: FlockConfig, done: list[Run]) -> None:
     first, records = shown(config)
     at = int(first.at_s / CHANGE_S)
     networks = {name: (record.weights[at], record.weights[-1]) for name, record in records.items()}
-    pictures = {
+    drawn = {
         "flock.png": flock_figure.curves(curves, first.at_s, config.repeats),
         "couplings.png": flock_figure.couplings(networks, first.broken, first.knowers),
     }
     if len(config.cells) > 1:
-        pictures["sweep.png"] = flock_figure.sweep(table)
+        drawn["sweep.png"] = flock_figure.sweep(table)
     few = "**A smoke test: so few flocks say nothing about a coupling.** " if config.repeats < 8 else ""
     made = (
         f"{few}Made by `epuckhebb flock`: {config.flock.robots} robots, {config.repeats} flocks of each condition, "
         f"seeds {config.seed} to {config.seed + config.repeats - 1}; {first.duration_s / 60:g} minutes, and the "
         f"break after {first.at_s / 60:g}."
     )
+    pictures = {name: image(figure) for name, figure in drawn.items()}
     page = tables.page(table, checks, made, list(pictures))
     for name, picture in pictures.items():
         folder.write(f"figures/{name}", picture)
     folder.write("report.md", page)
-    small = {name: figures.small(picture) for name, picture in pictures.items()}
-    folder.write("report.html", report.html(page, lambda name: small[name], "epuckhebb: flock"))
+    shown_small = {name: small(picture) for name, picture in pictures.items()}
+    folder.write("report.html", report.html(page, lambda name: shown_small[name], "epuckhebb: flock"))

@@ -10,6 +10,7 @@ Open the folder with `open_study`, and hand jobs to `launch`: they run in many p
 
 import json
 import os
+import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -21,9 +22,9 @@ from epuckhebb.config.schema import Checked, Plain, dump
 from epuckhebb.runs import hydra
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import counting
-from epuckhebb.store import SCHEMA, UNFINISHED, OwnFile, Run, RunFolder, as_json, discard, set_aside, write_atomic
+from epuckhebb.store import SCHEMA, UNFINISHED, OwnFile, Run, RunFolder, as_json, set_aside, write_atomic
 
-NO_EFFECT = ("threads",)  # keys on which no result depends
+NO_EFFECT = ("threads", "figures")  # keys on which no result depends
 _LIST, _JOBS, _STOP = "sweep.json", "jobs", "stop"
 AT_ONCE = 1000  # jobs that a launcher gets at a time: as many as SLURM takes in one array (its MaxArraySize is 1001)
 
@@ -218,7 +219,7 @@ def one_job(cfg: Any, name_of: Callable[[Plain], str], work: Callable[[Path, Pla
     except OSError:
         if not Run(folder / run).is_whole:  # else a worker of a killed call has just done the same
             raise
-        discard(attempt, folder)
+        shutil.rmtree(attempt)
 
 
 def read_job(folder: Path, run: str, name_of: Callable[[Plain], str]) -> Plain:

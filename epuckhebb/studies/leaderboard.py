@@ -9,7 +9,7 @@ import pandas as pd
 
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis import report
-from epuckhebb.analysis.limits import limits
+from epuckhebb.analysis.reversal import limits
 from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.store import Run, RunFolder
@@ -35,7 +35,8 @@ def leaderboard(planned: Leaderboard) -> None:
 
 def _report(study: RunFolder, planned: Leaderboard) -> None:
     """Write the tables, the figure and the page over all champions."""
-    from epuckhebb.analysis import charts, figures  # matplotlib takes a while to load
+    from epuckhebb.analysis import charts  # matplotlib takes a while to load
+    from epuckhebb.analysis.image import image, small
 
     champions, worlds, costs = _tables(planned)
     table = board.table([entry.row for entry in planned.entries], champions)
@@ -46,14 +47,14 @@ def _report(study: RunFolder, planned: Leaderboard) -> None:
         parts.append(f"## {board.title(str(experiment))}\n\n{board.markdown_of(own)}")
     study.write("leaderboard.md", "\n".join(parts))
     lines = {entry.row.experiment: limits(entry.task) for entry in planned.entries if isinstance(entry.task, Reversal)}
-    picture = charts.leaderboard_of(table, champions, lines)
+    picture = image(charts.leaderboard_of(table, champions, lines))
     study.write(f"figures/{board.FIGURE}", picture)
     meanings = {entry.method.name: entry.method.description for entry in planned.entries}
     tests = {experiment: list(own) for experiment, own in planned.tests.items()}
     page = board.markdown(table, costs, meanings, tests, _provenance(planned))
     study.write("report.md", page)
-    small = figures.small(picture)
-    study.write("report.html", report.html(page, lambda _: small, "epuckhebb: leaderboard"))
+    shown = small(picture)
+    study.write("report.html", report.html(page, lambda _: shown, "epuckhebb: leaderboard"))
 
 
 def _provenance(planned: Leaderboard) -> str:

@@ -12,8 +12,9 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from epuckhebb.analysis import figures, report, reproduction
+from epuckhebb.analysis import report, reproduction
 from epuckhebb.analysis.evaluate import memory_to_evaluate
+from epuckhebb.analysis.image import small
 from epuckhebb.analysis.tables import code
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, ReproduceConfig
@@ -134,7 +135,7 @@ def _report(study: RunFolder, config: ReproduceConfig, champions: list[_Champion
     signals = {one: config.signal.of(one) for one in shown}
     made = reproduction.figures_of(found, shown, signals, _world, histories, config.seed)
     text = report.markdown(found, {name: caption for name, (caption, _) in made.items()})
-    pictures = {name: figures.small(png) for name, (_, png) in made.items()}
+    pictures = {name: small(png) for name, (_, png) in made.items()}
     for name, png in pictures.items():
         study.write(f"figures/{name}", png)
     study.write("report.md", text)

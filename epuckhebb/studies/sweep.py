@@ -74,7 +74,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     jobs = list(listed.values())
     if again:
         say(repeated(len(again), again[0].settings, listed[again[0].run].settings))
-    settings = provenance.digest([identities.settings(job.config) for job in jobs])
+    settings = provenance.digest([identity.settings(job.config) for job in jobs])
     usual = Path("runs") / "sweep" / f"{name}_{settings[:8]}"
     folder, launcher = folder_and_launcher(of_hydra, usual)
     words_typed = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]
@@ -133,16 +133,22 @@ def _write_over_all(write: Callable[[str, bytes | str | pd.DataFrame], None], ga
         write("over_champions.csv", summary.over_champions(rows, settings))
     doses = summary.dose_response(rows, settings)
     if doses:
-        write("figures/dose_response.png", doses)
+        write("figures/dose_response.png", _image(doses))
     found = summary.rescue_and_harm(rows)
     if found is not None:
         tables, page, figure = found
         for name, table in tables.items():
             write(f"{name}.csv", table)
         write("report.md", page)
-        write(f"figures/{rescue.FIGURE}", figure)
+        write(f"figures/{rescue.FIGURE}", _image(figure))
     elif missing := summary.no_rescue(rows, settings):
         say(missing)
+
+
+def _image(figure: Any) -> bytes:
+    from epuckhebb.analysis.image import image  # matplotlib takes a while to load
+
+    return image(figure)
 
 
 def _evaluated(path: Path, settings: Mapping[str, str], place: Mapping[str, str]) -> Evaluated:
