@@ -145,7 +145,6 @@ def replay(
 
 
 @app.command(cls=Command)
-@report_errors()
 def figure(
     run: Run,
     name: Annotated[str, typer.Argument(metavar="NAME", help="Of the figure; a wrong one lists those of the run.")],
