@@ -8,7 +8,7 @@ from typing import Any
 from epuckhebb.config import hand
 from epuckhebb.config.parts import GENETIC, NONE, PAPER, Layers, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
-from epuckhebb.config.values import part_settings
+from epuckhebb.config.values import part_settings, row
 from epuckhebb.evolution.optimizer import Algorithm
 from epuckhebb.evolution.search import measures_of
 from epuckhebb.runtime.errors import ConfigError
@@ -162,7 +162,8 @@ def scenario_from(
     in_maze, of_kind = maze_from(maze), robot_from(robot)
     start = values.pop("start")
     if start is not None:
-        in_maze = replace(in_maze, start=_start(start))
+        x, y, heading_deg = row("scenario.start", start, ("x", "y", "heading_deg"))
+        in_maze = replace(in_maze, start=Pose(x, y, math.radians(heading_deg)))
     for number, change in enumerate(values["changes"]):
         if not isinstance(change, Mapping):
             raise ConfigError(f"scenario.changes[{number}] must be as {{at_s: 60, light: 1.0}}, got {change}")
@@ -183,28 +184,12 @@ def scenario_from(
     )
 
 
-def _start(given: Any) -> Pose:
-    numbers = list(given) if isinstance(given, list | tuple) else []
-    if len(numbers) != 3 or not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
-        raise ConfigError(f"scenario.start must be [x, y, heading_deg], in m and degrees, or null, got {given}")
-    x, y, heading_deg = map(float, numbers)
-    return Pose(x, y, math.radians(heading_deg))
-
-
 def _goals(given: Any, maze: Maze) -> dict[Side, Place]:
     """Goals of both sides; a side that is left out keeps the maze's."""
     if not isinstance(given, Mapping) or not set(given) <= set(SIDES):
         raise ConfigError(f"scenario.goals must be {{left: [x, y], right: [x, y]}} in m, got {given}")
-    goals = dict(maze.goals)
-    for side in SIDES:
-        place = given.get(side)
-        if place is None:
-            continue
-        numbers = list(place) if isinstance(place, list | tuple) else []
-        if len(numbers) != 2 or not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
-            raise ConfigError(f"scenario.goals.{side} must be two numbers, x and y in m, got {place}")
-        goals[side] = Place(*map(float, numbers))
-    return goals
+    places = ((side, given[side]) for side in SIDES if given.get(side) is not None)
+    return {**maze.goals, **{side: Place(*row(f"scenario.goals.{side}", at, Place._fields)) for side, at in places}}
 
 
 def check_library(world: Scenario) -> None:
@@ -267,9 +252,8 @@ def check_signal(controller: Controller, world: Scenario) -> None:
         )
     if compares_fitness(controller.adaptation.change_signal):
         raise ValueError(
-            f"hebbian.signal=fitness does not go with adaptation={controller.adaptation.name}: its change signal "
-            f"{controller.adaptation.change_signal} compares with the nominal statistics, which are of the paper's "
-            "live fitness; give another signal, or another adaptation"
+            f"hebbian.signal=fitness does not go with adaptation={controller.adaptation.name}, which needs the nominal "
+            "statistics of the paper's live fitness; give another signal, or another adaptation"
         )
 
 
