@@ -135,7 +135,9 @@ class Climber(Optimizer):
         return self.first
 """
     )
-    return part_class("optimizer", "climber.py:Climber", "optimizer")(**{"population": 3, "generations": 2, "confirm": 4, **settings})
+    return part_class("optimizer", "climber.py:Climber", "optimizer")(
+        **{"population": 3, "generations": 2, "confirm": 4, **settings}
+    )
 
 
 @pytest.mark.usefixtures("here")
