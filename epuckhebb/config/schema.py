@@ -83,7 +83,7 @@ def dump(config: Checked) -> str:
 
 
 # A scenario has the keys of `Scenario`, but for other groups, and for what only changes during a lifetime set.
-_NO_KEYS = ("maze", "robot", "task", "fitness", "lamp_on", "placed", "rate", "put", "reset")
+_NO_KEYS = ("maze", "robot", "task", "fitness", "physics", "lamp_on", "placed", "rate", "put", "reset")
 _LOOSE = {  # what may be given in several forms, which `scenario_from` checks: type and default
     "name": (str, ""),
     "goals": (Any, None),
