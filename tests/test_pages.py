@@ -48,6 +48,7 @@ BRIEF = {
         "ga.generations=1",
         "-q",
     ],
+    "flock": ["repeats=1", "flock.duration_s=60", "flock.at_s=30", "-q"],
     "keys": [],
     "export": [],
     "show": [],

@@ -226,7 +226,7 @@ def page(table: pd.DataFrame, checks: pd.DataFrame, made: str, figures: Sequence
             "# Couplings between robots: influence or competence?\n",
             f"{made} Mean cosine of heading to the goal of the intact robots, 1 for straight there. 95 % intervals "
             "over flocks. *Shuffled*: the coupling is given the transfer entropy of other pairs, or the live fitness "
-            "of another robot. The oracle is told which robot broke.\n",
+            "of another robot. The oracle is given the number of the broken robot.\n",
             *(f"![{name.removesuffix('.png')}](figures/{name})\n" for name in figures),
             main_table(table),
             *([f"## Sweep: long after the break\n\n{swept}"] if swept else []),

@@ -5,7 +5,8 @@ from itertools import product
 from typing import Any, NamedTuple
 
 from epuckhebb.config.build import check_counts
-from epuckhebb.config.parts import part_from
+from epuckhebb.config.parts import part_class, part_from
+from epuckhebb.config.values import part_settings
 from epuckhebb.sim.coupling import Coupling
 from epuckhebb.sim.couplings.frozen import Frozen
 from epuckhebb.sim.couplings.oracle import Oracle
@@ -77,10 +78,11 @@ def check(keys: FlockKeys, seed: int, repeats: int, threads: int) -> tuple[list[
 
 
 def _rows(keys: FlockKeys) -> list[Row]:
-    settings = {"N": keys.N, "decay": keys.decay, **keys.own}
     rows = [Row(FROZEN, Frozen())]
     for where in _ROWS if keys.coupling == ALL else (keys.coupling,):
-        coupling, name = part_from("coupling", {"coupling": where, **settings}, "flock"), where.rpartition(":")[2]
+        name = where.rpartition(":")[2]
+        own = part_settings(part_class("coupling", where, "flock"), dict(keys.own), "flock.own", f"coupling {name}")
+        coupling = part_from("coupling", {"coupling": where, "N": keys.N, "decay": keys.decay, **own}, "flock")
         if name not in (FROZEN, ORACLE):
             rows.append(Row(name, coupling))
         if keys.shuffled and name not in _WITHOUT_CONTROL:
