@@ -203,10 +203,10 @@ def sweep_table(table: pd.DataFrame) -> str:
         loudness, knowers, range_m, breaks = condition
         cells = own.set_index("coupling").to_dict("index")
         rows.append(
-            [str(breaks), f"{loudness:g}", f"{knowers}", f"{range_m:g}"]
+            [str(breaks), f"{loudness:g}", f"{knowers}", f"{range_m:g}", f"{own.runs.iloc[0]}"]
             + [_with_interval(cells[name], "long_after", 2) for name in names]
         )
-    return markdown_table(["breaks", "loudness", "knowers", "range (m)", *map(_name, names)], rows)
+    return markdown_table(["breaks", "loudness", "knowers", "range (m)", "n", *map(_name, names)], rows)
 
 
 def estimator_table(checks: pd.DataFrame) -> str:

@@ -1,4 +1,4 @@
-"""The oracle: from the break on, nobody listens to the robot that broke. It is given its number, which no robot could sense."""
+"""The oracle: from the break on, nobody listens to the broken robot. It is given a number that none could sense."""
 
 from dataclasses import dataclass
 
