@@ -16,6 +16,7 @@ from epuckhebb.analysis.evaluate import COLUMNS, evaluate
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.evolution.evolve import evolve
+from epuckhebb.evolution.search import Search
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.store.genome import load_genome
@@ -96,5 +97,6 @@ def test_an_evolution_has_the_same_bits(overrides, golden):
     small = ["ga.population=8", "ga.generations=3", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=20", "seed=5"]
     asked = typed(composed("evolve", [*overrides, *small]), EvolveConfig)
     *_, last = evolve(asked.ga, asked.world, asked.lifetime, asked.seed, threads=2)
-    told = [digest(part) for part in (last.state["population"], last.fitness, last.champion)]
+    following = Search(asked.ga, asked.plan, asked.seed, last.log).ask()
+    told = [digest(part) for part in (following, last.fitness, last.champion)]
     golden(f"evolution_{overrides[0].partition('=')[2]}.digest", "\n".join(told) + "\n")

@@ -11,10 +11,11 @@ from cases import done, first_of, refused
 import epuckhebb
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
-from epuckhebb.evolution.evolve import evolve
+from epuckhebb.evolution.evolve import evolve, evolved_plan
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers import ga as ga_module
 from epuckhebb.evolution.optimizers.ga import GA
+from epuckhebb.evolution.search import Search
 from epuckhebb.sim import random
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.genome import plan_of
@@ -225,12 +226,13 @@ def test_learners_get_the_same_noise_and_their_champion_is_confirmed(monkeypatch
 def test_only_the_rule_evolves_where_weights_are_drawn_or_given():
     ga = GA(population=4, generations=2, elites=1, loops=1)
     drawn = evolved_by(ga, ABCD(N=0.01))[-1]
-    assert drawn.state["population"].shape == (4, 5 * 234)
+    assert Search(ga, evolved_plan(PAPER_NETWORK, ABCD(N=0.01)), 2, drawn.log).ask().shape == (4, 5 * 234)
     assert drawn.champion.shape == (6 * 234,)
     assert (drawn.champion[:234] == 0).all()
     weights = np.linspace(-1, 1, 234)
     given = evolved_by(ga, ABCDShared(N=0.0003), weights=weights)[-1]
-    assert given.state["population"].shape == (4, 25)
+    plan = evolved_plan(PAPER_NETWORK, ABCDShared(N=0.0003), given=True)
+    assert Search(ga, plan, 2, given.log).ask().shape == (4, 25)
     np.testing.assert_array_equal(given.champion[:234], weights)
 
 

@@ -1,10 +1,14 @@
 """Hydra composes the same, though it keeps what it has composed: what is kept is of just these words and files."""
 
+import shutil
+import sys
+
 import pytest
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
-from epuckhebb.config import choices, hydra_cache
+from epuckhebb.config import choices, compose, hydra_cache
 from epuckhebb.config.compose import _composed, composed
 from epuckhebb.config.schema import SCHEMAS
 
@@ -67,7 +71,7 @@ def test_words_that_differ_in_values_share_what_is_kept(made):
 
 
 @pytest.mark.usefixtures("kept")
-def test_each_file_on_the_search_path_is_part_of_the_key(tmp_path, made):
+def test_each_file_on_the_search_path_is_part_of_the_key(tmp_path, monkeypatch, made):
     """Files of the user's, which are not asked for too; the program's, and their names."""
     mine, ours = tmp_path / "mine" / "scenario", tmp_path / "conf"
     mine.mkdir(parents=True)
@@ -78,21 +82,36 @@ def test_each_file_on_the_search_path_is_part_of_the_key(tmp_path, made):
     (mine / "base.yaml").write_text("light: 0.4\n")  # wins over the program's from now on
     assert composed("evaluate", [], str(mine.parent)).scenario.light == 0.4
     assert composed("evaluate", []).scenario.light == 0.1
-    ours.symlink_to(choices.OURS[0])
-    before = len(made)
-    composed("evaluate", [], str(ours))
-    assert len(made) == before + 1
+    shutil.copytree(choices.OURS[0], ours)
+    monkeypatch.setattr(compose, "data_folder", lambda _: ours)
+    for light in ("0.1", "0.3"):
+        base = (choices.OURS[0] / "scenario" / "base.yaml").read_text()
+        (ours / "scenario" / "base.yaml").write_text(base.replace("light: 0.1", f"light: {light}"))
+        assert composed("evaluate", []).scenario.light == float(light)
 
 
 @pytest.mark.usefixtures("kept")
-@pytest.mark.parametrize("part", ["_versions", "schema"])
-def test_versions_and_the_schema_are_part_of_the_key(monkeypatch, made, part):
+def test_a_folder_elsewhere_is_followed(tmp_path):
+    """As where a group of the user's is a link to another folder of theirs."""
+    (tmp_path / "shared").mkdir()
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "scenario").symlink_to(tmp_path / "shared")
+    for light in (0.1, 0.2):
+        (tmp_path / "shared" / "mine.yaml").write_text(f"defaults: [base, _self_]\nlight: {light}\n")
+        assert composed("evaluate", ["scenario=mine"], str(tmp_path / "mine")).scenario.light == light
+
+
+@pytest.mark.usefixtures("kept")
+@pytest.mark.parametrize("part", ["schema", "Python", "Hydra"])
+def test_versions_and_the_schema_are_part_of_the_key(tmp_path, monkeypatch, made, part):
     composed("evaluate", [])
+    monkeypatch.setattr(hydra_cache, "_versions", hydra_cache._versions.__wrapped__)
     if part == "schema":
-        monkeypatch.setitem(SCHEMAS, "evaluate", SCHEMAS["evolve"])
-        monkeypatch.setattr(hydra_cache, "_versions", hydra_cache._versions.__wrapped__)
+        monkeypatch.setitem(ConfigStore.instance().repo, "another.yaml", SCHEMAS["evolve"].command)
+    elif part == "Python":
+        monkeypatch.setattr(sys, "version", "another")
     else:
-        monkeypatch.setattr(hydra_cache, "_versions", lambda _: b"another")
+        monkeypatch.setattr(hydra_cache.hydra, "__file__", str(tmp_path / "elsewhere" / "hydra" / "__init__.py"))
     _composed("evaluate", [], None)
     assert len(made) == 2
 

@@ -237,6 +237,8 @@ def page(table: pd.DataFrame, checks: pd.DataFrame, made: str, figures: Sequence
 
 def _with_interval(row: dict[str, float], name: str, digits: int = 3) -> str:
     low, high = row[f"{name}_low"], row[f"{name}_high"]
+    if np.isnan(row[name]):  # the weight to the broken robot where none breaks
+        return "–"
     return f"{row[name]:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
 
 

@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 from numpy.typing import NDArray
 
-from epuckhebb.analysis.figures import to_png
 from epuckhebb.analysis.flock import CONDITION
 
 _COLOURS = {  # Okabe and Ito's; the control of a coupling is dashed
@@ -34,8 +33,8 @@ def _title(coupling: str) -> str:
     return coupling.replace("_", " ").replace(" x ", " × ")
 
 
-def curves(table: pd.DataFrame, at_s: float, runs: int) -> bytes:
-    """A PNG: mean cosine of heading to the goal by minute, a panel for each kind of break."""
+def curves(table: pd.DataFrame, at_s: float, runs: int) -> Figure:
+    """Mean cosine of heading to the goal by minute, a panel for each kind of break."""
     figure = Figure(figsize=(11, 4.4), layout="constrained")
     kinds = list(dict.fromkeys(table.breaks))
     panels = figure.subplots(1, len(kinds), sharey=True, squeeze=False)[0]
@@ -52,11 +51,13 @@ def curves(table: pd.DataFrame, at_s: float, runs: int) -> bytes:
     figure.legend(
         *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=9, frameon=False
     )
-    return to_png(figure)
+    return figure
 
 
-def couplings(shown: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]], broken: int, knowers: int) -> bytes:
-    """A PNG: who listens to whom just before the break and at the end. shown: the two couplings of each row."""
+def couplings(
+    shown: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]], broken: int, knowers: int
+) -> Figure:
+    """Who listens to whom just before the break and at the end. shown: the two couplings of each row."""
     figure = Figure(figsize=(3.1 * len(shown), 6.4), layout="constrained")
     panels = figure.subplots(2, len(shown), squeeze=False)
     for column, (coupling, both) in enumerate(shown.items()):
@@ -68,7 +69,7 @@ def couplings(shown: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]
         "· blue: knows the way · red: breaks",
         fontsize=8,
     )
-    return to_png(figure)
+    return figure
 
 
 def _network(axes: Axes, weights: NDArray[np.float64], broken: int, knowers: int) -> None:
@@ -103,8 +104,8 @@ def _network(axes: Axes, weights: NDArray[np.float64], broken: int, knowers: int
     axes.axis("off")
 
 
-def sweep(table: pd.DataFrame) -> bytes:
-    """A PNG: the cosine long after the break in every condition, a panel for each kind of break."""
+def sweep(table: pd.DataFrame) -> Figure:
+    """The cosine long after the break in every condition, a panel for each kind of break."""
     kinds = list(dict.fromkeys(table.breaks))
     figure = Figure(figsize=(11, 1.2 + 3.2 * len(kinds)), layout="constrained")
     for axes, breaks in zip(figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0], kinds, strict=True):
@@ -129,4 +130,4 @@ def sweep(table: pd.DataFrame) -> bytes:
         last = axes
     last.set_xlabel("loudness of the broken robot / robots that know the way / range (m)")
     figure.legend(*last.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=9, frameon=False)
-    return to_png(figure)
+    return figure

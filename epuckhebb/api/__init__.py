@@ -21,7 +21,7 @@ from epuckhebb.config.overrides import check_config_dir, overrides_of, quoted, v
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, say_unusual
 from epuckhebb.evolution.evolve import history_row
 from epuckhebb.live.server import Play
-from epuckhebb.runs.evaluate import prepare, with_robot
+from epuckhebb.runs.evaluate import as_evolved, prepare
 from epuckhebb.runs.evolve import EvolutionProgress
 from epuckhebb.runs.evolve import prepare as prepare_evolution
 from epuckhebb.runtime.errors import ConfigError
@@ -87,7 +87,7 @@ def evaluate(
         if "=" in str(genome) and not Path(genome).exists():
             raise ConfigError(f"{genome} is no genome; give that first: evaluate('reference', {str(genome)!r})")
         path = resolve_run(genome, "evolve") if str(genome) == LATEST else genome
-        words = with_robot([*words, f"genome={quoted(str(path))}"], folder)
+        words = as_evolved([*words, f"genome={quoted(str(path))}"], folder)
     config = configuration(EvaluateConfig, words, folder)
     if rule is not None:
         if rule.N == 0 and not isinstance(rule, NoRule):
@@ -158,7 +158,7 @@ def play(
     if side not in SIDES:
         raise ConfigError(f"side must be {' or '.join(SIDES)}, got {side!r}")
     folder = _folder(config_dir)
-    words = with_robot([f"genome={quoted(str(genome))}", *overrides_of(overrides, keys)], folder)
+    words = as_evolved([f"genome={quoted(str(genome))}", *overrides_of(overrides, keys)], folder)
     return Live(Play(words, "right" if side == "right" else "left", folder))
 
 
@@ -237,7 +237,7 @@ def _genome_of(given: Any, config: EvaluateConfig) -> Genome:
     genes = given.champion if isinstance(given, Evolution) else given
     if not isinstance(genes, np.ndarray | list | tuple):
         raise ConfigError(f"genome must be genes (an array), or where a champion is, got {type(given).__name__}")
-    network = network_for(config.world, config.layers)
+    network = network_for(config.world, config.shape)
     plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
     array = np.asarray(genes)
     plan = next((plan for plan in plans if array.shape == (plan.genes,)), plans[0])

@@ -10,10 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from epuckhebb.analysis import figures, replay, reversal, self_checks, tables
 from epuckhebb.analysis.evaluate import TRIALS, Traces
+from epuckhebb.analysis.image import KINDS, image
 from epuckhebb.analysis.self_checks import Checks
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.live.server import Play
@@ -29,16 +31,19 @@ _FRAME = '<iframe srcdoc="{}" width="100%" height="760" style="border:0" sandbox
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG that a notebook shows. png: its bytes."""
+    """A figure that a notebook shows. figure: of matplotlib."""
 
-    png: bytes = field(repr=False)
+    figure: Figure = field(repr=False)
 
     def _repr_png_(self) -> bytes:
-        return self.png
+        return image(self.figure)
 
     def save(self, path: str | Path) -> Path:
-        """Write it to a file; returns its path."""
-        write_atomic(Path(path), self.png)
+        """Write it to a file of type png, svg or pdf, as its name says; returns its path."""
+        kind = Path(path).suffix.removeprefix(".")
+        if kind not in KINDS:
+            raise ConfigError(f"a figure is saved as one of {', '.join(KINDS)}, got {path}")
+        write_atomic(Path(path), image(self.figure, kind))
         return Path(path)
 
 

@@ -11,6 +11,7 @@ found by the other overrides, by the content of every file on the search path, a
 import functools
 import hashlib
 import itertools
+import os
 import pickle
 import re
 import sys
@@ -24,6 +25,7 @@ import hydra
 from hydra._internal.config_loader_impl import ConfigLoaderImpl, get_overrides_dirname
 from hydra._internal.core_plugins.file_config_source import FileConfigSource
 from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
+from hydra.core.config_store import ConfigStore
 from hydra.core.object_type import ObjectType
 from hydra.core.override_parser.types import Override
 from hydra.core.plugins import Plugins
@@ -133,13 +135,13 @@ def keep_compositions() -> None:
         def whole(words: list[str]) -> DictConfig:
             return compose(loader, config_name, words, run_mode, *more, **options)
 
-        state = _state(loader, config_name) if run_mode is RunMode.RUN and config_name in SCHEMAS else None
+        state = _state(loader) if run_mode is RunMode.RUN and config_name in SCHEMAS else None
         if state is None or any(_APART.match(word) for word in overrides):
             return whole(overrides)
         words = parsed(overrides)
         values = [word for word in words if _is_value(config_name, word)]
         others = [str(word.input_line) for word in words if word not in values]
-        cfg = _kept(hashlib.sha256(repr((state, others)).encode()).hexdigest(), lambda: whole(others))
+        cfg = _kept(hashlib.sha256(repr((state, config_name, others)).encode()).hexdigest(), lambda: whole(others))
         try:
             for word in values:
                 OmegaConf.update(cfg, word.key_or_group, word.value())
@@ -164,28 +166,30 @@ def _is_value(command: str, word: Override) -> bool:
     return plain and ("." in key or (key in known_keys(command) and key not in groups(command)))
 
 
-def _state(loader: ConfigLoaderImpl, command: str) -> str | None:
-    """A digest of what any composition of a command depends on; None where nothing can be kept."""
-    state = hashlib.sha256(_versions(command))
+def _state(loader: ConfigLoaderImpl) -> str | None:
+    """A digest of what any composition depends on besides its words; None where nothing can be kept."""
+    state = hashlib.sha256(_versions())
     for source in loader.repository.get_sources():
         state.update(repr((source.scheme(), source.provider, source.path)).encode())
         if source.scheme() == "file" or (source.scheme() == OWN_SCHEME and source.path):
-            files = list(itertools.islice(Path(source.path).rglob("*.yaml"), _MOST_FILES + 1))
+            walked = os.walk(source.path, followlinks=True)
+            found = (Path(folder, name) for folder, _, names in walked for name in names if name.endswith(".yaml"))
+            files = list(itertools.islice(found, _MOST_FILES + 1))
             if len(files) > _MOST_FILES:
                 return None
             for file in sorted(files):
-                content = file.read_bytes() if file.is_file() else b""
-                state.update(repr((str(file), content)).encode())
+                state.update(str(file).encode())
+                with suppress(OSError):  # of a file that nobody may need
+                    state.update(hashlib.sha256(file.read_bytes()).digest())
     return state.hexdigest()
 
 
 @functools.cache
-def _versions(command: str) -> bytes:
-    """What the program, Hydra and its plug-ins are in this process."""
+def _versions() -> bytes:
+    """What the program, Hydra and its plug-ins are in this process; and the schemas that all of them have declared."""
     installed = sorted(file.name for file in Path(hydra.__file__).parents[1].glob("*.dist-info"))
     ours = [file.read_bytes() for file in sorted(Path(__file__).parent.glob("*.py"))]
-    schema = pickle.dumps(OmegaConf.structured(SCHEMAS[command]))
-    return repr((sys.version, sys.platform, installed, ours, schema)).encode()
+    return repr((sys.version, sys.platform, installed, ours, pickle.dumps(ConfigStore.instance().repo))).encode()
 
 
 def _kept(key: str, make: Callable[[], DictConfig]) -> DictConfig:

@@ -18,13 +18,17 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config.conf import TABLES, groups, rows
+from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.progress import say
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.sim.own_fitness import Fitness
 from epuckhebb.sim.plasticity.rule import Rule
+from epuckhebb.sim.wiring import Wiring
 
+# Which key has the file of what is in one.
+_NAMED_BY = {Rule: "rule", Fitness: "function", Wiring: "wiring", Optimizer: "algorithm"}
 SWEEP_DIR = "hydra.sweep.dir="
 _PLAIN = re.compile(r"[A-Za-z0-9_./:%@+-]+")  # what needs no quotes as the value of an override
 _MOST_JOBS = 100_000  # of one call
@@ -127,8 +131,9 @@ def _overrides_of_keyword(key: str, value: Any) -> Iterator[str]:
     """The overrides that a keyword stands for: one, or those of the keys below it."""
     if isinstance(value, type):
         raise ConfigError(f"{key} must be an object or a name, got a class; give an object of it, with its settings")
-    if isinstance(value, Rule | Fitness):
-        own, name = "rule" if isinstance(value, Rule) else "function", type(value).__name__
+    own = next((inner for kind, inner in _NAMED_BY.items() if isinstance(value, kind)), None)
+    if own is not None:
+        name = type(value).__name__
         raise ConfigError(f"{key} of this call cannot be an object; give its file: {key}={{'{own}': 'FILE.py:{name}'}}")
     if isinstance(value, Adaptation) and value.acts and value.name == NONE:
         raise ConfigError(f"{key} needs a name for tables and figures; give Adaptation(name='mine', ...)")

@@ -36,7 +36,8 @@ def check_words(command: str, words: Sequence[str], config_dir: str | None = Non
             raise ConfigError(f"{word!r} is no text in the encoding of this system, {sys.getfilesystemencoding()}")
     overrides = parsed(word for word in words if not word.startswith("-"))
     choices = groups(command)
-    optimizer = next((one.value() for one in reversed(overrides) if one.key_or_group == "optimizer"), GENETIC)
+    named = [one.value() for one in overrides if one.key_or_group in ("optimizer", "optimizer.algorithm")]
+    optimizer = named[-1] if named else GENETIC
     for override in overrides:
         key, value = override.key_or_group, override.value()
         if key.partition(".")[0] == GENETIC and isinstance(optimizer, str) and optimizer != GENETIC:

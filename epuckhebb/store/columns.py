@@ -184,6 +184,11 @@ RESCUE: Columns = {
     "training_harmed": number("trials solved in the training world without plasticity that fail there with it"),
     "training_solved": number("of how many"),
 }
+_RESCUE_BY_CHAMPION: Columns = {
+    **{key: RESCUE[key] for key in ("experiment", "controller", "N")},
+    "genome": METRICS["genome"],
+    **{key: RESCUE[key] for key in ("broken", "rescued", "intact", "harmed")},
+}
 _RESCUE_AND_HARM: Columns = {
     **_CONDITION,
     "solved": number("trials that the genes alone solve in the training world"),
@@ -374,6 +379,7 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
         "Of sweeps and `evaluate -m` over champions, in their training world and in changed ones: a row a plasticity.",
         RESCUE,
     ),
+    "rescue_by_champion.csv": ("Of the same: the counts of each champion.", _RESCUE_BY_CHAMPION),
     "rescue_and_harm.csv": (
         "Of `reproduce` and such sweeps: the same for each world. A trial is one champion on one side.",
         _RESCUE_AND_HARM,
@@ -421,6 +427,7 @@ TRACES: Mapping[str, Array] = {
     "change_signal": _sample("", "the signal that opens the gate of an adaptation; nan where there is none"),
     "rate": _sample("per step", "effective rate N_e"),
     "weight_change": _sample("", "sum of abs(W - W_gene) over all weights"),
+    "tilt": _sample("rad, rad, m", "roll, pitch and height above the floor, with `physics=ode` alone", (3,)),
     "weights": _sample("", "all weights, layer by layer, a row for each presynaptic neuron", ("synapses",)),
 }
 

@@ -13,14 +13,14 @@ from typing import Any
 import pandas as pd
 
 from epuckhebb.analysis import flock as tables
-from epuckhebb.analysis import flock_replay, report
+from epuckhebb.analysis import flock_replay
 from epuckhebb.config import plugins
 from epuckhebb.config.compose import load
 from epuckhebb.config.flock import Row, shorter
 from epuckhebb.config.schema import FlockConfig, Plain, dump
 from epuckhebb.config.stored import from_values, settings
 from epuckhebb.runs import hydra
-from epuckhebb.runtime.errors import ConfigError, JobFailedError
+from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import thread_count
 from epuckhebb.sim.coupling import CouplingError
 from epuckhebb.sim.flock import CHANGE_S, Flock, Record, run
@@ -47,23 +47,18 @@ def flock(arguments: list[str], *, quick: bool, config_dir: str | None = None) -
         ConfigError: A key or the coupling cannot be used.
         JobFailedError: A job failed.
     """
-    of_hydra = jobs.for_hydra("flock", arguments)
-    own = [argument for argument in arguments if argument not in of_hydra]
+    own, of_hydra = jobs.split("flock", arguments)
     config = load(FlockConfig, [*(QUICK if quick else ()), *own], config_dir)
-    _run_all(
-        [(row, shorter(config.cells[0].flocks[0]), config.seed) for row in config.rows], 1
-    )  # what cannot be, at once
-    if len(config.cells) == 1 and of_hydra[0] not in arguments:  # one job: its threads take all cores
-        of_hydra[0] = "hydra/launcher=basic"
+    smoke_test = shorter(config.cells[0].flocks[0])
+    _run_all([(row, smoke_test, config.seed) for row in config.rows], 1)  # a coupling that gives no weights ends here
     planned = [_job(config.values, number) for number in range(len(config.cells))]
     name = f"{config.flock.coupling.rpartition(':')[2]}_seed{config.seed}"
     digest = provenance.digest([job.run for job in planned])[:8]
-    folder, launcher = jobs.folder_and_launcher(of_hydra, Path("runs") / "flock" / f"{name}_{digest}")
+    usual = Path("runs") / "flock" / f"{name}_{digest}"
+    folder, launcher = jobs.folder_and_launcher(of_hydra, usual, len(planned))
     words = [*(["--quick"] if quick else []), *arguments]
     with jobs.open_study(folder, "flock", config, words, planned, plugins.own_files(config.values)) as study:
-        outcome = jobs.launch(study, "flock", planned, launcher, flock_job, fail_fast=False)
-        if outcome.failures:
-            raise JobFailedError(f"{len(outcome.failures)} of {len(planned)} jobs failed; {outcome.failures[0][1]}")
+        jobs.launch_in_turn(study, [("run flocks", planned)], launcher, flock_job)
         _report(study, config, [Run(folder / job.run) for job in planned])
     return folder
 
@@ -143,7 +138,8 @@ def _work(path: Path, job: Plain, facts: dict[str, Any]) -> None:
 
 
 def _report(folder: RunFolder, config: FlockConfig, done: list[Run]) -> None:
-    from epuckhebb.analysis import figures, flock_figure  # matplotlib takes a while to load
+    from epuckhebb.analysis import flock_figure  # matplotlib takes a while to load
+    from epuckhebb.analysis.image import image, small
 
     runs = pd.concat([one.table("runs.csv") for one in done], ignore_index=True)
     table, checks = tables.table(runs, config.seed), tables.estimator(config.seed)
@@ -153,21 +149,21 @@ def _report(folder: RunFolder, config: FlockConfig, done: list[Run]) -> None:
     first, records = shown(config)
     at = int(first.at_s / CHANGE_S)
     networks = {name: (record.weights[at], record.weights[-1]) for name, record in records.items()}
-    pictures = {
+    drawn = {
         "flock.png": flock_figure.curves(curves, first.at_s, config.repeats),
         "couplings.png": flock_figure.couplings(networks, first.broken, first.knowers),
     }
     if len(config.cells) > 1:
-        pictures["sweep.png"] = flock_figure.sweep(table)
+        drawn["sweep.png"] = flock_figure.sweep(table)
     few = "**A smoke test: so few flocks say nothing about a coupling.** " if config.repeats < 8 else ""
     made = (
         f"{few}Made by `epuckhebb flock`: {config.flock.robots} robots, {config.repeats} flocks of the usual "
         f"condition, seeds {config.seed} to {config.seed + config.repeats - 1}; {first.duration_s / 60:g} minutes, and "
         f"the break after {first.at_s / 60:g}."
     )
+    pictures = {name: image(figure) for name, figure in drawn.items()}
     page = tables.page(table, checks, made, list(pictures))
     for name, picture in pictures.items():
         folder.write(f"figures/{name}", picture)
-    folder.write("report.md", page)
-    small = {name: figures.small(picture) for name, picture in pictures.items()}
-    folder.write("report.html", report.html(page, lambda name: small[name], "epuckhebb: flock"))
+    shown_small = {name: small(picture) for name, picture in pictures.items()}
+    jobs.write_report(folder, page, shown_small, "epuckhebb: flock")

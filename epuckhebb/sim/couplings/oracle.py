@@ -1,4 +1,4 @@
-"""The oracle: from the break on, nobody listens to the broken robot. It is given a number that none could sense."""
+"""The oracle: after the break nobody listens to the robot that broke. It is given that number; no robot senses it."""
 
 from dataclasses import dataclass
 
