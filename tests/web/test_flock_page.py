@@ -19,7 +19,8 @@ def folder(tmp_path_factory):
 @pytest.mark.parametrize("width", [1280, 390])
 def test_the_page_fits_the_screen_and_shows_all_robots(folder, visit, width):
     page = visit(folder, "#t=200", viewport={"width": width, "height": 900})
-    page.wait_for_function("document.getElementById('clock').textContent.startsWith('3.3')")
+    clock = page.locator("#clock")
+    clock.filter(has_text="3.3 of 4.0 min").wait_for()
     assert page.evaluate("document.documentElement.scrollWidth") == width
     frozen, plastic = page.evaluate("replay.state().flocks")
     assert [len(flock["poses"]) for flock in (frozen, plastic)] == [10, 10]
@@ -27,12 +28,13 @@ def test_the_page_fits_the_screen_and_shows_all_robots(folder, visit, width):
     assert plastic["links"]
     assert "the broken robot is" in page.inner_text("#flocks")
     page.evaluate("replay.seek(100)")
-    page.wait_for_function("!document.getElementById('flocks').innerText.includes('broken')")
+    clock.filter(has_text="1.7 of 4.0 min").wait_for()
+    assert "broken" not in page.inner_text("#flocks")
 
 
 def test_the_page_plays(folder, visit):
     page = visit(folder, "")
-    page.wait_for_function("replay.state().t > 20")
+    page.locator("#clock").filter(has_not_text="0.0 of").wait_for()
     page.keyboard.press("Space")
     assert not page.evaluate("replay.state().playing")
     assert "10 robots; after 2 minutes" in page.inner_text("h1")
