@@ -239,7 +239,8 @@ def _with_interval(row: dict[str, float], name: str, digits: int = 3) -> str:
     low, high = row[f"{name}_low"], row[f"{name}_high"]
     if np.isnan(row[name]):  # the weight to the broken robot where none breaks
         return "–"
-    return f"{row[name]:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+    form = f"{'+' if name == 'difference' else ''}.{digits}f"
+    return f"{row[name]:{form}} [{low:{form}}, {high:{form}}]"
 
 
 def _name(coupling: object) -> str:
