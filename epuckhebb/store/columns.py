@@ -397,7 +397,7 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
     "flock.csv": ("Of `flock`: a row for each condition and coupling, over the runs.", _OVER_RUNS),
     "curves.csv": ("Of `flock`: a row for each minute, in the usual condition.", _CURVES),
     "minutes.csv": (
-        "Of the usual condition of `flock`: the same for each run.",
+        "Of each condition of `flock`: the same for each run.",
         {
             **dict(list(_CURVES.items())[:2]),
             "seed": _RUNS["seed"],
