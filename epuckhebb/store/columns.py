@@ -181,7 +181,7 @@ RESCUE: Columns = {
 }
 _RESCUE_BY_CHAMPION: Columns = {
     **{key: RESCUE[key] for key in ("experiment", "controller", "N")},
-    "genome": _CONDITION["genome"],
+    "genome": METRICS["genome"],
     **{key: RESCUE[key] for key in ("broken", "rescued", "intact", "harmed")},
 }
 _RESCUE_AND_HARM: Columns = {
