@@ -9,11 +9,11 @@ import pytest
 from omegaconf import OmegaConf
 
 from epuckhebb.config.compose import composed
-from epuckhebb.config.names import maze_asked, maze_brought, scenario_of
+from epuckhebb.config.names import training_world, world_of
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.controller import GA_ALONE
-from epuckhebb.sim.maze import SIDES, T_MAZE
+from epuckhebb.sim.maze import SIDES
 
 CONF = [data_folder("conf")]
 OTHER_LIGHT = {"base": 1, "highlight": 0.1}
@@ -100,8 +100,7 @@ def part(group, name):
 
 @cache
 def world(name):
-    maze = maze_brought(name, CONF) or T_MAZE
-    return scenario_of(name, CONF, part("maze", maze.name), part("robot", "epuck"))
+    return world_of(name, part("robot", "epuck"), CONF)
 
 
 def expected(base, name):
@@ -138,7 +137,7 @@ def test_another_maze_takes_precedence_over_that_of_a_scenario():
         ("base_narrow", "t_maze_wide", "t_maze_wide"),
         ("base", "t_maze_90", "t_maze_90"),
     ):
-        assert maze_asked(name, part("maze", maze))["name"] == base
+        assert training_world("light", name, part("maze", maze), part("robot", "epuck")).maze.name == base
 
 
 @BASES
