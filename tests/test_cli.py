@@ -125,7 +125,7 @@ def test_interrupting_evolve_leaves_a_whole_checkpoint(here, monkeypatch):
     assert json.loads((run / "status.json").read_text())["state"] == "interrupted"
     with np.load(run / "checkpoint.npz") as checkpoint:
         assert checkpoint["generation"] == 1
-        assert checkpoint["told"].shape == (2 * 6,)
+        assert checkpoint["results"].shape == (2 * 6,)
 
 
 def test_examples_stand_before_the_groups_and_all_choices_are_named(monkeypatch):
