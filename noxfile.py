@@ -13,10 +13,19 @@ nox.needs_version = ">=2026.8.10"  # the first that runs sessions in parallel
 nox.options.sessions = ["tests", "lint", "types", "docs", "web", "notebooks", "newest"]
 nox.options.default_venv_backend = "uv|venv"  # uv, where it is installed, makes an environment in seconds
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+BUILDERS = ("docker", "podman")
 STABLE = "hydra-core==1.3.*"  # some plug-ins ask for a Hydra in a way that lets pip take a pre-release
 PRE_RELEASE = ["hydra-core>=1.4.0rc3", "hydra-joblib-launcher>=1.4.0rc3", "hydra-submitit-launcher>=1.4.0rc3"]
 TWO_CORES = ["-n", "2", "--dist", "loadfile"]  # a file stays with one of them: what its tests share is made once
 PROJECT = nox.project.load_toml("pyproject.toml")
+
+
+def answers(builder: str) -> bool:
+    """Whether this machine has a builder of images, and its service runs."""
+    return (
+        bool(shutil.which(builder))
+        and not subprocess.run([builder, "info"], capture_output=True, check=False).returncode
+    )
 
 
 def is_here(version: str) -> bool:
@@ -143,6 +152,16 @@ def docs(session: nox.Session) -> None:
     """Make the site of the pages in `site/`; a link that leads nowhere ends it."""
     session.install(".", *group("docs"))
     session.run("mkdocs", "build", "--strict", env={"NO_MKDOCS_2_WARNING": "1"})
+
+
+@nox.session(tags=["heavy"], venv_backend="none")
+def image(session: nox.Session) -> None:
+    """Build the image of the Dockerfile, which runs the two commands of README.md, and run it."""
+    builder = next(filter(answers, BUILDERS), None)
+    if builder is None:
+        session.skip(f"none of {', '.join(BUILDERS)} answers on this machine")
+    session.run(builder, "build", "--tag", "epuckhebb", ".", external=True)
+    session.run(builder, "run", "--rm", "epuckhebb", external=True)
 
 
 @nox.session(tags=["heavy"])

@@ -13,7 +13,7 @@ from statistics import median
 
 import numpy as np
 
-from epuckhebb.config.parts import rule_class, rule_names
+from epuckhebb.config.parts import part_class, part_names
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
@@ -87,7 +87,9 @@ def plain() -> int:
 def measure() -> list[tuple[str, str]]:
     """A step of each engine, measured in turn; CPU time, medians, and the median of the ratios pair by pair."""
     block, without = individuals(50), individuals(50, GA_ALONE)
-    others = {name: individuals(50, by(rule_class(name, "hebbian"))) for name in rule_names() if name != "paper"}
+    others = {
+        name: individuals(50, by(part_class("rule", name, "hebbian"))) for name in part_names("rule") if name != "paper"
+    }
 
     for robots in (block, without, *others.values()):
         ours(robots[:2])

@@ -1,7 +1,7 @@
 """What turns the pages, which are made to be read in the repository, into a site; see `mkdocs.yml`.
 
 The front page is README.md. Pictures from outside of this folder come along. Other links that leave it become the
-text of the link and the path of the file in the repository.
+text of the link and the path of the file in the repository, or the line.
 """
 
 import re
@@ -15,17 +15,17 @@ ROOT = Path(__file__).parents[1]
 LINK = re.compile(r"(?P<text>\[[^]]*\])\((?P<target>[^)#]+)(?P<place>#[^)]*)?\)")
 API = """# Python reference
 
-::: epuckhebb
+::: epuckhebb.api
     options:
       show_root_heading: false
       show_root_toc_entry: false
       members: [evaluate, evolve, sweep, load]
 
-::: epuckhebb.api.Evaluation
+::: epuckhebb.api.results.Evaluation
 
-::: epuckhebb.api.Evolution
+::: epuckhebb.api.results.Evolution
 
-::: epuckhebb.api.Live
+::: epuckhebb.api.results.Live
 
 ::: epuckhebb.sim.plasticity.rule.Rule
 
@@ -68,7 +68,9 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         name = path.relative_to(ROOT).as_posix()
         if path.suffix == ".png":
             return f"{text}({name})"
-        label = text[1:-1]
+        label, line = text[1:-1], (found["place"] or "").removeprefix("#L")
+        if line:
+            return f"{label} (line {line})"
         return label if label.strip("`").rstrip("/") == name else f"{label} (`{name}`)"
 
     return LINK.sub(replaced, markdown)

@@ -63,7 +63,7 @@ def robot():
 
 @cache
 def settings_of(name):
-    found = world_of(name, [CONF], robot())
+    found = world_of(name, robot(), [CONF])
     values = {field.name: getattr(found, field.name) for field in fields(found)}
     del values["robot"], values["task"]
     return {**values, "name": name, "maze": found.maze.name, "lamp": asdict(found.lamp)}
@@ -102,8 +102,9 @@ def test_hydra_composes_the_same_worlds(name):
     ],
 )
 def test_changes_and_their_names_make_the_same_world(words, name):
-    assert world(*words) == world(f"scenario={name}")
-    assert world(*words)[:2] == (name, "")
+    made = world(*words)
+    assert made == world(f"scenario={name}")
+    assert made[:2] == (name, "")
 
 
 def test_what_is_given_beside_a_change_wins_and_is_reported():

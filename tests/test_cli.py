@@ -3,7 +3,6 @@
 import gc
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -15,8 +14,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from cases import call, done, first_of, refused
+from typer.main import get_command
 
 from epuckhebb.analysis.evaluate import COLUMNS
+from epuckhebb.cli.commands import app
 from epuckhebb.config import conf
 from epuckhebb.runs import evolve
 from epuckhebb.runtime import progress
@@ -110,14 +111,14 @@ def test_a_read_only_output_folder(here):
 
 
 def test_interrupting_evolve_leaves_a_whole_checkpoint(here, monkeypatch):
-    show = evolve.EvolutionProgress.show
+    show = evolve.EvolutionProgress.add
 
     def stop(self, generation):
         show(self, generation)
         if generation.number == 1:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(evolve.EvolutionProgress, "show", stop)
+    monkeypatch.setattr(evolve.EvolutionProgress, "add", stop)
     stopped = call("evolve", *TINY)
     run = only_run(here / "runs" / "evolve")
     assert stopped.exit_code == 130, stopped.stderr
@@ -128,15 +129,18 @@ def test_interrupting_evolve_leaves_a_whole_checkpoint(here, monkeypatch):
         assert checkpoint["results"].shape == (2 * 6,)
 
 
-def test_examples_stand_before_the_groups_and_all_choices_are_named(monkeypatch):
+@pytest.mark.parametrize("command", get_command(app).commands)
+def test_help_fits_one_screen_and_begins_with_examples(command, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    assert "as_coded" in done("evolve", "--help").stdout
-    assert "..." not in done("--help").stdout.partition("Commands:")[2]
-    told = done("evaluate", "--help").stdout
-    assert told.index("Examples:") < told.index("Configuration groups")
-    named = re.search(r"^  change +(.*?)^  experiment", told, re.MULTILINE | re.DOTALL)
-    assert named[1].split() == ", ".join(conf.groups("evaluate")["change"]).split()
-    assert len(told.splitlines()) < 60
+    lines = done(command, "--help").stdout.splitlines()
+    assert len(lines) <= 24
+    assert max(map(len, lines)) <= 80
+    examples, options = lines.index("Examples:"), lines.index("Options:")
+    assert 0 < examples < options
+    assert all(line.startswith(f"  epuckhebb {command}") for line in lines[examples + 1 : options] if line[2:3] == "e")
+    if command in ("evolve", "evaluate", "sweep", "play", "reproduce", "leaderboard"):
+        named = " ".join(lines[options:]).replace(",", "").split()
+        assert set(conf.groups(command)) - {"experiment"} <= set(named)
 
 
 def test_help_imports_nothing_heavy():
@@ -151,6 +155,7 @@ def test_python_m_is_the_program():
         [sys.executable, "-m", "epuckhebb", "--help"], capture_output=True, text=True, check=True
     ).stdout
     assert all(command in told for command in ("evolve", "evaluate", "sweep", "reproduce", "replay", "show", "rerun"))
+    assert "..." not in told.partition("Commands:")[2]
 
 
 def ended_by(script, number, times=1):
@@ -238,8 +243,10 @@ def test_what_is_slow_is_told_and_what_is_quick_is_not(monkeypatch):
     said, heard = [], threading.Event()
     monkeypatch.setattr(Terminal, "is_watched", True)
     monkeypatch.setattr(progress, "say", lambda note: (said.append(note), heard.set()))
-    with progress.saying_if_slow("compiling", after_s=0.0):
+    monkeypatch.setattr(progress, "_SLOW_S", 0.0)
+    with progress.saying_if_slow("compiling"):
         assert heard.wait(60)
-    with progress.saying_if_slow("not told", after_s=3600.0):
+    monkeypatch.setattr(progress, "_SLOW_S", 3600.0)
+    with progress.saying_if_slow("not told"):
         pass
     assert said == ["compiling"]

@@ -9,6 +9,7 @@ import hashlib
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from epuckhebb.analysis.evaluate import COLUMNS, evaluate
@@ -71,7 +72,7 @@ def test_lifetimes_have_the_same_bits(treatments, file, golden):
             for where in CHAMPIONS:
                 genome, live = champions[one, where], (controllers[one], world.lifetime)
                 lived, _ = evaluate(genome.genes, world.world, *live, genome.nominal, repeats=1, seed=3, threads=2)
-                rows.append(lived)
+                rows.append(pd.DataFrame(lived))
         if name == "paper":
             told.append(f"GA {digest([r[r.controller == GA][METRICS].to_numpy(float) for r in rows])}")
         told.append(f"{name} {digest([r[r.controller != GA][METRICS].to_numpy(float) for r in rows])}")
@@ -86,7 +87,7 @@ def test_lifetimes_of_many_trials_have_the_same_bits(golden):
     lived, _ = evaluate(genome.genes, *live, repeats=2, seed=3, threads=2, **parts)
     told = [
         f"{name} {digest(rows[[*METRICS, 'rewarded_share']].to_numpy(float))}"
-        for name, rows in lived.groupby("controller")
+        for name, rows in pd.DataFrame(lived).groupby("controller")
     ]
     golden("reversal.digest", "\n".join(told) + "\n")
 

@@ -9,71 +9,52 @@ from epuckhebb.config.compose import load
 from epuckhebb.config.schema import ReproduceConfig
 from epuckhebb.runtime import errors, progress
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.runtime.progress import Bar, TaskProgress, be_quiet, counting
+from epuckhebb.runtime.progress import Bar, be_quiet, counting
 from epuckhebb.store import disk
-from epuckhebb.studies.jobs import Task, is_whole, open_study, run_tasks
+from epuckhebb.studies.jobs import open_study
 
 CONFIG = load(ReproduceConfig, [])
 
 
 @pytest.fixture
 def study(tmp_path):
-    """A folder, what was done in it in turn, and a function that makes a task."""
-    folder, done = tmp_path / "runs" / "study", []
+    """A folder, and a function that works in it: it writes files, and ends with an error if one is given."""
+    folder = tmp_path / "runs" / "study"
 
-    def task(name, error=None):
-        def do(run):
+    def work(*names, error=None, words=("a",)):
+        with open_study(folder, "study", CONFIG, list(words), []) as run:
+            for name in names:
+                run.write(name, name)
             if error:
                 raise error
-            done.append(name)
-            run.keep(name, name.encode())
+            run.remove_stale()
 
-        return Task(name, (folder / name,), do)
-
-    return folder, done, task
+    return folder, work
 
 
 def status(folder):
     return json.loads((folder / "status.json").read_text())
 
 
-def test_only_what_is_missing_is_done_in_order(study):
-    folder, done, task = study
-    table = Task("table", (), lambda _: done.append("table"))
-    run_tasks(folder, "study", CONFIG, ["a"], [task("one"), table])
-    run_tasks(folder, "study", CONFIG, ["a", "b"], [task("zero"), task("one"), task("two"), table])
-    assert done == ["one", "table", "zero", "two", "table"]
+def test_each_call_that_goes_on_is_noted_beside_the_first(study):
+    folder, work = study
+    work("one")
+    work("two", words=("a", "b"))
     told = json.loads((folder / "provenance.json").read_text())
     assert told["command_line"] == ["epuckhebb", "study", "a"]
     assert [again["command_line"] for again in told["resumed"]] == [["epuckhebb", "study", "a", "b"]]
     assert status(folder)["state"] == "finished"
 
 
-def test_a_result_that_was_damaged_or_lost_is_made_again(study):
-    folder, done, task = study
-    both = [task("one"), task("two"), task("three")]
-    run_tasks(folder, "study", CONFIG, [], both)
-    (folder / "one").write_bytes(b"One")
-    (folder / "two").unlink()
-    run_tasks(folder, "study", CONFIG, [], both)
-    assert done == ["one", "two", "three", "one", "two"]
-    assert (folder / "one").read_bytes() == b"one"
-    assert set(status(folder)["sha256"]) >= {"one", "two", "three"}
-
-
 def test_tables_of_an_earlier_call_that_this_one_has_not_are_no_longer_there(study):
-    folder, _, task = study
-
-    def tables(*names):
-        return Task("tables", (), lambda run: [*(run.write(name, name) for name in names), run.remove_stale()])
-
-    run_tasks(folder, "study", CONFIG, [], [tables("both.csv", "stale.csv", "mine.csv")])
+    folder, work = study
+    work("both.csv", "stale.csv", "mine.csv")
     (folder / "mine.csv").write_text("with notes")
     (folder / "notes.txt").write_text("dear")
     with pytest.raises(KeyboardInterrupt):  # the record of what was written outlasts an interruption
-        run_tasks(folder, "study", CONFIG, [], [task("two", KeyboardInterrupt()), tables("both.csv")])
+        work(error=KeyboardInterrupt())
     assert (folder / "stale.csv").exists()
-    run_tasks(folder, "study", CONFIG, [], [tables("both.csv")])
+    work("both.csv")
     names = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
     (aside,) = (name for name in names if name.startswith("set_aside/mine.csv"))
     assert (folder / aside).read_text() == "with notes"
@@ -91,30 +72,29 @@ def test_tables_of_an_earlier_call_that_this_one_has_not_are_no_longer_there(stu
     ],
 )
 def test_how_it_ends_is_written_down_and_it_can_go_on(study, error, raised, state):
-    folder, done, task = study
+    folder, work = study
     with pytest.raises(raised) as told:
-        run_tasks(folder, "study", CONFIG, [], [task("one"), task("two", error)])
+        work("one", error=error)
     assert status(folder)["state"] == state
-    assert ("lost" if state == "failed" else "1 of 2 jobs are done") in str(told.value)
+    assert ("lost" if state == "failed" else "0 of 0 jobs are done") in str(told.value)
     assert errors.open_folders == []
-    run_tasks(folder, "study", CONFIG, [], [task("one"), task("two")])
-    assert done == ["one", "two"]
+    work("one")
     assert (status(folder)["state"], "error" in status(folder)) == ("finished", False)
 
 
 def test_one_process_at_a_time(study):
-    folder, done, task = study
+    folder, work = study
     with open_study(folder, "study", None, [], []):
         assert status(folder)["state"] == "running"
         with pytest.raises(ConfigError, match="another process is working on"):
-            run_tasks(folder, "study", CONFIG, [], [task("one")])
+            work("one")
         assert status(folder)["state"] == "running"
-    assert done == []
+    assert not (folder / "one").exists()
 
 
 def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work(study):
-    folder, _, task = study
-    run_tasks(folder, "study", CONFIG, [], [task("one")])
+    folder, work = study
+    work()
     killed, working = (f"unfinished/20261122-010203-0123abcd_{number}" for number in (0, 1))
     for name in ("deep", killed, working, "unfinished/of_someone_else"):
         (folder / name).mkdir(parents=True)
@@ -127,32 +107,11 @@ def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work
     assert left == [".mine.tmp", f"{working}/.half.1.tmp", "unfinished/of_someone_else/.half.1.tmp"]
 
 
-def test_a_result_is_a_file_or_a_run_that_has_finished(tmp_path):
-    assert not is_whole(tmp_path / "nothing")
-    for state in ("running", "finished"):
-        disk.write_atomic(tmp_path / state / "status.json", disk.as_json({"state": state}))
-    assert not is_whole(tmp_path / "running")
-    assert is_whole(tmp_path / "finished")
-    assert is_whole(tmp_path / "finished" / "status.json")
-
-
-def test_it_is_told_how_far_a_task_is_and_what_was_done_before_does_not_count(study, monkeypatch, capsys):
-    folder, _, task = study
-    be_quiet(False)
-    run_tasks(folder, "study", CONFIG, [], [task("one")])
-    shown = []
-    monkeypatch.setattr(TaskProgress, "put", lambda _, done, text: shown.append((done, text.strip())))
-    half = Task("two", (), lambda run: run.advanced(0.5, "world 2 of 3"), size=4.0)
-    run_tasks(folder, "study", CONFIG, [], [task("one"), half, Task("three", (), lambda _: None)])
-    assert shown == [(0.0, "2/3  two"), (2.0, "2/3  two  world 2 of 3"), (4.0, "3/3  three")]
-    assert "3/3  three  0 s left" in capsys.readouterr().err
-
-
 def test_the_bar_shows_how_much_is_done(monkeypatch):
     be_quiet(False)
     monkeypatch.setenv("FORCE_COLOR", "1")
     with Bar("generation", 10) as bar:
-        bar.put(4, "best 0.5")
+        bar.show(4, "best 0.5")
         (shown,) = bar.tasks
     assert (shown.completed, shown.total, shown.description) == (4, 10, "best 0.5")
 
@@ -174,8 +133,7 @@ def test_in_a_log_each_of_few_jobs_has_a_line_and_many_have_one_in_half_a_minute
     assert lines(3, 2) == ["job 3/3  1 failed"]
     assert lines(1000, 500) == []
     monkeypatch.setattr(progress, "_LINE_S", 0.0)
-    (line,) = lines(1000, 499)
-    assert line.startswith("job 500/1000  1 failed  ")
+    assert lines(1000, 499) == ["job 500/1000  1 failed"]
     be_quiet(True)
     assert lines(3, 2) == []
 
@@ -189,9 +147,12 @@ def test_a_long_job_is_not_waited_for_in_silence(capsys, monkeypatch):
     assert capsys.readouterr().err.count("job 0/3") > 1
 
 
-def test_in_a_notebook_the_tasks_of_a_sweep_have_one_line_in_half_a_minute(capsys, monkeypatch):
+def test_in_a_notebook_the_jobs_of_a_sweep_have_one_line_in_half_a_minute(capsys, monkeypatch):
+    be_quiet(False)
     monkeypatch.setenv("FORCE_COLOR", "1")  # as ipykernel does; it is no terminal all the same
-    with TaskProgress([1.0] * 40, each=False) as bar:
+    with Bar("job", 40, each=False) as bar:
         for number in range(40):
             bar.show(number, "genome=reference_1")
-    assert capsys.readouterr().err == ""
+        monkeypatch.setattr(progress, "_LINE_S", 0.0)
+        bar.show(40, "")
+    assert capsys.readouterr().err == "job 40/40  0 s left\n"

@@ -9,7 +9,7 @@ import pytest
 import reference
 
 from epuckhebb.sim.controller import GA_ALONE
-from epuckhebb.sim.faults import FAR, SLIPPING, SPELL, Faults, grip, hooks
+from epuckhebb.sim.faults import FAR, SLIPPING, SPELL, Faults, grip, hooks, initial_past
 from epuckhebb.sim.random import Stream, key
 from epuckhebb.sim.robot import EPUCK, STEP_S
 from epuckhebb.sim.scenario import Scenario
@@ -20,6 +20,9 @@ FAULTS = {
     "slip": {"left_slip": 0.3, "right_slip": 0.6},
     "mass": {"mass_ratio": 5.0},
     "friction": {"wall_friction": 0.3},
+    "readings": {"left_distance_gain": 0.6, "crosstalk": 0.2, "sensor_levels": 16, "sensor_delay_steps": 3},
+    "late wheels": {"wheel_delay_steps": 3},
+    "lights": {"sun_turn_deg": 50.0, "second_lamp": (-0.3, 0.55, 0.2), "light": 0.3},
     "all": {
         "dead_sensors": (0,),
         "distance_gain": 0.7,
@@ -45,9 +48,8 @@ def test_agrees_with_the_oracle(genomes, run_lifetime, beside_the_oracle, fault)
 def test_gain_and_offset_are_of_distance_readings_alone(gain, offset):
     readings = np.linspace(0.0, 1.0, 16)
     expected = np.append(readings[:8], np.clip(gain * readings[8:] + offset, 0, 1))
-    hooks(EPUCK, more=True).apply_sensor_faults(
-        readings, Faults(np.empty(0, int), gain, offset, 1.0, 1.0, 0.0, 0.0, 0.0)
-    )
+    wrong = Faults(np.empty(0, int), gain, offset, 1.0, 1.0, 0.0, 0.0, 0.0)
+    hooks(EPUCK, more=True).apply_sensor_faults(readings, wrong, initial_past(EPUCK), 0)
     np.testing.assert_allclose(readings, expected, rtol=1e-12)
 
 

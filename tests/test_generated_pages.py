@@ -21,6 +21,7 @@ from epuckhebb.config.words import keys_below
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.sim.life import empty_samples
 from epuckhebb.sim.network import PAPER_NETWORK
+from epuckhebb.sim.physics.ode import Ode
 from epuckhebb.store.columns import CHAMPION, TABLES, TRACES
 from epuckhebb.store.genome import champion_file, load_genome
 from epuckhebb.store.traces import traces_file
@@ -86,7 +87,7 @@ def test_the_page_of_methods_has_the_parameters_of_conf(generated):
     generated(METHODS, "parameters", parameters())
 
 
-@pytest.mark.parametrize("command", ["evaluate", "evolve", "reproduce", "leaderboard"])
+@pytest.mark.parametrize("command", ["evaluate", "evolve", "reproduce", "leaderboard", "flock"])
 def test_every_key_is_told(command):
     told = {key.name: key.description for group in keys.all_groups() for _, own in sections(group) for key in own}
     assert [name for name, meaning in told.items() if not meaning] == []
@@ -133,7 +134,7 @@ def test_the_tables_of_the_reference_results_are_told(table):
 
 
 def test_every_array_of_the_traces_is_told_with_its_shape():
-    one = empty_samples(5, PAPER_NETWORK)
+    one = empty_samples(5, PAPER_NETWORK, Ode())
     samples = type(one)(*(np.stack([array] * 4) for array in one))
     traces = Traces(controller=["GA"] * 4, side=["left"] * 4, samples=samples)
     with np.load(io.BytesIO(traces_file(traces, np.zeros(234), PAPER_NETWORK))) as written:

@@ -23,7 +23,8 @@ from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.store import columns
-from epuckhebb.studies import leaderboard, leaderboard_jobs, leaderboard_plan
+from epuckhebb.studies import champions as champion_jobs
+from epuckhebb.studies import leaderboard_jobs, leaderboard_plan
 from epuckhebb.studies.leaderboard_plan import in_reversal
 
 ROOT = Path(__file__).parents[1]
@@ -245,7 +246,7 @@ def test_what_was_damaged_or_lost_is_made_again_and_the_rest_is_kept(copy, conf)
 def test_interrupted_it_goes_on_to_the_same_bytes(copy, conf, made, monkeypatch):
     for run in copy.glob("test_*"):
         shutil.rmtree(run)
-    live, seen = leaderboard._test, []
+    live, seen = champion_jobs._test, []
 
     def stop(*arguments):
         seen.append(1)
@@ -254,7 +255,7 @@ def test_interrupted_it_goes_on_to_the_same_bytes(copy, conf, made, monkeypatch)
         live(*arguments)
 
     with monkeypatch.context() as patch:
-        patch.setattr(leaderboard, "_test", stop)
+        patch.setattr(champion_jobs, "_test", stop)
         result = call(*MADE, conf)
     assert result.exit_code == 130
     assert "8 of 14 jobs are done; the same command does the rest" in result.stderr
@@ -399,7 +400,7 @@ def test_no_training_of_the_program_can_be_a_test():
     """As planning would say; here for all worlds that the program tests with and trains in."""
     for experiment, home in TRAINED.items():
         tests = leaderboard_jobs.tests_of(["rescue", "rescue_new_kinds"], None)[experiment]
-        trained = leaderboard_jobs.world_named(home, None)
+        trained = champion_jobs.world_named(home, None)
         trainings = [compose.composed("evolve", [f"training={name}"]) for name in ("unvaried", "varied")]
         for cfg in trainings:
             training = typed(cfg, EvolveConfig).training
@@ -504,7 +505,7 @@ BAD = {
     "a plastic matched control": (["methods=plastic_twin"], ["matched_control=learns has plasticity itself"]),
     "no matched control": (["methods=no_twin"], ["matched_control is missing"]),
     "a wrong key": (["methods=wrong_key"], ["wrong_key.yaml: evolves is not a key of a method", "evolve"]),
-    "a wrong value": (["methods=wrong_value"], ["evolve must be settings", "'ga'"]),
+    "a wrong value": (["methods=wrong_value"], ["wrong_value.yaml", "evolve"]),
     "neither evolved nor taken": (["methods=nothing"], ["give evolve", "or champions_of"]),
     "its own matched control": (["methods=its_own_twin"], ["leads nowhere"]),
     "a wrong setting": (["methods=wrong_setting"], ["method wrong_setting", "hebbian.nn"]),

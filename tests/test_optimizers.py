@@ -11,7 +11,7 @@ from cases import call, done, refused
 
 import epuckhebb
 from epuckhebb.config.build import optimizer_from
-from epuckhebb.config.parts import optimizer_names
+from epuckhebb.config.parts import part_names
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.optimizers.open_es import OpenEs
@@ -52,7 +52,7 @@ def generations(search, count):
 
 
 def test_every_optimizer_of_the_program_is_tested_here():
-    assert optimizer_names() == sorted(SMALL)
+    assert part_names("optimizer") == sorted(SMALL)
 
 
 @pytest.mark.parametrize("name", SMALL)

@@ -11,7 +11,7 @@ import pytest
 from cases import call, contents, done, refused
 
 import epuckhebb
-from epuckhebb.config.parts import optimizer_class
+from epuckhebb.config.parts import part_class
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.search import Search
 from epuckhebb.sim.block import live_block
@@ -135,7 +135,9 @@ class Climber(Optimizer):
         return self.first
 """
     )
-    return optimizer_class("climber.py:Climber")(**{"population": 3, "generations": 2, "confirm": 4, **settings})
+    return part_class("optimizer", "climber.py:Climber", "optimizer")(
+        **{"population": 3, "generations": 2, "confirm": 4, **settings}
+    )
 
 
 @pytest.mark.usefixtures("here")

@@ -22,9 +22,11 @@ WORDS = {
     "sweep": ["light", *TINY, "repeats=1", "scenario.light=1,0.5", "hydra/launcher=two_cores"],
     "reproduce": ["light", "champions=1", "repeats=1", "rates=[0.002]", *SMALL_GA, "-q"],
     "replay": ["evaluated"],
+    "figure": ["evaluated", "trajectories", "--format", "pdf"],
     "show": ["evaluated"],
     "keys": ["scenario"],
     "export": ["evaluated", "--webots"],
+    "flock": ["--quick", "-q"],
     "rerun": ["evaluated"],
 }
 pytestmark = pytest.mark.slow
@@ -61,6 +63,10 @@ def test_both_hold_the_configuration_and_the_champions(built):
     assert "docs/clusters.md" in names
     with zipfile.ZipFile(wheel) as archive:
         assert {f"epuckhebb/{name}" for name in data()} <= set(archive.namelist())
+
+
+def test_both_can_be_published(built):
+    run(sys.executable, "-m", "twine", "check", "--strict", *map(str, built), cwd=built[0].parent)
 
 
 def test_every_verb_outside_the_repository(built, tmp_path):

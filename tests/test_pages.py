@@ -1,5 +1,6 @@
 """The commands of the pages are understood and run, the rule shown is the example, and links lead somewhere."""
 
+import ast
 import itertools
 import re
 import shlex
@@ -20,6 +21,7 @@ from epuckhebb.live import server
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
+ORACLE = ROOT / "tests" / "reference.py"
 RUNS = [ROOT / "runs" / "README.md", ROOT / "runs" / "reference" / "README.md"]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *RUNS, *sorted((ROOT / "docs").glob("*.md")), *EXAMPLES]
 APART = ("tutorial", "clusters")  # the first has a test of its own below; the commands of the second fill a cluster
@@ -41,15 +43,18 @@ BRIEF = {
         "champions=1",
         "repeats=1",
         "rates=[0.002]",
+        "hydra/launcher=basic",
         "ga.population=4",
         "ga.elites=1",
         "ga.generations=1",
         "-q",
     ],
+    "flock": ["repeats=1", "flock.duration_s=60", "flock.at_s=30", "-q"],
     "keys": [],
     "export": [],
     "show": [],
     "replay": [],
+    "figure": [],
     "play": ["--no-browser", "--port", "0", "-q"],
 }
 BRIEF_TASK = ["task.trials=2", "task.last_switch=2", "task.time_out_s=1"]  # these say how long a lifetime is
@@ -97,12 +102,14 @@ def mentioned(page):
 def folder(tmp_path_factory):
     """A folder with what the pages speak of: the examples, a learner, an evolution and a sweep of one's own."""
     folder = tmp_path_factory.mktemp("clone")
-    for name in ("examples", "runs/reference/reversal"):
+    for name in ("examples", "runs/reference/reversal", "runs/reference/champions"):
         shutil.copytree(ROOT / name, folder / name)
     experiments = folder / "my_conf" / "experiment"
     experiments.mkdir(parents=True)
     for name in ("dim", "mine"):
         (experiments / f"{name}.yaml").write_text(blocks(ROOT / "docs" / "tutorial.md", "yaml")[0])
+    (folder / "my_conf" / "adaptation").mkdir()
+    (folder / "my_conf" / "adaptation" / "mine.yaml").write_text(blocks(ROOT / "docs" / "parts.md", "yaml")[0])
     (folder / "my_conf" / "method").mkdir()
     for name, text in zip(("mine", "after", "fixed"), blocks(ROOT / "docs" / "leaderboard.md", "yaml"), strict=True):
         (folder / "my_conf" / "method" / f"{name}.yaml").write_text(text)
@@ -157,6 +164,14 @@ def test_the_commands_of_a_page_are_understood(page, folder, monkeypatch):
         if composed := composed_only(command, words):
             result = call(command, *composed)
             assert result.exit_code == 0 or ("ray_local" in line and NO_RAY in result.stderr), (line, result.output)
+
+
+def test_what_n_means_per_metre_has_the_numbers_of_the_answer():
+    (script,) = blocks(ROOT / "docs" / "faq.md", "python")
+    names = {}
+    exec(script, names)
+    for name, shown in (("steps", ".0f"), ("most", ".1f"), ("slow", ".1f"), ("small", ".2f")):
+        assert re.search(rf"^{name} = .*# .*\b{names[name]:{shown}}\b", script, re.MULTILINE), name
 
 
 @pytest.mark.thorough
@@ -221,7 +236,7 @@ def test_the_python_page(monkeypatch):
     for block in blocks(ROOT / "docs" / "python.md", "python"):
         exec(block, names)
     assert set(names["success"].index.get_level_values("scenario")) == {"base", "4obstacles"}
-    assert Path("paths.png").is_file()
+    assert Path("paths.pdf").is_file()
 
 
 @pytest.mark.thorough
@@ -312,4 +327,18 @@ def test_links_lead_somewhere(page):
             file, _, place = target.partition("#")
             found = page.parent / file if file else page
             assert found.exists(), target
-            assert not place or place in anchors(found), target
+            assert not place or found.resolve() == ORACLE or place in anchors(found), target
+
+
+def test_the_page_of_methods_links_the_lines_of_the_oracle(request):
+    page = ROOT / "docs" / "methods.md"
+    lines = {
+        node.name: node.lineno for node in ast.walk(ast.parse(ORACLE.read_text())) if isinstance(node, ast.FunctionDef)
+    }
+    link = r"\[`(\w+)`\]\(\.\./tests/reference\.py#L\d+\)"
+    linked = re.sub(link, lambda found: f"[`{found[1]}`](../tests/reference.py#L{lines[found[1]]})", page.read_text())
+    if request.config.getoption("--regenerate"):
+        page.write_text(linked)
+    assert page.read_text() == linked, f"stale; run: pytest tests/{request.path.name} --regenerate"
+    rules = re.findall(r"    def (\w+)\(self, layer, pre", ORACLE.read_text())
+    assert set(rules) <= set(re.findall(link, linked))

@@ -12,7 +12,7 @@ from cases import call, done, first_of, refused
 
 import epuckhebb
 from epuckhebb.config.compose import composed
-from epuckhebb.config.parts import rule_class
+from epuckhebb.config.parts import part_class
 from epuckhebb.runs.evaluate import with_robot
 from epuckhebb.sim import session
 from epuckhebb.store.genome import load_genome
@@ -233,7 +233,7 @@ def test_in_a_multirun(own, launcher):
 @pytest.mark.thorough
 @pytest.mark.usefixtures("own")
 def test_an_object_from_python():
-    rule = rule_class("my_rules.py:oja", "hebbian")
+    rule = part_class("rule", "my_rules.py:oja", "hebbian")
     rows = epuckhebb.evaluate(epuckhebb.load(), "scenario=base", *BRIEF, hebbian=rule(N=0.0001, decay=2.0)).metrics
     assert list(rows.controller.unique()) == ["GA", "oja"]
     named = epuckhebb.evaluate(epuckhebb.load(), "scenario=base", *BRIEF, *OJA, "hebbian.decay=2").metrics

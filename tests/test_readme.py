@@ -1,14 +1,15 @@
-"""The answer of the README and the results of docs/results.md are those of runs/reference/."""
+"""The findings of the README and the results of docs/results.md are those of runs/reference/."""
 
 import datetime
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from cases import done
+from cases import done, first_of
 
 import epuckhebb
 from epuckhebb.analysis import findings, report, rescue
@@ -19,12 +20,21 @@ from epuckhebb.sim.scenario import TRAINED
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "runs" / "reference"
-README, RESULTS = ROOT / "README.md", ROOT / "docs" / "results.md"
+README = ROOT / "README.md"
+RESULTS, FAQ, ADAPTATIONS = (ROOT / "docs" / f"{name}.md" for name in ("results", "faq", "adaptations"))
 
 
 def test_the_readme_is_short_and_its_picture_small():
-    assert len(README.read_text().splitlines()) <= 110
+    text = README.read_text()
+    assert len(text.splitlines()) <= 110
+    assert len(text.partition("\n```")[0].split()) <= 260
     assert (ROOT / "docs" / "lowlight.gif").stat().st_size < 2e6
+
+
+def test_the_image_runs_the_two_commands_of_the_readme():
+    (commands,) = re.findall(r"^```sh\n(python.*?)\n```$", README.read_text(), re.MULTILINE | re.DOTALL)
+    image = re.findall(r"^RUN (.*)$", (ROOT / "Dockerfile").read_text(), re.MULTILINE)
+    assert image[-2:] == commands.splitlines()
 
 
 def test_ci_runs_the_line_with_which_the_readme_runs_all_checks():
@@ -33,10 +43,13 @@ def test_ci_runs_the_line_with_which_the_readme_runs_all_checks():
     assert f"`{line}`" in README.read_text()
 
 
-def test_the_citation_names_this_version():
+def test_the_citation_and_the_page_of_releases_name_this_version():
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     assert cited["version"] == epuckhebb.__version__
     assert isinstance(cited["date-released"], datetime.date)
+    releases = (ROOT / "docs" / "releases.md").read_text()
+    assert f"$ epuckhebb --version\n{done('--version').stdout}```" in releases
+    assert f"| {cited['version']} | {cited['date-released']} |" in releases
 
 
 @pytest.mark.parametrize("page", [README, ROOT / "CONTRIBUTING.md", ROOT / "CITATION.cff"])
@@ -45,14 +58,20 @@ def test_no_page_has_a_placeholder(page):
     assert "/OWNER/" not in page.read_text()
 
 
-@pytest.mark.usefixtures("here")
-def test_the_readme_shows_what_its_command_prints(generated, monkeypatch):
+@pytest.mark.parametrize(
+    ("page", "name"),
+    first_of([(README, "output"), (FAQ, "reached"), (FAQ, "other"), (ADAPTATIONS, "compared")]),
+)
+def test_a_page_shows_what_its_command_prints(page, name, generated, here, monkeypatch):
+    """All that the command above the mark prints but its run folder; of the front page, the table."""
     monkeypatch.setenv("COLUMNS", "80")
-    printed = done("evaluate", "scenario=lowlight").stdout.splitlines()
-    table = "\n".join(
-        line.rstrip() for line in printed[: 1 + max(i for i, line in enumerate(printed) if "right" in line)]
-    )
-    generated(README, "output", f"```\n{table}\n```\n")
+    (here / "runs").mkdir()
+    (here / "runs" / "reference").symlink_to(REFERENCE)
+    above = re.findall(r"^epuckhebb (.*)$", page.read_text().partition(f"<!-- {name}: ")[0], re.MULTILINE)
+    printed = [line.rstrip() for line in done(*shlex.split(above[-1])).stdout.splitlines()]
+    end = max(n for n, line in enumerate(printed) if " right " in line) + 1 if page == README else -1
+    assert "\n".join(printed[end:]).count("Run folder: ") == 1
+    generated(page, name, "\n".join(["```", *printed[:end], "```", ""]))
 
 
 def only(table, experiment, controller):
@@ -61,23 +80,43 @@ def only(table, experiment, controller):
     return row
 
 
-def test_the_answer_is_that_of_the_reference_results(generated):
-    """The paper's rule in three worlds at its own rate, and the best of what was added after evolution."""
-    paper = pd.read_csv(REFERENCE / "rescue_and_harm.csv")
-    paper = paper[(paper.controller == HEBBIAN) & (paper.experiment.map(findings.PAPER_N) == paper.N)]
-    worlds = {"highlight": "nothing", "lowlight": "light dimmed to a tenth", "4obstacles": "four obstacles"}
-    rows = [
-        [worlds[row.Index], f"the paper's, N = {row.N:g}", *rescue.counts(row)]
-        for row in paper.set_index("scenario").loc[list(worlds)].itertuples()
-    ]
-    over_all = pd.read_csv(REFERENCE / "rescue" / "rescue_over_all.csv")
-    for experiment, controller, text in (
-        ("light", "homeostasis", "`adaptation=homeostasis` scales the weights from the light sensors"),
-        ("obstacles", "best", "none; `adaptation=best` is a self-check, and wall-following while late"),
-    ):
-        counts = rescue.counts(only(over_all, experiment, controller))
-        rows.append([f"eight changes of the {experiment} experiment", text, *counts])
-    generated(README, "answer", markdown_table(["what changed", "plasticity", rescue.RESCUED, rescue.HARMED], rows))
+IN_LIGHT = {"experiment": "light", "controller": HEBBIAN, "N": findings.PAPER_N["light"]}
+FINDINGS = [  # sentence, table, what is counted, of what, the row
+    (
+        "The paper's rule rescues few of the trials that dimmed light breaks",
+        *("rescue_and_harm", "rescued", "broken", IN_LIGHT | {"scenario": "lowlight"}),
+    ),
+    (
+        "The same rule harms most trials of the light experiment, although nothing has changed",
+        *("rescue_and_harm", "harmed", "intact", IN_LIGHT | {"scenario": "highlight"}),
+    ),
+    (
+        "Homeostatic plasticity scales the weights from the light sensors. In eight changes of the light experiment it "
+        "rescues a third",
+        *("rescue/rescue_over_all", "rescued", "broken", {"experiment": "light", "controller": "homeostasis"}),
+    ),
+    (
+        "A self-check and a reflex written by hand use no plasticity. In 29 [unseen changes](docs/changes.md) of that "
+        "experiment they rescue half",
+        *("rescue_new_kinds/rescue_over_all", "rescued", "broken", {"experiment": "light", "controller": "best"}),
+    ),
+    (
+        "[Reversal learning](docs/reversal.md) needs plasticity. With a modulated rule, half of ten champions learn",
+        *("reversal/leaderboard", "solved", "champions", {"method": "modulated"}),
+    ),
+]
+
+
+def number(table, part, whole, which):
+    """How many of how many, and the share with its interval, in the one row of a table of runs/reference/."""
+    rows = pd.read_csv(REFERENCE / f"{table}.csv")
+    (row,) = rows[(rows[list(which)] == pd.Series(which)).all(axis=1)].to_dict("records")
+    share = rescue.share(row[part] / row[whole], row[f"{part}_low"], row[f"{part}_high"])
+    return f"{row[part]} of {row[whole]}, {share}"
+
+
+def test_the_findings_are_those_of_the_reference_results(generated):
+    generated(README, "findings", "".join(f"- {text}: **{number(*row)}**.\n" for text, *row in FINDINGS))
 
 
 def test_results_are_those_of_the_reference_run(generated):
@@ -182,6 +221,7 @@ def test_every_choice_of_a_group_is_told():
     told = (ROOT / "docs" / "keys.md").read_text()
     told_elsewhere = re.findall(r"`(\w+)`", (ROOT / "docs" / "changes.md").read_text())
     rules = re.findall(r"`(\w+)`", (ROOT / "docs" / "rules.md").read_text())
+    assert set(groups("evaluate")["adaptation"]) - {"none"} <= set(re.findall(r"`(\w+)`", ADAPTATIONS.read_text()))
     for command, group in (("evaluate", "hebbian"), ("evolve", "ga"), ("evaluate", "scenario")):
         for choice in groups(command)[group]:
             assert f"`{choice}`" in told or choice in rules or choice.partition("_")[2] in told_elsewhere

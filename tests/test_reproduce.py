@@ -7,29 +7,26 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
-from cases import call, done, refused
+from cases import call, done
 
-from epuckhebb.analysis import findings, rescue
-from epuckhebb.runtime.progress import TaskProgress
+from epuckhebb.analysis import findings, reproduction, rescue
 from epuckhebb.store.run import Run
-from epuckhebb.studies import reproduce
+from epuckhebb.studies import champions
 
 TINY = ["ga.population=4", "ga.generations=2", "ga.elites=1", "ga.loops=1"]
-ALL = ["reproduce", "all", "champions=2", "repeats=1", "rates=[0.001]", *TINY]
-SHOWN = []  # on the bar, by `made`
+ALL = ["reproduce", "obstacles", "champions=2", "repeats=1", "rates=[0.001]", "hydra/launcher=basic", *TINY]
 
 
 @pytest.fixture
 def _no_figures(monkeypatch):
     """Leave out what takes longest, where only the numbers matter."""
-    monkeypatch.setattr(reproduce, "_figures", lambda *_: {})
+    monkeypatch.setattr(reproduction, "figures_of", lambda *_: {})
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("reproduce"))
-        patch.setattr(TaskProgress, "put", lambda _, done, text: SHOWN.append((done, text)))
         result = done(*ALL)
         (folder,) = (tmp_path_factory.getbasetemp() / "reproduce0" / "runs" / "reproduce").iterdir()
         yield folder, result
@@ -43,27 +40,13 @@ def test_it_leaves_report_tables_and_figures(made):
     assert tables <= {file.stem for file in folder.glob("*.csv")}
     named = set(re.findall(r"\(figures/([\w.]+)\)", (folder / "report.md").read_text()))
     assert named == {file.name for file in (folder / "figures").iterdir()}
-    assert len(named) == 15
-
-
-@pytest.mark.usefixtures("made")
-def test_the_bar_moves_within_the_steps():
-    shares, told = zip(*SHOWN, strict=True)
-    assert list(shares) == sorted(shares)
-    assert [line.strip() for line in told[:4]] == [
-        "1/9  evolve light_seed001",
-        "1/9  evolve light_seed001  compiling …",
-        "1/9  evolve light_seed001  generation 1 of 2",
-        "1/9  evolve light_seed001  generation 2 of 2",
-    ]
-    assert "5/9  evaluate light_seed001  in lowlight, world 2 of 2" in told
-    assert told[-1].strip() == "9/9  tables, figures and report"
+    assert len(named) == 9
 
 
 def test_the_page_needs_nothing_else(made):
     page = (made[0] / "report.html").read_text()
     assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
-    assert page.count('src="data:image/png;base64,') == 15
+    assert page.count('src="data:image/png;base64,') == 9
 
 
 @pytest.fixture
@@ -75,54 +58,49 @@ def copy(made, tmp_path, monkeypatch):
 
 def stopping(monkeypatch, error, after):
     """Make the evaluation that follows so many others in this process end with an error."""
-    evaluate, seen = reproduce.evaluate, []
+    test, seen = champions._test, []
 
-    def stop(*arguments, **named):
+    def stop(*arguments):
         seen.append(1)
         if len(seen) > after:
             raise error
-        return evaluate(*arguments, **named)
+        test(*arguments)
 
-    monkeypatch.setattr(reproduce, "evaluate", stop)
+    monkeypatch.setattr(champions, "_test", stop)
 
 
-@pytest.mark.thorough
 @pytest.mark.usefixtures("_no_figures")
-def test_interrupted_anywhere_it_goes_on_to_the_same_bytes(made, here, monkeypatch):
+def test_interrupted_it_goes_on_to_the_same_bytes(copy, monkeypatch):
+    before = tables(copy)
+    for run in copy.glob("test_*"):
+        shutil.rmtree(run)
     with monkeypatch.context() as patch:
-        stopping(patch, KeyboardInterrupt, after=3)  # in the second champion's second world
+        stopping(patch, KeyboardInterrupt, after=1)
         result = call(*ALL)
     assert result.exit_code == 130
-    assert "interrupted: 5 of 8 jobs are done; the same command does the rest" in result.stderr
-    folder = here / "runs" / "reproduce" / made[0].name
-    assert Run(folder).status["state"] == "interrupted"
-    shown = done("show", folder)
-    assert "5 of 8 jobs" in " ".join(shown.stdout.split())
-    assert not (folder / "claims.csv").exists()
-    (folder / "lifetimes" / ".light_seed002.csv.1.tmp").write_text("half a f")
-    result = done(*ALL)
-    assert result.stderr.startswith("6/9  evaluate light_seed002")
-    assert tables(folder) == tables(made[0])
-    assert list(folder.rglob("*.tmp")) == []
-    told = json.loads((folder / "provenance.json").read_text())
-    assert len(told["resumed"]) == 1
-    assert Run(folder).status["state"] == "finished"
-    assert Run(folder).status["started"] < told["resumed"][0]["started"]
+    assert "interrupted: 3 of 4 jobs are done; the same command does the rest" in result.stderr
+    assert Run(copy).status["state"] == "interrupted"
+    assert "3 of 4 jobs" in " ".join(done("show", copy).stdout.split())
+    assert "evaluate champions: 2 jobs, 1 done before, 1 to do." in done(*ALL).stderr
+    assert tables(copy) == before
+    assert list(copy.rglob("*.tmp")) == []
+    told = json.loads((copy / "provenance.json").read_text())
+    assert len(told["resumed"]) == 2
+    assert Run(copy).status["state"] == "finished"
+    assert Run(copy).status["started"] < told["resumed"][0]["started"]
 
 
 def test_a_failure_is_told_of_and_written_down(copy, monkeypatch):
-    (copy / "lifetimes" / "light_seed002.csv").unlink()
+    shutil.rmtree(next(copy.glob("test_*")))
     stopping(monkeypatch, ArithmeticError("the robot is lost"), after=0)
     result = call(*ALL)
     assert result.exit_code == 1
     assert "the robot is lost" in result.stderr
-    told = Run(copy).status
-    assert told["state"] == "failed"
-    assert "ArithmeticError" in told["traceback"]
+    assert Run(copy).status["state"] == "failed"
 
 
 def tables(folder):
-    return {file.name: file.read_bytes() for file in folder.rglob("*.csv")}
+    return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*.csv")}
 
 
 def rows_of(report, heading):
@@ -148,7 +126,7 @@ def test_every_number_of_the_report_is_in_a_csv(made):
     kept = pd.read_csv(folder / "retention.csv")
     kept = kept[kept.N.isin([0, *findings.PAPER_N.values()])].groupby(["experiment", "controller", "N"], sort=False)
     rows = rows_of(report, "experiment | plasticity")
-    assert len(rows) == 8  # of each experiment the GA, the paper's rule and its two controls
+    assert len(rows) == 4  # the GA, the paper's rule and its two controls
     for (experiment, plasticity, any_side, both), (condition, own) in zip(rows, kept, strict=True):
         assert (experiment, plasticity) == (condition[0], rescue.label(*condition[1:]))
         for row, cell in zip(own.itertuples(), (any_side, both), strict=True):
@@ -191,27 +169,15 @@ def test_one_given_genome_stands_beside_the_paper(here, genomes):
     assert "Relative deviation" in (folder / "report.md").read_text()
 
 
-def test_a_champion_without_a_checksum_is_named_if_it_cannot_be_read(copy):
-    """As in a run that was killed when all was written."""
-    (copy / "status.json").write_text('{"schema": 1, "state": "finished"}')
-    champion = copy / "champions" / "light_seed001.npz"
-    cut = champion.read_bytes()[:100]
-    champion.write_bytes(cut)
-    assert "light_seed001.npz" in refused(*ALL)
-    assert champion.read_bytes() == cut
-
-
 @pytest.mark.thorough
 @pytest.mark.usefixtures("_no_figures")
 def test_what_is_missing_or_damaged_is_made_again_to_the_same_bytes_and_the_rest_is_kept(copy):
-    before, kept = tables(copy), copy / "champions" / "obstacles_seed001.npz"
-    stamp = kept.stat().st_mtime_ns
-    for lost in ("champions/obstacles_seed002.npz", "lifetimes/light_seed001.csv", "claims.csv"):
-        (copy / lost).unlink()
-    for cut in ("champions/light_seed001.npz", "lifetimes/light_seed002.csv"):
-        (copy / cut).write_bytes((copy / cut).read_bytes()[:-20])
-    history = copy / "history" / "obstacles_seed002.csv"
-    history.write_text(history.read_text().replace("0.", "1."))
+    before, (kept, cut, *_), (lost, *_) = tables(copy), sorted(copy.glob("champion_*")), copy.glob("test_*")
+    stamp = (kept / "champion.npz").stat().st_mtime_ns
+    shutil.rmtree(lost)
+    (copy / "claims.csv").unlink()
+    (cut / "champion.npz").write_bytes((cut / "champion.npz").read_bytes()[:-20])
     done(*ALL, "threads=1")
-    assert tables(copy) == before
-    assert kept.stat().st_mtime_ns == stamp
+    after = {name: content for name, content in tables(copy).items() if "set_aside" not in name}
+    assert after == before
+    assert (kept / "champion.npz").stat().st_mtime_ns == stamp

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import epuckhebb
-from epuckhebb.config.parts import optimizer_names, rule_names, task_names
+from epuckhebb.config.parts import part_names
 
 PACKAGE = Path(epuckhebb.__file__).parent
 INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
@@ -23,22 +23,41 @@ INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
     "reachable": {"maze"},
     "by_hand": {"maze", "reachable"},
     "sensors": {"compiled", "light"},
-    "look": {"compiled", "faults", "life", "physics", "random", "robot", "senses", "sensors", "task", "tasks"},
+    "look": {"compiled", "faults", "life", "physics", "random", "robot", "senses", "sensors", "space", "task", "tasks"},
     "own_sensor": {"compiled", "light", "own_class", "sensors"},
     "robot": {"sensors"},
-    "senses": {"compiled", "light", "robot", "sensors"},
-    "network": {"compiled", "vectors"},
+    "space": {"compiled", "maze", "robot", "sensors"},
+    "senses": {"compiled", "light", "robot", "sensors", "space"},
+    "evolved": set(),
+    "wiring": {"evolved", "own_class", "robot"},
+    "wired_pass": {"compiled", "vectors", "wiring"},
+    "wirings": {"evolved", "network", "ranges", "robot", "wiring"},
+    "network": {"compiled", "vectors", "wired_pass", "wiring"},
     "fitness": {"compiled", "robot"},
-    "physics": {"compiled", "maze", "robot"},
+    "libode": set(),
+    "physics": {"compiled", "libode", "light", "maze", "robot", "sensors", "space"},
     "task": {"compiled", "fitness", "maze", "sensors"},
     "tasks": {"compiled", "fitness", "maze", "physics", "random", "robot", "sensors", "task"},
-    "scenario": {"by_hand", "light", "maze", "own_fitness", "reachable", "robot", "sensors", "task", "tasks"},
+    "goal_signal": {"compiled", "random", "robot"},
+    "scenario": {"by_hand", "faults", "goal_signal", "light", "maze", "own_fitness"}
+    | {"physics", "reachable", "robot", "sensors", "space", "task", "tasks"},
     "genome": {"network", "plasticity"},
     "controller": {"adaptation", "plasticity"},
     "own_class": {"digest"},
     "not_compiled": set(),
     "own_fitness": {"compiled", "own_class", "robot"},
-    "plasticity": {"compiled", "fitness", "network", "own_class", "random", "robot", "vectors"},
+    "plasticity": {
+        "compiled",
+        "evolved",
+        "fitness",
+        "network",
+        "own_class",
+        "random",
+        "robot",
+        "vectors",
+        "wired_pass",
+        "wiring",
+    },
     "adaptation/change_signals": {"compiled"},
 }
 
@@ -101,14 +120,14 @@ def test_imports_inside_sim(part):
 
 
 def rules():
-    return [f"epuckhebb.sim.plasticity.rules.{name}" for name in rule_names()]
+    return [f"epuckhebb.sim.plasticity.rules.{name}" for name in part_names("rule")]
 
 
 def test_a_rule_is_one_file_that_no_other_has_to_know():
     """But for the paper's, which is the usual one."""
     assert len(rules()) >= 4
     for rule in rules():
-        parts = ("plasticity.rule", "plasticity.four_terms", "random", "robot", "arrays", "ranges")
+        parts = ("evolved", "plasticity.rule", "plasticity.four_terms", "random", "robot", "arrays", "ranges")
         allowed = {f"epuckhebb.sim.{name}" for name in parts}
         assert GRAPH[rule] <= allowed, rule
         users = sorted(module for module, needs in GRAPH.items() if rule in needs)
@@ -116,9 +135,14 @@ def test_a_rule_is_one_file_that_no_other_has_to_know():
     assert not any(".change_signals." in name for needs in GRAPH.values() for name in needs)
 
 
+def test_a_wiring_is_one_file_that_no_other_has_to_know():
+    for name in part_names("wiring"):
+        assert [module for module, needs in GRAPH.items() if f"epuckhebb.sim.wirings.{name}" in needs] == [], name
+
+
 def test_a_task_is_one_file_that_few_others_have_to_know():
     """But for the paper's, which is the usual one; of another, only what tells its results knows."""
-    for name in task_names():
+    for name in part_names("task"):
         users = {module.split(".")[1] for module, needs in GRAPH.items() if f"epuckhebb.sim.tasks.{name}" in needs}
         assert "sim" not in users or name == "trial", name
         assert "evolution" not in users, name
@@ -126,7 +150,7 @@ def test_a_task_is_one_file_that_few_others_have_to_know():
 
 def test_an_optimizer_is_one_file_that_no_other_has_to_know():
     """But for the genetic algorithm, whose settings are a group of the configuration."""
-    optimizers = [f"epuckhebb.evolution.optimizers.{name}" for name in optimizer_names()]
+    optimizers = [f"epuckhebb.evolution.optimizers.{name}" for name in part_names("optimizer")]
     for optimizer in optimizers:
         assert not GRAPH[optimizer] & {*optimizers, "epuckhebb.evolution.evolve"}, optimizer
         users = sorted(module for module, needs in GRAPH.items() if optimizer in needs)

@@ -1,4 +1,4 @@
-"""Declares the arguments and options that commands share, and the help of commands that take `key=value`."""
+"""Declares the arguments and options that commands share, and what their help shows."""
 
 import re
 from enum import StrEnum
@@ -9,50 +9,74 @@ import typer
 from typer.core import TyperCommand
 
 from epuckhebb.cli import completion
+from epuckhebb.cli.output import report_errors
 from epuckhebb.config import conf
 from epuckhebb.runtime.resources import LATEST, REFERENCE
 
 _FROM_TO = re.compile(rf"{REFERENCE}_(\d+),\.\.\.,{REFERENCE}_(\d+)")
 
 
-class ConfiguredCommand(TyperCommand):
-    """A command that takes `key=value`; its help lists the configuration groups."""
+class Command(TyperCommand):
+    """A command whose help begins with examples, and whose errors become one message and an exit code."""
 
-    def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        """Write examples, then the groups and their choices, below the options."""
+    def invoke(self, ctx: Any) -> Any:
+        """Do what the command does."""
+        with report_errors():
+            return super().invoke(ctx)
+
+    def format_help_text(self, ctx: Any, formatter: Any) -> None:
+        """Write what the command does, then examples."""
+        super().format_help_text(ctx, formatter)
         command = str(ctx.info_name)
         with formatter.section("Examples"):
             for example in _EXAMPLES[command]:
-                formatter.write_text(f"epuckhebb {command} {example}")
-        with formatter.section("Configuration groups (GROUP=CHOICE; any key: GROUP.KEY=VALUE, see epuckhebb keys)"):
-            formatter.write_dl([(name, ", ".join(choices)) for name, choices in conf.groups(command).items()])
+                formatter.write(f"  epuckhebb {command} {example}".rstrip() + "\n")
+
+
+class ConfiguredCommand(Command):
+    """A command that takes `key=value`; its help names the configuration groups, and the sweeps."""
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write the names below the options."""
+        groups = conf.groups(str(ctx.info_name))
+        sweeps = groups.pop("experiment", [])
+        if ctx.info_name == "sweep":
+            with formatter.section("Names, beside those of your own"):
+                formatter.write_text(", ".join(sweeps))
+        with formatter.section("Groups (GROUP=CHOICE, GROUP.KEY=VALUE; epuckhebb keys GROUP lists both)"):
+            formatter.write_text(", ".join(groups))
 
 
 _EXAMPLES = {
+    "evolve": [
+        "seed=7",
+        "scenario=highlight optimizer=sep_cma_es training=varied",
+        "resume=runs/evolve/RUN ga.generations=60",
+        '-m "seed=range(1,21)" hydra/launcher=joblib',
+    ],
+    "evaluate": [
+        "scenario=lowlight hebbian.N=0.002 repeats=50",
+        "genome=runs/evolve/RUN scenario=2obstacles",
+        'scenario=highlight "change=[slip_left,ir_low]"',
+        'scenario=lowlight "compare=[late,none]"',
+        "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles",
+    ],
+    "replay": ["latest --open", "runs/evaluate/RUN --gif film.gif"],
+    "figure": ["latest trajectories --format pdf --width 180", "runs/sweep/RUN rescue_and_harm --format svg"],
+    "play": ["scenario=4obstacles", "hebbian=oja scenario=lowlight", "adaptation=novelty --side right"],
     "reproduce": ["--quick", "obstacles champions=40", "all genome=Best.npy signal=as_coded"],
     "leaderboard": [
         "--quick",
         "obstacles methods=modulated,abcd_shared champions=4",
-        "all hydra/launcher=slurm",
         "light methods=my_rules.py:Mine",
+        "all hydra/launcher=slurm",
     ],
-    "evaluate": [
-        "scenario=4obstacles",
-        "scenario=lowlight hebbian.N=0.002 repeats=50",
-        "genome=runs/evolve/RUN scenario=2obstacles",
-        '"change=[slip_left,ir_low]" scenario=highlight',
-        '"compare=[late,none]" scenario=lowlight',
-        "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles hydra/launcher=joblib",
-    ],
-    "play": ["scenario=4obstacles", "hebbian=oja scenario=lowlight", "adaptation=novelty --side right"],
+    "flock": ["--quick", "flock=live_fitness flock.breaks=knower", "flock.coupling=my_couplings.py:Mine repeats=5"],
     "sweep": ["light", 'n_sweep "seed=range(1,6)" genome=runs/evolve/RUN --dry-run', "obstacles hydra/launcher=slurm"],
-    "evolve": [
-        "seed=7",
-        "resume=runs/evolve/RUN ga.generations=60",
-        "scenario=highlight ga=as_coded",
-        "optimizer=sep_cma_es training=varied",
-        '-m "seed=range(1,21)" hydra/launcher=joblib',
-    ],
+    "show": ["", "latest", "reference_7"],
+    "keys": ["scenario", "evolve"],
+    "export": ["runs/evaluate/RUN --webots", "reference_7 --webots --output controllers/genes_only"],
+    "rerun": ["latest"],
 }
 
 
@@ -62,10 +86,10 @@ def _complete_override(ctx: typer.Context, incomplete: str) -> list[str]:
 
 Overrides = Annotated[
     list[str] | None,
-    typer.Argument(metavar="[KEY=VALUE]...", help="Settings to change.", autocompletion=_complete_override),
+    typer.Argument(metavar="[KEY=VALUE]...", hidden=True, autocompletion=_complete_override),
 ]
 Run = Annotated[
-    Path, typer.Argument(help="A run folder, or latest.", metavar="RUN", autocompletion=completion.complete_run)
+    Path, typer.Argument(metavar="RUN", help="Its folder, or latest.", autocompletion=completion.complete_run)
 ]
 Multirun = Annotated[bool, typer.Option("--multirun", "-m", help="Run every combination of comma-separated values.")]
 
@@ -83,21 +107,19 @@ Cfg = Annotated[
 ]
 ConfigDir = Annotated[
     str | None,
-    typer.Option("--config-dir", help="A folder with YAML of your own: FOLDER/scenario/mine.yaml for scenario=mine."),
+    typer.Option("--config-dir", metavar="FOLDER", help="A folder with YAML files of your own."),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-Json = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output, all else on standard error.")
-]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object; all else on standard error.")]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="List the jobs, run nothing.")]
-Open = Annotated[bool, typer.Option("--open", help="Write the page that replays the run, and open it in a browser.")]
+Open = Annotated[bool, typer.Option("--open", help="Write the replay, and open it in a browser.")]
 
 
 def experiment_argument(*others: str) -> Any:
     """The argument of a study: an experiment, the paper's, others or all of them, and settings."""
     return typer.Argument(
         metavar=f"[{'|'.join(('light', 'obstacles', *others, 'all'))}] [KEY=VALUE]...",
-        help=f"The experiment{', or several with commas between,' if others else ''} and settings to change.",
+        hidden=True,
         autocompletion=_complete_override,
     )
 

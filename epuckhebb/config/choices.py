@@ -1,25 +1,31 @@
-"""Reads one choice of a group, with the files that it takes over from, as Hydra puts them together.
+"""Reads one choice of a group, with the choices that it takes over from, as Hydra puts them together.
 
 A change of the world is a row of `conf/changes.yaml`, or a file of the user's. A scenario with changes is called by
 their names: `base_slip_left` is the scenario `base` with the change `slip_left`, as if a file said so.
 """
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import yaml_file
 from epuckhebb.config.conf import TABLES, flat, rows, table_file
-from epuckhebb.config.parts import NONE
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
 
 OURS = [data_folder("conf")]
-BRINGS_MAZE = "override /maze@_global_.maze"  # in the defaults of a scenario that has a maze of its own
+MAZE = "override /maze@_global_.maze"  # in the defaults of a scenario that has a maze of its own
+
+
+class Choice(NamedTuple):
+    """A choice of a group. settings: in its file. brings: what its defaults choose, by their keys, of other groups."""
+
+    settings: DictConfig
+    brings: dict[str, str]
 
 
 def choice_names(group: str, folders: Sequence[Path]) -> list[str]:
@@ -29,91 +35,72 @@ def choice_names(group: str, folders: Sequence[Path]) -> list[str]:
     return sorted({*files, *in_table}, key=lambda name: (-len(name), name))
 
 
-def where_known(group: str, choice: str, folders: Sequence[Path]) -> Sequence[Path]:
-    """Where the file is that a name is known for: with the program, if that has one."""
-    return OURS if is_choice(group, choice, OURS) else folders
+def known_choice(group: str, name: str, folders: Sequence[Path]) -> Choice | None:
+    """The choice that a name is known for: that of the program, if it has one."""
+    return choice_of(group, name, OURS) or choice_of(group, name, folders)
 
 
-def is_choice(group: str, choice: str, folders: Sequence[Path]) -> bool:
-    """Whether a group has a choice of this name."""
-    return _file(group, choice, folders) is not None
-
-
-def default_override(group: str, choice: str, override: str, folders: Sequence[Path]) -> str | None:
-    """What a file of a group, or one that it takes over from, chooses of another group in its defaults."""
-    entries = _defaults(_file(group, choice, folders))
-    for entry in entries:
-        if isinstance(entry, DictConfig) and override in entry:
-            return str(entry[override])
-    others = (entry for entry in entries if isinstance(entry, str) and entry not in (NONE, "_self_"))
-    parts = (default_override(group, other, override, folders) for other in others)
-    return next((chosen for chosen in parts if chosen is not None), None)
-
-
-def _defaults(file: DictConfig | None) -> list[Any]:
-    return [] if file is None else list(file.get("defaults", []))
-
-
-def choice_settings(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None:
-    """A file of a group with what it takes over from others of its group, as Hydra puts them together."""
-    parts = list(_parts(group, choice, folders))
-    if not parts:
+def choice_of(group: str, name: str, folders: Sequence[Path]) -> Choice | None:
+    """A choice of a group, first found first taken, with what it takes over from others; None if there is none."""
+    held = _held(group, name, folders)
+    if held is None:
         return None
-    try:
-        merged = OmegaConf.merge(*parts)
-    except OmegaConfBaseException as error:
-        raise ConfigError(f"{group}={choice} cannot be put together: {error}") from error
-    assert isinstance(merged, DictConfig)
-    merged.pop("defaults", None)
-    return merged
-
-
-def _parts(group: str, choice: str, folders: Sequence[Path]) -> Iterator[DictConfig]:
-    """A file of a group, and those of its group that it takes over from, in the order in which Hydra merges them."""
-    file = _file(group, choice, folders)
-    if file is None:
-        return
-    entries = _defaults(file)
-    for entry in entries if "_self_" in entries else ["_self_", *entries]:
+    parts, own, taken = list[DictConfig](), dict[str, str](), dict[str, str]()
+    defaults = list(held.get("defaults", []))
+    for entry in defaults if "_self_" in defaults else ["_self_", *defaults]:
+        other = choice_of(group, entry, folders) if isinstance(entry, str) and entry != "_self_" else None
         if entry == "_self_":
-            yield file
-        elif isinstance(entry, str):
-            yield from _parts(group, entry, folders)
+            parts.append(held)
+        elif isinstance(entry, DictConfig):
+            own |= {str(key): str(value) for key, value in entry.items()}
+        elif other is not None:
+            parts.append(other.settings)
+            taken = other.brings | taken
+    try:
+        settings = OmegaConf.merge(*parts)
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"{group}={name} cannot be put together: {error}") from error
+    assert isinstance(settings, DictConfig)
+    settings.pop("defaults", None)
+    return Choice(settings, taken | own)
 
 
-def _file(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None:
-    """The file of a group that has this name, or what stands for it; not to be changed."""
-    path = choice_file(group, choice, folders)
+def choice_file(group: str, name: str, folders: Sequence[Path]) -> Path | None:
+    """The file of a group that has this name, first found first taken."""
+    files = (folder / group / f"{name}.yaml" for folder in folders)
+    return next((file for file in files if file.is_file()), None)
+
+
+def found_by_hydra(group: str, name: str, folders: Sequence[Path]) -> DictConfig | None:
+    """A change of the world as Hydra is to compose it, or a scenario with changes; None for other choices."""
+    if group == "scenario" and choice_file(group, name, folders) is None:
+        return _changed_scenario(name, folders)
+    change = choice_of(group, name, folders) if group == "change" else None
+    if change is None:
+        return None
+    defaults = _with_maze(change.settings).pop("defaults")
+    return OmegaConf.create({"defaults": defaults, "scenario": change.settings, "change": {name: None}})
+
+
+def _held(group: str, name: str, folders: Sequence[Path]) -> DictConfig | None:
+    """What the file of a choice holds, or what stands for it; not to be changed."""
+    path = choice_file(group, name, folders)
     if path is not None:
         return _read(path, path.read_bytes())
     if group in TABLES:
-        row: DictConfig | None = _table(group).get(choice)
+        row: DictConfig | None = _read(table_file(group), b"").get(name)
         return row
-    return _changed_scenario(choice, folders) if group == "scenario" else None
+    return _changed_scenario(name, folders) if group == "scenario" else None
 
 
-def choice_file(group: str, choice: str, folders: Sequence[Path]) -> Path | None:
-    """The file of a group that has this name, first found first taken."""
-    name = f"{group}/{choice}.yaml"
-    return next((folder / name for folder in folders if (folder / name).is_file()), None)
-
-
-@functools.cache
-def _table(group: str) -> DictConfig:
-    table = OmegaConf.load(table_file(group))
-    assert isinstance(table, DictConfig)
-    return table
-
-
-def found_by_hydra(group: str, choice: str, folders: Sequence[Path]) -> DictConfig | None:
-    """A change of the world as Hydra is to compose it, or a scenario with changes; None for other choices."""
-    if group == "scenario" and choice_file(group, choice, folders) is None:
-        return _changed_scenario(choice, folders)
-    settings = choice_settings(group, choice, folders) if group == "change" else None
-    if settings is None:
-        return None
-    defaults = _with_maze(settings).pop("defaults")
-    return OmegaConf.create({"defaults": defaults, "scenario": settings, "change": {choice: None}})
+@functools.lru_cache(maxsize=256)
+def _read(path: Path, content: bytes) -> DictConfig:
+    """A file with this content; the jobs of a sweep ask for the same few again and again."""
+    if not path.is_relative_to(OURS[0]):
+        yaml_file.check(path, path.parents[1])
+    own = OmegaConf.create((content or path.read_bytes()).decode())
+    assert isinstance(own, DictConfig)
+    return own
 
 
 def _changed_scenario(name: str, folders: Sequence[Path]) -> DictConfig | None:
@@ -125,21 +112,21 @@ def _changed_scenario(name: str, folders: Sequence[Path]) -> DictConfig | None:
     settings = OmegaConf.create({})
     set_by: dict[str, str] = {}
     for change in changes:
-        own = choice_settings("change", change, folders)
-        assert own is not None  # its name is known
-        held: Any = OmegaConf.to_container(own)
+        found = choice_of("change", change, folders)
+        assert found is not None  # its name is known
+        held: Any = OmegaConf.to_container(found.settings)
         for key, _ in flat(held):
             if key in set_by:
                 raise ConfigError(f"scenario={name}: {set_by[key]} and {change} both change {key}; give one of the two")
             set_by[key] = change
-        settings.merge_with(own)
+        settings.merge_with(found.settings)
     return _with_maze(settings, scenario, "_self_")
 
 
 def _with_maze(settings: DictConfig, *defaults: str) -> DictConfig:
     """Settings of a scenario in which the maze that they name stands among the defaults, as Hydra wants it."""
     maze = settings.pop("maze", None)
-    settings.defaults = [*defaults, *([] if maze is None else [{BRINGS_MAZE: maze}])]
+    settings.defaults = [*defaults, *([] if maze is None else [{MAZE: maze}])]
     return settings
 
 
@@ -151,13 +138,3 @@ def _names_in(text: str, first: Sequence[str], later: Sequence[str]) -> list[str
         if others or text == name:
             return [name, *others]
     return []
-
-
-@functools.lru_cache(maxsize=256)
-def _read(path: Path, content: bytes) -> DictConfig:
-    """A file with this content; the jobs of a sweep ask for the same few again and again."""
-    if path.parents[1] not in OURS:
-        yaml_file.check(path, path.parents[1])
-    own = OmegaConf.create(content.decode())
-    assert isinstance(own, DictConfig)
-    return own

@@ -12,7 +12,7 @@ import yaml
 
 from epuckhebb.config.conf import TABLES, first_comment, groups, rows, table_file
 from epuckhebb.config.methods import Method
-from epuckhebb.config.parts import NONE, optimizer_class, rule_class, task_class
+from epuckhebb.config.parts import NONE, part_class
 from epuckhebb.config.schema import SCHEMAS
 from epuckhebb.runtime.errors import ConfigError, did_you_mean
 from epuckhebb.runtime.resources import data_folder
@@ -107,11 +107,9 @@ def _schema(group: str, file: Path) -> Any:
     """The dataclass that knows the keys of a file, if one does."""
     held = yaml.safe_load(_text(file))
     if group == "hebbian":
-        return rule_class(str(held["rule"]), group) if held.get("rule", NONE) != NONE else None
-    if group == "task":
-        return task_class(held.get(group, held)["kind"])
-    if group == "optimizer":
-        return optimizer_class(held["algorithm"])
+        return part_class("rule", held["rule"], group) if held.get("rule", NONE) != NONE else None
+    if group in ("task", "physics", "optimizer"):
+        return part_class(group, held.get(group, held)["algorithm" if group == "optimizer" else "kind"], group)
     kinds = [typing.get_type_hints(schema).get(group) for schema in SCHEMAS.values()]
     one = next(kind for kind in kinds if kind is not None)
     return next((kind for kind in (one, *typing.get_args(one)) if is_dataclass(kind)), None)

@@ -1,110 +1,109 @@
-"""Finds the class of a rule, a fitness, an optimizer or a task by its name."""
+"""Parts of the science that have classes: a rule, a fitness, a coupling, and others; each is found by its name.
+
+A part of the program is a file of a package, named by the part; one of the user's is `FILE.py:NAME`.
+"""
 
 import importlib
 import pkgutil
-import types
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import ModuleType
 from typing import Any
 
-from epuckhebb.config.plugins import Base, class_named
+from epuckhebb.config.plugins import class_named
+from epuckhebb.config.values import part_settings
 from epuckhebb.evolution import optimizers
-from epuckhebb.evolution.optimizer import Algorithm, Optimizer
+from epuckhebb.evolution.optimizer import Algorithm, check_optimizer
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.resources import path_of
-from epuckhebb.sim import own_class, tasks
-from epuckhebb.sim.own_fitness import Fitness, check_class
-from epuckhebb.sim.plasticity import rules as rule_files
+from epuckhebb.sim import coupling, couplings, own_fitness, physics, tasks, wiring, wirings
+from epuckhebb.sim.coupling import Coupling
+from epuckhebb.sim.own_fitness import Fitness
+from epuckhebb.sim.own_sensor import Sensor
+from epuckhebb.sim.plasticity import rules
 from epuckhebb.sim.plasticity.rule import Rule, arguments_of
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
+from epuckhebb.sim.wiring import LAYERS, Wiring
 
 NONE, PAPER = "none", "paper"
 GENETIC = "ga"  # the optimizer whose settings are a group of their own
 
 
-def rule_names() -> list[str]:
-    """The rules that the program has."""
-    return _names_in(rule_files)
+@dataclass(frozen=True)
+class _Kind:
+    """A kind of part.
+
+    which: its key that names the class. base: of all its classes. package: where the program's are. usual: the
+    classes that are there besides, by their names. check: of a user's class; None where they can bring none.
+    """
+
+    which: str
+    base: type
+    package: ModuleType | None = None
+    usual: Mapping[str, type] | None = None
+    check: Callable[[Any], object] | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """Those that the program has."""
+        modules = pkgutil.iter_modules(self.package.__path__) if self.package else ()
+        return sorted([*(self.usual or ()), *(module.name for module in modules)])
 
 
-def rule_class(where: str, key: str) -> type[Rule]:
-    """The class of a rule, of the program's own or of a file."""
-    if ":" not in where:
-        if where not in rule_names():
-            raise ConfigError(
-                f"{key}.rule={where} must be one of {', '.join([NONE, *rule_names()])}, or a rule of your own, "
-                "FILE.py:NAME"
-            )
-        return _class_of(rule_files, where, Rule, f"{key}.rule")
-    kind = class_named(where, Rule, f"{key}.rule")
+@dataclass(frozen=True, kw_only=True)
+class Layers:
+    """The network without a wiring. layers: None where they follow from the genome, or from the robot."""
+
+    layers: tuple[int, ...] | None = None
+
+
+_KINDS = {
+    "rule": _Kind("rule", Rule, rules, check=arguments_of),
+    "fitness": _Kind("function", Fitness, usual={PAPER: Fitness}, check=own_fitness.check_class),
+    "wiring": _Kind("wiring", Wiring, wirings, {LAYERS: Layers}, wiring.check_class),
+    "coupling": _Kind("coupling", Coupling, couplings, check=coupling.check_class),
+    "optimizer": _Kind("algorithm", Algorithm, optimizers, check=check_optimizer),
+    "task": _Kind("kind", Task, tasks),
+    "physics": _Kind("kind", Physics, physics),
+    "sensor": _Kind("sensor", Sensor, check=lambda _: None),
+}
+
+
+def part_names(kind: str) -> list[str]:
+    """The parts of a kind (`rule`, `fitness`, `wiring`, `coupling`, ...: see `_KINDS`) that the program has."""
+    return _KINDS[kind].names
+
+
+def part_class(kind: str, name: Any, key: str) -> type[Any]:
+    """The class of a part by its name. key: what stands before the name in the configuration, for messages."""
+    of, key = _KINDS[kind], f"{key}.{_KINDS[kind].which}"
+    if of.check and ":" in str(name):
+        found: type[Any] = class_named(name, of.base, key)
+        try:
+            of.check(found)
+        except ValueError as error:
+            raise ConfigError(f"{key}={name}: {error}") from error
+        return found
+    if name not in of.names:
+        known = [NONE] * (kind == "rule") + of.names + [f"a {kind} of your own, FILE.py:NAME"] * bool(of.check)
+        raise ConfigError(f"{key} must be one of {', '.join(known)}, got {name!r}")
+    if of.usual and name in of.usual:
+        return of.usual[name]
+    assert of.package is not None  # it has the names
+    module = importlib.import_module(f"{of.package.__name__}.{name}")
+    classes = (one for one in vars(module).values() if isinstance(one, type) and issubclass(one, of.base))
+    return next(one for one in classes if one.__module__ == module.__name__)
+
+
+def part_from(kind: str, settings: Mapping[str, Any], key: str) -> Any:
+    """The part that settings below a key describe: the name of its class, and the settings that this has."""
+    which = _KINDS[kind].which
+    name, own = settings.get(which), {one: value for one, value in settings.items() if one != which}
+    made = part_class(kind, name, key)
     try:
-        arguments_of(kind)
-    except ValueError as error:
-        raise ConfigError(f"{key}.rule={where}: {error}") from error
-    return kind
-
-
-def fitness_class(where: str) -> type[Fitness]:
-    """The class of a fitness: that of the paper, or one of a file."""
-    key = "fitness.function"
-    if where == PAPER:
-        return Fitness
-    if ":" not in where:
-        raise ConfigError(f"{key} must be {PAPER}, or a fitness of your own, FILE.py:NAME, got {where!r}")
-    kind = class_named(where, Fitness, key)
-    try:
-        check_class(kind)
-    except ValueError as error:
-        raise ConfigError(f"{key}={where}: {error}") from error
-    return kind
-
-
-def rule_file(settings: Mapping[str, Any]) -> Path | None:
-    """The file of a user's own rule; None for a rule of the program."""
-    file, colon, _ = str(settings.get("rule", "")).rpartition(":")
-    return path_of(file, "hebbian.rule") if colon else None
-
-
-def optimizer_names() -> list[str]:
-    """The optimizers that the program has."""
-    return _names_in(optimizers)
-
-
-def optimizer_class(algorithm: Any) -> type[Algorithm]:
-    """The class of an optimizer, of the program's own or of a file; its fields are its settings."""
-    key = "optimizer.algorithm"
-    if ":" not in str(algorithm):
-        own = ", or an optimizer of your own, FILE.py:NAME"
-        return _class_of(optimizers, algorithm, Algorithm, key, own)  # type: ignore[type-abstract]
-    kind = class_named(algorithm, Optimizer, key)  # type: ignore[type-abstract]
-    if not hasattr(kind, "tell"):
-        raise ConfigError(f"{key}={algorithm}: optimizer {kind.__name__} has no method `tell`")
-    try:
-        own_class.check_fields(f"optimizer {kind.__name__}", kind)
-    except ValueError as error:
-        raise ConfigError(f"{key}={algorithm}: {error}") from error
-    return kind
-
-
-def task_names() -> list[str]:
-    """The tasks that the program has."""
-    return _names_in(tasks)
-
-
-def task_class(name: Any) -> type[Task]:
-    """The class of the task of this name, whose fields are its settings."""
-    return _class_of(tasks, name, Task, "task.kind")
-
-
-def _names_in(package: types.ModuleType) -> list[str]:
-    return sorted(module.name for module in pkgutil.iter_modules(package.__path__))
-
-
-def _class_of(package: types.ModuleType, name: Any, base: type[Base], key: str, own: str = "") -> type[Base]:
-    """The subclass of a base that the module of this name has of its own."""
-    known = _names_in(package)
-    if name not in known:
-        raise ConfigError(f"{key} must be one of {', '.join(known)}{own}, got {name!r}")
-    module = importlib.import_module(f"{package.__name__}.{name}")
-    kinds = (kind for kind in vars(module).values() if isinstance(kind, type) and issubclass(kind, base))
-    return next(kind for kind in kinds if kind.__module__ == module.__name__)
+        return made(**part_settings(made, own, key, f"{kind} {name}"))
+    except ConfigError:
+        raise
+    except Exception as error:  # what a user's own checks may raise has no end
+        message = str(error).replace("hebbian.", f"{key}.", 1)
+        raise ConfigError(message if key in message else f"{key}.{which}={name}: {message}") from error

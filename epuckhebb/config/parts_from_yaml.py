@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, get_type_hints
 
-from epuckhebb.config.plugins import class_named
+from epuckhebb.config.parts import part_from
 from epuckhebb.config.values import part_settings, record
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.maze import Maze, Pose
@@ -59,7 +59,8 @@ def robot_from(value: object) -> Robot:
     own = given.pop(_OWN) if isinstance(given, dict) else []
     if isinstance(own, str) or not isinstance(own, Sequence):
         raise ConfigError(f"robot.{_OWN} must be a list, [{{sensor: FILE.py:NAME}}], got {own!r}")
-    values = record("robot", given, kinds, {_OWN: []})
+    values = record("robot", given, kinds, {_OWN: [], "solid": None})
+    values.setdefault("solid", None)
     light = LightSensors(places=values.pop("light_places"))
     felt = DistanceSensors(**{field: values.pop(key) for key, field in _OF_DISTANCE.items()})
     more = [_own_sensor(settings, f"robot.{_OWN}[{number}]") for number, settings in enumerate(own)]
@@ -72,24 +73,13 @@ def _own_sensor(given: object, key: str) -> Sensor:
         raise ConfigError(f"{key} must be {{sensor: FILE.py:NAME}} and its settings, got {given!r}")
     if "recorded" in given:
         return recorded_sensor(given["recorded"], given["readings"])
-    where = str(given["sensor"])
-    kind = sensor_class(where, f"{key}.sensor")
-    values = {name: value for name, value in given.items() if name not in ("sensor", "readings")}
-    readings = tuple(given.get("readings", kind.readings))
-    if readings != kind.readings:
-        raise ConfigError(f"{key}.readings must be left out, or {list(kind.readings)}, got {list(readings)}")
+    values = {name: value for name, value in given.items() if name != "readings"}
+    sensor: Sensor = part_from("sensor", values, key)
+    known = list(sensor.readings)
+    if list(given.get("readings", known)) != known:
+        raise ConfigError(f"{key}.readings must be left out, or {known}, got {given['readings']}")
     try:
-        sensor = kind(**part_settings(kind, values, key, f"sensor {where}"))
         sensor.check()
-    except ConfigError:
-        raise
     except Exception as error:  # what a user's own checks may raise has no end
-        raise ConfigError(f"{key}.sensor={where}: {error}") from error
+        raise ConfigError(f"{key}.sensor={given['sensor']}: {error}") from error
     return sensor
-
-
-def sensor_class(where: str, key: str) -> type[Sensor]:
-    """The class of a user's sensor."""
-    if ":" not in where:
-        raise ConfigError(f"{key} must be a sensor of your own, FILE.py:NAME, got {where!r}")
-    return class_named(where, Sensor, key)

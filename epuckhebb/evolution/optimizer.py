@@ -18,6 +18,7 @@ from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.genome import GenomePlan
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES
+from epuckhebb.sim.own_class import check_fields
 from epuckhebb.sim.ranges import check_range
 
 if TYPE_CHECKING:
@@ -182,6 +183,19 @@ class EvolutionStrategy(Optimizer):
     def first_generation(self) -> int:
         """The size of the first generation."""
         return self.starts
+
+
+def check_optimizer(kind: type[Algorithm]) -> None:
+    """Check a class of the user's.
+
+    Raises:
+        ValueError: It is no `Optimizer`, has no method `tell`, or has annotations that are no settings.
+    """
+    if Optimizer not in kind.__mro__:
+        raise ValueError(f"{kind.__name__} must inherit from epuckhebb.Optimizer")
+    if not hasattr(kind, "tell"):
+        raise ValueError(f"optimizer {kind.__name__} has no method `tell`")
+    check_fields(f"optimizer {kind.__name__}", kind)
 
 
 def paper_generations(first: int, each: int, last: int, stretch: float) -> int:

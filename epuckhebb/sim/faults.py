@@ -8,9 +8,14 @@ speed within a step, by the force m (wanted - actual) / step. A mass of m times 
 way, so each wheel's speed follows its command slowly. Mass has no other effect: walls do not move, they push on the
 robot's centre, and the friction of a wall grows with the mass.
 
+Sensors or wheels may be *late*: the network gets the readings of some steps ago, or the wheels its commands of then.
+Neighbouring infra-red sensors may *cross-talk*: each also reads a share of what its two neighbours do. A converter with
+few *levels* rounds each reading.
+
 Every kernel has dead sensors and weak wheels. The other faults are a part that only some kernels have.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -24,6 +29,7 @@ from epuckhebb.sim.robot import STEP_S, Robot
 
 SPELL = round(0.5 / STEP_S)  # steps for which a wheel slips or grips
 SLIPPING = 0.5  # share of its speed that the floor lets through then
+LONGEST_DELAY = 31  # steps, about a second
 FAR = 2**50  # slips are drawn at numbers that neither sensor noise nor exploration reaches
 
 
@@ -32,7 +38,10 @@ class Faults(NamedTuple):
 
     dead_sensors: numbers of its blind places. distance_gain, distance_offset: factor on its distance readings, and what
     is added then. left_wheel, right_wheel: share of the commanded speed. left_slip, right_slip: share of the time for
-    which the wheel slips. lag: share of the way to the commanded speed that a step leaves undone.
+    which the wheel slips. lag: share of the way to the commanded speed that a step leaves undone. left_distance_gain:
+    one more factor, on the distance readings of the left half. crosstalk: share of both neighbours' distance readings
+    that a reading has besides. levels: how many different values a reading can have, 0 for any. sensor_delay,
+    wheel_delay: steps.
     """
 
     dead_sensors: NDArray[np.int64]
@@ -43,11 +52,21 @@ class Faults(NamedTuple):
     left_slip: float
     right_slip: float
     lag: float
+    left_distance_gain: float = 1.0
+    crosstalk: float = 0.0
+    levels: int = 0
+    sensor_delay: int = 0
+    wheel_delay: int = 0
 
     @property
     def more(self) -> bool:
         """Whether there are other faults than dead sensors and weak wheels."""
-        return (self.distance_gain, self.distance_offset, self.left_slip, self.right_slip, self.lag) != (1, 0, 0, 0, 0)
+        return self != Faults(self.dead_sensors, 1.0, 0.0, self.left_wheel, self.right_wheel, 0.0, 0.0, 0.0)
+
+
+def initial_past(robot: Robot) -> Floats:
+    """What late sensors and wheels need, of the last steps: the readings, and the two commands."""
+    return np.zeros((LONGEST_DELAY + 1, robot.inputs + 2))
 
 
 def lag_of(mass_ratio: float) -> float:
@@ -66,8 +85,9 @@ def grip(slip: float, key: np.uint64, step: int, wheel: int) -> float:
 class Hooks(NamedTuple):
     """The functions of faults that a lifetime calls.
 
-    apply_sensor_faults(readings, faults): changes the sensor readings. turn_wheels(faults, tally, left, right, gain,
-    key, step): the speeds [rad/s] at which the wheels move the robot, for these outputs of the network.
+    apply_sensor_faults(readings, faults, past, step): changes the sensor readings. turn_wheels(faults, tally, past,
+    left, right, gain, key, step): the speeds [rad/s] at which the wheels move the robot, for these outputs of the
+    network. past: as `initial_past`, updated.
     """
 
     apply_sensor_faults: Callable[..., None]
@@ -80,13 +100,13 @@ def hooks(robot: Robot, more: bool) -> Hooks:
 
 
 @compiled
-def _as_it_is(readings: Floats, faults: Faults) -> None:
+def _as_it_is(readings: Floats, faults: Faults, past: Floats, step: int) -> None:
     pass
 
 
 @compiled
 def _at_once(
-    faults: Faults, tally: Any, left: float, right: float, gain: float, key: np.uint64, step: int
+    faults: Faults, tally: Any, past: Floats, left: float, right: float, gain: float, key: np.uint64, step: int
 ) -> tuple[float, float]:
     tally.left_speed = gain * faults.left_wheel * left  # for a kernel with more faults, which may follow
     tally.right_speed = gain * faults.right_wheel * right
@@ -95,20 +115,43 @@ def _at_once(
 
 def _miscalibrated(robot: Robot) -> Callable[..., None]:
     distances = robot.inputs_of(robot.distance)
-    first, last = distances.start, distances.stop
+    first, count, inputs = distances.start, robot.distance.count, robot.inputs
+    on_left = np.array([(place.azimuth + 180.0) % 360.0 > 180.0 for place in robot.distance.places])
 
     @compiled
-    def apply_sensor_faults(readings: Floats, faults: Faults) -> None:
-        for i in range(first, last):
-            readings[i] = min(1.0, max(0.0, readings[i] * faults.distance_gain + faults.distance_offset))
+    def apply_sensor_faults(readings: Floats, faults: Faults, past: Floats, step: int) -> None:
+        for i in range(count):
+            gain = faults.distance_gain * faults.left_distance_gain if on_left[i] else faults.distance_gain
+            readings[first + i] = min(1.0, max(0.0, readings[first + i] * gain + faults.distance_offset))
+        now = past[step % past.shape[0]]
+        if faults.crosstalk > 0.0:
+            for i in range(count):
+                beside = readings[first + (i + 1) % count] + readings[first + (i + count - 1) % count]
+                now[i] = min(1.0, readings[first + i] + faults.crosstalk * beside)
+            for i in range(count):
+                readings[first + i] = now[i]
+        if faults.levels > 0:
+            for i in range(inputs):
+                readings[i] = math.floor(readings[i] * (faults.levels - 1.0) + 0.5) / (faults.levels - 1.0)
+        if faults.sensor_delay > 0:
+            for i in range(inputs):
+                now[i] = readings[i]
+            then = past[max(0, step - faults.sensor_delay) % past.shape[0]]
+            for i in range(inputs):
+                readings[i] = then[i]
 
     return apply_sensor_faults
 
 
 @compiled
 def _slow_and_slipping(
-    faults: Faults, tally: Any, left: float, right: float, gain: float, key: np.uint64, step: int
+    faults: Faults, tally: Any, past: Floats, left: float, right: float, gain: float, key: np.uint64, step: int
 ) -> tuple[float, float]:
+    if faults.wheel_delay > 0:
+        commands = past.shape[1] - 2
+        now, then = past[step % past.shape[0]], past[max(0, step - faults.wheel_delay) % past.shape[0]]
+        now[commands], now[commands + 1] = left, right
+        left, right = (then[commands], then[commands + 1]) if step >= faults.wheel_delay else (0.0, 0.0)
     left = gain * faults.left_wheel * left * grip(faults.left_slip, key, step, 0)
     right = gain * faults.right_wheel * right * grip(faults.right_slip, key, step, 1)
     tally.left_speed = left + faults.lag * (tally.left_speed - left)

@@ -13,18 +13,23 @@ from numpy.typing import NDArray
 from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate, initial_adaptation_state
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.faults import Faults
+from epuckhebb.sim.faults import Faults, initial_past
+from epuckhebb.sim.fitness import History
+from epuckhebb.sim.goal_signal import SignalNumbers
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, Network
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
 from epuckhebb.sim.random import noise_workspace_size
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.senses import SenseWorkspace, sense_workspace
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import NO_TRIALS
 from epuckhebb.sim.vectors import whole
+from epuckhebb.sim.wiring import NO_NEURONS, Neurons
 
 _LONGEST_S = 1e9  # 31 years: more is surely a slip
 
@@ -47,6 +52,8 @@ TALLY = np.dtype(
         ("need", np.float64),  # g of the last step
         ("change_signal", np.float64),  # nan without a signal
         ("away_s", np.float64),  # since the start, or since it was at the goal
+        ("exploring", np.bool_),  # whether the gate of exploration is open
+        ("halted", np.bool_),  # whether it stands still at the goal
         ("late_s", np.float64),  # how long the signal of change has been above its threshold
         ("noise_left", np.float64),  # on the wheels' outputs, of exploration
         ("noise_right", np.float64),
@@ -109,12 +116,12 @@ class Workspace(NamedTuple):
     change: Floats
 
 
-def workspace_for(network: Network, robot: Robot) -> Workspace:
+def workspace_for(network: Network, robot: Robot, physics: Physics = PYMUNK) -> Workspace:
     """Workspace for this network and robot."""
     return Workspace(
-        senses=sense_workspace(robot),
+        senses=sense_workspace(robot, physics),
         noise=np.zeros(noise_workspace_size(robot.inputs)),
-        drive=np.empty(whole(max(network.post))),
+        drive=np.empty(network.neurons if network.wiring is not None else whole(max(network.post))),
         synapses=np.empty((3, network.synapses)),
         change=np.empty(weight_change_workspace(network)),
     )
@@ -126,7 +133,7 @@ class Genotype(NamedTuple):
     weights: (synapses,), the genes. synapse_state: (synapses,) records, the initial state of each synapse.
     coefficients: (names, synapses) from evolved parameters of the rule. modulatory: weights of its modulatory neuron,
     if any. lengths: (neurons,) of each neuron's incoming weights, if the rule keeps them. signs: (synapses,) of the
-    updates.
+    updates. neurons: of a wiring.
     """
 
     weights: Floats
@@ -135,14 +142,16 @@ class Genotype(NamedTuple):
     modulatory: Floats
     lengths: Floats
     signs: Floats
+    neurons: Neurons = NO_NEURONS
 
 
 class Life(NamedTuple):
-    """All that a lifetime carries from step to step, but for the pymunk space in which the robot stands.
+    """All that a lifetime carries from step to step, but for the space in which the robot stands.
 
     tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records. activation: (neurons,).
     adaptation: what it carries. trials: records of `epuckhebb.sim.task.TRIAL`, none where a lifetime is one trial.
-    score: one record, what its fitness stores.
+    score: one record, what its fitness stores. neurons: of a wiring; its state lasts as long as the lifetime. past:
+    what late sensors and wheels need (`epuckhebb.sim.faults`).
     """
 
     tally: NDArray[np.void]
@@ -152,7 +161,35 @@ class Life(NamedTuple):
     adaptation: AdaptationState
     trials: NDArray[np.void]
     score: NDArray[np.void]
+    neurons: Neurons
     workspace: Workspace
+    past: Floats
+
+
+class Group(NamedTuple):
+    """What robots in one space carry, first axis the robots: of `Life`, of `Genotype` (genes: its weights), and keys.
+
+    neurons, parameters: of a wiring. motion: (robots, 6), the view of the space's state. wheels: (robots, 4) and
+    before: (robots, 2), workspace.
+    """
+
+    tally: NDArray[np.void]
+    weights: Floats
+    synapse_state: NDArray[np.void]
+    activation: Floats
+    score: NDArray[np.void]
+    past: Floats
+    genes: Floats
+    coefficients: Floats
+    modulatory: Floats
+    lengths: Floats
+    signs: Floats
+    keys: NDArray[np.uint64]
+    neurons: NDArray[np.void]
+    parameters: Floats
+    motion: Floats
+    wheels: Floats
+    before: Floats
 
 
 def initial_life(
@@ -174,7 +211,7 @@ def initial_life(
     """
     if genotype.weights.shape != (network.synapses,) or genotype.signs.shape != (network.synapses,):
         raise ValueError(
-            f"a network of layers {network} has {network.synapses} weights, got {genotype.weights.shape[0]} genes and "
+            f"a network {network} has {network.synapses} weights, got {genotype.weights.shape[0]} genes and "
             f"{genotype.signs.shape[0]} signs"
         )
     activation = np.zeros(network.neurons)
@@ -187,20 +224,24 @@ def initial_life(
         adaptation=initial_adaptation_state(robot) if adaptation is None else adaptation,
         trials=trials,
         score=fitness.initial_state(),
+        neurons=genotype.neurons._replace(state=genotype.neurons.state.copy()),
         workspace=workspace_for(network, robot) if workspace is None else workspace,
+        past=initial_past(robot),
     )
 
 
 class Trial(NamedTuple):
     """What the robot is to do, and what is wrong with it.
 
-    goal_x, goal_y, goal_radius: m. arm: the region in which it has turned the right way. arena: m, half side.
-    faults: what is wrong. terms: the numbers of its task, a tuple of a type of their own.
+    goal_x, goal_y, goal_radius: m. signal: how it is given the goal signal. arm: the region in which it has turned the
+    right way. arena: m, half side. faults: what is wrong. terms: the numbers of its task, a tuple of a type of their
+    own.
     """
 
     goal_x: float
     goal_y: float
     goal_radius: float
+    signal: SignalNumbers
     arm: Region
     arena: float
     faults: Faults
@@ -210,13 +251,14 @@ class Trial(NamedTuple):
 class Plasticity(NamedTuple):
     """The settings of a rule and of an adaptation, as numbers.
 
-    rate: N at the wheel gain of this lifetime. floor, signal: of the live fitness. numbers: all settings of the rule.
-    gate: of the adaptation.
+    rate: N at the wheel gain of this lifetime. floor, signal, history: of the live fitness. numbers: all settings of
+    the rule. gate: of the adaptation.
     """
 
     rate: float
     floor: float
     signal: int
+    history: History
     numbers: tuple[float, ...]
     gate: Gate
 
@@ -226,7 +268,9 @@ class Samples(NamedTuple):
 
     time [s]; pose: x, y [m], heading [rad]; sensors: the network's inputs; motors: the 2 network outputs; fitness:
     live F; change_signal: nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|, that of homeostasis
-    included; weights: (samples, synapses), after the step's update, without the scale of homeostasis.
+    included; weights: (samples, synapses), after the step's update, without the scale of homeostasis; activations:
+    (samples, neurons) of those of a wiring, which weights and inputs alone do not give; none of layers; tilt: roll,
+    pitch [rad] and height above the floor [m], nothing in the plane.
     """
 
     time: Floats
@@ -238,9 +282,11 @@ class Samples(NamedTuple):
     rate: Floats
     weight_change: Floats
     weights: NDArray[np.float32]
+    activations: NDArray[np.float32]
+    tilt: Floats
 
 
-def empty_samples(count: int, network: Network) -> Samples:
+def empty_samples(count: int, network: Network, physics: Physics = PYMUNK) -> Samples:
     """Arrays for so many samples."""
 
     def numbers(*shape: int) -> Floats:
@@ -256,7 +302,14 @@ def empty_samples(count: int, network: Network) -> Samples:
         rate=numbers(),
         weight_change=numbers(),
         weights=np.zeros((count, network.synapses), np.float32),
+        activations=np.zeros((count, recorded_neurons(network)), np.float32),
+        tilt=numbers(physics.tilts),
     )
+
+
+def recorded_neurons(network: Network) -> int:
+    """How many activations are recorded: all neurons of a wiring, none of layers."""
+    return 0 if network.wiring is None else sum(network.layers[1:])
 
 
 def sample_bytes(network: Network) -> int:
@@ -273,6 +326,7 @@ def pad_samples(samples: Samples, life: Life, robot: Robot, record_every: int, p
     after = slice(-(-int(tally["step"]) // record_every), None)
     samples.time[after] = np.arange(len(samples.time))[after] * record_every * STEP_S
     samples.pose[after], samples.weights[after] = pose[:3], life.weights
+    samples.activations[after] = life.activation[len(life.activation) - samples.activations.shape[1] :]
     samples.sensors[after, : robot.inputs] = life.activation[: robot.inputs]  # and no reward
     samples.weight_change[after] = tally["weight_change"] + tally["scaling"]
 

@@ -7,25 +7,26 @@ any step and resumed bit-identically.
 """
 
 import math
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from epuckhebb.sim import faults, fitness
 from epuckhebb.sim.adaptation import adaptation
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
-from epuckhebb.sim.life import Genotype, Life, Samples, Setup
+from epuckhebb.sim.life import Genotype, Group, Life, Samples, Setup, Trial
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, forward_pass
 from epuckhebb.sim.own_fitness import Fitness, score_of
-from epuckhebb.sim.physics import Handles, is_lost, mover, pose
+from epuckhebb.sim.physics.pymunk import PYMUNK, mover, mover_of_all
 from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.plasticity.update import StepContext, effective_rate, modulation_of, update_of
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.robot import EPUCK, STEP_S
 from epuckhebb.sim.senses import blinding, largest_distance_reading, senses
-from epuckhebb.sim.sensors import Goal
+from epuckhebb.sim.sensors import NO_ROBOTS, Goal
+from epuckhebb.sim.space import Handles, is_lost, pose
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
+from epuckhebb.sim.wiring import Neurons
 
 OWN = int(fitness.Signal.fitness)
 CONTACT = 0.8  # a distance reading above this counts as contact, as in the published code
@@ -33,10 +34,12 @@ CONTACT = 0.8  # a distance reading above this counts as contact, as in the publ
 # The parts of a lifetime, as the paper's robot without plasticity has them; `kernel_of` puts others in their place.
 WHEELS, HAS_RULE, HAS_TRIALS, HAS_SCORE = PAPER_NETWORK.wheels, False, False, False
 score = score_of(Fitness)
-sense, blind, nearest = senses(EPUCK), blinding(EPUCK), largest_distance_reading(EPUCK)
+sense, blind, nearest = senses(EPUCK, PYMUNK), blinding(EPUCK), largest_distance_reading(EPUCK)
 draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
+move_all = mover_of_all(EPUCK)
 learn, modulate = update_of(NoRule, PAPER_NETWORK), modulation_of(NoRule, PAPER_NETWORK)
-correct, scale, open_gate, explore, compensate = adaptation.hooks(adaptation.NONE, EPUCK)
+record_tilt = PYMUNK.record_tilt()
+correct, scale, open_gate, explore, compensate, resets = adaptation.hooks(adaptation.Parts(), EPUCK)
 apply_sensor_faults, turn_wheels = faults.hooks(EPUCK, more=False)
 reward_input, to_goal, end_step = ONE_TRIAL.hooks(EPUCK.inputs)
 
@@ -49,21 +52,15 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
 
     for step in range(tally.step, until):
         cos, sin = math.cos(heading), math.sin(heading)
-        left, right = decide(life, setup, space.walls, x, y, heading, cos, sin, step)
+        left, right = decide(life, setup, space, NO_ROBOTS, x, y, heading, cos, sin, step)
 
         # Move.
-        left, right = turn_wheels(trial.faults, tally, left, right, gain, setup.key, step)
+        left, right = turn_wheels(trial.faults, tally, life.past, left, right, gain, setup.key, step)
         move(space, cos, sin, left, right)
         new_x, new_y, heading = pose(space)
-        tally.step = step + 1
-        if is_lost(new_x, new_y, heading, trial.arena):
-            tally.lost = True
+        if settle(tally, trial, x, y, new_x, new_y, heading, step):
             break
-        tally.path_length += math.sqrt((new_x - x) * (new_x - x) + (new_y - y) * (new_y - y))
         x, y = new_x, new_y
-        tally.goal_distance = to_goal(trial, x, y)
-        if math.isnan(tally.time_to_goal) and tally.goal_distance < trial.goal_radius:
-            tally.time_to_goal = (step + 1) * STEP_S
 
         # Begin again.
         if HAS_TRIALS:
@@ -74,10 +71,84 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
             tally.goal_distance = to_goal(trial, x, y)
 
 
+def live_together(group: Group, life: Life, setup: Setup, space: Any, until: int) -> None:
+    """Run the lifetimes of the robots of a space until before step `until`, or until one is lost. group: updated.
+
+    In a step all robots sense and decide, in their order, before any moves. life, setup: of any of them, for what all
+    share.
+    """
+    motion, wheels, trial, gain = group.motion, group.wheels, setup.trial, setup.gain
+    robots, lost = motion.shape[0], False
+    for step in range(group.tally[0][0].step, until):
+        for i in range(robots):
+            one = Life(
+                group.tally[i],
+                group.weights[i],
+                group.synapse_state[i],
+                group.activation[i],
+                life.adaptation,
+                life.trials,
+                group.score[i],
+                Neurons(group.neurons[i], group.parameters[i], life.neurons.numbers, life.neurons.step_s),
+                life.workspace,
+                group.past[i],
+            )
+            genotype = Genotype(
+                group.genes[i],
+                setup.genotype.synapse_state,
+                group.coefficients[i],
+                group.modulatory[i],
+                group.lengths[i],
+                group.signs[i],
+            )
+            own = Setup(
+                genotype,
+                setup.plasticity,
+                setup.nominal,
+                setup.lit,
+                trial,
+                setup.fitness,
+                gain,
+                setup.noise_level,
+                group.keys[i],
+                0,
+                setup.samples,
+            )
+            x, y, heading = motion[i, 0], motion[i, 1], motion[i, 2]
+            cos, sin = math.cos(heading), math.sin(heading)
+            tally = one.tally[0]
+            tally.goal_distance = to_goal(trial, x, y)
+            left, right = decide(one, own, space, motion, x, y, heading, cos, sin, step)
+            left, right = turn_wheels(trial.faults, tally, one.past, left, right, gain, own.key, step)
+            wheels[i, 0], wheels[i, 1], wheels[i, 2], wheels[i, 3] = left, right, cos, sin
+            group.before[i, 0], group.before[i, 1] = x, y
+        move_all(space, motion, wheels)
+        for i in range(robots):
+            x, y = group.before[i, 0], group.before[i, 1]
+            tally = group.tally[i][0]
+            lost = settle(tally, trial, x, y, motion[i, 0], motion[i, 1], motion[i, 2], step) or lost
+        if lost:
+            break
+
+
+def settle(tally: Any, trial: Trial, x: float, y: float, new_x: float, new_y: float, heading: float, step: int) -> bool:
+    """Count a step that moved the robot from (x, y) to a new pose; returns whether it is lost."""
+    tally.step = step + 1
+    if is_lost(new_x, new_y, heading, trial.arena):
+        tally.lost = True
+        return True
+    tally.path_length += math.sqrt((new_x - x) * (new_x - x) + (new_y - y) * (new_y - y))
+    tally.goal_distance = to_goal(trial, new_x, new_y)
+    if math.isnan(tally.time_to_goal) and tally.goal_distance < trial.goal_radius:
+        tally.time_to_goal = (step + 1) * STEP_S
+    return False
+
+
 def decide(
     life: Life,
     setup: Setup,
-    walls: NDArray[np.float64],
+    space: Handles,
+    robots: Floats,
     x: float,
     y: float,
     heading: float,
@@ -87,7 +158,8 @@ def decide(
 ) -> tuple[float, float]:
     """Sense, act, score and learn at a pose; returns the outputs for the left and the right wheel.
 
-    It moves nothing, so that robots which share a space can all decide before any of them moves.
+    It moves nothing, so that robots which share a space can all decide before any of them moves. robots: all that
+    share it, as `epuckhebb.sim.sensors.Surroundings` has them.
     """
     tally, weights, activation, workspace = life.tally[0], life.weights, life.activation, life.workspace
     genotype, plasticity, trial = setup.genotype, setup.plasticity, setup.trial
@@ -97,15 +169,16 @@ def decide(
     if setup.noise_level > 0.0:
         draw_noise(setup.key, step, workspace.noise)
     goal = Goal(trial.goal_x, trial.goal_y, tally.goal_distance)
-    sense(x, y, cos, sin, walls, setup.lit, workspace.noise, setup.noise_level, workspace.senses, activation, goal)
-    apply_sensor_faults(activation, trial.faults)
+    noise, noise_level = workspace.noise, setup.noise_level
+    sense(x, y, cos, sin, space, setup.lit, noise, noise_level, workspace.senses, activation, goal, robots)
+    apply_sensor_faults(activation, trial.faults, life.past, step)
     blind(activation, trial.faults.dead_sensors)
     correct(activation, corrections, life.adaptation.correcting)
     scale(activation, weights, tally, life.adaptation.homeostasis, setup.nominal, step)
     reward_input(activation, tally.reward)
 
     # Act.
-    forward(weights, activation, workspace.drive)
+    forward(weights, activation, workspace.drive, life.neurons)
     left, right = activation[WHEELS], activation[WHEELS + 1]
 
     # Score.
@@ -119,7 +192,15 @@ def decide(
     tally.contacts += nearness > CONTACT
     trial_steps = step + 1.0 - tally.began
     live_fitness = fitness.live_fitness(
-        plasticity.signal, activation, left, right, behaviour, tally.goal_distance, trial_steps, tally.undirected_sum
+        plasticity.signal,
+        activation,
+        left,
+        right,
+        behaviour,
+        tally.goal_distance,
+        trial_steps,
+        tally.undirected_sum,
+        plasticity.history,
     )
 
     if HAS_SCORE:
@@ -132,11 +213,10 @@ def decide(
             live_fitness = worth
 
     # Learn.
-    at_goal = tally.goal_distance < trial.goal_radius
     need = open_gate(
-        plasticity.gate, tally, life.adaptation, activation, live_fitness, setup.nominal, at_goal, step, setup.key
+        plasticity.gate, tally, life.adaptation, activation, live_fitness, setup.nominal, trial, step, setup.key
     )
-    if tally.need > 0.0 and need == 0.0:
+    if resets and tally.need > 0.0 and need == 0.0:
         reset_to_genes(life, genotype)
     tally.need = need
     rate = effective_rate(plasticity.rate, need, live_fitness, plasticity.floor)
@@ -159,6 +239,7 @@ def decide(
     tally.weight_change_sum += tally.weight_change + tally.scaling
     if setup.record_every > 0 and step % setup.record_every == 0:
         record(setup.samples, step // setup.record_every, step * STEP_S, x, y, heading, life, live_fitness, rate)
+        record_tilt(space, setup.samples.tilt, (step // setup.record_every) % setup.samples.time.shape[0])
 
     # Explore, and compensate for weak wheels.
     left, right = explore(plasticity.gate, tally, life.adaptation, activation, left, right, setup.gain)
@@ -207,3 +288,6 @@ def record(
     samples.rate[place], samples.weight_change[place] = rate, tally.weight_change + tally.scaling
     for k in range(synapses):
         samples.weights[place, k] = life.weights[k]
+    neurons = samples.activations.shape[1]
+    for j in range(neurons):
+        samples.activations[place, j] = life.activation[life.activation.shape[0] - neurons + j]

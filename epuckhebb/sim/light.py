@@ -6,6 +6,7 @@ Source: Webots' light sensor, its textured background light and its e-puck model
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -45,7 +46,10 @@ class Lamp:
 
 
 class Lights(NamedTuple):
-    """The lights of one lifetime as numbers for the kernel; `lamp_intensity` is 0 when the lamp is off."""
+    """The lights of one lifetime as numbers for the kernel; `lamp_intensity` is 0 when the lamp is off.
+
+    sun_x, sun_y: horizontal part of the unit vector towards the sun. second_*: a lamp that shines all around.
+    """
 
     sun: float
     lamp_intensity: float
@@ -54,10 +58,22 @@ class Lights(NamedTuple):
     lamp_towards_x: float
     lamp_towards_y: float
     cos_beam: float
+    sun_x: float = SUN_X
+    sun_y: float = SUN_Y
+    second_x: float = 0.0
+    second_y: float = 0.0
+    second_intensity: float = 0.0
 
 
-def lights(light: float, lamp: Lamp, lamp_on: bool) -> Lights:
-    """Sun at this light level and the lamp, lit or not."""
+def lights(
+    light: float, lamp: Lamp, lamp_on: bool, sun_turn_deg: float = 0.0, second: Sequence[float] | None = None
+) -> Lights:
+    """Sun at this light level and the lamp, lit or not.
+
+    sun_turn_deg: how far the sun is turned, anticlockwise. second: x, y [m] and intensity of a second lamp.
+    """
+    cos, sin = math.cos(math.radians(sun_turn_deg)), math.sin(math.radians(sun_turn_deg))
+    second_x, second_y, second_intensity = (0.0, 0.0, 0.0) if second is None else map(float, second)
     length = math.hypot(lamp.towards_x, lamp.towards_y)
     return Lights(
         SUN_IRRADIANCE * light,
@@ -67,13 +83,22 @@ def lights(light: float, lamp: Lamp, lamp_on: bool) -> Lights:
         lamp.towards_x / length,
         lamp.towards_y / length,
         math.cos(lamp.beam_rad),
+        SUN_X * cos - SUN_Y * sin,
+        SUN_X * sin + SUN_Y * cos,
+        second_x,
+        second_y,
+        second_intensity,
     )
 
 
 @compiled
 def irradiance(x: float, y: float, look_x: float, look_y: float, lit: Lights) -> float:
     """Irradiance E on a sensor at (x, y) that looks along the unit vector (look_x, look_y)."""
-    bright = 1.0 + lit.sun * max(0.0, look_x * SUN_X + look_y * SUN_Y)
+    bright = 1.0 + lit.sun * max(0.0, look_x * lit.sun_x + look_y * lit.sun_y)
+    if lit.second_intensity > 0.0:
+        to_x, to_y = lit.second_x - x, lit.second_y - y
+        distance = math.sqrt(to_x * to_x + to_y * to_y)
+        bright += lit.second_intensity * max(0.0, look_x * to_x + look_y * to_y) / (distance * distance * distance)
     if lit.lamp_intensity == 0.0:
         return bright
     to_x, to_y = lit.lamp_x - x, lit.lamp_y - y

@@ -12,7 +12,7 @@ from epuckhebb.sim import own_class
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled, in_module
 from epuckhebb.sim.light import Lamp, lights
-from epuckhebb.sim.sensors import Goal, Kernels, SensorGroup, Surroundings, nothing
+from epuckhebb.sim.sensors import NO_ROBOTS, Goal, Kernels, SensorGroup, Surroundings, nothing
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
 _OF_READ = {  # the arguments that `read` may have, and how the kernel has them
@@ -147,7 +147,7 @@ def _arguments(kind: type[Sensor]) -> tuple[str, ...]:
 def _surroundings(inputs: int = 1) -> Surroundings:
     """Those of a robot at the origin, which looks along x."""
     lit, walls = lights(1.0, Lamp(), lamp_on=False), np.zeros((1, 4))
-    return Surroundings(0.0, 0.0, 1.0, 0.0, walls, lit, np.zeros(inputs), 0.0, Goal(0.0, 0.3, 0.3))
+    return Surroundings(0.0, 0.0, 1.0, 0.0, walls, lit, np.zeros(inputs), 0.0, Goal(0.0, 0.3, 0.3), NO_ROBOTS)
 
 
 def own_sensors(groups: Sequence[SensorGroup]) -> list[Sensor]:

@@ -9,34 +9,53 @@ import numpy as np
 
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.by_hand import check_numbers, check_placed, check_put, check_values
+from epuckhebb.sim.faults import LONGEST_DELAY
+from epuckhebb.sim.goal_signal import GoalSignal
 from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.maze import SIDES, T_MAZE, Box, Maze, Place, Pose, Side, boxes, edges
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.reachable import check_reachable
 from epuckhebb.sim.robot import EPUCK, STEP_S, Robot
 from epuckhebb.sim.sensors import InputGroup
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
+_PARTS = ("task", "fitness", "physics")  # with settings of their own
 EXPERIMENTS = ("light", "obstacles")
 TRAINED = {"light": "highlight", "obstacles": "base"}  # the scenario in which each one's controllers are evolved
-FAULTS = ("distance_gain", "distance_offset", "left_wheel", "right_wheel", "left_slip", "right_slip", "mass_ratio")
+STEPS = ("sensor_levels", "sensor_delay_steps", "wheel_delay_steps")  # faults that are whole numbers
+FAULTS = (
+    *("distance_gain", "distance_offset", "left_distance_gain", "crosstalk", *STEPS),
+    *("left_wheel", "right_wheel", "left_slip", "right_slip", "mass_ratio"),
+)
+GROUPED = {"lamp": Lamp, "goal_signal": GoalSignal}  # keys with keys of their own
+SUNLIGHT = ("light", "sun_turn_deg")
 AT_ONCE: Mapping[str, Any] = {"put": None, "reset": False}  # what happens at one step, and is over
 EVENTS = ("lamp_on", "placed", "rate", *AT_ONCE)
-CHANGEABLE = ("light", "lamp", "obstacles", "layout", "goals", "dead_sensors", *FAULTS, "wall_friction", *EVENTS)
+CHANGEABLE = (
+    *(*SUNLIGHT, *GROUPED, "second_lamp", "obstacles", "layout", "goals", "dead_sensors", *FAULTS, "wall_friction"),
+    *EVENTS,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
     """How light it is, how many obstacles stand in the maze, where its lamp is (lit on right trials), what is broken.
 
-    light: level of the sun, 1 as in bright training, 0.1 dimmed. obstacles: how many; 0, 2 or 4 in the paper's maze.
+    light: level of the sun, 1 as in bright training, 0.1 dimmed. sun_turn_deg: how far the sun is turned anticlockwise
+    from where it stands in training. second_lamp: x, y [m] and intensity of a lamp that is always lit and shines all
+    around. goal_signal: how an adaptation is given the goal signal. obstacles: how many; 0, 2 or 4 in the paper's maze.
     layout: where they stand, 0 as in the maze, k > 0 the k-th random layout. goals: of each side, None for the maze's.
     dead_sensors: numbers of the places on the robot's rim where it is blind (senses the dark and no wall).
-    distance_gain, distance_offset: factor on its distance readings, 0 to 1, and what is added then. left_wheel,
-    right_wheel: share of the commanded speed at which the wheel turns. left_slip, right_slip: share of the time for
-    which the wheel slips. mass_ratio: the robot's mass over that for which its drive was made. wall_friction:
+    distance_gain, distance_offset: factor on its distance readings, 0 to 1, and what is added then.
+    left_distance_gain: one more factor, for those on the left half. crosstalk: share of its two neighbours' readings
+    that a distance sensor also reads. sensor_levels: how many values a reading can have, 0 for any. sensor_delay_steps,
+    wheel_delay_steps: how late the readings and the commands are, in steps of 32 ms. left_wheel, right_wheel:
+    share of the commanded speed at which the wheel turns. left_slip, right_slip: share of the time for which the wheel
+    slips. mass_ratio: the robot's mass over that for which its drive was made. wall_friction:
     coefficient of friction between robot and walls. lamp_on: whether the lamp is lit, None for what the side says.
     placed: blocks in the maze besides its obstacles. rate: factor on N. put: where the robot is put, at rest, when this
     world begins. reset: whether its weights become those of the genes then. changes: what changes during a lifetime, in
@@ -50,12 +69,18 @@ class Scenario:
     name: str = "base"
     experiment: str = "obstacles"
     light: float = 0.1
+    sun_turn_deg: float = 0.0
     obstacles: int = 0
     layout: int = 0
     goals: Mapping[Side, Place] | None = None
     dead_sensors: Sequence[int] = ()
     distance_gain: float = 1.0
     distance_offset: float = 0.0
+    left_distance_gain: float = 1.0
+    crosstalk: float = 0.0
+    sensor_levels: int = 0
+    sensor_delay_steps: int = 0
+    wheel_delay_steps: int = 0
     left_wheel: float = 1.0
     right_wheel: float = 1.0
     left_slip: float = 0.0
@@ -63,6 +88,8 @@ class Scenario:
     mass_ratio: float = 1.0
     wall_friction: float = 0.0
     lamp: Lamp = field(default_factory=Lamp)
+    second_lamp: Sequence[float] | None = None
+    goal_signal: GoalSignal = field(default_factory=GoalSignal)
     lamp_on: bool | None = None
     placed: Sequence[Box] = ()
     rate: float = 1.0
@@ -76,12 +103,16 @@ class Scenario:
     robot: Robot = EPUCK
     task: Task = ONE_TRIAL
     fitness: Fitness = PAPER_FITNESS
+    physics: Physics = PYMUNK
 
     def __post_init__(self) -> None:
         """Validate the settings."""
         if self.experiment not in EXPERIMENTS:
             raise ValueError(f"scenario.experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
         check_range(self, "scenario", "light")
+        check_range(self, "scenario", "sun_turn_deg", least=-180, most=180)
+        if self.second_lamp is not None:
+            _check_second_lamp(self.second_lamp)
         if self.obstacles not in self.maze.obstacle_counts:
             allowed = ", ".join(map(str, self.maze.obstacle_counts))
             raise ValueError(
@@ -106,6 +137,7 @@ class Scenario:
         check_placed(self.placed, self.maze)
         if self.put is not None:
             check_put(self.put, self.maze, self.robot.radius_m, self.boxes)
+        self.physics.check(self)
         self._check_changes()
 
     def check(self) -> None:
@@ -133,6 +165,13 @@ class Scenario:
             raise ValueError(
                 f"scenario.distance_gain must be a number above 0, got {self.distance_gain}; for a dead sensor give "
                 "scenario.dead_sensors"
+            )
+        check_range(self, "scenario", "left_distance_gain", above=True)
+        check_range(self, "scenario", "crosstalk", most=0.5)
+        check_range(self, "scenario", *STEPS[1:], most=LONGEST_DELAY)
+        if not (self.sensor_levels == 0 or self.sensor_levels >= 2):
+            raise ValueError(
+                f"scenario.sensor_levels must be 2 or more, or 0 for any reading, got {self.sensor_levels}"
             )
         if not -1 < self.distance_offset < 1:
             raise ValueError(f"scenario.distance_offset must lie between -1 and 1, got {self.distance_offset}")
@@ -188,8 +227,8 @@ class Scenario:
             values["placed"] = tuple(Box(*box) for box in values["placed"])
         if values.get("put") is not None:
             values["put"] = Pose(*values["put"])
-        if "lamp" in values:
-            values["lamp"] = replace(self.lamp, **values["lamp"])
+        for key in GROUPED.keys() & values.keys():
+            values[key] = replace(getattr(self, key), **values[key])
         if values.get("goals") is not None:
             values["goals"] = {**self.goals_now, **{side: Place(*place) for side, place in values["goals"].items()}}
         return replace(self, **{"changes": (), "hand": (), **AT_ONCE, **values})
@@ -229,7 +268,8 @@ class Scenario:
         for kind, mine, its in (("maze", self.maze, maze), ("robot", self.robot, robot)):
             if mine != its:
                 words.append(f"{kind}={mine.name}" + (" changed" if mine.name == its.name else ""))
-        for key, part, its_part in (("task", self.task, named.task), ("fitness", self.fitness, named.fitness)):
+        for key in _PARTS:
+            part, its_part = getattr(self, key), getattr(named, key)
             if part != its_part:
                 words.append(f"{key}={part.name}")
                 words += [
@@ -239,14 +279,14 @@ class Scenario:
                 ]
         for field_ in fields(self):
             mine, its = getattr(self, field_.name), getattr(named, field_.name)
-            if field_.name == "lamp":
+            if field_.name in GROUPED:
                 words += [
-                    f"lamp.{part.name}={_plain(getattr(mine, part.name))}"
-                    for part in fields(Lamp)
+                    f"{field_.name}.{part.name}={_plain(getattr(mine, part.name))}"
+                    for part in fields(mine)
                     if getattr(mine, part.name) != getattr(its, part.name)
                     and not (part.name == "intensity" and self.task.has_trials)  # off, as such a task demands
                 ]
-            elif field_.name in ("maze", "robot", "task", "fitness", "name"):
+            elif field_.name in ("maze", "robot", "name", *_PARTS):
                 continue
             elif field_.name == "goals" and mine != its:
                 words.append("goals=" + "/".join(f"{side}:{x:g},{y:g}" for side, (x, y) in self.goals_now.items()))
@@ -281,19 +321,26 @@ def _check_dead(dead: object, robot: Robot) -> None:
         raise ValueError(f"scenario.dead_sensors must name each sensor once, got {_plain(dead)}")
 
 
+def _check_second_lamp(lamp: object) -> None:
+    numbers = list(lamp) if isinstance(lamp, list | tuple) else []
+    good = len(numbers) == 3 and all(_is_number(number) and math.isfinite(number) for number in numbers)
+    if not (good and numbers[2] >= 0):
+        raise ValueError(f"scenario.second_lamp must be [x, y, intensity] in m, or null for none, got {_plain(lamp)}")
+
+
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _check_kind(key: str, value: object) -> None:
-    if key in ("light", "wall_friction", *FAULTS) and not _is_number(value):
+    if key in (*SUNLIGHT, "wall_friction", *FAULTS) and not _is_number(value):
         raise ValueError(f"{key} must be a number, got {value!r}")
-    if key in ("obstacles", "layout") and (not isinstance(value, int) or isinstance(value, bool)):
+    if key in ("obstacles", "layout", *STEPS) and (not isinstance(value, int) or isinstance(value, bool)):
         raise ValueError(f"{key} must be a whole number, got {value!r}")
-    if key == "lamp":
-        known = [field_.name for field_ in fields(Lamp)]
+    if key in GROUPED:
+        known = [field_.name for field_ in fields(GROUPED[key])]
         if not (isinstance(value, Mapping) and set(value) <= set(known) and all(map(_is_number, value.values()))):
-            raise ValueError(f"lamp must have numbers for any of {', '.join(known)}, got {value!r}")
+            raise ValueError(f"{key} must have numbers for any of {', '.join(known)}, got {value!r}")
     if key in ("put", "placed") and value is not None:
         check_numbers(key, value)
     if key == "goals" and value is not None:

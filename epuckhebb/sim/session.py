@@ -20,7 +20,7 @@ from epuckhebb.sim.adaptation.self_check.corrections import Corrections, check_c
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compile_error
 from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.genome import WEIGHTS
+from epuckhebb.sim.genome import NEURON, WEIGHTS
 from epuckhebb.sim.life import (
     TALLY,
     CalibrationRecord,
@@ -34,7 +34,6 @@ from epuckhebb.sim.life import (
     initial_life,
     pad_samples,
 )
-from epuckhebb.sim.light import lights
 from epuckhebb.sim.look import look_kernel
 from epuckhebb.sim.maze import Pose, Side
 from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
@@ -52,7 +51,9 @@ from epuckhebb.sim.plasticity.update import initial_lengths
 from epuckhebb.sim.plasticity.weight_change import saturated_fraction
 from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.stage import Kind, Phase, Stage, have_more_faults, trial_of
+from epuckhebb.sim.stage import Kind, Phase, Stage, have_more_faults, lights_of, trial_of
+from epuckhebb.sim.wired_pass import neuron_of
+from epuckhebb.sim.wiring import NO_NEURONS, WiringError
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
 _Tally = _namedtuple("_Tally", TALLY.names)  # a whole tally is read in the time that four of its fields take
@@ -66,7 +67,8 @@ class Individual:
     task's random numbers; individuals that are compared have the same, and so have both sides. start: None for the
     maze's. signs: of the plastic updates, (synapses,), None for the rule's sign; shuffled ones must be given. nominal:
     what an adaptation compares with. corrections: from a self-check, None for none. calibration: the manoeuvre before
-    its lifetime, if it is part of the lifetime. record: whether samples are recorded.
+    its lifetime, if it is part of the lifetime. record: whether samples are recorded. after: whose lifetime comes
+    before, where the live fitness carries its history.
     """
 
     genes: NDArray[np.float64]
@@ -81,6 +83,7 @@ class Individual:
     corrections: Corrections | None = None
     calibration: CalibrationRecord | None = None
     record: bool = False
+    after: "Individual | None" = None
 
 
 class LostRobotError(ArithmeticError):
@@ -91,7 +94,7 @@ class Session:
     """A lifetime in progress, run with `step`, in a world that `change` may replace at any time.
 
     individual, lifetime: as given. world: the present scenario. life, genotype: the present state, and what it started
-    with. samples: what is recorded, of length 0 where nothing is.
+    with. setup: what holds in that world. samples: what is recorded, of length 0 where nothing is.
 
     stage: shared by lifetimes that run one after the other; without it, any number of sessions may be in progress.
     most_samples: how many are kept, the last ones; None for all. Sample n is in place n modulo this number.
@@ -114,7 +117,7 @@ class Session:
         self._phases = list(stage.phases)
         self._kind = kind = stage.kind_of(individual.controller, individual.network, stage.more_faults)
         self._first = first = self._phases[0].scenario
-        self.genotype = _genotype_of(individual, kind, first)
+        self.genotype = _genotype_of(individual, kind, first, self.lifetime.gain_rad_s)
         self._record_every = self.lifetime.record_every if individual.record else 0
         adaptation = kind.unused
         if adaptation is None or individual.corrections is not None:
@@ -128,11 +131,16 @@ class Session:
         if self._record_every:
             count = -(-self.lifetime.steps // self._record_every)
             count = count if most_samples is None else min(count, most_samples)
-            self.samples = empty_samples(count, individual.network)
+            self.samples = empty_samples(count, individual.network, first.physics)
         if individual.calibration is not None:
             count_calibration(
                 self.life, individual.calibration, self.lifetime.gain_rad_s, self._record_every, self.samples
             )
+        self._history = individual.controller.rule.history
+        if individual.after is not None:
+            before = Session(individual.after, world, self.lifetime, stage=stage)
+            before.step(self.lifetime.steps)
+            self._history = before.history
         self._start = first.maze.start if individual.start is None else individual.start
         self._space = self._phases[0].space
         self._space.place_robot(self._start)
@@ -142,6 +150,13 @@ class Session:
     def steps(self) -> int:
         """How many steps have been run."""
         return int(self._tally["step"])
+
+    @property
+    def history(self) -> fitness.History:
+        """The history of the live fitness so far."""
+        tally, before = self._tally, self._history
+        steps = float(tally["step"] - tally["began"])
+        return fitness.History(before.steps + steps, before.sum + float(tally["undirected_sum"]))
 
     @property
     def is_over(self) -> bool:
@@ -160,8 +175,9 @@ class Session:
             How many were run.
 
         Raises:
-            NotCompiledError: the rule, or the user's fitness, does not compile.
-            FitnessError, SensorError: the user's fitness gave no number, or a sensor none from 0 to 1.
+            NotCompiledError: the rule, or another part of the user's, does not compile.
+            FitnessError, SensorError, WiringError: the user's fitness or neurons gave no number, or a sensor none from
+                0 to 1.
             LostRobotError: a pose or a weight stopped being finite; the message says whose and when.
         """
         first = self.steps
@@ -178,9 +194,9 @@ class Session:
         time. A wall that would appear where the robot stands waits until it has left.
 
         Raises:
-            ValueError: the world has another robot, task or fitness.
+            ValueError: the world has another robot, task, fitness or physics.
         """
-        for kind in ("robot", "task", "fitness"):
+        for kind in ("robot", "task", "fitness", "physics"):
             new, old = getattr(world, kind), getattr(self.world, kind)
             if new != old:
                 raise ValueError(
@@ -197,11 +213,12 @@ class Session:
         self._enter_due()
         self._move_to_new_walls()
         readings = np.zeros(self.individual.network.inputs)
-        look_kernel(self.world.robot, self.world.task)(self.life, self._setup, self._space.handles, readings)
+        look = look_kernel(self.world.robot, self.world.task, self.world.physics)
+        look(self.life, self.setup, self._space.handles, readings)
         return readings
 
-    def outcome(self) -> Outcome:
-        """The metrics of the lifetime so far, of one step or more."""
+    def outcome(self, pose: Pose | None = None) -> Outcome:
+        """The metrics of the lifetime so far, of one step or more. pose: of a robot that is in another's space."""
         tally, world = self._read_tally(), self.world
         behaviour, reward = tally.behaviour_sum / tally.step, fitness.reward(tally.goal_distance)
         nearest = min(math.dist(self._start[:2], goal) for goal in self._first.goals_now.values())
@@ -218,7 +235,7 @@ class Session:
             world.task.fitness(behaviour, reward, self.life.trials, nearest),
             tally.step,
             saturated_fraction(self.life.weights, self.individual.controller.rule.w_max),
-            *self.pose[:2],
+            *(pose or self.pose)[:2],
         )
         if len(self.life.trials):
             outcome = OutcomeOfTrials.of(outcome, self.life.trials)
@@ -226,6 +243,11 @@ class Session:
             return outcome
         own = world.fitness.of_lifetime(facts_of(outcome), self.life.score)
         return outcome.with_fitness(own)
+
+    def share(self, **arrays: Any) -> None:
+        """Carry on in these arrays, of the names of `Life`: those of robots in one space lie behind one another."""
+        self.life = self.life._replace(**arrays)
+        self._tally = self.life.tally[0]
 
     def _read_tally(self) -> Any:
         return _Tally._make(self._tally.item())
@@ -255,11 +277,11 @@ class Session:
         if self.world.reset:
             self.life.weights[:], self.life.synapse_state[:] = self.genotype.weights, self.genotype.synapse_state
             self._tally["weight_change"] = 0.0
-        self._setup = Setup(
+        self.setup = Setup(
             self.genotype,
-            kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate)),
+            kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate), history=self._history),
             kind.nominal if individual.nominal is None else individual.nominal,
-            lights(self.world.light, self.world.lamp, lamp_on=lamp_on),
+            lights_of(self.world, lamp_on=lamp_on),
             trial_of(self.world, individual.side, self._start),
             self.world.fitness.numbers(),
             float(lifetime.gain_rad_s),
@@ -283,12 +305,12 @@ class Session:
 
     def _live(self, until: int) -> None:
         try:
-            self._kind.live(self.life, self._setup, self._space.handles, until)
+            self._kind.live(self.life, self.setup, self._space.handles, until)
         except Exception as error:  # machine code raises nothing, so it comes from compiling
-            raise self._explained(error) from error
-        self._check()
+            raise self.explained(error) from error
+        self.check()
 
-    def _explained(self, error: Exception) -> NotCompiledError:
+    def explained(self, error: Exception) -> NotCompiledError:
         """Whose fault it is that a kernel does not compile: that of a part that does not compile alone, or the rule."""
         fitness, rule = self.world.fitness, type(self.individual.controller.rule)
         if fitness.step is not None:
@@ -300,9 +322,15 @@ class Session:
             alone = compile_error(sensor.kernels(0, 0.0).read, *sensor.example(self.individual.network.inputs))
             if alone is not None and sensor.read is not None:
                 return explained(f"sensor {sensor.name}", sensor.read, alone)
+        wiring = self.individual.network.wiring
+        if wiring is not None and wiring.neuron is not None:
+            drive, life = np.zeros(self.individual.network.neurons), self.life
+            alone = compile_error(neuron_of(wiring), 0, 0, drive, life.activation, life.neurons)
+            if alone is not None:
+                return explained(f"wiring {wiring.name}", wiring.neuron, alone, "state")
         return explained(f"rule {rule.__name__}", rule.synapse, error, "synapse_state")
 
-    def _check(self) -> None:
+    def check(self) -> None:
         """Check that the lifetime still has finite numbers."""
         life, who, tally = self.life, self.individual, self._read_tally()
         for group, scratch in zip(self.world.robot.sensors, life.workspace.senses.scratch, strict=True):
@@ -312,6 +340,11 @@ class Session:
         if self.world.fitness.step is not None and not math.isfinite(life.score["sum"][0]):
             raise FitnessError(
                 f"fitness {self.world.fitness.name}: `step` gave infinite or nan values on a {who.side} trial of "
+                f"scenario {self.world.name}; noticed at step {tally.step} of {self.lifetime.steps}"
+            )
+        if who.network.wiring is not None and not np.isfinite(life.activation).all():
+            raise WiringError(
+                f"wiring {who.network.wiring.name}: `neuron` gave infinite or nan activations on a {who.side} trial of "
                 f"scenario {self.world.name}; noticed at step {tally.step} of {self.lifetime.steps}"
             )
         finite = bool(np.isfinite(life.weights).all() and np.isfinite(life.synapse_state.view(np.float64)).all())
@@ -326,10 +359,10 @@ class Session:
                 f"{where} the rule {type(who.controller.rule).__name__} made weights, their change, or what synapses "
                 f"keep, infinite or nan; noticed {when}"
             )
-        raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")
+        raise LostRobotError(f"{where} the robot's pose {self._space.lost} {when}")
 
 
-def _genotype_of(individual: Individual, kind: Kind, world: Scenario) -> Genotype:
+def _genotype_of(individual: Individual, kind: Kind, world: Scenario, gain_rad_s: float) -> Genotype:
     """What an individual starts with; a ValueError if its arguments do not fit each other."""
     if individual.nominal is not None:
         check_nominal(individual.nominal, world.robot.inputs)
@@ -348,6 +381,9 @@ def _genotype_of(individual: Individual, kind: Kind, world: Scenario) -> Genotyp
             -INITIAL_RANGE, INITIAL_RANGE, network.synapses
         )
     weights = initial_weights_of(inherited)
+    neurons, wiring = NO_NEURONS, network.wiring
+    if wiring is not None:
+        neurons = wiring.initial({name: parts[NEURON + name] for name in wiring.evolved}, gain_rad_s)
     return Genotype(
         weights,
         kind.synapse_state,
@@ -355,4 +391,5 @@ def _genotype_of(individual: Individual, kind: Kind, world: Scenario) -> Genotyp
         modulatory_weights(type(rule), parts, rule.reward),
         initial_lengths(type(rule), network, weights),
         of_updates,
+        neurons,
     )

@@ -1,4 +1,4 @@
-"""What lifetimes that run one after the other share: the world's phases, pymunk spaces, kernels and workspaces."""
+"""What lifetimes that run one after the other share: the world's phases, spaces, kernels and workspaces."""
 
 import math
 from collections.abc import Callable
@@ -16,14 +16,15 @@ from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
 from epuckhebb.sim.genome import GenomePlan, plan_of
 from epuckhebb.sim.kernels import kernel_of
 from epuckhebb.sim.life import Lifetime, Plasticity, Samples, Trial, Workspace, empty_samples, workspace_for
+from epuckhebb.sim.light import Lights, lights
 from epuckhebb.sim.maze import Pose, Region, Side, added
 from epuckhebb.sim.network import Network
-from epuckhebb.sim.physics import PymunkSpace
 from epuckhebb.sim.plasticity.control import Sign, signs
 from epuckhebb.sim.plasticity.rule import Rule, initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.reachable import gap
 from epuckhebb.sim.scenario import AT_ONCE, Scenario
+from epuckhebb.sim.space import Space
 
 _NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task that has no correct side
 
@@ -33,10 +34,10 @@ class Phase(NamedTuple):
 
     step: int
     scenario: Scenario
-    space: PymunkSpace
+    space: Space
     walls: NDArray[np.float64]
 
-    def is_blocked(self, space: PymunkSpace) -> bool:
+    def is_blocked(self, space: Space) -> bool:
         """Whether the robot of another space stands where this phase has new walls."""
         x, y = space.handles.state[:2].tolist()
         return gap(x, y, added(space.handles.walls, self.walls)) < self.scenario.robot.radius_m
@@ -63,20 +64,22 @@ class Stage:
     """What lifetimes that run one after the other share: the world's spaces, kernels and workspaces.
 
     fallback_rule: individuals without a rule share its kernel, with N = 0. The results are bit-identical, and there is
-    one kernel less to compile.
+    one kernel less to compile. together: whether the lifetimes share a space.
 
     Raises:
         ValueError: the wheel gain is above the limit of the robot's motors.
     """
 
-    def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: type[Rule] = Paper) -> None:
+    def __init__(
+        self, world: Scenario, lifetime: Lifetime, fallback_rule: type[Rule] = Paper, *, together: bool = False
+    ) -> None:
         robot = world.robot
         if lifetime.gain_rad_s > robot.motor_limit_rad_s:
             raise ValueError(
                 f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of "
                 f"robot {robot.name}, got {lifetime.gain_rad_s}"
             )
-        self.world, self.lifetime, self._fallback_rule = world, lifetime, fallback_rule
+        self.world, self.lifetime, self._fallback_rule, self._together = world, lifetime, fallback_rule, together
         self.phases = self.phases_of(world)
         self.more_faults = have_more_faults(self.phases)
         self._kinds: dict[tuple[int, int, bool], Kind] = {}
@@ -93,7 +96,7 @@ class Stage:
             walls = now.boxes
             last = phases[-1] if phases else before
             same = last and np.array_equal(last.walls, walls) and last.scenario.wall_friction == now.wall_friction
-            space = last.space if last and same else PymunkSpace(walls, now.robot, now.wall_friction)
+            space = last.space if last and same else now.physics.space(walls, now)
             has_begun = step < since and step > 0  # what was to happen at once has happened
             phases.append(Phase(step, replace(now, **AT_ONCE) if has_begun else now, space, walls))
         return phases
@@ -118,20 +121,20 @@ class Stage:
         return Kind(
             live=kernel_of(
                 compiled_for,
-                adaptation.change_signal,
+                adaptation.parts,
                 network,
                 robot,
-                follows_walls=adaptation.follows_walls,
-                self_check=adaptation.self_check,
-                homeostatic=adaptation.homeostasis,
                 more_faults=more_faults,
                 task=self.world.task,
                 fitness=self.world.fitness,
+                physics=self.world.physics,
+                together=self._together,
             ),
             plasticity=Plasticity(
                 float(rule.N) * rule.gain_factor(self.lifetime.gain_rad_s) if own else 0.0,
                 float(rule.floor),
                 int(rule.signal),
+                rule.history,
                 tuple(numbers.values()),
                 gate_numbers(adaptation),
             ),
@@ -139,9 +142,9 @@ class Stage:
             synapse_state=initial_synapse_state(compiled_for, network),
             signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
             nominal=no_nominal(robot.inputs),
-            workspace=workspace_for(network, robot),
+            workspace=workspace_for(network, robot, self.world.physics),
             unused=None if adaptation.acts else initial_adaptation_state(robot),
-            no_samples=empty_samples(0, network),
+            no_samples=empty_samples(0, network, self.world.physics),
         )
 
 
@@ -158,11 +161,17 @@ def trial_of(scenario: Scenario, side: Side, start: Pose | None = None) -> Trial
         float(goal.x),
         float(goal.y),
         float(maze.goal_radius_m),
+        scenario.goal_signal.numbers(),
         _NOWHERE if task.has_trials else Region(*map(float, maze.arms[side])),
         float(maze.arena_m),
         faults_of(scenario),
         task.terms(goals, maze.start if start is None else start),
     )
+
+
+def lights_of(scenario: Scenario, lamp_on: bool) -> Lights:
+    """The lights of a world."""
+    return lights(scenario.light, scenario.lamp, lamp_on, scenario.sun_turn_deg, scenario.second_lamp)
 
 
 def faults_of(scenario: Scenario) -> Faults:
@@ -176,4 +185,9 @@ def faults_of(scenario: Scenario) -> Faults:
         float(scenario.left_slip),
         float(scenario.right_slip),
         lag_of(scenario.mass_ratio),
+        float(scenario.left_distance_gain),
+        float(scenario.crosstalk),
+        int(scenario.sensor_levels),
+        int(scenario.sensor_delay_steps),
+        int(scenario.wheel_delay_steps),
     )

@@ -4,9 +4,7 @@ import hashlib
 import json
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import LATEST
@@ -14,8 +12,10 @@ from epuckhebb.store import columns
 from epuckhebb.store.disk import CHAMPION, CONFIG, PROVENANCE, SCHEMA, STATUS, bytes_of, is_locked
 from epuckhebb.store.records import Cost, JobFile, ListOfJobs, Provenance, Status, checked_table, record
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 _RESULTS = (".csv", "champion.npz")  # endings of the files on which other runs and tables rely
-_TABLE_OF_FOLDER = {"lifetimes": "metrics.csv", "history": "history.csv"}  # a reproduction keeps many of one kind
 _COLUMNS = {name: known for name, (_, known) in columns.TABLES.items()}
 # The other columns of these depend on what was swept, and on the task.
 _COLUMNS |= {"summary.csv": columns.SUMMARY, "sweep.csv": columns.METRICS}
@@ -26,7 +26,7 @@ class Run:
     """A run folder. Every property and method reads the files as they are now.
 
     What cannot be read raises `ConfigError`, and so does a folder of another version of this program. Only `state`,
-    `error`, `has`, `is_as_written` and `is_whole` answer in any case.
+    `error`, `has` and `is_whole` answer in any case.
     """
 
     def __init__(self, path: Path) -> None:
@@ -68,11 +68,6 @@ class Run:
         self.content(CONFIG)
         return self.path / CONFIG
 
-    @property
-    def has_config(self) -> bool:
-        """Whether there is, or should be, a resolved configuration; a sweep has one for each job instead."""
-        return self.has(CONFIG)
-
     def content(self, name: str) -> bytes:
         """The content of a file, which must be what the run wrote, as far as its status has its checksum."""
         found = bytes_of(self.path / name)
@@ -95,21 +90,21 @@ class Run:
             if name.startswith(f"{folder}/"):
                 self.content(name)
 
-    def table(self, name: str) -> pd.DataFrame:
+    def table(self, name: str) -> "pd.DataFrame":
         """A table; its columns, which follow from its name, are checked."""
         return read_table(self.content(name), self.path, name)
+
+    def rows(self, name: str) -> list[dict[str, Any]]:
+        """The rows of a table, None in cells without a value."""
+        table = self.table(name).astype(object)
+        return [
+            {str(key): value for key, value in row.items()}
+            for row in table.where(table.notna(), None).to_dict("records")
+        ]
 
     def has(self, name: str) -> bool:
         """Whether a file is there, or should be: then reading it says that it was lost."""
         return (self.path / name).is_file() or name in self._known().get("sha256", {})
-
-    def is_as_written(self, name: str) -> bool:
-        """Whether a file is there and, as far as is known, what the run wrote."""
-        try:
-            self.content(name)
-        except ConfigError:
-            return False
-        return True
 
     @property
     def is_whole(self) -> bool:
@@ -163,10 +158,9 @@ class Run:
             return {}
 
 
-def read_table(content: bytes, folder: Path, name: str) -> pd.DataFrame:
+def read_table(content: bytes, folder: Path, name: str) -> "pd.DataFrame":
     """The table in a CSV file of a run folder, checked. content: the file's."""
-    kind = _TABLE_OF_FOLDER.get(name.partition("/")[0], name)
-    return checked_table(content, folder / name, _COLUMNS[kind], rows=kind not in _MAY_BE_EMPTY)
+    return checked_table(content, folder / name, _COLUMNS[name], rows=name not in _MAY_BE_EMPTY)
 
 
 def _json(file: Path) -> dict[str, Any]:

@@ -5,12 +5,12 @@ process at a time works in it. Results are whole or absent: a file is renamed in
 `unfinished/` until it is finished, and is then renamed in one step. A study may be killed at any moment: the next call
 ends bit-identical to one that was never stopped.
 
-`Job`s run in many processes or on a cluster: open the folder with `open_study` and hand them to `launch`. `Task`s run
-in this process, one after the other, and use threads themselves: `run_tasks` does them in order.
+Open the folder with `open_study`, and hand jobs to `launch`: they run in many processes or on a cluster.
 """
 
 import json
 import os
+import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -21,29 +21,12 @@ from epuckhebb.config import overrides
 from epuckhebb.config.schema import Checked, Plain, dump
 from epuckhebb.runs import hydra
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.runtime.progress import TaskProgress, counting
-from epuckhebb.store import SCHEMA, UNFINISHED, OwnFile, Run, RunFolder, as_json, discard, set_aside, write_atomic
+from epuckhebb.runtime.progress import counting, say
+from epuckhebb.store import SCHEMA, UNFINISHED, OwnFile, Run, RunFolder, as_json, set_aside, write_atomic
 
-NO_EFFECT = ("threads",)  # keys on which no result depends
+NO_EFFECT = ("threads", "figures")  # keys on which no result depends
 _LIST, _JOBS, _STOP = "sweep.json", "jobs", "stop"
 AT_ONCE = 1000  # jobs that a launcher gets at a time: as many as SLURM takes in one array (its MaxArraySize is 1001)
-
-
-@dataclass(frozen=True)
-class Task:
-    """Something that a study does in its own process.
-
-    Attributes:
-        name: Shown while it is done.
-        results: The files that it leaves; none if it is done in every call.
-        do: A function that writes the results with `RunFolder.keep`, and reports with `RunFolder.advanced`.
-        size: How long it takes, in any unit, to estimate the time left.
-    """
-
-    name: str
-    results: tuple[Path, ...]
-    do: Callable[[RunFolder], None]
-    size: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,18 +68,13 @@ class Outcome:
         return {"done_before": self.before, "done_now": now, "failed": failed, "left_out": self.left}
 
 
-def is_whole(result: Path) -> bool:
-    """Whether a result is there: a file, or a run that is finished and whole."""
-    return result.is_file() or Run(result).is_whole
-
-
 @contextmanager
 def open_study(
     folder: Path,
     command: str,
     config: Checked | None,
     arguments: list[str],
-    results: Sequence[tuple[Path, ...]],
+    jobs: Sequence[Job],
     own: Mapping[Path, OwnFile] | None = None,
 ) -> Iterator[RunFolder]:
     """Work on a study in its folder, and write in its `status.json` how that ends.
@@ -106,7 +84,7 @@ def open_study(
         command: The command of the command line.
         config: The configuration, if the whole study has one.
         arguments: What followed the command.
-        results: What each of its jobs will leave; an interruption reports how many of them are done.
+        jobs: Its jobs; an interruption reports how many of them are done.
         own: The user's files, which the folder keeps as copies.
 
     Raises:
@@ -115,13 +93,11 @@ def open_study(
     """
 
     def left_behind() -> str:
-        done = sum(all(map(is_whole, job)) for job in results)
-        return f"{done} of {len(results)} jobs are done; the same command does the rest"
+        return f"{len(jobs) - len(todo(folder, jobs))} of {len(jobs)} jobs are done; the same command does the rest"
 
-    stay = [result for job in results for result in job]
     facts = {} if config is None else {"seed": config.seed}
     written = None if config is None else dump(config)
-    with RunFolder.resume(folder, command, written, arguments, facts, own, stay) as study:
+    with RunFolder.resume(folder, command, written, arguments, facts, own) as study:
         study.left_behind = left_behind
         try:
             yield study
@@ -129,29 +105,13 @@ def open_study(
             raise ConfigError(f"cannot write to {error.filename or folder}: {error.strerror}") from error
 
 
-def run_tasks(folder: Path, command: str, config: Checked, arguments: list[str], tasks: Sequence[Task]) -> None:
-    """Do in this process, in order, the tasks of a study that are not done; see `open_study`."""
-    results = [task.results for task in tasks if task.results]
-    with open_study(folder, command, config, arguments, results) as study:
-        missing = {}
-        for number, task in enumerate(tasks):
-            names = [result.relative_to(folder).as_posix() for result in task.results]
-            if not names or not all(map(Run(folder).is_as_written, names)):
-                missing[number] = task
-        with TaskProgress([task.size if n in missing else 0.0 for n, task in enumerate(tasks)]) as progress:
-            study.advanced = progress.within
-            for number, task in missing.items():
-                progress.show(number, task.name)
-                task.do(study)
-
-
 def todo(folder: Path, jobs: Sequence[Job]) -> list[Job]:
     """The jobs that have no whole run in the folder yet."""
     return [job for job in jobs if not Run(folder / job.run).is_whole]
 
 
-def for_hydra(command: str, arguments: Sequence[str]) -> list[str]:
-    """The arguments that are Hydra's own, with joblib for a launcher if they name none. A sweeper is refused."""
+def split(command: str, arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The arguments that are of the study, and those that are Hydra's; a sweeper is refused."""
     hydras = [argument for argument in arguments if argument.lstrip("+~").startswith(("hydra.", "hydra/"))]
     for argument in hydras:
         if argument.startswith(("hydra/sweeper", "hydra.sweeper", "hydra.sweep.subdir")):
@@ -159,16 +119,44 @@ def for_hydra(command: str, arguments: Sequence[str]) -> list[str]:
                 f"{argument}: `{command}` lists its jobs itself, and another sweeper has no use there; leave it out"
             )
     overrides.check_folders(hydras)
-    if not any(argument.startswith("hydra/launcher=") for argument in hydras):
-        hydras.insert(0, "hydra/launcher=joblib")
-    return hydras
+    return [argument for argument in arguments if argument not in hydras], hydras
 
 
-def folder_and_launcher(hydras: Sequence[str], usual: Path) -> tuple[Path, list[str]]:
-    """The folder of a study, the usual one unless Hydra's arguments name another, and those for the launcher."""
+def folder_and_launcher(hydras: Sequence[str], usual: Path, jobs: int) -> tuple[Path, list[str]]:
+    """The folder of a study, the usual one unless Hydra's arguments name another, and those for the launcher.
+
+    jobs: how many there are. One takes all cores in this process, unless a launcher is named; more run beside another.
+    """
     named = [overrides.value_of(argument) for argument in hydras if argument.startswith(overrides.SWEEP_DIR)]
     launcher = [argument for argument in hydras if not argument.startswith(overrides.SWEEP_DIR)]
+    if not any(argument.startswith("hydra/launcher=") for argument in launcher):
+        launcher.insert(0, f"hydra/launcher={'joblib' if jobs > 1 else 'basic'}")
     return Path(named[-1]) if named else usual, launcher
+
+
+def launch_in_turn(
+    study: RunFolder, stages: Sequence[tuple[str, Sequence[Job]]], launcher: list[str], do: Callable[[Any], None]
+) -> None:
+    """Do the jobs that are missing, one stage after the other; what is done in each is named before it.
+
+    Raises:
+        JobFailedError: A job failed.
+    """
+    for what, jobs in stages:
+        missing = len(todo(study.path, jobs))
+        say(f"{what}: {len(jobs)} jobs, {len(jobs) - missing} done before, {missing} to do.")
+        outcome = launch(study, what, jobs, launcher, do, fail_fast=False)
+        if outcome.failures:
+            (job, why), failed = outcome.failures[0], len(outcome.failures)
+            raise JobFailedError(f"{failed} of {len(jobs)} jobs to {what} failed; {job.run}: {why}")
+
+
+def write_report(study: RunFolder, page: str, shown: Mapping[str, bytes], title: str) -> None:
+    """Write the page of a study as Markdown and as HTML. shown: its pictures by the names of their files."""
+    from epuckhebb.analysis import report
+
+    study.write("report.md", page)
+    study.write("report.html", report.html(page, shown.__getitem__, title))
 
 
 def launch(
@@ -259,7 +247,7 @@ def one_job(cfg: Any, name_of: Callable[[Plain], str], work: Callable[[Path, Pla
     except OSError:
         if not Run(folder / run).is_whole:  # else a worker of a killed call has just done the same
             raise
-        discard(attempt, folder)
+        shutil.rmtree(attempt)
 
 
 def read_job(folder: Path, run: str, name_of: Callable[[Plain], str]) -> Plain:

@@ -5,29 +5,17 @@ experiment; only what is missing is done, and tables and page are those of the l
 tests, the seeds and the science.
 """
 
-import time
-from pathlib import Path
-from typing import Any
-
 import pandas as pd
 
 from epuckhebb.analysis import leaderboard as board
-from epuckhebb.analysis import report
-from epuckhebb.analysis.limits import limits
-from epuckhebb.config import plugins
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, Plain, dump
-from epuckhebb.config.stored import from_values
-from epuckhebb.runs import evaluate, evolve, hydra
-from epuckhebb.runtime.errors import JobFailedError
-from epuckhebb.runtime.progress import say
+from epuckhebb.analysis.reversal import limits
 from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.sim.tasks.reversal import Reversal
-from epuckhebb.store import Run, RunFolder, as_json, write_atomic
-from epuckhebb.studies import jobs as study_jobs
-from epuckhebb.studies.leaderboard_jobs import identity, world_named
+from epuckhebb.store import Run, RunFolder
+from epuckhebb.studies.champions import COST, champion_job
+from epuckhebb.studies.jobs import launch_in_turn, open_study, write_report
 from epuckhebb.studies.leaderboard_plan import Leaderboard
 
-_COST = "cost.json"
 _FIRST_REPORTED = 100  # settings were chosen on lower seeds
 _ENOUGH = 8  # champions of a method; fewer are a smoke test
 
@@ -38,66 +26,16 @@ def leaderboard(planned: Leaderboard) -> None:
     Raises:
         JobFailedError: A job failed.
     """
-    folder = planned.folder
-    results = [(folder / job.run,) for job in planned.jobs]
     arguments, own = planned.arguments, planned.own_files
-    with study_jobs.open_study(folder, "leaderboard", planned.config, arguments, results, own) as study:
-        for what, jobs in planned.stages:
-            todo = len(study_jobs.todo(folder, jobs))
-            say(f"{what}: {len(jobs)} jobs, {len(jobs) - todo} done before, {todo} to do.")
-            outcome = study_jobs.launch(study, what, jobs, planned.launcher, leaderboard_job, fail_fast=False)
-            if outcome.failures:
-                (job, why), failed = outcome.failures[0], len(outcome.failures)
-                raise JobFailedError(f"{failed} of {len(jobs)} jobs to {what} failed; {job.run}: {why}")
+    with open_study(planned.folder, "leaderboard", planned.config, arguments, planned.jobs, own) as study:
+        launch_in_turn(study, planned.stages, planned.launcher, champion_job)
         _report(study, planned)
-
-
-def leaderboard_job(cfg: Any) -> None:
-    """Do one job of a leaderboard."""
-    study_jobs.one_job(cfg, identity, _work)
-
-
-def _work(path: Path, job: Plain, facts: dict[str, Any]) -> None:
-    wanted, folder = job["config"], path.parents[1]
-    values = dict(wanted["config"])
-    if wanted["champion"]:
-        values["genome"] = str(folder / wanted["champion"])
-    if "worlds" in wanted:
-        _test(path, from_values(values, EvaluateConfig, f"job {path}"), wanted, job["overrides"], facts)
-        return
-    config = from_values(values, EvolveConfig, f"job {path}")
-    prepared = evolve.prepare(config)
-    prepared.compile()
-    run = evolve.new_run(path, config, job["overrides"], facts)
-    began = time.process_time()
-    evolve.evolve_into(run, prepared, None, threads=hydra.threads_of_job(config.threads), quiet=True)
-    write_atomic(path / _COST, _cost_since(began))
-
-
-def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], facts: dict[str, Any]) -> None:
-    """Evaluate a champion in its training world and in all test worlds."""
-    prepared, threads = evaluate.prepare(config), hydra.threads_of_job(config.threads)
-    prepared.compile()
-    genome = prepared.genome
-    facts = {"seed": config.seed, "genome": genome.name, "genome_sha256": genome.sha256, **facts}
-    own = plugins.own_files(config.values)
-    with RunFolder.new(path, "leaderboard", dump(config), overrides, facts, own) as run:
-        began = time.process_time()
-        rows = []
-        for name in job["worlds"]:
-            there = prepared.in_world(world_named(name, job["config_dir"]))
-            rows.append(there.run(there.remember(threads), threads)[0])
-        run.write("metrics.csv", pd.concat(rows))
-        run.write(_COST, _cost_since(began))
-
-
-def _cost_since(began: float) -> bytes:
-    return as_json({"cpu_s": round(time.process_time() - began, 2)})
 
 
 def _report(study: RunFolder, planned: Leaderboard) -> None:
     """Write the tables, the figure and the page over all champions."""
-    from epuckhebb.analysis import charts, figures  # matplotlib takes a while to load
+    from epuckhebb.analysis import charts  # matplotlib takes a while to load
+    from epuckhebb.analysis.image import image, small
 
     champions, worlds, costs = _tables(planned)
     table = board.table([entry.row for entry in planned.entries], champions)
@@ -108,14 +46,12 @@ def _report(study: RunFolder, planned: Leaderboard) -> None:
         parts.append(f"## {board.title(str(experiment))}\n\n{board.markdown_of(own)}")
     study.write("leaderboard.md", "\n".join(parts))
     lines = {entry.row.experiment: limits(entry.task) for entry in planned.entries if isinstance(entry.task, Reversal)}
-    picture = charts.leaderboard_of(table, champions, lines)
+    picture = image(charts.leaderboard_of(table, champions, lines))
     study.write(f"figures/{board.FIGURE}", picture)
     meanings = {entry.method.name: entry.method.description for entry in planned.entries}
     tests = {experiment: list(own) for experiment, own in planned.tests.items()}
     page = board.markdown(table, costs, meanings, tests, _provenance(planned))
-    study.write("report.md", page)
-    small = figures.small(picture)
-    study.write("report.html", report.html(page, lambda _: small, "epuckhebb: leaderboard"))
+    write_report(study, page, {board.FIGURE: small(picture)}, "epuckhebb: leaderboard")
 
 
 def _provenance(planned: Leaderboard) -> str:
@@ -161,8 +97,8 @@ def _tables(planned: Leaderboard) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFr
             names = {"seed": seed, "champion": entry.champions[seed].run, "test": test.run}
             champions.append(whose | names | counts | {"robot_steps": steps})
             of_worlds.append(away)
-            spent["evolve_cpu_s"].append(sum(_cpu_s(planned.folder / job.run) for job in evolved))
-            spent["test_cpu_s"].append(_cpu_s(planned.folder / test.run))
+            spent["evolve_cpu_s"].append(sum(_cpu_s(Run(planned.folder / job.run)) for job in evolved))
+            spent["test_cpu_s"].append(_cpu_s(Run(planned.folder / test.run)))
         summed = pd.concat(of_worlds).groupby("scenario", sort=False).sum().reset_index()
         worlds += [whose | {str(name): value for name, value in row.items()} for row in summed.to_dict("records")]
         costs.append(whose | {name: round(sum(each) / len(each), 1) for name, each in spent.items()})
@@ -170,5 +106,5 @@ def _tables(planned: Leaderboard) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFr
     return made, pd.DataFrame(worlds), pd.DataFrame(costs)
 
 
-def _cpu_s(run: Path) -> float:
-    return float(Run(run).json(_COST)["cpu_s"])
+def _cpu_s(run: Run) -> float:
+    return float(run.json(COST)["cpu_s"])

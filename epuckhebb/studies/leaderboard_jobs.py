@@ -1,32 +1,25 @@
-"""Lists the jobs of one method on a leaderboard: its champions and their tests, each composed and checked.
-
-A job is named by all that its result depends on: its settings, the job of its champion, the worlds, the user's own
-rules, the science.
-"""
+"""Lists the jobs of one method on a leaderboard: its champions and their tests, each composed and checked."""
 
 import functools
 import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis.leaderboard import EVOLVED, PLAIN, POST_HOC, Row
-from epuckhebb.config import compose, plugins
+from epuckhebb.config import compose
 from epuckhebb.config.build import check_wheel_gain, network_for
 from epuckhebb.config.methods import REVERSAL_TASK, Method, typed_as
-from epuckhebb.config.names import world_of
 from epuckhebb.config.overrides import alternatives
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, LeaderboardConfig, Plain
 from epuckhebb.runs import evaluate, evolve
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.task import Task
-from epuckhebb.store import provenance
-from epuckhebb.studies.jobs import NO_EFFECT, Job
+from epuckhebb.studies.champions import evaluation_in, in_training_world, job_of, world_named
+from epuckhebb.studies.jobs import Job
 
 REVERSAL = board.REVERSAL
 _NAMES = re.compile(r"[^\[\],\s'\"]+")  # in a value of a sweep, one or a list of them
@@ -44,34 +37,6 @@ class Entry:
     before: dict[int, Job]  # the jobs that evolve the champions for which rules are evolved
     config: EvolveConfig | None  # how it is evolved, if it is
     task: Task  # what it is evolved for
-
-
-@functools.cache
-def world_named(name: str, config_dir: str | None) -> Scenario:
-    """A world by its name."""
-    robot = _in_training_world(TRAINED["obstacles"], (), config_dir).robot
-    try:
-        world = world_of(name, search_folders(config_dir), robot)
-    except ValueError as error:
-        raise ConfigError(f"scenario {name}: {error}") from error
-    if world is None:
-        raise ConfigError(f"there is no scenario {name} in {' or '.join(map(str, search_folders(config_dir)))}")
-    return replace(world, name=name)
-
-
-@functools.cache
-def _in_training_world(world: str, task: tuple[str, ...], config_dir: str | None) -> EvaluateConfig:
-    """An evaluation of genes alone in the training world."""
-    return compose.load(EvaluateConfig, _evaluation_in(world, *task, "hebbian=none"), config_dir)
-
-
-def _evaluation_in(world: str, *words: str) -> list[str]:
-    return [f"scenario={world}", "lifetime.record_every=0", *words]
-
-
-def search_folders(config_dir: str | None) -> list[Path]:
-    """The folders in which choices of groups are looked for: the user's first, then `conf/`."""
-    return [*([Path(config_dir)] if config_dir else []), data_folder("conf")]
 
 
 @functools.cache
@@ -93,31 +58,6 @@ def tests_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, dict[st
         if name != TRAINED[world.experiment]:
             tests[world.experiment][name] = world
     return tests
-
-
-@functools.cache
-def worlds_digest(worlds: tuple[str, ...], config_dir: str | None) -> str:
-    """A digest of worlds: equal for equal worlds."""
-    return provenance.digest({name: repr(world_named(name, config_dir)) for name in worlds})
-
-
-def identity(job: Plain) -> str:
-    """The name of the run of a job."""
-    config, own = dict(job["config"]), plugins.own_files(job["config"])
-    for key in (*NO_EFFECT, "genome"):
-        config.pop(key)
-    if own:  # wherever they are
-        config["hebbian"] = {**config["hebbian"], "rule": str(config["hebbian"]["rule"]).rpartition(":")[2]}
-    worlds = tuple(job.get("worlds", ()))
-    depends = {
-        "config": config,
-        "champion": job["champion"],
-        "worlds": worlds_digest(worlds, job["config_dir"]),
-        "own_code": [one.digest for one in own.values()],
-        "science": provenance.science_version(),
-        "packages": provenance.versions(provenance.NUMERIC),
-    }
-    return f"{'test' if worlds else 'champion'}_{provenance.digest(depends)[:12]}"
 
 
 class Planner:
@@ -158,7 +98,7 @@ class Planner:
             self._check(method, config)
             settings = config.values
             champions = {seed: self._evolution(method, settings, over, seed) for seed in self._seeds}
-            tested = dict(_in_training_world(self._training_world, self._task, self._config_dir).values)
+            tested = dict(in_training_world(self._training_world, self._task, self._config_dir).values)
             tested["hebbian"] = settings["hebbian"]
         else:
             tested = self._post_hoc(method)
@@ -206,7 +146,7 @@ class Planner:
 
     def _post_hoc(self, method: Method) -> Plain:
         """How champions are tested with what is added after evolution."""
-        words = _evaluation_in(self._training_world, *method.overrides("evaluate"))
+        words = evaluation_in(self._training_world, *method.overrides("evaluate"))
         config = compose.load(EvaluateConfig, words, self._config_dir)
         for name, world in self._tests.items():
             try:
@@ -214,20 +154,16 @@ class Planner:
             except ValueError as error:
                 raise ConfigError(f"{name}: {error}") from error
         if "hebbian.rule" in method.evaluate:
-            evaluate.compile_for(config.controllers, network_for(config.world, config.layers), config.world)
+            evaluate.compile_for(config.controllers, network_for(config.world, config.shape), config.world)
         return dict(config.values)
 
     def _evolution(self, method: Method, config: Plain, over: Entry | None, seed: int) -> Job:
-        champion = over.champions[seed].run if over else ""
-        return self._job([*method.overrides("evolve"), f"seed={seed}"], {**config, "seed": seed}, champion)
+        words = [*method.overrides("evolve"), f"seed={seed}"]
+        return job_of(words, {**config, "seed": seed}, champion=over.champions[seed].run if over else "")
 
     def _test(self, method: Method, config: Plain, champion: str) -> Job:
-        words = [f"genome={champion}", *method.overrides("evaluate")]
-        return self._job(words, config, champion, worlds=[self._training_world, *self._tests])
-
-    def _job(self, overrides: list[str], config: Plain, champion: str, **more: list[str]) -> Job:
-        job = {"config": config, "champion": champion, "config_dir": self._config_dir, **more}
-        return Job(number=0, overrides=overrides, run=identity(job), config=job)
+        words, worlds = [f"genome={champion}", *method.overrides("evaluate")], [self._training_world, *self._tests]
+        return job_of(words, config, champion=champion, worlds=worlds, config_dir=self._config_dir)
 
 
 def _check_control(config: EvolveConfig, matched_control: Entry) -> None:

@@ -1,0 +1,131 @@
+"""Several robots in one space: they collide, and their distance sensors see each other as discs.
+
+Each robot is a lifetime of its own, with its own genes, start, and noise key. In a step all robots sense, then all
+decide, then the space moves them at once. Their order is part of every result: it is that of their contacts in pymunk.
+Robots that never come near one another run bit-identically to robots that are alone.
+"""
+
+import math
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim.life import Group, Lifetime, Outcome
+from epuckhebb.sim.maze import Pose
+from epuckhebb.sim.physics.pymunk import MOTION, PYMUNK, PymunkSpace
+from epuckhebb.sim.reachable import gap
+from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.session import Individual, Session
+from epuckhebb.sim.stage import Stage
+
+_SHARED = ("side", "controller", "network")  # of an individual: one lamp, one kernel and one rate for all
+_OF_LIFE = ("tally", "weights", "synapse_state", "activation", "score", "past")
+
+
+class Together:
+    """Lifetimes of several robots in one space, run with `step`.
+
+    individuals: two or more, in an order that is part of the result, each with its own `start` and `key`. They have the
+    same side, controller and network.
+
+    Raises:
+        ValueError: they differ in more, overlap, or do not fit the maze; or they have an adaptation, the world changes,
+            or its task has many trials, which do not work together.
+    """
+
+    def __init__(self, individuals: Sequence[Individual], world: Scenario, lifetime: Lifetime | None = None) -> None:
+        _check(individuals, world)
+        self.lifetime = Lifetime() if lifetime is None else lifetime
+        stage = Stage(world, self.lifetime, together=True)
+        self._sessions = [Session(one, world, self.lifetime, stage=stage) for one in individuals]
+        first, count = self._sessions[0], len(individuals)
+        self._live = stage.kind_of(individuals[0].controller, individuals[0].network, stage.more_faults).live
+        self._space = PymunkSpace(world.boxes, world.robot, world.wall_friction, count)
+        starts = [world.maze.start if one.start is None else one.start for one in individuals]
+        _check_starts(starts, world.robot.radius_m, world.boxes, world.maze.arena_m)
+        self._space.place_robot(*starts)
+        initial = [session.life for session in self._sessions]
+        genotypes = [session.genotype for session in self._sessions]
+        self._group = Group(
+            **{name: _stacked([getattr(life, name) for life in initial]) for name in _OF_LIFE},
+            genes=_stacked([one.weights for one in genotypes]),
+            coefficients=_stacked([one.coefficients for one in genotypes]),
+            modulatory=_stacked([one.modulatory for one in genotypes]),
+            lengths=_stacked([one.lengths for one in genotypes]),
+            signs=_stacked([np.asarray(one.signs, float) for one in genotypes]),
+            keys=np.array([one.key for one in individuals], np.uint64),
+            neurons=_stacked([life.neurons.state for life in initial]),
+            parameters=_stacked([life.neurons.parameters for life in initial]),
+            motion=self._space.handles.state[: MOTION * count].reshape(count, MOTION),
+            wheels=np.zeros((count, 4)),
+            before=np.zeros((count, 2)),
+        )
+        for number, session in enumerate(self._sessions):
+            session.share(**{name: getattr(self._group, name)[number] for name in _OF_LIFE})
+        self._life, self._setup = first.life, first.setup
+
+    @property
+    def steps(self) -> int:
+        """How many steps have been run."""
+        return self._sessions[0].steps
+
+    @property
+    def poses(self) -> list[Pose]:
+        """Where the robots are."""
+        return [Pose(*row[:3]) for row in self._group.motion.tolist()]
+
+    def step(self, count: int = 1) -> None:
+        """Run so many steps, fewer if the lifetime ends before; the errors are those of `Session.step`."""
+        until = min(self.steps + count, self.lifetime.steps)
+        try:
+            self._live(self._group, self._life, self._setup, self._space.handles, until)
+        except Exception as error:  # machine code raises nothing, so it comes from compiling
+            raise self._sessions[0].explained(error) from error
+        for session in self._sessions:
+            session.check()
+
+    def outcomes(self) -> list[Outcome]:
+        """The metrics of each lifetime so far, of one step or more."""
+        return [session.outcome(pose) for session, pose in zip(self._sessions, self.poses, strict=True)]
+
+
+def _check_starts(starts: Sequence[Pose], radius: float, walls: NDArray[np.float64], arena: float) -> None:
+    """Check that robots of this radius [m] have room. walls: (boxes, 4) edges [m]. arena: its half side [m].
+
+    Raises:
+        ValueError: two overlap, one stands in a wall, or one is outside the arena.
+    """
+    for number, (x, y, _) in enumerate(starts):
+        if not max(abs(x), abs(y)) < arena or gap(x, y, walls) < radius:
+            raise ValueError(f"robot {number} of {len(starts)} does not fit the maze at its start, {x:g}, {y:g}")
+    for (one, start), (other, place) in combinations(enumerate(starts), 2):
+        apart = math.dist(start[:2], place[:2])
+        if apart < 2 * radius:
+            raise ValueError(
+                f"robots {one} and {other} overlap at the start: their centres are {apart:g} m apart, and must be "
+                f"{2 * radius:g} m apart or more"
+            )
+
+
+def _check(individuals: Sequence[Individual], world: Scenario) -> None:
+    if len(individuals) < 2:
+        raise ValueError(f"there must be two robots or more in a space, got {len(individuals)}")
+    for name in _SHARED:
+        if any(getattr(one, name) != getattr(individuals[0], name) for one in individuals):
+            raise ValueError(f"robots in one space must have the same {name}")
+    if individuals[0].controller.adaptation.acts or any(one.calibration for one in individuals):
+        raise ValueError("robots in one space cannot have an adaptation; give each a controller without one")
+    if world.physics != PYMUNK:
+        raise ValueError(f"robots in one space need physics={PYMUNK.name}, got {world.physics.name}")
+    if len(world.phases) > 1 or world.task.has_trials:
+        raise ValueError(f"robots in one space need a world that never changes, and one trial, got {world.name}")
+
+
+def _stacked(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    stacked = np.empty((len(arrays), *arrays[0].shape), arrays[0].dtype)
+    for number, array in enumerate(arrays):
+        stacked[number] = array
+    return stacked

@@ -1,0 +1,148 @@
+"""Jobs that evolve champions and test them in many worlds; leaderboards and reproductions are made of them.
+
+A job is named by all that its result depends on: its settings, the job of its champion, the worlds, the user's own
+rules, the science.
+"""
+
+import functools
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from epuckhebb.analysis.evaluate import Rows
+from epuckhebb.config import compose, plugins
+from epuckhebb.config.names import world_of
+from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, Plain, dump
+from epuckhebb.config.stored import from_values
+from epuckhebb.runs import evaluate, evolve, hydra
+from epuckhebb.runtime.errors import ConfigError, JobFailedError
+from epuckhebb.runtime.resources import data_folder
+from epuckhebb.sim.fitness import Signal
+from epuckhebb.sim.scenario import TRAINED, Scenario
+from epuckhebb.store import RunFolder, as_json, provenance, write_atomic
+from epuckhebb.studies import jobs as study_jobs
+from epuckhebb.studies.jobs import NO_EFFECT, Job
+
+COST = "cost.json"
+
+
+def job_of(overrides: list[str], config: Plain, *, champion: str = "", **more: Any) -> Job:
+    """A job that evolves a champion or, if it is given `worlds`, tests one.
+
+    Args:
+        overrides: The settings to type for it.
+        config: Its configuration.
+        champion: The run of the champion that it tests, or whose weights it is given; "" for the genome of the
+            configuration.
+        more: `worlds`, by name; `config_dir`, where the user's are; `name` of the champion in tables; `rates`,
+            `signal` and `experiment` for the paper's rule and its controls in place of the controllers of `config`.
+    """
+    job = {"config": config, "champion": champion, **more}
+    return Job(number=0, overrides=overrides, run=identity(job), config=job)
+
+
+def identity(job: Plain) -> str:
+    """The name of the run of a job."""
+    config, own = dict(job["config"]), plugins.own_files(job["config"])
+    for key in (*NO_EFFECT, "genome"):
+        config.pop(key)
+    if own:  # wherever they are
+        config["hebbian"] = {**config["hebbian"], "rule": str(config["hebbian"]["rule"]).rpartition(":")[2]}
+    worlds, config_dir = tuple(job.get("worlds", ())), job.get("config_dir")
+    depends = {
+        **{key: value for key, value in job.items() if key != "config_dir"},
+        "config": config,
+        "worlds": worlds_digest(worlds, config_dir),
+        "own_code": [one.digest for one in own.values()],
+        "science": provenance.science_version(),
+        "packages": provenance.versions(provenance.NUMERIC),
+    }
+    return f"{'test' if worlds else 'champion'}_{provenance.digest(depends)[:12]}"
+
+
+@functools.cache
+def world_named(name: str, config_dir: str | None) -> Scenario:
+    """A world by its name."""
+    robot = in_training_world(TRAINED["obstacles"], (), config_dir).robot
+    try:
+        world = world_of(name, robot, search_folders(config_dir))
+    except ValueError as error:
+        raise ConfigError(f"scenario {name}: {error}") from error
+    if world is None:
+        raise ConfigError(f"there is no scenario {name} in {' or '.join(map(str, search_folders(config_dir)))}")
+    return replace(world, name=name)
+
+
+@functools.cache
+def in_training_world(world: str, task: tuple[str, ...] = (), config_dir: str | None = None) -> EvaluateConfig:
+    """An evaluation of genes alone in the training world."""
+    return compose.load(EvaluateConfig, evaluation_in(world, *task, "hebbian=none"), config_dir)
+
+
+def evaluation_in(world: str, *words: str) -> list[str]:
+    """The settings of an evaluation that records nothing."""
+    return [f"scenario={world}", "lifetime.record_every=0", *words]
+
+
+def search_folders(config_dir: str | None) -> list[Path]:
+    """The folders in which choices of groups are looked for: the user's first, then `conf/`."""
+    return [*([Path(config_dir)] if config_dir else []), data_folder("conf")]
+
+
+@functools.cache
+def worlds_digest(worlds: tuple[str, ...], config_dir: str | None) -> str:
+    """A digest of worlds: equal for equal worlds."""
+    return provenance.digest({name: repr(world_named(name, config_dir)) for name in worlds})
+
+
+def champion_job(cfg: Any) -> None:
+    """Evolve or test a champion, as a job of Hydra's."""
+    study_jobs.one_job(cfg, identity, _work)
+
+
+def _work(path: Path, job: Plain, facts: dict[str, Any]) -> None:
+    wanted, folder = job["config"], path.parents[1]
+    values = dict(wanted["config"])
+    if wanted["champion"]:
+        values["genome"] = str(folder / wanted["champion"])
+    if "worlds" in wanted:
+        _test(path, from_values(values, EvaluateConfig, f"job {path}"), wanted, job["overrides"], facts)
+        return
+    config = from_values(values, EvolveConfig, f"job {path}")
+    prepared = evolve.prepare(config)
+    prepared.compile()
+    run = evolve.new_run(path, config, job["overrides"], facts)
+    began = time.process_time()
+    evolve.evolve_into(run, prepared, None, threads=hydra.threads_of_job(config.threads), quiet=True)
+    write_atomic(path / COST, _cost_since(began))
+
+
+def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], facts: dict[str, Any]) -> None:
+    """Evaluate a champion in all worlds."""
+    if "rates" in job:
+        from epuckhebb.analysis import reproduction  # matplotlib takes a while to load
+
+        config.controllers = reproduction.controllers(job["experiment"], job["rates"], Signal[job["signal"]])
+    prepared, threads = evaluate.prepare(config), hydra.threads_of_job(config.threads)
+    genome = prepared.genome
+    prepared = replace(prepared, genome=replace(genome, name=job.get("name", genome.name)))
+    prepared.compile()
+    facts = {"seed": config.seed, "genome": genome.name, "genome_sha256": genome.sha256, **facts}
+    own = plugins.own_files(config.values)
+    with RunFolder.new(path, facts["command_line"][1], dump(config), overrides, facts, own) as run:
+        began = time.process_time()
+        rows: Rows = []
+        for name in job["worlds"]:
+            there = prepared.in_world(world_named(name, job.get("config_dir")))
+            rows += there.run(there.remember(threads), threads)[0]
+        if genome.sha256 != facts["genome_sha256"]:
+            raise JobFailedError(f"the genes of {genome.name} changed in its lifetimes")
+        run.write("metrics.csv", pd.DataFrame(rows))
+        run.write(COST, _cost_since(began))
+
+
+def _cost_since(began: float) -> bytes:
+    return as_json({"cpu_s": round(time.process_time() - began, 2)})
