@@ -205,7 +205,7 @@ def _changed(cfg: DictConfig, name: str, folders: Sequence[Path]) -> str:
     original = world_of(name, robot, folders, maze)
     task = plain(cfg.task) if "task" in cfg else None
     world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task, plain(cfg.fitness), plain(cfg.physics))
-    brought = _brought("maze", name, folders)
+    brought = _of_scenario("maze", name, folders)
     return "" if original is None else world.changed_from(original, maze_from(brought) if brought else T_MAZE, EPUCK)
 
 
@@ -229,8 +229,8 @@ def world_of(
     found = choice_of("scenario", name, folders)
     if found is None:
         return None
-    maze = maze or _brought("maze", name, folders) or _usual_maze()
-    physics = _brought("physics", name, folders)
+    maze = maze or _of_scenario("maze", name, folders) or _usual_maze()
+    physics = _of_scenario("physics", name, folders)
     return _world(name, *map(json.dumps, (OmegaConf.to_container(found.settings), maze, robot, physics)))
 
 
@@ -250,15 +250,15 @@ def training_world(
 
     If that scenario brings its maze or its physics, as a change, training is in the usual one.
     """
-    brought = _brought("maze", scenario, OURS)
+    brought = _of_scenario("maze", scenario, OURS)
     if brought is not None and maze_from(brought) == maze_from(maze):
         maze = _usual_maze()
     world = world_of(TRAINED[experiment], robot, maze=maze)
     assert world is not None  # the program has these files
-    return world if _brought("physics", scenario, OURS) else replace(world, physics=physics)
+    return world if _of_scenario("physics", scenario, OURS) else replace(world, physics=physics)
 
 
-def _brought(group: str, scenario: str, folders: Sequence[Path]) -> dict[str, Any] | None:
+def _of_scenario(group: str, scenario: str, folders: Sequence[Path]) -> dict[str, Any] | None:
     """The settings of the maze, or of the physics, that a scenario puts in place of the usual one."""
     found = choice_of("scenario", scenario, folders)
     named = found.brings.get(BROUGHT[group]) if found else None
