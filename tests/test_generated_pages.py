@@ -87,7 +87,7 @@ def test_the_page_of_methods_has_the_parameters_of_conf(generated):
     generated(METHODS, "parameters", parameters())
 
 
-@pytest.mark.parametrize("command", ["evaluate", "evolve", "reproduce", "leaderboard"])
+@pytest.mark.parametrize("command", ["evaluate", "evolve", "reproduce", "leaderboard", "flock"])
 def test_every_key_is_told(command):
     told = {key.name: key.description for group in keys.all_groups() for _, own in sections(group) for key in own}
     assert [name for name, meaning in told.items() if not meaning] == []
@@ -121,7 +121,7 @@ def test_every_column_is_told_once():
     assert told["reversal_trials.csv"] == list(evaluate.TRIALS)
     assert told["reversal.csv"] == list(reversal.COLUMNS)
     one = np.zeros(1)
-    last = {"champion": one, "champion_fitness": 0.0, "state": {}, "robot_steps": 0, "seconds": 0.0}
+    last = {"champion": one, "champion_fitness": 0.0, "log": (), "tables": {}, "robot_steps": 0, "seconds": 0.0}
     assert told["history.csv"] == list(history_row(Generation(number=0, fitness=one, success=one, **last)))
     lifetime = pd.DataFrame([dict.fromkeys([*evaluate.COLUMNS, "rewarded_share"], "1")])
     assert list(summary.summary(lifetime, ["light"]))[-len(told["summary.csv"]) :] == told["summary.csv"]

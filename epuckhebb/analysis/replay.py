@@ -26,7 +26,7 @@ from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
 from epuckhebb.sim.life import Samples
 from epuckhebb.sim.lifetime import CONTACT
 from epuckhebb.sim.maze import SIDES, Side, boxes
-from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
+from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.sensors import Place, RimSensors
@@ -57,16 +57,20 @@ def page(
     speed [rad/s] at a network output of 1. network: of these genes. found: for each side a sentence on the findings of
     a self-check, if any. notes: lines beside the outcome.
     """
-    template, style, script = filled(Path(__file__).with_suffix(".html"))
+    content = _content(traces, genes, scenario, gain_rad_s, network, found or {})
+    return with_data(Path(__file__).with_suffix(".html"), title, content, notes)
+
+
+def with_data(template: Path, title: str, content: Mapping[str, Any], notes: Sequence[str] = ()) -> str:
+    """The HTML text of a page whose script reads its data from the page."""
+    text, style, script = filled(template)
     filling = {
         "policy": policy(style=style, script=script),
         "title": html.escape(title),
         "notes": "".join(f"<p>{html.escape(note)}</p>" for note in notes),
-        "data": json.dumps(
-            _content(traces, genes, scenario, gain_rad_s, network, found or {}), separators=(",", ":"), allow_nan=False
-        ).replace("<", "\\u003c"),
+        "data": json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"),
     }
-    return re.sub(r"\{\{(\w+)\}\}", lambda place: filling[place[1]], template)
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: filling[place[1]], text)
 
 
 def outcome(side: Side, controllers: Sequence[str], arrivals: Sequence[Arrival]) -> str:
@@ -162,7 +166,9 @@ def fixed_facts(
             for name, change in zip(controllers, changes, strict=True)
         ],
         "speed": 100 * gain_rad_s * robot.wheel_radius_m,  # cm/s of a wheel at a network output of 1
-        "layers": network.layers,
+        "layers": _columns(network),
+        "wiring": "" if network.wiring is None else network.wiring.name,
+        "joined": None if network.wiring is None else np.array(network.joined).tolist(),
         "inputs": _inputs(scenario),
         "hasTrials": scenario.task.has_trials,
         "robot": {
@@ -225,6 +231,12 @@ def world_facts(world: Scenario) -> dict[str, Any]:
     }
 
 
+def _columns(network: Network) -> tuple[int, ...]:
+    """How many neurons each column of the drawing has: the layers, the wheels by themselves."""
+    *others, last = network.layers
+    return (*others, *([last - OUTPUTS] if last > OUTPUTS else []), OUTPUTS)
+
+
 def _placed(places: Sequence[Place]) -> list[list[float]]:
     """Sensors as x, y [m] and azimuth [rad], in the robot's frame."""
     return [[place.x, place.y, math.radians(place.azimuth)] for place in places]
@@ -267,10 +279,12 @@ def _embedded(samples: Samples, initial: NDArray[np.float32], every: int) -> dic
         "weightChange": samples.weight_change,
         "change": samples.weights - initial,
     }
-    return {name: _packed(values[::every]) for name, values in columns.items()}
+    if samples.activations.size:
+        columns["activations"] = samples.activations
+    return {name: packed(values[::every]) for name, values in columns.items()}
 
 
-def _packed(values: NDArray[np.floating[Any]]) -> dict[str, Any]:
+def packed(values: NDArray[np.floating[Any]]) -> dict[str, Any]:
     """The values as little-endian 16-bit integers in base64, row by row, times `step`; no numbers if all are 0."""
     step = float(np.abs(values).max()) / _LARGEST
     if step == 0.0:

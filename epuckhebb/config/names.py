@@ -32,6 +32,7 @@ from epuckhebb.sim.plasticity.rule import Rule
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.space import Physics
+from epuckhebb.sim.wiring import LAYERS
 
 _GROUPS = ("maze", "robot", "scenario", "hebbian", "training")
 _RULE = "override /hebbian"  # in the defaults of an adaptation
@@ -48,6 +49,8 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
         choices: The file that was chosen of each group.
         folders: Where Hydra looked for files, first found first taken.
     """
+    if ":" in str((cfg.get("flock") or {}).get("coupling")):
+        cfg.flock.coupling = _absolute(cfg.flock.coupling, "flock.coupling")
     if "scenario" not in cfg or cfg.get("changed") is not None:
         return cfg
     own = {name: settings for name, settings in cfg.change.items() if settings is not None}  # no choices of the group
@@ -73,6 +76,7 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
             cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
         try:
             changes = [_changed(cfg, chosen["scenario"], folders), *_changed_lifetime(cfg, chosen, folders)]
+            changes += _changed_network(cfg.network)
             cfg.changed = literal(", ".join(filter(None, changes)))
             cfg.change = {}  # they are in the scenario, and in its name
         except (ValueError, OmegaConfBaseException) as error:
@@ -141,13 +145,22 @@ def _compared(name: str, given: Any, folders: Sequence[Path]) -> tuple[str, Any]
 
 
 def _own_code(cfg: DictConfig) -> None:
-    """Write down where the user's files are, and what was left as it is in the classes of a fitness and of sensors."""
+    """Write down where the user's files are, and what was left as it is in classes of a fitness, sensors, a wiring."""
     for settings in [cfg.hebbian, *(cfg.get("compare") or {}).values()]:
         if isinstance(settings, DictConfig) and ":" in str(settings.get("rule")):
             settings.rule = _absolute(settings.rule, "hebbian.rule")
     if ":" in str(cfg.fitness.get("function")):
         cfg.fitness.function = _absolute(cfg.fitness.function, "fitness.function")
         _write_defaults(cfg.fitness, part_class("fitness", cfg.fitness.function, "fitness"))
+    if ":" in str((cfg.get("optimizer") or {}).get("algorithm")):
+        cfg.optimizer.algorithm = _absolute(cfg.optimizer.algorithm, "optimizer.algorithm")
+        _write_defaults(cfg.optimizer, part_class("optimizer", cfg.optimizer.algorithm, "optimizer"))
+        cfg.ga = None
+    if cfg.network.get("wiring") != LAYERS:
+        cfg.network.wiring = _absolute(cfg.network.get("wiring"), "network.wiring")
+        if cfg.network.get("layers") is None:
+            cfg.network.pop("layers", None)
+        _write_defaults(cfg.network, part_class("wiring", cfg.network.wiring, "network"))
     sensors = cfg.robot.get("sensors")
     for number, settings in enumerate(sensors if isinstance(sensors, ListConfig) else ()):
         key = f"robot.sensors[{number}]"
@@ -220,6 +233,17 @@ def _changed_lifetime(cfg: DictConfig, chosen: Mapping[str, str], folders: Seque
     for key, value in plain(cfg.lifetime).items():
         if key != _RECORDING and value != usual.get(key):
             yield f"lifetime.{key}={value:g}"
+
+
+def _changed_network(settings: DictConfig) -> Iterator[str]:
+    """The wiring, if there is one, and settings that are not those of its class."""
+    if settings.wiring == LAYERS:
+        return
+    yield f"network.wiring={str(settings.wiring).rpartition(':')[2]}"
+    usual = {field.name: field.default for field in fields(part_class("wiring", settings.wiring, "network"))}
+    for key, value in settings.items():
+        if key in usual and value != usual[str(key)]:
+            yield f"network.{key}={value}"
 
 
 def world_of(

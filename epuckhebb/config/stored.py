@@ -10,13 +10,14 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import yaml_file
-from epuckhebb.config.explain import explain
 from epuckhebb.config.overrides import literal
 from epuckhebb.config.plugins import references
-from epuckhebb.config.schema import SCHEMAS, Config, Plain, command_of, typed
+from epuckhebb.config.schema import SCHEMAS, Config, Plain, typed
+from epuckhebb.config.words import explain
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
+from epuckhebb.sim.wiring import LAYERS
 
 _STAND_IN = "oja"  # has no settings of its own, and cannot be taken for the paper's
 _OWN_SIGNAL = Signal.fitness.name
@@ -25,7 +26,7 @@ _OWN_SIGNAL = Signal.fitness.name
 def from_values(values: Plain, schema: type[Config], source: str) -> Config:
     """The configuration of plain values, all names among them. source: where they come from, for messages."""
     try:
-        cfg = as_config(values, command_of(schema))
+        cfg = as_config(values, schema.command)
     except Exception as error:  # what damaged settings may raise has no end
         reason = explain(error) if isinstance(error, OmegaConfBaseException) else error
         raise ConfigError(f"{source} cannot be used: {reason}") from error
@@ -86,6 +87,8 @@ def without_own_code(values: Plain) -> Plain:
         part.clear()
         part.update(recorded=name, readings=readings)
     values["fitness"] = {"function": PAPER_FITNESS.name}
+    if ":" in str(_within(values, "network").get("wiring")):
+        values["network"] = {"wiring": LAYERS}  # a page has the neurons and synapses that were recorded
     for rule in rules:
         for key in [key for key in rule if key not in ("N", "sign", "name", "adaptation")]:
             del rule[key]

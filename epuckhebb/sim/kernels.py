@@ -23,13 +23,10 @@ _kernels: dict[tuple[object, ...], Any] = {}  # those that this process has used
 
 def kernel_of(
     rule: type[Rule],
-    change_signal: str,
+    adapted: adaptation.Parts,
     network: Network,
     robot: Robot,
     *,
-    follows_walls: bool = False,
-    self_check: bool = False,
-    homeostatic: bool = False,
     more_faults: bool = False,
     task: Task = ONE_TRIAL,
     fitness: Fitness = PAPER_FITNESS,
@@ -38,20 +35,13 @@ def kernel_of(
 ) -> Any:
     """`live` with these parts, or `live_together`, compiled or from the cache.
 
-    more_faults: whether there are other faults than dead sensors and weak wheels. task, fitness: only their kinds
-    matter.
+    adapted: which functions the adaptation has. more_faults: whether there are other faults than dead sensors and weak
+    wheels. task, fitness: only their kinds matter.
 
     Raises:
         ValueError: the rule has unknown arguments, or network, robot, task and adaptation do not fit each other.
     """
-    hooks = adaptation.hooks(
-        change_signal,
-        robot,
-        network.post[0],
-        follows_walls=follows_walls,
-        self_check=self_check,
-        homeostatic=homeostatic,
-    )
+    hooks = adaptation.hooks(adapted, robot, network.post[0])
     place = (rule, hooks, network, robot, more_faults, type(task), scored(fitness), physics, together)
     if place not in _kernels:
         _kernels[place] = _made(rule, hooks, network, robot, more_faults, task, scored(fitness), physics, together)

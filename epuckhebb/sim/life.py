@@ -15,6 +15,7 @@ from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.faults import Faults, initial_past
 from epuckhebb.sim.fitness import History
+from epuckhebb.sim.goal_signal import SignalNumbers
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, Network
@@ -28,6 +29,7 @@ from epuckhebb.sim.senses import SenseWorkspace, sense_workspace
 from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import NO_TRIALS
 from epuckhebb.sim.vectors import whole
+from epuckhebb.sim.wiring import NO_NEURONS, Neurons
 
 _LONGEST_S = 1e9  # 31 years: more is surely a slip
 
@@ -50,6 +52,8 @@ TALLY = np.dtype(
         ("need", np.float64),  # g of the last step
         ("change_signal", np.float64),  # nan without a signal
         ("away_s", np.float64),  # since the start, or since it was at the goal
+        ("exploring", np.bool_),  # whether the gate of exploration is open
+        ("halted", np.bool_),  # whether it stands still at the goal
         ("late_s", np.float64),  # how long the signal of change has been above its threshold
         ("noise_left", np.float64),  # on the wheels' outputs, of exploration
         ("noise_right", np.float64),
@@ -117,7 +121,7 @@ def workspace_for(network: Network, robot: Robot, physics: Physics = PYMUNK) -> 
     return Workspace(
         senses=sense_workspace(robot, physics),
         noise=np.zeros(noise_workspace_size(robot.inputs)),
-        drive=np.empty(whole(max(network.post))),
+        drive=np.empty(network.neurons if network.wiring is not None else whole(max(network.post))),
         synapses=np.empty((3, network.synapses)),
         change=np.empty(weight_change_workspace(network)),
     )
@@ -129,7 +133,7 @@ class Genotype(NamedTuple):
     weights: (synapses,), the genes. synapse_state: (synapses,) records, the initial state of each synapse.
     coefficients: (names, synapses) from evolved parameters of the rule. modulatory: weights of its modulatory neuron,
     if any. lengths: (neurons,) of each neuron's incoming weights, if the rule keeps them. signs: (synapses,) of the
-    updates.
+    updates. neurons: of a wiring.
     """
 
     weights: Floats
@@ -138,6 +142,7 @@ class Genotype(NamedTuple):
     modulatory: Floats
     lengths: Floats
     signs: Floats
+    neurons: Neurons = NO_NEURONS
 
 
 class Life(NamedTuple):
@@ -145,7 +150,8 @@ class Life(NamedTuple):
 
     tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records. activation: (neurons,).
     adaptation: what it carries. trials: records of `epuckhebb.sim.task.TRIAL`, none where a lifetime is one trial.
-    score: one record, what its fitness stores. past: what late sensors and wheels need (`epuckhebb.sim.faults`).
+    score: one record, what its fitness stores. neurons: of a wiring; its state lasts as long as the lifetime. past:
+    what late sensors and wheels need (`epuckhebb.sim.faults`).
     """
 
     tally: NDArray[np.void]
@@ -155,6 +161,7 @@ class Life(NamedTuple):
     adaptation: AdaptationState
     trials: NDArray[np.void]
     score: NDArray[np.void]
+    neurons: Neurons
     workspace: Workspace
     past: Floats
 
@@ -162,7 +169,8 @@ class Life(NamedTuple):
 class Group(NamedTuple):
     """What robots in one space carry, first axis the robots: of `Life`, of `Genotype` (genes: its weights), and keys.
 
-    motion: (robots, 6), the view of the space's state. wheels: (robots, 4) and before: (robots, 2), workspace.
+    neurons, parameters: of a wiring. motion: (robots, 6), the view of the space's state. wheels: (robots, 4) and
+    before: (robots, 2), workspace.
     """
 
     tally: NDArray[np.void]
@@ -177,6 +185,8 @@ class Group(NamedTuple):
     lengths: Floats
     signs: Floats
     keys: NDArray[np.uint64]
+    neurons: NDArray[np.void]
+    parameters: Floats
     motion: Floats
     wheels: Floats
     before: Floats
@@ -201,7 +211,7 @@ def initial_life(
     """
     if genotype.weights.shape != (network.synapses,) or genotype.signs.shape != (network.synapses,):
         raise ValueError(
-            f"a network of layers {network} has {network.synapses} weights, got {genotype.weights.shape[0]} genes and "
+            f"a network {network} has {network.synapses} weights, got {genotype.weights.shape[0]} genes and "
             f"{genotype.signs.shape[0]} signs"
         )
     activation = np.zeros(network.neurons)
@@ -214,6 +224,7 @@ def initial_life(
         adaptation=initial_adaptation_state(robot) if adaptation is None else adaptation,
         trials=trials,
         score=fitness.initial_state(),
+        neurons=genotype.neurons._replace(state=genotype.neurons.state.copy()),
         workspace=workspace_for(network, robot) if workspace is None else workspace,
         past=initial_past(robot),
     )
@@ -222,13 +233,15 @@ def initial_life(
 class Trial(NamedTuple):
     """What the robot is to do, and what is wrong with it.
 
-    goal_x, goal_y, goal_radius: m. arm: the region in which it has turned the right way. arena: m, half side.
-    faults: what is wrong. terms: the numbers of its task, a tuple of a type of their own.
+    goal_x, goal_y, goal_radius: m. signal: how it is given the goal signal. arm: the region in which it has turned the
+    right way. arena: m, half side. faults: what is wrong. terms: the numbers of its task, a tuple of a type of their
+    own.
     """
 
     goal_x: float
     goal_y: float
     goal_radius: float
+    signal: SignalNumbers
     arm: Region
     arena: float
     faults: Faults
@@ -255,8 +268,9 @@ class Samples(NamedTuple):
 
     time [s]; pose: x, y [m], heading [rad]; sensors: the network's inputs; motors: the 2 network outputs; fitness:
     live F; change_signal: nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|, that of homeostasis
-    included; weights: (samples, synapses), after the step's update, without the scale of homeostasis; tilt: roll, pitch
-    [rad] and height above the floor [m], nothing in the plane.
+    included; weights: (samples, synapses), after the step's update, without the scale of homeostasis; activations:
+    (samples, neurons) of those of a wiring, which weights and inputs alone do not give; none of layers; tilt: roll,
+    pitch [rad] and height above the floor [m], nothing in the plane.
     """
 
     time: Floats
@@ -268,6 +282,7 @@ class Samples(NamedTuple):
     rate: Floats
     weight_change: Floats
     weights: NDArray[np.float32]
+    activations: NDArray[np.float32]
     tilt: Floats
 
 
@@ -287,8 +302,14 @@ def empty_samples(count: int, network: Network, physics: Physics = PYMUNK) -> Sa
         rate=numbers(),
         weight_change=numbers(),
         weights=np.zeros((count, network.synapses), np.float32),
+        activations=np.zeros((count, recorded_neurons(network)), np.float32),
         tilt=numbers(physics.tilts),
     )
+
+
+def recorded_neurons(network: Network) -> int:
+    """How many activations are recorded: all neurons of a wiring, none of layers."""
+    return 0 if network.wiring is None else sum(network.layers[1:])
 
 
 def sample_bytes(network: Network) -> int:
@@ -305,6 +326,7 @@ def pad_samples(samples: Samples, life: Life, robot: Robot, record_every: int, p
     after = slice(-(-int(tally["step"]) // record_every), None)
     samples.time[after] = np.arange(len(samples.time))[after] * record_every * STEP_S
     samples.pose[after], samples.weights[after] = pose[:3], life.weights
+    samples.activations[after] = life.activation[len(life.activation) - samples.activations.shape[1] :]
     samples.sensors[after, : robot.inputs] = life.activation[: robot.inputs]  # and no reward
     samples.weight_change[after] = tally["weight_change"] + tally["scaling"]
 
@@ -371,7 +393,7 @@ class Outcome(NamedTuple):
     weight_change_final: sum over weights of |W - W_gene|. contact_fraction: share of steps with a distance reading
     above 0.8. success: whether the robot was within 5 cm of its goal at the last step. fitness: how well it did its
     task; the paper's final fitness unless that is another. steps: done. saturated_fraction: share of the final weights
-    at their bound.
+    at their bound. x, y: m, where the robot is at the end.
     """
 
     time_to_goal: float
@@ -386,6 +408,8 @@ class Outcome(NamedTuple):
     fitness: float
     steps: int
     saturated_fraction: float
+    x: float
+    y: float
 
     def with_fitness(self, fitness: float) -> "Outcome":
         """The same metrics with another fitness."""

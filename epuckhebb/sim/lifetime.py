@@ -26,6 +26,7 @@ from epuckhebb.sim.senses import blinding, largest_distance_reading, senses
 from epuckhebb.sim.sensors import NO_ROBOTS, Goal
 from epuckhebb.sim.space import Handles, is_lost, pose
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
+from epuckhebb.sim.wiring import Neurons
 
 OWN = int(fitness.Signal.fitness)
 CONTACT = 0.8  # a distance reading above this counts as contact, as in the published code
@@ -38,7 +39,7 @@ draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NET
 move_all = mover_of_all(EPUCK)
 learn, modulate = update_of(NoRule, PAPER_NETWORK), modulation_of(NoRule, PAPER_NETWORK)
 record_tilt = PYMUNK.record_tilt()
-correct, scale, open_gate, explore, compensate = adaptation.hooks(adaptation.NONE, EPUCK)
+correct, scale, open_gate, explore, compensate, resets = adaptation.hooks(adaptation.Parts(), EPUCK)
 apply_sensor_faults, turn_wheels = faults.hooks(EPUCK, more=False)
 reward_input, to_goal, end_step = ONE_TRIAL.hooks(EPUCK.inputs)
 
@@ -88,6 +89,7 @@ def live_together(group: Group, life: Life, setup: Setup, space: Any, until: int
                 life.adaptation,
                 life.trials,
                 group.score[i],
+                Neurons(group.neurons[i], group.parameters[i], life.neurons.numbers, life.neurons.step_s),
                 life.workspace,
                 group.past[i],
             )
@@ -176,7 +178,7 @@ def decide(
     reward_input(activation, tally.reward)
 
     # Act.
-    forward(weights, activation, workspace.drive)
+    forward(weights, activation, workspace.drive, life.neurons)
     left, right = activation[WHEELS], activation[WHEELS + 1]
 
     # Score.
@@ -211,11 +213,10 @@ def decide(
             live_fitness = worth
 
     # Learn.
-    at_goal = tally.goal_distance < trial.goal_radius
     need = open_gate(
-        plasticity.gate, tally, life.adaptation, activation, live_fitness, setup.nominal, at_goal, step, setup.key
+        plasticity.gate, tally, life.adaptation, activation, live_fitness, setup.nominal, trial, step, setup.key
     )
-    if tally.need > 0.0 and need == 0.0:
+    if resets and tally.need > 0.0 and need == 0.0:
         reset_to_genes(life, genotype)
     tally.need = need
     rate = effective_rate(plasticity.rate, need, live_fitness, plasticity.floor)
@@ -287,3 +288,6 @@ def record(
     samples.rate[place], samples.weight_change[place] = rate, tally.weight_change + tally.scaling
     for k in range(synapses):
         samples.weights[place, k] = life.weights[k]
+    neurons = samples.activations.shape[1]
+    for j in range(neurons):
+        samples.activations[place, j] = life.activation[life.activation.shape[0] - neurons + j]

@@ -20,7 +20,7 @@ from epuckhebb.sim.adaptation.self_check.corrections import Corrections, check_c
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compile_error
 from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.genome import WEIGHTS
+from epuckhebb.sim.genome import NEURON, WEIGHTS
 from epuckhebb.sim.life import (
     TALLY,
     CalibrationRecord,
@@ -52,6 +52,8 @@ from epuckhebb.sim.plasticity.weight_change import saturated_fraction
 from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.stage import Kind, Phase, Stage, have_more_faults, lights_of, trial_of
+from epuckhebb.sim.wired_pass import neuron_of
+from epuckhebb.sim.wiring import NO_NEURONS, WiringError
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
 _Tally = _namedtuple("_Tally", TALLY.names)  # a whole tally is read in the time that four of its fields take
@@ -115,7 +117,7 @@ class Session:
         self._phases = list(stage.phases)
         self._kind = kind = stage.kind_of(individual.controller, individual.network, stage.more_faults)
         self._first = first = self._phases[0].scenario
-        self.genotype = _genotype_of(individual, kind, first)
+        self.genotype = _genotype_of(individual, kind, first, self.lifetime.gain_rad_s)
         self._record_every = self.lifetime.record_every if individual.record else 0
         adaptation = kind.unused
         if adaptation is None or individual.corrections is not None:
@@ -173,8 +175,9 @@ class Session:
             How many were run.
 
         Raises:
-            NotCompiledError: the rule, or the user's fitness, does not compile.
-            FitnessError, SensorError: the user's fitness gave no number, or a sensor none from 0 to 1.
+            NotCompiledError: the rule, or another part of the user's, does not compile.
+            FitnessError, SensorError, WiringError: the user's fitness or neurons gave no number, or a sensor none from
+                0 to 1.
             LostRobotError: a pose or a weight stopped being finite; the message says whose and when.
         """
         first = self.steps
@@ -232,12 +235,13 @@ class Session:
             world.task.fitness(behaviour, reward, self.life.trials, nearest),
             tally.step,
             saturated_fraction(self.life.weights, self.individual.controller.rule.w_max),
+            *(pose or self.pose)[:2],
         )
         if len(self.life.trials):
             outcome = OutcomeOfTrials.of(outcome, self.life.trials)
         if not world.fitness.is_own:
             return outcome
-        own = world.fitness.of_lifetime(facts_of(outcome, *(pose or self.pose)[:2]), self.life.score)
+        own = world.fitness.of_lifetime(facts_of(outcome), self.life.score)
         return outcome.with_fitness(own)
 
     def share(self, **arrays: Any) -> None:
@@ -318,6 +322,12 @@ class Session:
             alone = compile_error(sensor.kernels(0, 0.0).read, *sensor.example(self.individual.network.inputs))
             if alone is not None and sensor.read is not None:
                 return explained(f"sensor {sensor.name}", sensor.read, alone)
+        wiring = self.individual.network.wiring
+        if wiring is not None and wiring.neuron is not None:
+            drive, life = np.zeros(self.individual.network.neurons), self.life
+            alone = compile_error(neuron_of(wiring), 0, 0, drive, life.activation, life.neurons)
+            if alone is not None:
+                return explained(f"wiring {wiring.name}", wiring.neuron, alone, "state")
         return explained(f"rule {rule.__name__}", rule.synapse, error, "synapse_state")
 
     def check(self) -> None:
@@ -330,6 +340,11 @@ class Session:
         if self.world.fitness.step is not None and not math.isfinite(life.score["sum"][0]):
             raise FitnessError(
                 f"fitness {self.world.fitness.name}: `step` gave infinite or nan values on a {who.side} trial of "
+                f"scenario {self.world.name}; noticed at step {tally.step} of {self.lifetime.steps}"
+            )
+        if who.network.wiring is not None and not np.isfinite(life.activation).all():
+            raise WiringError(
+                f"wiring {who.network.wiring.name}: `neuron` gave infinite or nan activations on a {who.side} trial of "
                 f"scenario {self.world.name}; noticed at step {tally.step} of {self.lifetime.steps}"
             )
         finite = bool(np.isfinite(life.weights).all() and np.isfinite(life.synapse_state.view(np.float64)).all())
@@ -347,7 +362,7 @@ class Session:
         raise LostRobotError(f"{where} the robot's pose {self._space.lost} {when}")
 
 
-def _genotype_of(individual: Individual, kind: Kind, world: Scenario) -> Genotype:
+def _genotype_of(individual: Individual, kind: Kind, world: Scenario, gain_rad_s: float) -> Genotype:
     """What an individual starts with; a ValueError if its arguments do not fit each other."""
     if individual.nominal is not None:
         check_nominal(individual.nominal, world.robot.inputs)
@@ -366,6 +381,9 @@ def _genotype_of(individual: Individual, kind: Kind, world: Scenario) -> Genotyp
             -INITIAL_RANGE, INITIAL_RANGE, network.synapses
         )
     weights = initial_weights_of(inherited)
+    neurons, wiring = NO_NEURONS, network.wiring
+    if wiring is not None:
+        neurons = wiring.initial({name: parts[NEURON + name] for name in wiring.evolved}, gain_rad_s)
     return Genotype(
         weights,
         kind.synapse_state,
@@ -373,4 +391,5 @@ def _genotype_of(individual: Individual, kind: Kind, world: Scenario) -> Genotyp
         modulatory_weights(type(rule), parts, rule.reward),
         initial_lengths(type(rule), network, weights),
         of_updates,
+        neurons,
     )

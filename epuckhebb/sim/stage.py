@@ -121,12 +121,9 @@ class Stage:
         return Kind(
             live=kernel_of(
                 compiled_for,
-                adaptation.change_signal,
+                adaptation.parts,
                 network,
                 robot,
-                follows_walls=adaptation.follows_walls,
-                self_check=adaptation.self_check,
-                homeostatic=adaptation.homeostasis,
                 more_faults=more_faults,
                 task=self.world.task,
                 fitness=self.world.fitness,
@@ -164,6 +161,7 @@ def trial_of(scenario: Scenario, side: Side, start: Pose | None = None) -> Trial
         float(goal.x),
         float(goal.y),
         float(maze.goal_radius_m),
+        scenario.goal_signal.numbers(),
         _NOWHERE if task.has_trials else Region(*map(float, maze.arms[side])),
         float(maze.arena_m),
         faults_of(scenario),

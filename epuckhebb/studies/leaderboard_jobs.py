@@ -154,7 +154,7 @@ class Planner:
             except ValueError as error:
                 raise ConfigError(f"{name}: {error}") from error
         if "hebbian.rule" in method.evaluate:
-            evaluate.compile_for(config.controllers, network_for(config.world, config.layers), config.world)
+            evaluate.compile_for(config.controllers, network_for(config.world, config.shape), config.world)
         return dict(config.values)
 
     def _evolution(self, method: Method, config: Plain, over: Entry | None, seed: int) -> Job:
