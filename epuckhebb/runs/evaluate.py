@@ -63,6 +63,7 @@ class Prepared:
         if world.name == self.config.world.name:
             return self
         there = copy.copy(self.config)
+        world = replace(world, physics=self.config.world.physics)
         there.world, there.lifetime = world, replace(self.config.lifetime, duration_s=world.paper_duration_s)
         return Prepared(config=there, genome=self.genome)
 
