@@ -55,7 +55,8 @@ class Prepared:
         if world.name == self.config.world.name:
             return self
         there = copy.copy(self.config)
-        there.world, there.lifetime = world, replace(self.config.lifetime, duration_s=world.paper_duration_s)
+        there.world = replace(world, fitness=self.config.world.fitness)
+        there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
         return Prepared(config=there, genome=self.genome)
 
     def compile(self) -> None:
