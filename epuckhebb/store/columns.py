@@ -351,6 +351,8 @@ TRACES: Mapping[str, Array] = {
     "side": Array(("lifetimes",), "", "`left` or `right`"),
     "genome": Array(("synapses",), "", "the initial weights"),
     "layers": Array(("layers",), "", "how many neurons each layer has, sensors first, wheels last"),
+    "wiring": Array((), "", "the name of the wiring, unless the network is layers"),
+    "joined": Array((2, "synapses"), "", "beside `wiring`: the presynaptic and the postsynaptic neuron of each synapse"),
     "time": _sample("s", "since the start of the lifetime"),
     "pose": _sample("m, m, rad", "x (to the right), y (ahead at the start), heading, anticlockwise from x", (3,)),
     "sensors": _sample("0 to 1", "network inputs, light first (1 is dark), then distance (1 is touching)", ("inputs",)),
@@ -360,11 +362,15 @@ TRACES: Mapping[str, Array] = {
     "rate": _sample("per step", "effective rate N_e"),
     "weight_change": _sample("", "sum of abs(W - W_gene) over all weights"),
     "weights": _sample("", "all weights, layer by layer, a row for each presynaptic neuron", ("synapses",)),
+    "activations": _sample("", "beside `wiring`: activations of its neurons, those behind the bias", ("neurons",)),
 }
 
 CHAMPION: Mapping[str, Array] = {
-    "genome": Array(("genes",), "", "all genes: the weights, layer by layer, then the evolved parameters of a rule"),
+    "genome": Array(("genes",), "", "all genes: the weights, layer by layer, then the parameters of neurons and of a rule"),
     "layers": Array(("layers",), "", "how many neurons each layer has"),
+    "wiring": Array((), "", "the name of the wiring, unless the network is layers"),
+    "joined": Array((2, "synapses"), "", "beside `wiring`: the presynaptic and the postsynaptic neuron of each synapse"),
+    "wiring_settings": Array((), "", "beside `wiring`: its settings as JSON"),
     "parts": Array(("parts",), "", "the names of the parts of the genome"),
     "part_sizes": Array(("parts",), "", "how many genes each has"),
     "fitness": Array((), "", "what it was chosen by"),
