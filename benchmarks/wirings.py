@@ -1,4 +1,6 @@
-"""Tests champions of layers, CTRNN and Elman networks in the paper's worlds; writes runs/reference/wirings/champions.csv.
+"""Tests champions of layers, CTRNN and Elman networks in the paper's worlds.
+
+It writes runs/reference/wirings/champions.csv, of the seeds of which all champions are there.
 
 The champions come of one command, in any number of folders, which are the arguments:
 

@@ -15,12 +15,12 @@ from epuckhebb.evolution.optimizers.ga import GA, next_generation
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.compiled import kernel
 from epuckhebb.sim.controller import Controller
+from epuckhebb.sim.evolved import Evolved
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.sim.not_compiled import NotCompiledError
 from epuckhebb.sim.plasticity.control import Sign
-from epuckhebb.sim.evolved import Evolved
 from epuckhebb.sim.plasticity.rule import Rule, arguments_of, coefficients, initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.plasticity.update import StepContext, update_of

@@ -342,6 +342,9 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
 }
 
 
+_JOINED = Array((2, "synapses"), "", "beside `wiring`: the presynaptic and postsynaptic neuron of each synapse")
+
+
 def _sample(unit: str, meaning: str, axes: tuple[str | int, ...] = ()) -> Array:
     return Array(("lifetimes", "samples", *axes), unit, meaning)
 
@@ -352,7 +355,7 @@ TRACES: Mapping[str, Array] = {
     "genome": Array(("synapses",), "", "the initial weights"),
     "layers": Array(("layers",), "", "how many neurons each layer has, sensors first, wheels last"),
     "wiring": Array((), "", "the name of the wiring, unless the network is layers"),
-    "joined": Array((2, "synapses"), "", "beside `wiring`: the presynaptic and the postsynaptic neuron of each synapse"),
+    "joined": _JOINED,
     "time": _sample("s", "since the start of the lifetime"),
     "pose": _sample("m, m, rad", "x (to the right), y (ahead at the start), heading, anticlockwise from x", (3,)),
     "sensors": _sample("0 to 1", "network inputs, light first (1 is dark), then distance (1 is touching)", ("inputs",)),
@@ -366,10 +369,10 @@ TRACES: Mapping[str, Array] = {
 }
 
 CHAMPION: Mapping[str, Array] = {
-    "genome": Array(("genes",), "", "all genes: the weights, layer by layer, then the parameters of neurons and of a rule"),
+    "genome": Array(("genes",), "", "all genes: the weights, layer by layer, then parameters of neurons and of a rule"),
     "layers": Array(("layers",), "", "how many neurons each layer has"),
     "wiring": Array((), "", "the name of the wiring, unless the network is layers"),
-    "joined": Array((2, "synapses"), "", "beside `wiring`: the presynaptic and the postsynaptic neuron of each synapse"),
+    "joined": _JOINED,
     "wiring_settings": Array((), "", "beside `wiring`: its settings as JSON"),
     "parts": Array(("parts",), "", "the names of the parts of the genome"),
     "part_sizes": Array(("parts",), "", "how many genes each has"),
