@@ -15,17 +15,17 @@ ROOT = Path(__file__).parents[1]
 LINK = re.compile(r"(?P<text>\[[^]]*\])\((?P<target>[^)#]+)(?P<place>#[^)]*)?\)")
 API = """# Python reference
 
-::: epuckhebb
+::: epuckhebb.api
     options:
       show_root_heading: false
       show_root_toc_entry: false
       members: [evaluate, evolve, sweep, load]
 
-::: epuckhebb.api.Evaluation
+::: epuckhebb.api.results.Evaluation
 
-::: epuckhebb.api.Evolution
+::: epuckhebb.api.results.Evolution
 
-::: epuckhebb.api.Live
+::: epuckhebb.api.results.Live
 
 ::: epuckhebb.sim.plasticity.rule.Rule
 

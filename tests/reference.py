@@ -82,7 +82,7 @@ class Robot:
         self.initialise()
         self.junction, self.undirected, self.before_trial = 0.0, 0.0, 0
         self.nominal, self.recent, self.arrived, self.away, self.late = nominal, None, False, 0.0, 0.0
-        self.change_signal = math.nan
+        self.change_signal, self.exploring, self.at_goal, self.halted = math.nan, False, False, False
         self.hand, self.smooth, self.loss, self.ratio, self.dead = None, None, np.zeros(2), 1.0, []
         self.scale, self.novelty, self.brightness, self.used_scale = 1.0, None, None, 1.0
         if self.adaptation.self_check:
@@ -201,9 +201,9 @@ class Robot:
             of_reward = self.evolved["vr"][0] * self.reward if self.task is not None else 0
             rate *= np.tanh((np.dot(v, activations[-2]) + v0 + of_reward) / 2)
         self.fitness = fitness
-        if need == 0:
+        if need == 0 and self.adaptation.stay.name != "learn":
             self.initialise()
-        elif self.rule.N > 0:
+        if need > 0 and self.rule.N > 0:
             self.learn(activations, rate)
         change = sum(np.abs(w - g).sum() for w, g in zip(self.weights, self.genes, strict=True))
         lit = self.weights[0][: self.kind.light.count] * (1 - self.used_scale)
@@ -414,10 +414,14 @@ class Robot:
         """What the wheels get of the network's outputs."""
         fastest = self.kind.motor_limit_rad_s / self.gain
         if self.adaptation.follows_walls and self.adaptation.is_gated:
-            if need > 0:
+            if self.exploring:
                 left, right = (speed / self.gain for speed in self.follow(readings[self.kind.light.count :]))
             else:
                 self.hand = None
+        if self.adaptation.stay.name == "halt" and self.at_goal:
+            self.halted = True
+        if self.halted:
+            left, right = 0.0, 0.0
         return (
             np.clip(out / (1 - loss), -fastest, fastest) for out, loss in zip((left, right), self.loss, strict=True)
         )
@@ -472,9 +476,13 @@ class Robot:
         self.change_signal = signal
         too_much = signal - over.threshold
         need = 0.0 if at_goal or not too_much > 0 else min(1.0, too_much * over.slope)
+        if now >= over.start_by_s and not self.arrived:
+            need = 1.0
         self.late = self.late + STEP if need else 0.0
         rests = over.active_s and self.late % (over.active_s + over.rest_s) >= over.active_s
-        return 0.0 if rests else need
+        need = 0.0 if rests else need
+        self.exploring, self.at_goal = need > 0, at_goal
+        return {"always": 1.0, "late": need, "goal_signal": float(at_goal)}[over.plastic_when.name]
 
     def learn(self, activations, rate):
         w_max = self.rule.w_max

@@ -58,7 +58,9 @@ def test_a_result_has_tables_traces_a_picture_and_a_page(here):
     assert html.unescape(shown) == page.text
     assert list(here.iterdir()) == []
     assert page.save("own/page.html").read_text(encoding="utf-8") == page.text
-    assert result.plot().save("path.png").stat().st_size > 1000
+    assert result.plot().save("path.pdf").read_bytes().startswith(b"%PDF")
+    with pytest.raises(ValueError, match=r"one of png, svg, pdf, got path\.bmp"):
+        result.plot().save("path.bmp")
 
 
 def test_a_sweep_is_one_table_the_same_each_time(capfd):

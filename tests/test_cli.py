@@ -111,14 +111,14 @@ def test_a_read_only_output_folder(here):
 
 
 def test_interrupting_evolve_leaves_a_whole_checkpoint(here, monkeypatch):
-    show = evolve.EvolutionProgress.show
+    show = evolve.EvolutionProgress.add
 
     def stop(self, generation):
         show(self, generation)
         if generation.number == 1:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(evolve.EvolutionProgress, "show", stop)
+    monkeypatch.setattr(evolve.EvolutionProgress, "add", stop)
     stopped = call("evolve", *TINY)
     run = only_run(here / "runs" / "evolve")
     assert stopped.exit_code == 130, stopped.stderr
@@ -126,7 +126,7 @@ def test_interrupting_evolve_leaves_a_whole_checkpoint(here, monkeypatch):
     assert json.loads((run / "status.json").read_text())["state"] == "interrupted"
     with np.load(run / "checkpoint.npz") as checkpoint:
         assert checkpoint["generation"] == 1
-        assert checkpoint["population"].shape == (6, 234)
+        assert checkpoint["told"].shape == (2 * 6,)
 
 
 @pytest.mark.parametrize("command", get_command(app).commands)
@@ -243,8 +243,10 @@ def test_what_is_slow_is_told_and_what_is_quick_is_not(monkeypatch):
     said, heard = [], threading.Event()
     monkeypatch.setattr(Terminal, "is_watched", True)
     monkeypatch.setattr(progress, "say", lambda note: (said.append(note), heard.set()))
-    with progress.saying_if_slow("compiling", after_s=0.0):
+    monkeypatch.setattr(progress, "_SLOW_S", 0.0)
+    with progress.saying_if_slow("compiling"):
         assert heard.wait(60)
-    with progress.saying_if_slow("not told", after_s=3600.0):
+    monkeypatch.setattr(progress, "_SLOW_S", 3600.0)
+    with progress.saying_if_slow("not told"):
         pass
     assert said == ["compiling"]

@@ -9,12 +9,14 @@ import hashlib
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from epuckhebb.analysis.evaluate import COLUMNS, evaluate
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.evolution.evolve import evolve
+from epuckhebb.evolution.search import Search
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.store.genome import load_genome
@@ -70,7 +72,7 @@ def test_lifetimes_have_the_same_bits(treatments, file, golden):
             for where in CHAMPIONS:
                 genome, live = champions[one, where], (controllers[one], world.lifetime)
                 lived, _ = evaluate(genome.genes, world.world, *live, genome.nominal, repeats=1, seed=3, threads=2)
-                rows.append(lived)
+                rows.append(pd.DataFrame(lived))
         if name == "paper":
             told.append(f"GA {digest([r[r.controller == GA][METRICS].to_numpy(float) for r in rows])}")
         told.append(f"{name} {digest([r[r.controller != GA][METRICS].to_numpy(float) for r in rows])}")
@@ -85,7 +87,7 @@ def test_lifetimes_of_many_trials_have_the_same_bits(golden):
     lived, _ = evaluate(genome.genes, *live, repeats=2, seed=3, threads=2, **parts)
     told = [
         f"{name} {digest(rows[[*METRICS, 'rewarded_share']].to_numpy(float))}"
-        for name, rows in lived.groupby("controller")
+        for name, rows in pd.DataFrame(lived).groupby("controller")
     ]
     golden("reversal.digest", "\n".join(told) + "\n")
 
@@ -95,5 +97,6 @@ def test_an_evolution_has_the_same_bits(overrides, golden):
     small = ["ga.population=8", "ga.generations=3", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=20", "seed=5"]
     asked = typed(composed("evolve", [*overrides, *small]), EvolveConfig)
     *_, last = evolve(asked.ga, asked.world, asked.lifetime, asked.seed, threads=2)
-    told = [digest(part) for part in (last.state["population"], last.fitness, last.champion)]
+    following = Search(asked.ga, asked.plan, asked.seed, last.log).ask()
+    told = [digest(part) for part in (following, last.fitness, last.champion)]
     golden(f"evolution_{overrides[0].partition('=')[2]}.digest", "\n".join(told) + "\n")

@@ -11,10 +11,11 @@ from cases import done, first_of, refused
 import epuckhebb
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
-from epuckhebb.evolution.evolve import evolve
+from epuckhebb.evolution.evolve import evolve, evolved_plan
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers import ga as ga_module
 from epuckhebb.evolution.optimizers.ga import GA
+from epuckhebb.evolution.search import Search
 from epuckhebb.sim import random
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.genome import plan_of
@@ -183,6 +184,7 @@ def test_as_much_is_learnt_on_a_metre_at_any_wheel_gain(run_lifetime):
     assert changes[1.0, 4.0] == pytest.approx(changes[4.0, 4.0] / 4)
 
 
+@pytest.mark.thorough
 def test_initial_weights_can_be_drawn_for_each_lifetime(run_lifetime):
     genes = np.concatenate([np.full(234, 2.0), np.zeros(5 * 234)])  # nothing is learnt
 
@@ -212,7 +214,7 @@ def test_learners_get_the_same_noise_and_their_champion_is_confirmed(monkeypatch
 
     monkeypatch.setattr(ga_module, "initial", alike)
     ga = GA(population=5, generations=1, loops=1, elites=0, start_noise=1.0)
-    last = evolved_by(ga, ABCDShared(N=0.0003))[-1]
+    last = evolved_by(ga, Modulated(N=0.003))[-1]
     assert np.ptp(last.fitness) == 0
     assert last.champion_fitness != last.fitness[0]  # in lifetimes that are new
     last = evolved_by(ga, NoRule())[-1]
@@ -220,15 +222,17 @@ def test_learners_get_the_same_noise_and_their_champion_is_confirmed(monkeypatch
     assert last.champion_fitness == last.fitness.max()
 
 
+@pytest.mark.thorough
 def test_only_the_rule_evolves_where_weights_are_drawn_or_given():
     ga = GA(population=4, generations=2, elites=1, loops=1)
     drawn = evolved_by(ga, ABCD(N=0.01))[-1]
-    assert drawn.state["population"].shape == (4, 5 * 234)
+    assert Search(ga, evolved_plan(PAPER_NETWORK, ABCD(N=0.01)), 2, drawn.log).ask().shape == (4, 5 * 234)
     assert drawn.champion.shape == (6 * 234,)
     assert (drawn.champion[:234] == 0).all()
     weights = np.linspace(-1, 1, 234)
     given = evolved_by(ga, ABCDShared(N=0.0003), weights=weights)[-1]
-    assert given.state["population"].shape == (4, 25)
+    plan = evolved_plan(PAPER_NETWORK, ABCDShared(N=0.0003), given=True)
+    assert Search(ga, plan, 2, given.log).ask().shape == (4, 25)
     np.testing.assert_array_equal(given.champion[:234], weights)
 
 
@@ -253,9 +257,15 @@ def champions(tmp_path_factory):
     folder = tmp_path_factory.mktemp("champions")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        for rule in ("modulated", "abcd"):
-            done("evolve", f"hebbian={rule}", "training=varied", *TINY, f"hydra.run.dir={rule}")
+        done("evolve", "hebbian=modulated", "training=varied", *TINY, "hydra.run.dir=modulated")
     return folder
+
+
+@pytest.fixture(scope="module")
+def with_abcd(champions):
+    """The same with another evolution, by a rule that needs its own kernel."""
+    done("evolve", "hebbian=abcd", "training=varied", *TINY, f"hydra.run.dir={champions / 'abcd'}")
+    return champions
 
 
 def test_a_champion_keeps_what_its_rule_evolved(champions, monkeypatch, tmp_path):
@@ -281,7 +291,8 @@ def test_a_champion_keeps_what_its_rule_evolved(champions, monkeypatch, tmp_path
 
 @pytest.mark.parametrize("rule", first_of(["modulated", "abcd"]))
 @pytest.mark.usefixtures("here")
-def test_an_evolution_of_a_rule_resumes_bit_identically(rule, champions):
+def test_an_evolution_of_a_rule_resumes_bit_identically(rule, request):
+    champions = request.getfixturevalue("champions" if rule == "modulated" else "with_abcd")
     words = ["evolve", f"hebbian={rule}", "training=varied", *TINY, "hydra.run.dir=run"]
     done(*words, "optimizer.generations=1")
     done("evolve", "resume=run", "optimizer.generations=2", "-q")
@@ -311,8 +322,7 @@ def test_a_rule_evolves_for_a_given_champion(champions):
     ("words", "named"),
     [
         ("genome=modulated", "give hebbian=modulated"),
-        ("genome=abcd hebbian=abcd_shared", "rule abcd_shared"),
-        ("genome=abcd hebbian=abcd hebbian.initial_weights=evolved", "hebbian.initial_weights=random"),
+        ("genome=modulated hebbian=abcd_shared", "rule abcd_shared"),
         ("genome=modulated hebbian=modulated hebbian.initial_weights=random", "hebbian.initial_weights=evolved"),
         ("genome=reference hebbian=modulated", "v, A, B, C, D, eta"),
     ],

@@ -14,6 +14,7 @@ from PIL import Image
 from epuckhebb.analysis import charts, figures, movie
 from epuckhebb.analysis.evaluate import Traces, evaluate
 from epuckhebb.analysis.floor import floor, view
+from epuckhebb.analysis.image import KINDS, image
 from epuckhebb.sim.controller import HEBBIAN, Controller
 from epuckhebb.sim.life import Lifetime, Samples, empty_samples
 from epuckhebb.sim.light import Lamp
@@ -45,17 +46,15 @@ IN_ROOM = Scenario(maze=ROOM, lamp=Lamp(x_m=0.5, y_m=0.1, towards_x=0.0, towards
 
 @pytest.fixture
 def drawn(monkeypatch):
-    """The figures that were made; they are not turned into PNGs, which takes longest."""
+    """The figures that were made."""
     made = []
-    monkeypatch.setattr(Figure, "savefig", lambda self, *_, **__: made.append(self))
-    return made
 
+    def figure(*args, **more):
+        made.append(Figure(*args, **more))
+        return made[-1]
 
-@pytest.fixture
-def rendered(monkeypatch):
-    """The figures that were made and turned into PNGs."""
-    made, save = [], Figure.savefig
-    monkeypatch.setattr(Figure, "savefig", lambda self, *args, **more: made.append(self) or save(self, *args, **more))
+    for module in (charts, figures):
+        monkeypatch.setattr(module, "Figure", figure)
     return made
 
 
@@ -193,21 +192,22 @@ def test_the_legend_has_the_obstacles_that_are_there(drawn):
 
 
 @pytest.mark.thorough
-def test_names_are_shown_to_the_letter(rendered):
+def test_names_are_shown_to_the_letter():
     names = ["[/x]", r"$\foo$", "$", "a_b^{c", r"\$1$"]
     title = " ".join(names)
     traces = at_rest((0.0, 0.0), seconds=7, controllers=("GA", *names))
     traces.samples.weights[:] = np.random.default_rng(1).uniform(-1, 1, traces.samples.weights.shape)
     changes = [{"at_s": 5.0, "light": 1.0}]
-    figures.trajectories(traces, Scenario(name=title, changes=changes), title)
+    paths = figures.trajectories(traces, Scenario(name=title, changes=changes), title)
     movie.gif(traces, Scenario(name=title, changes=changes), title)
     lived = {
         "left": Samples(*(array[0] for array in traces.samples)),
         "right": Samples(*(a[1] for a in traces.samples)),
     }
-    charts.network(np.zeros(234), lived, title)
-    charts.weight_change(dict.fromkeys(names, lived), "light", title)
-    shown = [text._preprocess_math(text.get_text())[0] for text in rendered[0].findobj(matplotlib.text.Text)]
+    for figure in (paths, charts.network(np.zeros(234), lived, title)):
+        image(figure)
+    image(charts.weight_change(dict.fromkeys(names, lived), "light", title))
+    shown = [text._preprocess_math(text.get_text())[0] for text in paths.findobj(matplotlib.text.Text)]
     assert title in shown
     assert {f"GA with “{name}”" for name in names} <= set(shown)
 
@@ -276,10 +276,18 @@ def test_same_trajectories_give_the_same_bytes():
     world = Scenario(maze=ROOM, lamp=IN_ROOM.lamp, obstacles=1, changes=[{"at_s": 3.0, "obstacles": 0}])
     hebbian = Controller(name=HEBBIAN, rule=Paper(N=1e-3))
     _, traces = evaluate(genes, world, [hebbian], Lifetime(duration_s=6.0, record_every=8), repeats=1, seed=1)
-    first = figures.trajectories(traces, world, "title")
-    assert first == figures.trajectories(traces, world, "title")
-    with Image.open(io.BytesIO(first)) as picture:
+    for kind in KINDS:
+        first = image(figures.trajectories(traces, world, "title"), kind)
+        assert first == image(figures.trajectories(traces, world, "title"), kind)
+    with Image.open(io.BytesIO(image(figures.trajectories(traces, world, "title")))) as picture:
         assert math.isclose(picture.width, 2 * 4.8 * 120, abs_tol=1)
+
+
+def test_a_figure_for_a_paper_has_its_width_and_letters_that_can_be_read():
+    figure = figures.trajectories(at_rest((0.0, 0.0), controllers=("GA", "Hebbian")), Scenario(), "title")
+    with Image.open(io.BytesIO(image(figure, width_mm=180.0))) as picture:
+        assert math.isclose(picture.width / picture.info["dpi"][0], 180 / 25.4, abs_tol=0.01)
+    assert min(text.get_fontsize() for text in figure.findobj(matplotlib.text.Text) if text.get_text()) >= 6
 
 
 def test_a_learning_curve_above_one_is_drawn_whole(drawn):

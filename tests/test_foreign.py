@@ -12,7 +12,6 @@ from cases import call, contents, done, first_of, refused
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import plain
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.progress import be_quiet
 from epuckhebb.store import disk, genome, provenance
 from epuckhebb.store.folder import RunFolder
 from epuckhebb.studies import identity
@@ -68,42 +67,6 @@ def test_a_sweep_removes_only_attempts_with_our_names(here):
     there = contents(here / "mine")
     assert all(name in there for name in kept)
     assert not any(name in there for name in ours)
-
-
-def test_an_attempt_with_notes_of_the_users_is_set_aside(tmp_path, capsys):
-    be_quiet(False)
-    with RunFolder.resume(tmp_path, "sweep", None, [], {}):
-        pass
-    attempts = [tmp_path / "unfinished" / f"20260101-000000-0123abcd_{number}" for number in (1, 2)]
-    for attempt in attempts:
-        disk.write_atomic(attempt / "status.json", b"{}")
-    (attempts[0] / "notes.txt").write_text("dear")
-    with RunFolder.resume(tmp_path, "sweep", None, [], {}):
-        pass
-    (aside,) = (tmp_path / "set_aside").iterdir()
-    assert aside.name.startswith(attempts[0].name)
-    assert contents(aside) == {"notes.txt": b"dear", "status.json": b"{}"}
-    assert not list((tmp_path / "unfinished").iterdir())
-    assert str(aside) in "".join(capsys.readouterr().err.split("\n"))
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["evaluate", "repeats=1", "lifetime.duration_s=1", "adaptation=self_check"],
-        ["evolve", "ga.population=4", "ga.elites=1", "ga.generations=1", "lifetime.duration_s=1"],
-    ],
-)
-def test_what_a_run_writes_is_known_and_not_set_aside(here, words):
-    done(*words, "hydra.run.dir=unfinished/20260101-000000-0123abcd_0")
-    with RunFolder.resume(here / "study", "sweep", None, [], {}):
-        pass
-    (here / "unfinished").rename(here / "study" / "unfinished")
-    with RunFolder.resume(here / "study", "sweep", None, [], {}):
-        pass
-    assert not list((here / "study" / "unfinished").iterdir())
-    assert not (here / "study" / "set_aside").exists()
 
 
 def test_a_run_of_another_verb_is_not_gone_on_with(here):

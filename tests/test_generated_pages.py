@@ -21,6 +21,7 @@ from epuckhebb.config.words import keys_below
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.sim.life import empty_samples
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.physics.ode import Ode
 from epuckhebb.sim.wirings.elman import Elman
 from epuckhebb.store.columns import CHAMPION, TABLES, TRACES
 from epuckhebb.store.genome import champion_file, load_genome
@@ -87,7 +88,7 @@ def test_the_page_of_methods_has_the_parameters_of_conf(generated):
     generated(METHODS, "parameters", parameters())
 
 
-@pytest.mark.parametrize("command", ["evaluate", "evolve", "reproduce", "leaderboard"])
+@pytest.mark.parametrize("command", ["evaluate", "evolve", "reproduce", "leaderboard", "flock"])
 def test_every_key_is_told(command):
     told = {key.name: key.description for group in keys.all_groups() for _, own in sections(group) for key in own}
     assert [name for name, meaning in told.items() if not meaning] == []
@@ -121,7 +122,7 @@ def test_every_column_is_told_once():
     assert told["reversal_trials.csv"] == list(evaluate.TRIALS)
     assert told["reversal.csv"] == list(reversal.COLUMNS)
     one = np.zeros(1)
-    last = {"champion": one, "champion_fitness": 0.0, "state": {}, "robot_steps": 0, "seconds": 0.0}
+    last = {"champion": one, "champion_fitness": 0.0, "log": (), "tables": {}, "robot_steps": 0, "seconds": 0.0}
     assert told["history.csv"] == list(history_row(Generation(number=0, fitness=one, success=one, **last)))
     lifetime = pd.DataFrame([dict.fromkeys([*evaluate.COLUMNS, "rewarded_share"], "1")])
     assert list(summary.summary(lifetime, ["light"]))[-len(told["summary.csv"]) :] == told["summary.csv"]
@@ -135,7 +136,7 @@ def test_the_tables_of_the_reference_results_are_told(table):
 
 def test_every_array_of_the_traces_is_told_with_its_shape():
     network = Network((16, *Elman().sizes), wiring=Elman())
-    one = empty_samples(5, network)
+    one = empty_samples(5, network, Ode())
     samples = type(one)(*(np.stack([array] * 4) for array in one))
     traces = Traces(controller=["GA"] * 4, side=["left"] * 4, samples=samples)
     with np.load(io.BytesIO(traces_file(traces, np.zeros(216), network))) as written:

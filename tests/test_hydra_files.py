@@ -1,59 +1,133 @@
-"""Hydra composes the same, though it parses a text once and lists choices only where they are needed."""
+"""Hydra composes the same, though it keeps what it has composed: what is kept is of just these words and files."""
 
-from hydra._internal import config_repository, defaults_list
+import shutil
+import sys
+
+import pytest
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
-from epuckhebb.config import hydra_cache
+from epuckhebb.config import choices, compose, hydra_cache
 from epuckhebb.config.compose import _composed, composed
+from epuckhebb.config.schema import SCHEMAS
 
 ASKED = [
     ("evaluate", []),
     ("evaluate", ["scenario=4obstacles", "scenario.light=0.07", "lifetime.duration_s=3", "hebbian.N=0.1"]),
-    ("evaluate", ["hydra/launcher=joblib", "hydra.launcher.n_jobs=7", "hydra.job_logging.root=4"]),
+    ("evaluate", ["hebbian.N=0.1", "hebbian.N='${scenario.paper_N}'", "compare={a: {N: 1}}", "genome=x", "seed=2"]),
+    ("evaluate", ["hydra/launcher=joblib", "hydra.launcher.n_jobs=7", "hydra.job_logging.root=4", "hydra.run.dir=a"]),
     ("evaluate", ["adaptation=best", "maze=double_t", "robot=epuck_lidar", "task=reversal", "task.trials=12"]),
-    ("evaluate", ["adaptation=late", "adaptation.threshold=0.7", "hebbian=oja", "task=reversal"]),
     ("evaluate", ["experiment=adaptive", "~hebbian.sign", "+hebbian.mine=3"]),
+    ("evaluate", ["seed=3", "hydra.run.dir='${hydra.job.override_dirname}'"]),
+    ("evaluate", ["change=[slip_left]", "change.mine={light: 0.3}", "scenario.light=0.5"]),
     ("evolve", ["optimizer=open_es", "optimizer.population=8", "training=varied"]),
+    ("leaderboard", ["methods=[ga]", "repeats=3"]),
 ]
 
 
-def all_composed(asked=ASKED):
-    parts = (part for words in asked for part in _composed(*words, None)[:2])  # the configuration, and Hydra's own
-    return [OmegaConf.to_container(part, resolve=False) for part in parts]
+@pytest.fixture
+def kept(tmp_path, monkeypatch):
+    """The folder of what is kept, empty at first."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "caches"))
+    return tmp_path / "caches" / "epuckhebb" / "composed"
 
 
+@pytest.fixture
+def made(monkeypatch):
+    """How often Hydra composed."""
+    compose, asked = ConfigLoaderImpl._load_configuration_impl, []
+    monkeypatch.setattr(
+        ConfigLoaderImpl, "_load_configuration_impl", lambda *one, **more: asked.append(1) or compose(*one, **more)
+    )
+    return asked
+
+
+def whole(command, words):
+    """A configuration and Hydra's own part, unresolved."""
+    return [OmegaConf.to_container(part, resolve=False) for part in _composed(command, words, None)[:2]]
+
+
+@pytest.mark.usefixtures("kept")
 def test_as_hydra_does_it_alone(monkeypatch):
-    """Also in another order, and after others: what is kept of a file is never changed."""
+    alone = ConfigLoaderImpl.load_configuration.__wrapped__
     with monkeypatch.context() as patch:
-        for owner, name in [
-            (config_repository.ConfigRepository, "load_config"),
-            (defaults_list, "_create_interpolation_map"),
-        ]:
-            ours = getattr(owner, name, None)
-            if ours is None:  # in Hydra 1.4 there is no such list
-                continue
-            (alone,) = (cell.cell_contents for cell in ours.__closure__ if callable(cell.cell_contents))
-            patch.setattr(owner, name, alone)
-        by_hydra = all_composed()
-    assert all_composed() == by_hydra
-    assert sorted(all_composed(ASKED[::-1]), key=str) == sorted(by_hydra, key=str)
+        patch.setattr(ConfigLoaderImpl, "load_configuration", alone)
+        by_hydra = [whole(*words) for words in ASKED]
+    for _ in range(2):  # made, and kept
+        for words, known in zip(ASKED, by_hydra, strict=True):
+            assert whole(*words) == known, words
 
 
-def test_a_text_is_parsed_once(monkeypatch):
-    composed("evaluate", [])
-    parsed = []
-    load = OmegaConf.load
-    monkeypatch.setattr(OmegaConf, "load", lambda file: parsed.append(file) or load(file))
-    composed("evaluate", [])
-    assert not parsed
+@pytest.mark.usefixtures("kept")
+def test_words_that_differ_in_values_share_what_is_kept(made):
+    for words in (["seed=1"], ["scenario.light=0.3"], ["repeats=2", "hydra.run.dir=there"]):
+        composed("evaluate", words)
+    assert len(made) == 1
+    for words in (["scenario=lowlight"], ["hydra/launcher=joblib"], ["+hebbian.mine=1"]):
+        composed("evaluate", words)
+    assert len(made) == 4
 
 
-def test_a_file_that_was_changed_is_read_again(tmp_path):
-    mine = tmp_path / "scenario" / "mine.yaml"
-    mine.parent.mkdir()
+@pytest.mark.usefixtures("kept")
+def test_each_file_on_the_search_path_is_part_of_the_key(tmp_path, monkeypatch, made):
+    """Files of the user's, which are not asked for too; the program's, and their names."""
+    mine, ours = tmp_path / "mine" / "scenario", tmp_path / "conf"
+    mine.mkdir(parents=True)
     for light in (0.1, 0.2, 0.1):
-        mine.write_text(f"defaults: [base, _self_]\nlight: {light}\n")
-        assert composed("evaluate", ["scenario=mine"], str(tmp_path)).scenario.light == light
+        (mine / "mine.yaml").write_text(f"defaults: [base, _self_]\nlight: {light}\n")
+        assert composed("evaluate", ["scenario=mine"], str(mine.parent)).scenario.light == light
+    assert len(made) == 2
+    (mine / "base.yaml").write_text("light: 0.4\n")  # wins over the program's from now on
+    assert composed("evaluate", [], str(mine.parent)).scenario.light == 0.4
+    assert composed("evaluate", []).scenario.light == 0.1
+    shutil.copytree(choices.OURS[0], ours)
+    monkeypatch.setattr(compose, "data_folder", lambda _: ours)
+    for light in ("0.1", "0.3"):
+        base = (choices.OURS[0] / "scenario" / "base.yaml").read_text()
+        (ours / "scenario" / "base.yaml").write_text(base.replace("light: 0.1", f"light: {light}"))
+        assert composed("evaluate", []).scenario.light == float(light)
+
+
+@pytest.mark.usefixtures("kept")
+def test_a_folder_elsewhere_is_followed(tmp_path):
+    """As where a group of the user's is a link to another folder of theirs."""
+    (tmp_path / "shared").mkdir()
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "scenario").symlink_to(tmp_path / "shared")
+    for light in (0.1, 0.2):
+        (tmp_path / "shared" / "mine.yaml").write_text(f"defaults: [base, _self_]\nlight: {light}\n")
+        assert composed("evaluate", ["scenario=mine"], str(tmp_path / "mine")).scenario.light == light
+
+
+@pytest.mark.usefixtures("kept")
+@pytest.mark.parametrize("part", ["schema", "Python", "Hydra"])
+def test_versions_and_the_schema_are_part_of_the_key(tmp_path, monkeypatch, made, part):
+    composed("evaluate", [])
+    monkeypatch.setattr(hydra_cache, "_versions", hydra_cache._versions.__wrapped__)
+    if part == "schema":
+        monkeypatch.setitem(ConfigStore.instance().repo, "another.yaml", SCHEMAS["evolve"].command)
+    elif part == "Python":
+        monkeypatch.setattr(sys, "version", "another")
+    else:
+        monkeypatch.setattr(hydra_cache.hydra, "__file__", str(tmp_path / "elsewhere" / "hydra" / "__init__.py"))
+    _composed("evaluate", [], None)
+    assert len(made) == 2
+
+
+def test_what_is_damaged_or_cannot_be_kept_is_made(kept, made):
+    composed("evaluate", [])
+    (file,) = kept.iterdir()
+    for content in (b"", file.read_bytes()[:-1], file.read_bytes().replace(b"obstacles", b"obstacle5")):
+        file.write_bytes(content)
+        assert composed("evaluate", []).scenario.experiment == "obstacles"
+    assert len(made) == 4
+    file.unlink()
+    kept.rmdir()
+    kept.write_text("no folder")
+    composed("evaluate", [])
+    assert len(made) == 5
 
 
 def test_an_interpolation_in_a_list_of_defaults_is_resolved(tmp_path):
@@ -62,11 +136,3 @@ def test_an_interpolation_in_a_list_of_defaults_is_resolved(tmp_path):
         file.parent.mkdir()
         file.write_text(f"# @package _global_\n{text}\n")
     assert composed("evaluate", ["experiment=mine"], str(tmp_path)).repeats == 3
-
-
-def test_another_hydra_is_left_as_it_is(monkeypatch):
-    monkeypatch.setattr(config_repository, "ConfigRepository", type("Other", (), {}))
-    monkeypatch.delattr(defaults_list, "_create_interpolation_map", raising=False)
-    hydra_cache.parse_once()
-    assert not hasattr(defaults_list, "_create_interpolation_map")
-    assert not hasattr(config_repository.ConfigRepository, "load_config")

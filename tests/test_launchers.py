@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from cases import call, done, first_of
+from cases import call, done
 
 MY_RULE = Path(__file__).parents[1] / "examples" / "own_rule" / "my_rules.py"
 THREE = ["sweep", "obstacles", "lifetime.duration_s=3", "repeats=2", "hydra.sweep.dir=out"]
@@ -39,7 +39,8 @@ def test_a_rule_of_ones_own_on_ray(here):
     sweep_by_a_rule_of_ones_own_on("ray_local", here)
 
 
-@pytest.mark.parametrize("launcher", first_of(["joblib", "submitit_local"]))
+@pytest.mark.thorough
+@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
 def test_a_rule_of_ones_own_on_this_machine(tmp_path, monkeypatch, launcher):
     if launcher == "submitit_local":
         pytest.importorskip("submitit")

@@ -521,7 +521,7 @@ BAD = {
     "a plastic matched control": (["methods=plastic_twin"], ["matched_control=learns has plasticity itself"]),
     "no matched control": (["methods=no_twin"], ["matched_control is missing"]),
     "a wrong key": (["methods=wrong_key"], ["wrong_key.yaml: evolves is not a key of a method", "evolve"]),
-    "a wrong value": (["methods=wrong_value"], ["evolve must be settings", "'ga'"]),
+    "a wrong value": (["methods=wrong_value"], ["wrong_value.yaml", "evolve"]),
     "neither evolved nor taken": (["methods=nothing"], ["give evolve", "or champions_of"]),
     "its own matched control": (["methods=its_own_twin"], ["leads nowhere"]),
     "a wrong setting": (["methods=wrong_setting"], ["method wrong_setting", "hebbian.nn"]),

@@ -137,13 +137,10 @@ def test_a_file_system_without_locks_is_not_fatal(monkeypatch):
     disk.release(None)
 
 
-@pytest.mark.parametrize(
-    "setting", ["NUMBA_DISABLE_JIT=1", "NUMBA_DEBUGINFO=1", "NUMBA_NUM_THREADS=0", "NUMBA_NUM_THREADS=-2"]
-)
-def test_what_breaks_the_compiler_is_named_and_nothing_runs(monkeypatch, here, setting):
+def test_what_switches_the_compiler_off_is_named_and_nothing_runs(monkeypatch, here):
     """Without it, it would live without physics, and say that it had finished."""
-    monkeypatch.setenv(*setting.split("="))
-    assert f"{setting} is set" in refused("evaluate", "repeats=1")
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    assert "NUMBA_DISABLE_JIT is set" in refused("evaluate", "repeats=1")
     assert not list(here.iterdir())
 
 

@@ -75,7 +75,10 @@ def test_what_is_allowed_and_hardly_meant_is_named_once():
     quick = ["repeats=1", "lifetime.duration_s=0.064", "lifetime.record_every=0"]
     for words, said in (
         (["scenario.light=51"], "scenario.light=51 is unusual: 1 is bright, 0.1 is dim."),
-        (["-m", "hebbian.N=999", "seed=1,2"], "N=999 of Hebbian is unusual: 66,600,000 times the paper's rate."),
+        (
+            ["-m", "hebbian.N=999", "seed=1,2", "hydra/launcher=basic"],
+            "N=999 of Hebbian is unusual: 66,600,000 times the paper's rate.",
+        ),
         (["hebbian.N=0.005", "scenario.light=1"], ""),
     ):
         result = done("evaluate", *quick, *words)

@@ -22,9 +22,11 @@ WORDS = {
     "sweep": ["light", *TINY, "repeats=1", "scenario.light=1,0.5", "hydra/launcher=two_cores"],
     "reproduce": ["light", "champions=1", "repeats=1", "rates=[0.002]", *SMALL_GA, "-q"],
     "replay": ["evaluated"],
+    "figure": ["evaluated", "trajectories", "--format", "pdf"],
     "show": ["evaluated"],
     "keys": ["scenario"],
     "export": ["evaluated", "--webots"],
+    "flock": ["--quick", "-q"],
     "rerun": ["evaluated"],
 }
 pytestmark = pytest.mark.slow

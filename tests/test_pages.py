@@ -48,10 +48,12 @@ BRIEF = {
         "ga.generations=1",
         "-q",
     ],
+    "flock": ["repeats=1", "flock.duration_s=60", "flock.at_s=30", "-q"],
     "keys": [],
     "export": [],
     "show": [],
     "replay": [],
+    "figure": [],
     "play": ["--no-browser", "--port", "0", "-q"],
 }
 BRIEF_TASK = ["task.trials=2", "task.last_switch=2", "task.time_out_s=1"]  # these say how long a lifetime is
@@ -232,7 +234,7 @@ def test_the_python_page(monkeypatch):
     for block in blocks(ROOT / "docs" / "python.md", "python"):
         exec(block, names)
     assert set(names["success"].index.get_level_values("scenario")) == {"base", "4obstacles"}
-    assert Path("paths.png").is_file()
+    assert Path("paths.pdf").is_file()
 
 
 @pytest.mark.thorough

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import refused
 
 import epuckhebb
 from epuckhebb.export.replay import recording, write_page
@@ -67,7 +68,9 @@ def disturb(world, changes, seed=1):
         (WORDS, "left"),
         pytest.param(["adaptation=novelty"], "right", marks=pytest.mark.thorough),
         pytest.param(["adaptation=self_check", "hebbian=oja"], "left", marks=pytest.mark.thorough),
-        pytest.param(["scenario.changes=[{at_s: 3.2, light: 1.0}]", "adaptation=late"], "right"),
+        pytest.param(
+            ["scenario.changes=[{at_s: 3.2, light: 1.0}]", "adaptation=late"], "right", marks=pytest.mark.thorough
+        ),
     ],
 )
 def test_a_saved_life_is_the_one_that_was_seen(here, words, side):
@@ -192,11 +195,11 @@ def world():
     return LiveWorld(WORDS, "left")
 
 
-@pytest.mark.parametrize("values", BAD, ids=str)
-def test_what_cannot_be_is_refused_and_changes_nothing(world, values):
-    with pytest.raises(ValueError, match=r"must|cannot|no room"):
-        world.wish(values)
-    assert not world.is_changing
+def test_what_cannot_be_is_refused_and_changes_nothing(world):
+    for values in BAD:
+        with pytest.raises(ValueError, match=r"must|cannot|no room"):
+            world.wish(values)
+        assert not world.is_changing
 
 
 def test_wishes_before_a_step_are_joined():
@@ -283,7 +286,7 @@ def wait_for(true, seconds=20):
 FOREIGN = [
     {"X_Epuckhebb": None},
     {"X_Epuckhebb": "wrong"},
-    {"X_Epuckhebb": "ä"},
+    {"X_Epuckhebb": "ä".encode()},
     {"Host": "evil.example"},
     {"Host": "evil.example:8470"},
     {"Origin": "http://evil.example"},
@@ -293,13 +296,11 @@ FOREIGN = [
 ]
 
 
-@pytest.mark.parametrize("headers", FOREIGN, ids=str)
 @pytest.mark.parametrize(("method", "path"), [("GET", "/stream"), ("POST", "/do")])
-def test_only_our_page_is_answered(live, headers, method, path):
-    headers = {name: value.encode() if value == "ä" else value for name, value in headers.items()}
-    answer, content = ask(live, method, path, '{"do": "step"}', **headers)
-    assert answer.status == 403
-    assert content == b"Forbidden"
+def test_only_our_page_is_answered(live, method, path):
+    for headers in FOREIGN:
+        answer, content = ask(live, method, path, '{"do": "step"}', **headers)
+        assert (answer.status, content) == (403, b"Forbidden"), headers
 
 
 def test_no_name_can_be_bound_to_the_server_anew(live):
@@ -353,29 +354,14 @@ BAD_BODIES += [b'{"do": "new", "adaptation": "none hebbian=oja"}', b'{"do": "new
 BAD_BODIES += [json.dumps({"do": "change", "values": values}).encode() for values in ({"at_s": 3}, {"light": np.nan})]
 
 
-@pytest.mark.parametrize("body", BAD_BODIES, ids=lambda body: body[:50])
-def test_a_bad_wish_is_answered_with_a_sentence_and_the_world_goes_on(live, body):
-    answer, content = ask(live, body=body)
-    assert answer.status == 200
-    assert json.loads(content)["error"]
+def test_a_bad_wish_is_answered_with_a_sentence_and_the_world_goes_on(live):
+    for body in BAD_BODIES:
+        answer, content = ask(live, body=body)
+        assert answer.status == 200
+        assert json.loads(content)["error"], body
     before = live.engine.world.steps
     assert do(live, do="step") == {}
     assert live.engine.world.steps == before + 1
-
-
-def test_a_flood_of_wishes_is_refused_and_the_world_goes_on(live):
-    refused = 0
-    with Watcher(live):
-        do(live, do="play", value=True)
-        before = live.engine.world.steps
-        for _ in range(1000):
-            try:
-                live.engine.do({"do": "change", "values": {"light": 0.1}})
-            except ValueError as error:
-                refused += "too much at once" in str(error)
-        assert refused > 500
-        wait_for(lambda: live.engine.world.steps > before)
-        time.sleep(1.1)
 
 
 def test_a_life_pauses_when_nobody_watches(live):
@@ -405,13 +391,6 @@ def test_two_pages_see_the_same_and_neither_waits_for_one_that_does_not_read():
         wait_for(lambda: live.engine.world.steps > 20_000)
 
 
-def test_there_are_not_more_pages_than_a_few(live):
-    watchers = [Watcher(live) for _ in range(12)]
-    assert {watcher.status for watcher in watchers} == {200, 503}
-    for watcher in watchers:
-        watcher.__exit__()
-
-
 def test_a_taken_port_is_left_to_whoever_has_it():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -423,6 +402,7 @@ def test_a_taken_port_is_left_to_whoever_has_it():
         Play(WORDS, "left", port=70000)
 
 
+@pytest.mark.thorough
 def test_the_world_goes_on_while_a_new_life_is_prepared(here):
     """A rule of the user's own takes seconds to compile."""
     example = (Path(__file__).parents[1] / "examples" / "own_rule" / "my_rules.py").read_text(encoding="utf-8")
@@ -553,8 +533,5 @@ def test_the_command_prints_the_address_and_ends_with_ctrl_c():
 
 @pytest.mark.parametrize("words", [["--side", "up"], ["scenario=nowhere"], ["--port", "-1"], ["seeed=1"]])
 def test_the_command_refuses_what_cannot_be(here, words):
-    playing = command(*words)
-    _, err = playing.communicate(timeout=60)
-    assert playing.returncode == 2
-    assert err.count("Error: ") == 1
+    refused("play", *words)
     assert list(here.iterdir()) == []

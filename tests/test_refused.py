@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cases import call, contents, refused
 
-from epuckhebb.config.explain import explain
+from epuckhebb.config.words import explain
 from epuckhebb.store.genome import champion_file, load_genome
 
 RULE = """from dataclasses import dataclass
@@ -85,7 +85,7 @@ evolve hebbian=paper genome=reference                   | nothing would be evolv
 evolve genome=reference                                 | nothing would be evolved
 evolve hebbian=modulated hebbian.reward=inverted        | hebbian.reward
 evolve hebbian=abcd hebbian.reward=inverted             | rule abcd
-evolve task.trials=3                                    | task.trials | task=trial
+evolve task.trials=3                                    | task.trials | task trial
 # values
 evaluate hebbian.N=fast                                 | hebbian.N | fast
 evaluate hebbian.N=-1                                   | hebbian.N | -1

@@ -14,7 +14,7 @@ from epuckhebb.store.run import Run
 from epuckhebb.studies import champions
 
 TINY = ["ga.population=4", "ga.generations=2", "ga.elites=1", "ga.loops=1"]
-ALL = ["reproduce", "all", "champions=2", "repeats=1", "rates=[0.001]", "hydra/launcher=basic", *TINY]
+ALL = ["reproduce", "obstacles", "champions=2", "repeats=1", "rates=[0.001]", "hydra/launcher=basic", *TINY]
 
 
 @pytest.fixture
@@ -40,13 +40,13 @@ def test_it_leaves_report_tables_and_figures(made):
     assert tables <= {file.stem for file in folder.glob("*.csv")}
     named = set(re.findall(r"\(figures/([\w.]+)\)", (folder / "report.md").read_text()))
     assert named == {file.name for file in (folder / "figures").iterdir()}
-    assert len(named) == 15
+    assert len(named) == 9
 
 
 def test_the_page_needs_nothing_else(made):
     page = (made[0] / "report.html").read_text()
     assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
-    assert page.count('src="data:image/png;base64,') == 15
+    assert page.count('src="data:image/png;base64,') == 9
 
 
 @pytest.fixture
@@ -78,10 +78,10 @@ def test_interrupted_it_goes_on_to_the_same_bytes(copy, monkeypatch):
         stopping(patch, KeyboardInterrupt, after=1)
         result = call(*ALL)
     assert result.exit_code == 130
-    assert "interrupted: 5 of 8 jobs are done; the same command does the rest" in result.stderr
+    assert "interrupted: 3 of 4 jobs are done; the same command does the rest" in result.stderr
     assert Run(copy).status["state"] == "interrupted"
-    assert "5 of 8 jobs" in " ".join(done("show", copy).stdout.split())
-    assert "evaluate champions: 4 jobs, 1 done before, 3 to do." in done(*ALL).stderr
+    assert "3 of 4 jobs" in " ".join(done("show", copy).stdout.split())
+    assert "evaluate champions: 2 jobs, 1 done before, 1 to do." in done(*ALL).stderr
     assert tables(copy) == before
     assert list(copy.rglob("*.tmp")) == []
     told = json.loads((copy / "provenance.json").read_text())
@@ -126,7 +126,7 @@ def test_every_number_of_the_report_is_in_a_csv(made):
     kept = pd.read_csv(folder / "retention.csv")
     kept = kept[kept.N.isin([0, *findings.PAPER_N.values()])].groupby(["experiment", "controller", "N"], sort=False)
     rows = rows_of(report, "experiment | plasticity")
-    assert len(rows) == 8  # of each experiment the GA, the paper's rule and its two controls
+    assert len(rows) == 4  # the GA, the paper's rule and its two controls
     for (experiment, plasticity, any_side, both), (condition, own) in zip(rows, kept, strict=True):
         assert (experiment, plasticity) == (condition[0], rescue.label(*condition[1:]))
         for row, cell in zip(own.itertuples(), (any_side, both), strict=True):

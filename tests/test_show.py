@@ -1,10 +1,10 @@
 """`epuckhebb show` of everything that can be named, and the word `latest`."""
 
 import json
+import math
 import re
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 from cases import call, done
@@ -135,10 +135,8 @@ def test_verbs_take_the_latest_run_that_they_can_use(folder, tmp_path, monkeypat
 
 
 def test_it_is_told_that_robots_came_to_the_goal_and_drove_on(capsys):
-    metrics = pd.DataFrame(0.0, index=range(3), columns=columns.METRICS).astype({"controller": str})
-    metrics = metrics.assign(
-        controller="GA", side=["left", "right", "right"], genome="g", scenario="base", changed=np.nan
-    )
-    metrics = metrics.assign(success=[0, 0, 1], time_to_goal_s=[12.0, np.nan, 20.0])
+    same = {**dict.fromkeys(columns.METRICS, 0.0), "controller": "GA", "genome": "g", "scenario": "base", "changed": ""}
+    lives = (("left", 0, 12.0), ("right", 0, math.nan), ("right", 1, 20.0))
+    metrics = [{**same, "side": side, "success": success, "time_to_goal_s": time} for side, success, time in lives]
     show_run.print_metrics(metrics, Console(width=200))
     assert "1 of 3 lifetimes reached the goal and drove on" in capsys.readouterr().out

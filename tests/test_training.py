@@ -8,7 +8,7 @@ import pytest
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvolveConfig, typed
 from epuckhebb.evolution.evolve import evolve
-from epuckhebb.evolution.optimizer import Optimizer, Schedule, Search
+from epuckhebb.evolution.optimizer import Algorithm, Schedule
 from epuckhebb.evolution.training import UNVARIED, Training
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import T_MAZE, Niche
@@ -38,7 +38,7 @@ def test_a_drawn_layout_that_shuts_the_way_is_refused():
 
 
 @dataclass(kw_only=True)
-class Unmoved(Optimizer):
+class Unmoved(Algorithm):
     """An optimizer that asks for the same genomes in each generation, and has no preference in the end."""
 
     genomes: np.ndarray
@@ -48,26 +48,17 @@ class Unmoved(Optimizer):
     def schedule(self, training, lifetime):
         return Schedule(1, training.loops)
 
-    def search(self, plan, seed, state=None):
-        return UnmovedSearch(self.genomes)
-
-
-class UnmovedSearch(Search):
-    def __init__(self, genomes):
-        self.genomes = genomes
+    def start(self, plan, seed):
+        pass
 
     def ask(self):
         return self.genomes
 
-    def tell(self, fitness):
-        self.fitness = fitness
+    def tell(self):
+        pass
 
     def candidates(self):
         return self.genomes
-
-    @property
-    def state(self):
-        return {}
 
 
 class Alike(Unmoved):

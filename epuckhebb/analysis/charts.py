@@ -17,7 +17,7 @@ from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatt
 from numpy.typing import NDArray
 
 from epuckhebb.analysis import leaderboard, rescue
-from epuckhebb.analysis.figures import SIDE_COLOUR, plain, to_png
+from epuckhebb.analysis.figures import SIDE_COLOUR, plain
 from epuckhebb.sim.controller import CONTROLS, GA
 from epuckhebb.sim.life import Samples
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer, initial_weights_of
@@ -46,8 +46,8 @@ def _name_rates(axes: Axes, places: Iterable[float], rates: Iterable[float]) -> 
     axes.set_xticks(list(places), [f"{rate:g}" for rate in rates], fontsize=8)
 
 
-def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, champions: int) -> bytes:
-    """A PNG: success, time to goal, weight change, and rescue and harm with their controls, against N.
+def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, champions: int) -> Figure:
+    """Success, time to goal, weight change, and rescue and harm with their controls, against N.
 
     doses, harm: tables of `epuckhebb.analysis.findings`.
     """
@@ -80,7 +80,7 @@ def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, cham
     figure.suptitle(
         f"{experiment}: dose-response, mean over n = {champions} champions with 95 % bootstrap intervals", fontsize=11
     )
-    return to_png(figure)
+    return figure
 
 
 def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) -> None:
@@ -102,8 +102,8 @@ def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) ->
     axes.legend(frameon=False, fontsize=8)
 
 
-def rates(doses: pd.DataFrame, mean_over: str) -> bytes:
-    """A PNG: success and weight change against the base rate, a row of panels for each condition.
+def rates(doses: pd.DataFrame, mean_over: str) -> Figure:
+    """Success and weight change against the base rate, a row of panels for each condition.
 
     doses: a row for each condition, controller, N and side, with means and intervals; the rows of `GA` are without
     plasticity. mean_over: in words.
@@ -144,11 +144,11 @@ def rates(doses: pd.DataFrame, mean_over: str) -> bytes:
         f"Dose-response, mean over {mean_over}\nDashed line and band: GA, without plasticity, with its interval",
         fontsize=10,
     )
-    return to_png(figure)
+    return figure
 
 
-def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> bytes:
-    """A PNG: best and mean fitness over the generations; for many evolutions, median and quartiles."""
+def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> Figure:
+    """Best and mean fitness over the generations; for many evolutions, median and quartiles."""
     figure = Figure(figsize=(5 * len(histories), 3.6), layout="constrained")
     for axes, (experiment, runs) in zip(
         figure.subplots(1, len(histories), squeeze=False)[0], histories.items(), strict=True
@@ -168,13 +168,13 @@ def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> bytes:
         axes.legend(frameon=False, fontsize=9, loc="lower right")
     if any(len(runs) > 1 for runs in histories.values()):
         figure.suptitle("Median over evolutions, with quartiles", fontsize=10)
-    return to_png(figure)
+    return figure
 
 
 def weight_change(
     conditions: Mapping[str, Mapping[str, Samples]], against: str, title: str, robot: Robot = EPUCK
-) -> bytes:
-    """A PNG, a panel for each condition: weight change between samples against fitness or a sensor reading.
+) -> Figure:
+    """A panel for each condition: weight change between samples against fitness or a sensor reading.
 
     conditions: name -> side -> samples of one lifetime. against: `fitness`, `light` (mean) or `proximity` (largest).
     """
@@ -194,7 +194,7 @@ def weight_change(
     panels[0].set_ylabel("weight change between samples, sum |ΔW|")
     panels[0].legend(frameon=False, fontsize=9, markerscale=2)
     figure.suptitle(plain(title), fontsize=10)
-    return to_png(figure)
+    return figure
 
 
 _AGAINST = {
@@ -218,8 +218,8 @@ def network(
     title: str,
     network: Network = PAPER_NETWORK,
     robot: Robot = EPUCK,
-) -> bytes:
-    """A PNG: the network at the end of each lifetime, connections coloured by the change of their weight.
+) -> Figure:
+    """The network at the end of each lifetime, connections coloured by the change of their weight.
 
     genes: the weights first. samples: side -> lifetime. robot: its sensors name the inputs; they are numbered where the
     counts differ.
@@ -253,14 +253,14 @@ def network(
         for name, height in zip(names, _heights(rows, most), strict=True):
             axes.annotate(name, (0, height), (-10, 0), textcoords="offset points", ha="right", va="center", fontsize=7)
     figure.suptitle(plain(title), fontsize=10)
-    return to_png(figure)
+    return figure
 
 
 _RESCUED, _HARMED = "#0072B2", "#D55E00"
 
 
-def rescue_over_all(over_all: pd.DataFrame) -> bytes:
-    """A PNG, a panel for each experiment: the shares rescued and harmed by each plasticity, with their intervals."""
+def rescue_over_all(over_all: pd.DataFrame) -> Figure:
+    """A panel for each experiment: the shares rescued and harmed by each plasticity, with their intervals."""
     groups = list(over_all.groupby("experiment", sort=False))
     most = max(len(own) for _, own in groups)
     drawn = Figure(figsize=(5.6 * len(groups) + 1.6, 0.36 * most + 1.5), layout="constrained")
@@ -284,14 +284,14 @@ def rescue_over_all(over_all: pd.DataFrame) -> bytes:
         _tidy(axes, "x")
     handles = panels[-1].get_legend_handles_labels()
     drawn.legend(*handles, frameon=False, fontsize=8, loc="outside lower center", ncols=2)
-    return to_png(drawn)
+    return drawn
 
 
 _KIND_COLOUR = {leaderboard.PLAIN: "#555555", leaderboard.EVOLVED: "#0072B2", leaderboard.POST_HOC: "#D55E00"}
 
 
-def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, Mapping[str, float]]) -> bytes:
-    """A PNG, two panels for each experiment: success of each method, and the difference to its matched control.
+def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping[str, Mapping[str, float]]) -> Figure:
+    """Two panels for each experiment: success of each method, and the difference to its matched control.
 
     board, champions: the two tables of `analysis.leaderboard`. limits: for some experiments lines with their names,
     such as chance and the optimum.
@@ -333,7 +333,7 @@ def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping
         if kind in set(board.kind)
     ]
     drawn.legend(handles=marks, frameon=False, fontsize=8, loc="outside lower center", ncols=len(marks))
-    return to_png(drawn)
+    return drawn
 
 
 def _interval(axes: Axes, place: int, colour: str, value: float, low: float, high: float) -> None:

@@ -6,11 +6,10 @@ Every lifetime with plasticity has a paired control (GA): the same lifetime with
 import math
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.self_checks import Checks
@@ -38,6 +37,7 @@ MEANS = (*_PATH, "weight_change_mean", "weight_change_final", "fitness", "contac
 COLUMNS = (*_CONDITION, *_REPEAT, "success", *MEANS[:-1], "changed", MEANS[-1])
 REWARDED = ("rewarded_share", "switch_trial")  # more columns, where a lifetime is many trials
 _TRIAL_OF = ("genome", "controller", *_REPEAT)
+Rows = list[dict[str, Any]]  # of a table; pandas takes a tenth of a second to load, and one evaluation needs none
 TRIALS = (*_TRIAL_OF, "trial", "rewarded_side", "reached_side", "rewarded", "time_s")
 
 
@@ -53,7 +53,7 @@ class Traces:
     controller: list[str]
     side: list[str]
     samples: Samples
-    trials: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(TRIALS)))
+    trials: Rows = field(default_factory=list)
 
 
 def evaluate(
@@ -71,7 +71,7 @@ def evaluate(
     network: Network = PAPER_NETWORK,
     plan: GenomePlan | None = None,
     checks: Checks | None = None,
-) -> tuple[pd.DataFrame, Traces]:
+) -> tuple[Rows, Traces]:
     """Run `repeats` lifetimes a side without plasticity, and as many with each of `controllers`.
 
     genes: (genes,). nominal: statistics of the training world, for adaptations that compare with them. name, changed:
@@ -122,16 +122,13 @@ def evaluate(
         controller=[everyone[number].name for (number, *_), _ in recorded],
         side=[side for (_, side, _), _ in recorded],
         samples=Samples(*(np.stack(arrays) for arrays in zip(*(samples for _, samples in recorded), strict=True))),
-        trials=pd.DataFrame(
-            [
-                {**{key: row[key] for key in _TRIAL_OF}, **trial}
-                for row, (outcome, _) in zip(rows, outcomes, strict=True)
-                for trial in _trials(outcome.trials)
-            ],
-            columns=list(TRIALS),
-        ),
+        trials=[
+            {**{key: row[key] for key in _TRIAL_OF}, **trial}
+            for row, (outcome, _) in zip(rows, outcomes, strict=True)
+            for trial in _trials(outcome.trials)
+        ],
     )
-    return pd.DataFrame(rows, columns=[*COLUMNS, *(REWARDED if scenario.task.has_trials else ())]), traces
+    return rows, traces
 
 
 def individuals_for(
@@ -160,8 +157,9 @@ def individuals_for(
         counted = {"calibration": own.calibration} if adaptation.calibration_counts else {}
         return {"start": own.end, "corrections": own.corrections, **counted}
 
-    return [
-        Individual(
+    def individual(number: int, side: Side, repeat: int) -> Individual:
+        carries = side == "right" and controllers[number].rule.carries_history
+        return Individual(
             genes=taken[number],
             network=network,
             side=side,
@@ -171,10 +169,11 @@ def individuals_for(
             signs=of_updates[number],
             nominal=None if nominal is None else nominal.of(side),
             record=repeat == 0,
+            after=replace(individual(number, "left", repeat), record=False) if carries else None,
             **checked(number, side, repeat),
         )
-        for number, side, repeat in wanted
-    ]
+
+    return [individual(number, side, repeat) for number, side, repeat in wanted]
 
 
 def _of_trials(trials: NDArray[np.void]) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """Figures of the maze and of trajectories in it."""
 
-import io
 import textwrap
 from collections.abc import Iterable
 from dataclasses import replace
@@ -17,7 +16,6 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
-from PIL import Image
 
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.floor import view
@@ -42,8 +40,8 @@ _PANEL, _HIGH, _LOW = 4.8, 5.6, 1.6  # inches: width of a panel, greatest and le
 _TOP, _BOTTOM, _LINE = 0.6, 0.78, 0.19  # inches: above the axes, below them, and a line of text
 
 
-def trajectories(traces: Traces, scenario: Scenario, title: str) -> bytes:
-    """A PNG with one maze for each controller: the paths on both sides, their start and their end."""
+def trajectories(traces: Traces, scenario: Scenario, title: str) -> Figure:
+    """One maze for each controller: the paths on both sides, their start and their end."""
     controllers = list(dict.fromkeys(traces.controller))
     axes_height = _axes_height(scenario)
     wide = max(_PANEL * len(controllers), 6.4 if scenario.changes else _PANEL)
@@ -65,11 +63,11 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> bytes:
         axes.legend(ncols=2, fontsize=size, frameon=False, columnspacing=1.5, **below_axes)
     _write(figure, lines)
     figure.suptitle(plain(title), fontsize=11 if len(controllers) > 1 else 8)
-    return to_png(figure)
+    return figure
 
 
-def maze(scenario: Scenario) -> bytes:
-    """A PNG of the maze with the robot at its start."""
+def maze(scenario: Scenario) -> Figure:
+    """The maze with the robot at its start."""
     lines = _lines(scenario, 5.4)
     height = _axes_height(scenario) + 0.8 + _LINE * len(lines)
     below = _LINE * len(lines) / height
@@ -83,7 +81,7 @@ def maze(scenario: Scenario) -> bytes:
     for side in SIDES:
         axes.annotate(f"goal\n({side})", scenario.goals_now[side], ha="center", va="center", fontsize=8)
     _write(figure, lines)
-    return to_png(figure)
+    return figure
 
 
 def _axes_height(scenario: Scenario) -> float:
@@ -238,17 +236,3 @@ def _legend(scenario: Scenario) -> list[str]:
 def _write(figure: Figure, lines: list[str]) -> None:
     if lines:
         figure.text(0.5, 0.07 / figure.get_figheight(), plain("\n".join(lines)), ha="center", va="bottom", fontsize=8.5)
-
-
-def to_png(figure: Figure) -> bytes:
-    """The figure as PNG, without the program's name: equal figures are bit-identical."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=120, metadata={"Software": None})
-    return buffer.getvalue()
-
-
-def small(png: bytes) -> bytes:
-    """The same picture in 256 colours, a third of the size, for a report."""
-    buffer = io.BytesIO()
-    Image.open(io.BytesIO(png)).convert("RGB").quantize(256).save(buffer, format="png", optimize=True)
-    return buffer.getvalue()

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from epuckhebb.analysis import findings, rescue
-from epuckhebb.analysis.limits import limits
+from epuckhebb.analysis.reversal import limits
 from epuckhebb.analysis.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson
 from epuckhebb.analysis.tables import code, markdown_table
 from epuckhebb.evolution.training import Training

@@ -57,16 +57,20 @@ def page(
     speed [rad/s] at a network output of 1. network: of these genes. found: for each side a sentence on the findings of
     a self-check, if any. notes: lines beside the outcome.
     """
-    template, style, script = filled(Path(__file__).with_suffix(".html"))
+    content = _content(traces, genes, scenario, gain_rad_s, network, found or {})
+    return with_data(Path(__file__).with_suffix(".html"), title, content, notes)
+
+
+def with_data(template: Path, title: str, content: Mapping[str, Any], notes: Sequence[str] = ()) -> str:
+    """The HTML text of a page whose script reads its data from the page."""
+    text, style, script = filled(template)
     filling = {
         "policy": policy(style=style, script=script),
         "title": html.escape(title),
         "notes": "".join(f"<p>{html.escape(note)}</p>" for note in notes),
-        "data": json.dumps(
-            _content(traces, genes, scenario, gain_rad_s, network, found or {}), separators=(",", ":"), allow_nan=False
-        ).replace("<", "\\u003c"),
+        "data": json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"),
     }
-    return re.sub(r"\{\{(\w+)\}\}", lambda place: filling[place[1]], template)
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: filling[place[1]], text)
 
 
 def outcome(side: Side, controllers: Sequence[str], arrivals: Sequence[Arrival]) -> str:
@@ -277,10 +281,10 @@ def _embedded(samples: Samples, initial: NDArray[np.float32], every: int) -> dic
     }
     if samples.activations.size:
         columns["activations"] = samples.activations
-    return {name: _packed(values[::every]) for name, values in columns.items()}
+    return {name: packed(values[::every]) for name, values in columns.items()}
 
 
-def _packed(values: NDArray[np.floating[Any]]) -> dict[str, Any]:
+def packed(values: NDArray[np.floating[Any]]) -> dict[str, Any]:
     """The values as little-endian 16-bit integers in base64, row by row, times `step`; no numbers if all are 0."""
     step = float(np.abs(values).max()) / _LARGEST
     if step == 0.0:

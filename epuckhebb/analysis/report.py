@@ -94,9 +94,7 @@ def markdown(found: Findings, figures: Mapping[str, str]) -> str:
     return "\n".join(parts)
 
 
-def html(
-    text: str, picture: Callable[[str], bytes], title: str = "epuckhebb: the paper's experiment, reproduced"
-) -> str:
+def html(text: str, picture: Callable[[str], bytes], title: str = "epuckhebb") -> str:
     """A report as one HTML page that loads nothing; `picture` gives a figure's PNG by its file name."""
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(text)

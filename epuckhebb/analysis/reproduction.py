@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis import charts, figures, findings, published, report
 from epuckhebb.analysis.evaluate import evaluate
+from epuckhebb.analysis.image import image
 from epuckhebb.sim.controller import CONTROLS, HEBBIAN, Controller
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.life import Lifetime, Samples
@@ -112,4 +113,4 @@ def figures_of(
             f"Learning curves: best and mean fitness, median and quartiles of {found.champions} evolutions.",
             charts.learning_curves(dict(histories)),
         )
-    return made
+    return {name: (caption, image(drawn)) for name, (caption, drawn) in made.items()}

@@ -1,13 +1,15 @@
 """Tables of rescue, harm and retention in Markdown, and the page of a study of many champions in changed worlds."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from epuckhebb.analysis.tables import markdown_table, plain
 from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.scenario import TRAINED
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FIGURE = "rescue_and_harm.png"
 RESCUED, HARMED = "rescued, of the trials that the change broke", "harmed, of those still intact"
@@ -38,7 +40,12 @@ def label(controller: str, rate: float) -> str:
 
 
 def markdown(
-    over_all: pd.DataFrame, by_scenario: pd.DataFrame, retention: pd.DataFrame, champions: int, repeats: int, names: str
+    over_all: "pd.DataFrame",
+    by_scenario: "pd.DataFrame",
+    retention: "pd.DataFrame",
+    champions: int,
+    repeats: int,
+    names: str,
 ) -> str:
     """The page. over_all, by_scenario, retention: tables of `findings`; names: of the champions, in a few words."""
     parts = [
@@ -63,7 +70,7 @@ def markdown(
     return "\n".join(parts)
 
 
-def over_all_table(own: pd.DataFrame) -> str:
+def over_all_table(own: "pd.DataFrame") -> str:
     """A row for each plasticity; own: the rows of an experiment in `findings.rescue_over_all`."""
     rows = [[plain(label(row.controller, row.N)), *counts(row), in_training(row)] for row in own.itertuples()]
     return markdown_table(["plasticity", RESCUED, HARMED, IN_TRAINING], rows)
@@ -98,7 +105,7 @@ def share(value: float, low: float, high: float) -> str:
     return f"{value:.2f}" if np.isnan(low) else f"{value:.2f} [{low:.2f}, {high:.2f}]"
 
 
-def retention_table(retention: pd.DataFrame, *, by_experiment: bool = False) -> str:
+def retention_table(retention: "pd.DataFrame", *, by_experiment: bool = False) -> str:
     """A row for each plasticity; a column for all champions, and one for those that solve both sides in training.
 
     retention: of `findings.retention`. by_experiment: whether a first column names the experiment.
@@ -121,7 +128,7 @@ def retained(row: Any) -> str:
     return f"{text}: {share(row.share, row.low, row.high)}{champions}"
 
 
-def _by_scenario(own: pd.DataFrame) -> str:
+def _by_scenario(own: "pd.DataFrame") -> str:
     """A cell for each plasticity and scenario; the longer of the two lists goes down the page."""
     own = own.assign(
         plasticity=[plain(label(row.controller, row.N)) for row in own.itertuples()],

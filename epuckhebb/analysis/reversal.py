@@ -5,11 +5,20 @@ from typing import Any
 import pandas as pd
 
 from epuckhebb.analysis import statistics
-from epuckhebb.analysis.limits import limits
 from epuckhebb.analysis.tables import markdown_table
 from epuckhebb.sim.tasks.reversal import Reversal
 
+CHANCE, OPTIMUM = "chance", "optimum"  # names of their rows and lines
 COLUMNS = ("controller", "lifetimes", "rewarded_share", "low", "high", "end_share")
+
+
+def limits(task: Reversal) -> dict[str, float]:
+    """The share of rewarded trials of a robot that does not learn, and the best possible share, by name.
+
+    Lifetimes come in pairs: one with each end rewarded first, and the switch at the same trial. A fixed sequence of
+    choices is therefore right in one lifetime wherever it is wrong in the other.
+    """
+    return {CHANCE: 0.5, OPTIMUM: task.optimum()}
 
 
 def table(metrics: pd.DataFrame, trials: pd.DataFrame, task: Reversal, seed: int) -> pd.DataFrame:

@@ -6,15 +6,15 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from epuckhebb.analysis.figures import plain, to_png
-from epuckhebb.analysis.limits import CHANCE, OPTIMUM
+from epuckhebb.analysis.figures import plain
+from epuckhebb.analysis.reversal import CHANCE, OPTIMUM
 
 _COLOURS = ("#999999", "#009E73", "#CC79A7", "#0072B2", "#D55E00", "#E69F00")
 _BEFORE, _AFTER = -3, 6  # trials around the switch
 
 
-def figure(table: pd.DataFrame, trials: pd.DataFrame, title: str) -> bytes:
-    """A PNG: the rewarded share of each controller, over all trials and around the switch of the rewarded end."""
+def figure(table: pd.DataFrame, trials: pd.DataFrame, title: str) -> Figure:
+    """The rewarded share of each controller, over all trials and around the switch of the rewarded end."""
     names = [name for name in table.controller if name not in (CHANCE, OPTIMUM)]
     chance, best = (float(table.rewarded_share[table.controller == name].iloc[0]) for name in (CHANCE, OPTIMUM))
     colours = dict(zip(names, [_COLOURS[k % len(_COLOURS)] for k in range(len(names))], strict=True))
@@ -36,7 +36,7 @@ def figure(table: pd.DataFrame, trials: pd.DataFrame, title: str) -> bytes:
     _lines(around, {CHANCE: chance})
     drawn.legend(*around.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower right", ncols=4)
     drawn.suptitle(plain(title), fontsize=9)
-    return to_png(drawn)
+    return drawn
 
 
 def _around_switch(trials: pd.DataFrame) -> "pd.Series[float]":

@@ -3,8 +3,6 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
-import pandas as pd
-
 from epuckhebb.sim import random
 from epuckhebb.sim.adaptation.self_check.check import Checked, check, unexplained
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
@@ -34,9 +32,9 @@ def self_checks(memory: SelfMemory, scenario: Scenario, noise: float, *, repeats
     }
 
 
-def findings(checks: Checks) -> pd.DataFrame:
+def findings(checks: Checks) -> list[dict[str, object]]:
     """A row for each self-check."""
-    return pd.DataFrame({"side": side, "repeat": repeat, **_row(checked)} for (side, repeat), checked in checks.items())
+    return [{"side": side, "repeat": repeat, **_row(checked)} for (side, repeat), checked in checks.items()]
 
 
 def _row(checked: Checked) -> dict[str, object]:

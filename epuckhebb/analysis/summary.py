@@ -5,7 +5,7 @@ a condition.
 """
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -16,6 +16,9 @@ from epuckhebb.analysis.statistics import bootstrap_mean, wilson
 from epuckhebb.analysis.tables import code
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.scenario import TRAINED
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _TRIAL = ["experiment", "scenario", "controller", "N", "genome", "side", "seed", "repeat"]  # of rescue and harm
 _RATE = "N"
@@ -79,7 +82,7 @@ def _means(lifetimes: pd.DataFrame, *, several: bool = True) -> dict[str, float]
     return means
 
 
-def dose_response(rows: pd.DataFrame, settings: list[str]) -> bytes | None:
+def dose_response(rows: pd.DataFrame, settings: list[str]) -> "Figure | None":
     """A figure of success and weight change against the base rate; None unless several rates were set."""
     rows = _numeric(rows)
     plastic = rows[(rows.controller != GA) & (rows.N > 0)]
@@ -119,7 +122,7 @@ def _described(place: dict[str, Any], differ: list[str]) -> Iterator[str]:
             yield f"{key}={place[key]}"
 
 
-def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str, bytes] | None:
+def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str, "Figure"] | None:
     """Rescue and harm: tables by their names, a page in Markdown, and a figure.
 
     None unless each of several champions ran once in its training world and in changed worlds: see `no_rescue`.
@@ -134,6 +137,7 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str, b
     seeds = f"{code(each.genome.iloc[0])} to {code(each.genome.iloc[-1])}"
     page = rescue.markdown(over_all, by_scenario, retention, champions, lifetimes.repeat.nunique(), seeds)
     found = {"rescue_over_all": over_all, "rescue_and_harm": by_scenario, "retention": retention}
+    found["rescue_by_champion"] = findings.rescue_by_champion(each)
     from epuckhebb.analysis import charts
 
     return found, page, charts.rescue_over_all(over_all)

@@ -3,8 +3,9 @@
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
-import pandas as pd
+import numpy as np
 
 from epuckhebb.sim.controller import GA
 
@@ -21,52 +22,79 @@ _SIGNS = re.compile(r"[\\`*<>&\[\]~$#]|(?<!\w)_|_(?!\w)")  # Markdown shows an u
 _DECIMALS = {"Success": 2, "Time-to-Goal (s)": 2}
 
 
-def paper_table(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Means over the repeats, in the paper's layout: index `ROWS`, columns (controller, side).
+def paper_table(metrics: Iterable[Mapping[str, Any]]) -> dict[tuple[str, str], dict[str, float]]:
+    """Means over the repeats, in the paper's layout: for each (controller, side) those of `ROWS`.
 
     Success is the share of lifetimes that end at the goal. The time to the goal is a mean over those that reach it.
-    The GA has no weight change.
+    The GA has no weight change. metrics: a row a lifetime.
     """
-    means = metrics.groupby(["controller", "side"], sort=False)[list(ROWS.values())].mean()
-    table = means.rename(columns={column: row for row, column in ROWS.items()}).T
-    table.loc["Weight Change Mean", [column for column in table.columns if column[0] == GA]] = math.nan
-    table.index.name = "metric"
+    groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for row in metrics:
+        groups.setdefault((row["controller"], row["side"]), []).append(row)
+    some_missing = any(not _known([row[of]]) for own in groups.values() for row in own for of in ROWS.values())
+    table = {
+        place: {name: mean([row[of] for row in own], compensated=some_missing) for name, of in ROWS.items()}
+        for place, own in groups.items()
+    }
+    for (controller, _), means in table.items():
+        if controller == GA:
+            means["Weight Change Mean"] = math.nan
     return table
 
 
-def formatted(table: pd.DataFrame) -> pd.DataFrame:
+def mean(values: Sequence[float | None], *, compensated: bool = False) -> float:
+    """The mean of those that are known; nan without any.
+
+    It is that of pandas to the last bit. Where values are missing in a table, pandas compensates its sums (Kahan's).
+    """
+    known = _known(values)
+    if not known or not compensated:
+        return float(np.add.reduceat(known, [0])[0] / len(known)) if known else math.nan
+    total = lost = 0.0
+    for value in known:
+        longer = total + (value - lost)
+        total, lost = longer, longer - total - (value - lost)
+    return total / len(known)
+
+
+def _known(values: Iterable[float | None]) -> list[float]:
+    return [float(value) for value in values if value is not None and not math.isnan(value)]
+
+
+def formatted(table: Mapping[tuple[str, str], Mapping[str, float]]) -> dict[tuple[str, str], dict[str, str]]:
     """The same table as text, with the paper's decimals and a dash where there is no value."""
 
-    def text(value: float, row: str) -> str:
+    def text(row: str, value: float) -> str:
         if math.isnan(value):
             return "–"
         if row == "Weight Change Mean":
             return f"{value:#.4g}".rstrip(".")
         return f"{value:.{_DECIMALS.get(row, 4)}f}"
 
-    rows = {row: [text(value, str(row)) for value in table.loc[row]] for row in table.index}
-    return pd.DataFrame.from_dict(rows, orient="index", columns=table.columns)
+    return {place: {row: text(row, value) for row, value in means.items()} for place, means in table.items()}
 
 
-def saturation(metrics: pd.DataFrame) -> str:
+def saturation(metrics: Iterable[Mapping[str, Any]]) -> str:
     """A line on the controllers with more than half of their weights saturated at the end; empty without such."""
-    shares = metrics[metrics.controller != GA].groupby("controller", sort=False).saturated_fraction.mean()
-    named = ", ".join(f"{100 * share:.0f} % ({name})" for name, share in shares[shares > 0.5].items())
+    shares: dict[str, list[float]] = {}
+    for row in metrics:
+        if row["controller"] != GA:
+            shares.setdefault(row["controller"], []).append(row["saturated_fraction"])
+    means = {name: mean(own) for name, own in shares.items()}
+    named = ", ".join(f"{100 * share:.0f} % ({name})" for name, share in means.items() if share > 0.5)
     return f"More than half of the weights end at their bound, hebbian.w_max: {named}." if named else ""
 
 
-def to_csv(table: pd.DataFrame) -> str:
-    """The table as CSV, one header line: metric, then `<controller> <side>` for each column."""
-    flat = table.copy()
-    flat.columns = [" ".join(column) for column in table.columns]
-    return str(flat.to_csv())
+def flat(table: Mapping[tuple[str, str], Mapping[str, float]]) -> list[dict[str, Any]]:
+    """The table as rows of a CSV file: metric, then `<controller> <side>` for each column."""
+    return [{"metric": row, **{" ".join(place): means[row] for place, means in table.items()}} for row in ROWS]
 
 
-def to_markdown(table: pd.DataFrame) -> str:
+def to_markdown(table: Mapping[tuple[str, str], Mapping[str, float]]) -> str:
     """The table in Markdown."""
     text = formatted(table)
-    head = ["", *(plain(" ".join(column)) for column in text.columns)]
-    rows = [[f"**{row}**", *values] for row, values in zip(text.index, text.to_numpy().tolist(), strict=True)]
+    head = ["", *(plain(" ".join(place)) for place in text)]
+    rows = [[f"**{row}**", *(cells[row] for cells in text.values())] for row in ROWS]
     return markdown_table(head, rows, numbers=True)
 
 

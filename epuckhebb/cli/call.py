@@ -11,6 +11,7 @@ from epuckhebb.runtime.console import Terminal
 from epuckhebb.runtime.errors import ConfigError
 
 if TYPE_CHECKING:
+    from epuckhebb.analysis.evaluate import Rows
     from epuckhebb.studies.jobs import Job
 
 
@@ -32,6 +33,7 @@ def run_command(
     reports: whether the job takes, beside its configuration, a function that is given its folder when the tables are
     in it. They are printed then, before the job ends.
     """
+    from epuckhebb.cli import show
     from epuckhebb.config import overrides
     from epuckhebb.config.words import check_words
     from epuckhebb.runs import hydra
@@ -42,48 +44,29 @@ def run_command(
     flags += ["--cfg", cfg] if cfg else []
     begin(quiet)
     overrides.check_config_dir(config_dir)
-    check_words(command, arguments, config_dir)
+    check_words(command, arguments, config_dir, several=multirun)
     if not cfg:
         hydra.check(command, arguments, config_dir, prepare, multirun=multirun)
-    early = _EarlyReport() if reports and not (multirun or quiet or as_json) else None
-    runs = hydra.run(command, early.of(job) if early else job, [*arguments, *flags], config_dir)
+    early, errors = reports and not (multirun or quiet or as_json), list[Exception]()
+
+    def report(run: Path, metrics: "Rows") -> None:
+        try:
+            show.print_results(run, Terminal(), metrics)
+        except (ConfigError, OSError) as error:  # it does not end the run
+            errors.append(error)
+
+    if early:
+        job = functools.update_wrapper(functools.partial(job, report=report), job)
+    runs = hydra.run(command, job, [*arguments, *flags], config_dir)
     if multirun and command == "evaluate" and runs:
         from epuckhebb.studies.sweep import write_summary_of_multirun
 
         write_summary_of_multirun(runs[0].parent, runs)
-    if early and early.error:
-        raise early.error
+    for error in errors:
+        raise error
     if not cfg:
-        print_runs(command, runs, as_json, quiet, reported=early is not None)
+        print_runs(command, runs, as_json, quiet, reported=early)
     return runs
-
-
-class _EarlyReport:
-    """Prints the results of a run while its job still works.
-
-    Attributes:
-        error: Why they could not be printed. That does not end the run; it is raised afterwards.
-    """
-
-    def __init__(self) -> None:
-        self.error: Exception | None = None
-
-    def of(self, job: Callable[..., None]) -> Callable[..., None]:
-        """The job, which reports its results here."""
-
-        @functools.wraps(job)
-        def reporting(cfg: Any) -> None:
-            job(cfg, self._print)
-
-        return reporting
-
-    def _print(self, run: Path) -> None:
-        from epuckhebb.cli import show
-
-        try:
-            show.print_results(run, Terminal())
-        except (ConfigError, OSError) as error:
-            self.error = error
 
 
 def print_runs(command: str, runs: list[Path], as_json: bool, quiet: bool, *, reported: bool = False) -> None:

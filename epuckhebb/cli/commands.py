@@ -28,7 +28,7 @@ from epuckhebb.cli.options import (
     with_experiment,
     with_genomes_named,
 )
-from epuckhebb.cli.output import begin, open_in_browser, print_error, print_result, report_errors, unwritable
+from epuckhebb.cli.output import begin, open_in_browser, print_error, print_result, unwritable
 from epuckhebb.runtime.console import Terminal, is_of_output, print_line, replace_unencodable
 from epuckhebb.runtime.errors import JOB_FAILED, ConfigError, JobFailedError
 
@@ -46,7 +46,6 @@ app = typer.Typer(
 
 
 @app.command(cls=ConfiguredCommand)
-@report_errors()
 def evolve(
     overrides: Overrides = None,
     multirun: Multirun = False,
@@ -73,7 +72,6 @@ def evolve(
 
 
 @app.command(cls=ConfiguredCommand)
-@report_errors()
 def evaluate(
     overrides: Overrides = None,
     multirun: Multirun = False,
@@ -103,7 +101,6 @@ def evaluate(
 
 
 @app.command(cls=Command)
-@report_errors()
 def replay(
     run: Run,
     output: Annotated[
@@ -115,32 +112,58 @@ def replay(
     ] = None,
     open_page: Open = False,
 ) -> None:
-    """A page, or a film, to watch an evaluation's lifetimes."""
+    """A page, or a film, to watch an evaluation's lifetimes, or a flock."""
     from epuckhebb.analysis import movie
-    from epuckhebb.export.replay import recording, require_video, write_movie, write_page
+    from epuckhebb.export.replay import recording, require_video, write, write_movie, write_page
+    from epuckhebb.store import Run as Folder
     from epuckhebb.store import resolve_run
 
     if mp4:
         require_video()
-    run = resolve_run(run, "evaluate")
-    recorded = recording(run)
-    written = []
-    if output or open_page or not (gif or mp4):
-        page = output or run / "replay.html"
-        write_page(recorded, page)
+    run = resolve_run(run, "evaluate", "flock")
+    page, written = output or run / "replay.html", []
+    if Folder(run).has("flock.csv"):
+        from epuckhebb.studies.flock import replay_page
+
+        if gif or mp4:
+            raise ConfigError("--gif and --mp4 are for runs of `epuckhebb evaluate`; a flock is replayed as a page")
+        write(page, replay_page(run).encode())
         written.append(page)
-    for target, make in ((gif, movie.gif), (mp4, movie.mp4)):
-        if target:
-            write_movie(recorded, target, make)
-            written.append(target)
+    else:
+        recorded = recording(run)
+        if output or open_page or not (gif or mp4):
+            write_page(recorded, page)
+            written.append(page)
+        for target, make in ((gif, movie.gif), (mp4, movie.mp4)):
+            if target:
+                write_movie(recorded, target, make)
+                written.append(target)
     for path in written:
         typer.echo(path)
     if open_page:
         open_in_browser(page)
 
 
+@app.command(cls=Command)
+def figure(
+    run: Run,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the figure; a wrong one lists those of the run.")],
+    kind: Annotated[str, typer.Option("--format", "-f", metavar="png|svg|pdf", help="Of the file.")] = "png",
+    width: Annotated[
+        float | None, typer.Option("--width", metavar="MM", help="88: a column of a paper, 180: a page.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="[RUN/figures/NAME.FORMAT]")
+    ] = None,
+) -> None:
+    """Draw a figure of a run again, in a format and a size."""
+    from epuckhebb.export.figure import draw
+    from epuckhebb.store import resolve_run
+
+    typer.echo(draw(resolve_run(run), name, kind, width, output))
+
+
 @app.command(cls=ConfiguredCommand)
-@report_errors()
 def play(
     overrides: Overrides = None,
     side: Annotated[str, typer.Option("--side", metavar="left|right", help="Which way is the right one.")] = "left",
@@ -171,7 +194,6 @@ def play(
 
 
 @app.command(cls=ConfiguredCommand)
-@report_errors()
 def reproduce(
     words: Annotated[list[str] | None, experiment_argument()] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A smoke test in two minutes: 3 champions, 2 rates.")] = False,
@@ -187,7 +209,6 @@ def reproduce(
 
 
 @app.command(cls=ConfiguredCommand)
-@report_errors()
 def leaderboard(
     words: Annotated[list[str] | None, experiment_argument("reversal")] = None,
     quick: Annotated[
@@ -214,7 +235,23 @@ def leaderboard(
 
 
 @app.command(cls=ConfiguredCommand)
-@report_errors()
+def flock(
+    overrides: Overrides = None,
+    quick: Annotated[bool, typer.Option("--quick", help="4 flocks of 20 minutes, no sweep: half a minute.")] = False,
+    config_dir: ConfigDir = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Couplings between robots, and what they are good for."""
+    from epuckhebb.config.overrides import check_config_dir
+    from epuckhebb.studies.flock import flock as run
+
+    begin(quiet)
+    check_config_dir(config_dir)
+    print_study(run(overrides or [], quick=quick, config_dir=config_dir), as_json, quiet)
+
+
+@app.command(cls=ConfiguredCommand)
 def sweep(
     name: Annotated[
         str,
@@ -254,7 +291,6 @@ def sweep(
 
 
 @app.command(cls=Command)
-@report_errors()
 def show(
     what: Annotated[
         str | None,
@@ -273,7 +309,6 @@ def show(
 
 
 @app.command(cls=Command)
-@report_errors()
 def keys(
     group: Annotated[
         str | None,
@@ -290,7 +325,6 @@ def keys(
 
 
 @app.command(cls=Command)
-@report_errors()
 def export(
     what: Annotated[
         str,
@@ -320,7 +354,6 @@ def export(
 
 
 @app.command(cls=Command)
-@report_errors()
 def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
     """Repeat a run, and check that its CSV files are bit-identical."""
     from epuckhebb.runs.rerun import rerun as repeat

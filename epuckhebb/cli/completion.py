@@ -45,7 +45,7 @@ def complete_shown(incomplete: str) -> list[str]:
 
 def complete_group(incomplete: str) -> list[str]:
     """Completions of a group of keys; a command stands for its own ones."""
-    commands = ("evaluate", "evolve", "reproduce", "leaderboard")
+    commands = ("evaluate", "evolve", "reproduce", "leaderboard", "flock")
     known = [*commands, *(name for command in commands for name in groups(command) if name != "experiment")]
     return [name for name in dict.fromkeys(known) if name.startswith(incomplete)]
 

@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperCommand
 
 from epuckhebb.cli import completion
+from epuckhebb.cli.output import report_errors
 from epuckhebb.config import conf
 from epuckhebb.runtime.resources import LATEST, REFERENCE
 
@@ -16,7 +17,12 @@ _FROM_TO = re.compile(rf"{REFERENCE}_(\d+),\.\.\.,{REFERENCE}_(\d+)")
 
 
 class Command(TyperCommand):
-    """A command whose help begins with examples."""
+    """A command whose help begins with examples, and whose errors become one message and an exit code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Do what the command does."""
+        with report_errors():
+            return super().invoke(ctx)
 
     def format_help_text(self, ctx: Any, formatter: Any) -> None:
         """Write what the command does, then examples."""
@@ -56,6 +62,7 @@ _EXAMPLES = {
         "-m hebbian.N=0,1.5e-5,0.002 scenario=base,4obstacles",
     ],
     "replay": ["latest --open", "runs/evaluate/RUN --gif film.gif"],
+    "figure": ["latest trajectories --format pdf --width 180", "runs/sweep/RUN rescue_and_harm --format svg"],
     "play": ["scenario=4obstacles", "hebbian=oja scenario=lowlight", "adaptation=novelty --side right"],
     "reproduce": ["--quick", "obstacles champions=40", "all genome=Best.npy signal=as_coded"],
     "leaderboard": [
@@ -64,6 +71,7 @@ _EXAMPLES = {
         "light methods=my_rules.py:Mine",
         "all hydra/launcher=slurm",
     ],
+    "flock": ["--quick", "flock=live_fitness flock.breaks=knower", "flock.coupling=my_couplings.py:Mine repeats=5"],
     "sweep": ["light", 'n_sweep "seed=range(1,6)" genome=runs/evolve/RUN --dry-run', "obstacles hydra/launcher=slurm"],
     "show": ["", "latest", "reference_7"],
     "keys": ["scenario", "evolve"],

@@ -8,13 +8,14 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.cli import show_run, show_study
 from epuckhebb.cli.show_genome import genome_as_json, genomes_named, print_champion
 from epuckhebb.config.conf import flat
 from epuckhebb.config.stored import settings
 from epuckhebb.runtime.console import print_line
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.store import Run, below_runs, load_genome, of_multirun, resolve_run
+from epuckhebb.store import CONFIG, Run, below_runs, load_genome, of_multirun, resolve_run
 
 _LATEST = 10  # runs that are listed when none is named
 _CHANGED = {"light": "lowlight", "obstacles": "4obstacles"}  # a changed world of each experiment
@@ -23,6 +24,7 @@ _MANY = 6  # files of a folder that are counted and not named
 
 KINDS = {  # file of results -> what prints all of them, and what says them in short
     "claims.csv": (show_study.print_reproduction, show_study.reproduction_in_short),
+    "flock.csv": (show_study.print_flock, show_study.flock_in_short),
     "leaderboard.csv": (show_study.print_leaderboard, show_study.leaderboard_in_short),
     "summary.csv": (show_study.print_sweep, show_study.sweep_in_short),
     "reversal.csv": (show_run.print_reversal, show_run.reversal_in_short),  # it has metrics.csv, too
@@ -31,10 +33,15 @@ KINDS = {  # file of results -> what prints all of them, and what says them in s
 }
 
 
-def print_results(path: Path, console: Console) -> None:
-    """Print the results of a run; nothing of a study that has not written its tables yet."""
+def print_results(path: Path, console: Console, metrics: Rows | None = None) -> None:
+    """Print the results of a run; nothing of a study that has not written its tables yet.
+
+    metrics: the lifetimes of an evaluation; read unless given.
+    """
     kind = next((file for file in KINDS if Run(path).has(file)), None)
-    if kind:
+    if kind == "metrics.csv":
+        show_run.print_evaluation(path, console, metrics)
+    elif kind:
         KINDS[kind][0](path, console)
 
 
@@ -109,10 +116,9 @@ def as_json(path: Path) -> dict[str, Any]:
     """Provenance, status and results of a run, as JSON values."""
     run = Run(path)
     values = {"run": str(path), **run.provenance, "status": run.status}
-    for name in ("metrics", "history", "leaderboard"):
+    for name in ("metrics", "history", "leaderboard", "flock"):
         if run.has(f"{name}.csv"):
-            frame = run.table(f"{name}.csv")
-            values[name] = frame.astype(object).where(frame.notna(), None).to_dict("records")
+            values[name] = run.rows(f"{name}.csv")
     return values
 
 
@@ -183,7 +189,7 @@ def _print_run(path: Path, console: Console) -> None:
 
 def _settings(path: Path) -> Iterator[str]:
     """The resolved configuration of a run, as it could be typed; of the maze and the robot, only their names."""
-    if not Run(path).has_config:
+    if not Run(path).has(CONFIG):
         return
     config = settings(Run(path).config_file)
     for key in ("maze", "robot"):

@@ -77,6 +77,12 @@ def _print_nominal(nominal: Nominal, genome: Genome, console: Console) -> None:
     for name, means, spreads in zip([*names, *own], nominal.reading_mean.T, nominal.reading_spread.T, strict=True):
         cells = (f"{mean:.2f} ± {spread:.2f}" for mean, spread in zip(means, spreads, strict=True))
         rows.append((name, *cells))
+    if nominal.sun is not None and nominal.echo is not None:
+        bearing, level, lamp_side = nominal.sun
+        rows.append(("Sun: from the start's heading, level", f"{np.degrees(bearing):.1f}°, {level:.2f}", ""))
+        rows.append(("Goal when the lamp is lit", "" if lamp_side < 0 else "here", "here" if lamp_side < 0 else ""))
+        nearest, farthest = 1000 * nominal.echo[1, [0, -1]]
+        rows.append(("Echo curve", f"{nominal.echo.shape[1]} points", f"{nearest:.0f} to {farthest:.0f} mm"))
     title = f"Nominal: {nominal.scenario} at {nominal.gain_rad_s:g} rad/s"
     print_table(console, title, ("", "left (lamp off)", "right (lamp on)"), rows)
 

@@ -1,9 +1,9 @@
-"""Prints the tables of a study: a reproduction, a sweep or a leaderboard."""
+"""Prints the tables of a study: a reproduction, a sweep, a leaderboard or flocks."""
 
+import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 from rich.console import Console
 from rich.text import Text
 
@@ -14,6 +14,9 @@ from epuckhebb.sim.controller import GA
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.scenario import EXPERIMENTS
 from epuckhebb.store import Run, is_bundled, load_genome
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def print_jobs(folder: Path, listed: list[dict[str, Any]], console: Console) -> None:
@@ -39,6 +42,35 @@ def reproduction_in_short(path: Path) -> str:
     return f"{(claims.verdict == 'holds').sum()} of {len(claims)} claims hold"
 
 
+def print_flock(path: Path, console: Console) -> None:
+    """Print where the robots of each coupling headed in the usual condition, and where the page is."""
+    from epuckhebb.analysis.flock import usual  # brings statistics
+
+    for breaks, own in usual(Run(path).table("flock.csv")).groupby("breaks", sort=False):
+        rows = [
+            (
+                row.coupling,
+                f"{row.before:.3f}",
+                rescue.share(row.long_after, row.long_after_low, row.long_after_high),
+                f"{row.good * row.runs:.0f} of {row.runs}",
+                f"{row.difference:+.2f} [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"
+                if row.difference_high > row.difference_low
+                else "",
+            )
+            for row in own.itertuples()
+        ]
+        headings = ("couplings", "before", "long after", "above .9", "difference to frozen")
+        print_table(console, f"Cosine of heading to the goal; breaks: {breaks} (95 % interval)", headings, rows, text=1)
+    print_line(console, f"Report: {path}/report.html")
+
+
+def flock_in_short(path: Path) -> str:
+    """How well the best coupling does, beside frozen ones."""
+    table = Run(path).table("flock.csv")
+    own = table[table.breaks == table.breaks.iloc[-1]].set_index("coupling").long_after.groupby(level=0).first()
+    return ", ".join(f"{name} {value:.2f}" for name, value in own.sort_values(ascending=False).head(3).items())
+
+
 def print_leaderboard(path: Path, console: Console) -> None:
     """Print how well each method did, and where the page is."""
     from epuckhebb.analysis import leaderboard as board  # brings statistics
@@ -48,9 +80,9 @@ def print_leaderboard(path: Path, console: Console) -> None:
         rows = []
         for row in own.itertuples():
             success = rescue.share(float(row.success), float(row.success_low), float(row.success_high))
-            matched_control = "" if pd.isna(row.difference) else f"{row.difference:+.2f}"
+            matched_control = "" if math.isnan(row.difference) else f"{row.difference:+.2f}"
             matched_control += (
-                "" if pd.isna(row.difference_low) else f" [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"
+                "" if math.isnan(row.difference_low) else f" [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"
             )
             rows.append((row.method, row.kind, f"{row.solved} of {row.champions}", success, matched_control))
         method, kind, solved, share, _, _, difference, *_ = board.head(str(experiment))
@@ -109,11 +141,11 @@ def print_summary(folder: Path, console: Console) -> None:
         print_line(console, f"Success and weight change against N: {folder}/figures/dose_response.png")
 
 
-def _summary(folder: Path) -> pd.DataFrame:
+def _summary(folder: Path) -> "pd.DataFrame":
     return Run(folder).table("summary.csv")
 
 
-def _print_success(summary: pd.DataFrame, of: str, interval_is: str, console: Console) -> None:
+def _print_success(summary: "pd.DataFrame", of: str, interval_is: str, console: Console) -> None:
     """Print a row for each condition and controller, named by what differs between them.
 
     summary: up to `n`, columns that tell conditions apart. of: what the n counts. interval_is: what it is about.
@@ -150,4 +182,4 @@ def _print_success(summary: pd.DataFrame, of: str, interval_is: str, console: Co
 
 
 def _cell(value: Any) -> str:
-    return str(value) if not isinstance(value, float) else "" if pd.isna(value) else f"{value:g}"
+    return str(value) if not isinstance(value, float) else "" if math.isnan(value) else f"{value:g}"

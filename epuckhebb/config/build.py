@@ -8,10 +8,13 @@ from typing import Any
 from epuckhebb.config import hand
 from epuckhebb.config.parts import GENETIC, NONE, PAPER, Layers, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
-from epuckhebb.config.values import part_settings
-from epuckhebb.evolution.optimizer import Optimizer
+from epuckhebb.config.values import part_settings, row
+from epuckhebb.evolution.optimizer import Algorithm
+from epuckhebb.evolution.search import measures_of
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.adaptation import Adaptation, compares_fitness
+from epuckhebb.sim.adaptation.gate import Stay
+from epuckhebb.sim.adaptation.recognise.place import check_recognition
 from epuckhebb.sim.adaptation.self_check.calibration import check_time
 from epuckhebb.sim.adaptation.self_check.memory import check_robot
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
@@ -21,6 +24,7 @@ from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES, Maze, Place, Pose, Side
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
 from epuckhebb.sim.plasticity.rules.paper import Paper
@@ -34,14 +38,13 @@ _LEAST = {"seed": 0, "first_seed": 0, "threads": 0, "repeats": 1, "reversal_repe
 _MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
 
 
-def check_counts(**counts: int) -> None:
-    """Refuse numbers of these keys that cannot be."""
-    for key, count in counts.items():
-        if count < _LEAST[key]:
-            raise ValueError(f"{key} must be {_LEAST[key]} or more, got {count}")
-    threads = counts.get("threads", 0)
-    if threads > _MOST_THREADS:
-        raise ValueError(f"threads must lie between 0 (one for each core) and {_MOST_THREADS}, got {threads}")
+def check_counts(values: Mapping[str, Any]) -> None:
+    """Refuse numbers that cannot be. values: of keys, other ones among them."""
+    for key, least in _LEAST.items():
+        if key in values and values[key] < least:
+            raise ValueError(f"{key} must be {least} or more, got {values[key]}")
+    if values.get("threads", 0) > _MOST_THREADS:
+        raise ValueError(f"threads must lie between 0 (one for each core) and {_MOST_THREADS}, got {values['threads']}")
 
 
 def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
@@ -59,12 +62,16 @@ def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
     return NO_RULE
 
 
-def optimizer_from(settings: Mapping[str, Any], ga: Optimizer | None) -> Optimizer:
+def optimizer_from(settings: Mapping[str, Any], ga: Algorithm | None) -> Algorithm:
     """The optimizer that a part of the configuration describes. ga: the genetic algorithm; None for another one."""
     if settings.get("algorithm") != GENETIC:
         if ga is not None:
             raise not_its_settings(str(settings.get("algorithm")))
-        optimizer: Optimizer = part_from("optimizer", settings, "optimizer")
+        optimizer: Algorithm = part_from("optimizer", settings, "optimizer")
+        try:
+            measures_of(optimizer)
+        except ValueError as error:
+            raise ConfigError(f"optimizer.algorithm={settings['algorithm']}: {error}") from error
         return optimizer
     useless = [f"optimizer.{name}" for name in settings if name != "algorithm"]
     if useless:
@@ -148,13 +155,15 @@ def scenario_from(
     robot: Mapping[str, Any],
     task: Mapping[str, Any] | None = None,
     fitness: Mapping[str, Any] | None = None,
+    physics: Mapping[str, Any] | None = None,
 ) -> Scenario:
-    """The world of a configuration. task, fitness: None for the paper's."""
+    """The world of a configuration. task, fitness, physics: None for the paper's, or that of the plane."""
     values = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     in_maze, of_kind = maze_from(maze), robot_from(robot)
     start = values.pop("start")
     if start is not None:
-        in_maze = replace(in_maze, start=_start(start))
+        x, y, heading_deg = row("scenario.start", start, ("x", "y", "heading_deg"))
+        in_maze = replace(in_maze, start=Pose(x, y, math.radians(heading_deg)))
     for number, change in enumerate(values["changes"]):
         if not isinstance(change, Mapping):
             raise ConfigError(f"scenario.changes[{number}] must be as {{at_s: 60, light: 1.0}}, got {change}")
@@ -171,31 +180,24 @@ def scenario_from(
         robot=of_kind,
         task=ONE_TRIAL if task is None else part_from("task", task, "task"),
         fitness=PAPER_FITNESS if fitness is None else part_from("fitness", fitness, "fitness"),
+        physics=PYMUNK if physics is None else part_from("physics", physics, "physics"),
     )
-
-
-def _start(given: Any) -> Pose:
-    numbers = list(given) if isinstance(given, list | tuple) else []
-    if len(numbers) != 3 or not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
-        raise ConfigError(f"scenario.start must be [x, y, heading_deg], in m and degrees, or null, got {given}")
-    x, y, heading_deg = map(float, numbers)
-    return Pose(x, y, math.radians(heading_deg))
 
 
 def _goals(given: Any, maze: Maze) -> dict[Side, Place]:
     """Goals of both sides; a side that is left out keeps the maze's."""
     if not isinstance(given, Mapping) or not set(given) <= set(SIDES):
         raise ConfigError(f"scenario.goals must be {{left: [x, y], right: [x, y]}} in m, got {given}")
-    goals = dict(maze.goals)
-    for side in SIDES:
-        place = given.get(side)
-        if place is None:
-            continue
-        numbers = list(place) if isinstance(place, list | tuple) else []
-        if len(numbers) != 2 or not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
-            raise ConfigError(f"scenario.goals.{side} must be two numbers, x and y in m, got {place}")
-        goals[side] = Place(*map(float, numbers))
-    return goals
+    places = ((side, given[side]) for side in SIDES if given.get(side) is not None)
+    return {**maze.goals, **{side: Place(*row(f"scenario.goals.{side}", at, Place._fields)) for side, at in places}}
+
+
+def check_library(world: Scenario) -> None:
+    """Refuse a physics whose library is not installed."""
+    try:
+        world.physics.check_library()
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
 
 
 def shape_from(settings: Mapping[str, Any]) -> Shape:
@@ -250,9 +252,8 @@ def check_signal(controller: Controller, world: Scenario) -> None:
         )
     if compares_fitness(controller.adaptation.change_signal):
         raise ValueError(
-            f"hebbian.signal=fitness does not go with adaptation={controller.adaptation.name}: its change signal "
-            f"{controller.adaptation.change_signal} compares with the nominal statistics, which are of the paper's "
-            "live fitness; give another signal, or another adaptation"
+            f"hebbian.signal=fitness does not go with adaptation={controller.adaptation.name}, which needs the nominal "
+            "statistics of the paper's live fitness; give another signal, or another adaptation"
         )
 
 
@@ -267,6 +268,20 @@ def check_task(controller: Controller, task: Task) -> None:
         raise ValueError(
             f"hebbian.reward={controller.rule.reward.name} does nothing with task={task.name}, which gives no reward"
         )
+
+
+def check_stay(controller: Controller, world: Scenario, lifetime: Lifetime) -> None:
+    """Refuse learning without a rule, a start after the end, and recognition by a robot without the sensors."""
+    adaptation = controller.adaptation
+    if adaptation.stay is Stay.learn and isinstance(controller.rule, NoRule):
+        raise ValueError("adaptation.stay=learn needs a plasticity rule: give hebbian=stay, or adaptation.stay=halt")
+    if lifetime.duration_s <= adaptation.start_by_s < math.inf:
+        raise ValueError(
+            f"adaptation.start_by_s must be less than lifetime.duration_s = {lifetime.duration_s:g}, or inf for never, "
+            f"got {adaptation.start_by_s:g}"
+        )
+    if adaptation.recognise:
+        check_recognition(world.robot)
 
 
 def check_homeostasis(adaptation: Adaptation, shape: Shape) -> None:

@@ -1,6 +1,5 @@
 """Composes a configuration with Hydra from the files of `conf/` and overrides, once or for many combinations."""
 
-import copy
 import functools
 import itertools
 import os
@@ -12,32 +11,26 @@ from typing import Any
 
 from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.config.conf import groups
-from epuckhebb.config.explain import explain
-from epuckhebb.config.hydra_cache import parse_once, users_first
+from epuckhebb.config.hydra_cache import OWN_SCHEME, keep_compositions, users_first
 from epuckhebb.config.names import resolve_names, world_name
-from epuckhebb.config.overrides import with_names_compared
-from epuckhebb.config.schema import SCHEMAS, Config, Plain, command_of, plain, typed
+from epuckhebb.config.overrides import parsed, with_names_compared
+from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed
 from epuckhebb.config.stored import as_config
-from epuckhebb.config.words import check_words
-from epuckhebb.config.yaml_file import NO_ENVIRONMENT
+from epuckhebb.config.words import check_words, explain
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
 
 IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
 BRIGHT, DIM = 1.0, 0.1  # the light of the two experiments
 STAMP = "EPUCKHEBB_STAMP"  # environment variable that conf/ names run folders with
-_VALUE_KEY = re.compile(r"[\w.]+")  # of a plain override: nothing added, deleted, or put into another package
 _ALONE = ("genome", "seed", "repeats", "threads")  # keys on which nothing else in a configuration depends, unless:
 _REFERENCE = re.compile(rf"\$\{{[^}}]*\b({'|'.join(_ALONE)})\b")
-_KEPT = 64  # compositions that are kept for the next combination
 VERSION_BASE: dict[str, Any] = {} if IS_HYDRA_1_4 else {"version_base": "1.3"}  # from 1.4 on it is warned about
-parse_once()
+keep_compositions()
 
 
 def load(schema: type[Config], overrides: list[str], config_dir: str | None = None) -> Config:
@@ -51,7 +44,7 @@ def load(schema: type[Config], overrides: list[str], config_dir: str | None = No
     Raises:
         ConfigError: They do not make one, or a value is outside its range; the message names the key.
     """
-    return typed(composed(command_of(schema), overrides, config_dir), schema)
+    return typed(composed(schema.command, overrides, config_dir), schema)
 
 
 def swept(overrides: list[str], config_dir: str | None = None) -> dict[str, str]:
@@ -84,7 +77,7 @@ def _composed(command: str, overrides: list[str], config_dir: str | None) -> tup
 def folders_of(runtime: Any) -> list[Path]:
     """Where Hydra looks for files."""
     sources = unresolved(runtime.config_sources)
-    return [Path(source["path"]) for source in sources if source["schema"] == "file"]
+    return [Path(source["path"]) for source in sources if source["schema"] in ("file", OWN_SCHEME) and source["path"]]
 
 
 def unresolved(node: Any) -> Any:
@@ -100,7 +93,8 @@ def _world(*, _root_: DictConfig) -> str:
 
 
 def _environment(*_: Any, _node_: Any) -> None:
-    raise ConfigError(f"{_node_._get_full_key(None)}: {NO_ENVIRONMENT}")
+    key = _node_._get_full_key(None)
+    raise ConfigError(f"{key}: environment variables are not read by a configuration; write the value itself")
 
 
 _register: Any = OmegaConf.register_resolver if IS_HYDRA_1_4 else OmegaConf.register_new_resolver  # its name changed
@@ -120,8 +114,7 @@ def combinations(
 ) -> Iterator[tuple[list[str], Plain]]:
     """Every combination of the choices (as from `alternatives`), as overrides and as a configuration of plain values.
 
-    Hydra takes a tenth of a second for a composition, so it composes each choice of groups once. Values are put into
-    copies of that; a genome, a seed and the like are then put into the plain values.
+    A genome, a seed and the like are put into the plain values of what differs in nothing else.
 
     Args:
         command: The command.
@@ -131,29 +124,11 @@ def combinations(
         validate_shared: Is given each configuration that others share but for a genome, a seed and the like, as plain
             values, and a function that makes the checked configuration of it.
     """
-    values = {key for key in choices if _VALUE_KEY.fullmatch(key) and key not in groups(command)}
-
-    @functools.lru_cache(maxsize=_KEPT)
-    def of_groups(overrides: tuple[str, ...]) -> tuple[DictConfig, DictConfig, list[Path]]:
-        return _composed(command, [*fixed, *overrides], config_dir)
 
     @functools.cache
-    def parsed(override: str) -> tuple[str, Any]:
-        one = OverridesParser.create().parse_override(override)
-        return one.key_or_group, one.value()
-
-    @functools.cache
-    def shared(pairs: tuple[tuple[str, str], ...]) -> tuple[Plain, bool]:
+    def shared(words: tuple[str, ...]) -> tuple[Plain, bool]:
         """A configuration, and whether something in it refers to a genome, a seed or the like."""
-        raw, hydras, folders = of_groups(tuple(override for key, override in pairs if key not in values))
-        cfg = copy.deepcopy(raw)
-        try:
-            for key, override in pairs:
-                if key in values:
-                    OmegaConf.update(cfg, *parsed(override))
-        except OmegaConfBaseException:  # Hydra can put it in, or says why not
-            cfg = _composed(command, [*fixed, *(override for _, override in pairs)], config_dir)[0]
-        resolve_names(cfg, hydras.runtime.choices, folders)
+        cfg = composed(command, [*fixed, *words], config_dir)
         config = plain(cfg)
         validate_shared(config, functools.partial(typed, cfg, SCHEMAS[command]))
         return config, bool(_REFERENCE.search(str(unresolved(cfg))))
@@ -161,18 +136,18 @@ def combinations(
     @functools.cache
     def of_type(override: str) -> Plain:
         """A key and its value, of the type that the schema declares."""
-        key, value = parsed(override)
+        (word,) = parsed([override])
+        key = word.key_or_group
         try:
-            return {key: as_config({key: value}, command)[key]}
+            return {key: as_config({key: word.value()}, command)[key]}
         except OmegaConfBaseException as error:
             raise ConfigError(explain(error)) from error
 
     for overrides in itertools.product(*choices.values()):
-        pairs = tuple(zip(choices, overrides, strict=True))
-        alone = [override for key, override in pairs if key in _ALONE and "${" not in override]
-        config, refers = shared(tuple(pair for pair in pairs if pair[1] not in alone))
+        alone = [word for word in overrides if word.partition("=")[0] in _ALONE and "${" not in word]
+        config, refers = shared(tuple(word for word in overrides if word not in alone))
         if refers:
-            config = shared(pairs)[0]
+            config = shared(overrides)[0]
         else:
             for override in alone:
                 config = {**config, **of_type(override)}

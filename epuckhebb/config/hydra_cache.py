@@ -1,60 +1,76 @@
-"""How Hydra reads files: the user's are checked first and win, and what it does again to the same result is done once.
-
-For each job of a multirun Hydra parses some fifteen small YAML files, and for each of them it lists all choices, which
-only an interpolation in a list of defaults needs. That is nearly half of the time that a composition takes. Here a text
-is parsed once by a process, and the list is made where it is needed. A Hydra whose insides are others is left as it is.
+"""How Hydra finds files, and how it keeps what it has composed of them.
 
 The user's folder (`--config-dir`) comes before the program's, so a file of the user's wins over ours of the same name.
-Before both comes what is no file for Hydra: changes of the world, and scenarios that are named with their changes.
+Changes of the world, and scenarios that are named with their changes, are no files; Hydra is given them like files.
+
+A composition takes Hydra a tenth of a second and more, most of it for files that seldom change. So it is made without
+the values that are given to single keys, kept, and given the values then, as Hydra would give them. What is kept is
+found by the other overrides, by the content of every file on the search path, and by all versions.
 """
 
-import copy
+import functools
+import hashlib
+import itertools
+import os
+import pickle
+import re
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from secrets import token_hex
 from typing import Any
 
-from hydra._internal import config_repository, defaults_list
+import hydra
+from hydra._internal.config_loader_impl import ConfigLoaderImpl, get_overrides_dirname
+from hydra._internal.core_plugins.file_config_source import FileConfigSource
 from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
+from hydra.core.config_store import ConfigStore
 from hydra.core.object_type import ObjectType
+from hydra.core.override_parser.types import Override
 from hydra.core.plugins import Plugins
-from hydra.plugins.config_source import ConfigResult, ConfigSource
+from hydra.plugins.config_source import ConfigResult
 from hydra.plugins.search_path_plugin import SearchPathPlugin
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import yaml_file
 from epuckhebb.config.choices import OURS, choice_names, found_by_hydra
+from epuckhebb.config.conf import groups
+from epuckhebb.config.overrides import parsed
+from epuckhebb.config.schema import SCHEMAS
+from epuckhebb.config.words import known_keys
 from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.compiled import cache_root
 
-_FILE, _PACKAGE = "file", "pkg"  # where files are: in a folder, or in an installed package, whose files do not change
-_CHANGES = "change"  # the scheme of what is no file for Hydra, and the group of changes
-_OURS = "main"  # who brings the program's folder
 USERS = "command-line"  # who brings the user's folder, as Hydra names it for its own --config-dir
-_parsed: dict[tuple[object, ...], Any] = {}
-
-Load = Callable[[Any, str], Any]
-Choices = Callable[[Any, Any, bool], Any]
+OWN_SCHEME = "epuckhebb"  # of that folder, and of what is no file
+_CHANGES = "change"  # the group of changes
+_VALUES_OF_HYDRA = ("hydra.run.dir", "hydra.sweep.dir")
+_APART = re.compile(r"[+~]|hydra\.searchpath=")  # of these the order counts, or they add to the search path
+_MOST_FILES = 1000  # of a user's folder; of more, nothing is kept
+_MOST_KEPT = 300  # files; all are removed then
+_CHECKSUM = 32  # bytes
 
 
 class _UsersFirst(SearchPathPlugin):
-    """Puts the user's folder before the program's, and what is no file before both."""
+    """Puts the user's folder, and what is no file, before the program's."""
 
     folder: Path | None = None
 
     def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
         """See Hydra."""
-        if self.folder is not None:
-            search_path.prepend(USERS, f"file://{self.folder}", SearchPathQuery(provider=_OURS))
-        search_path.prepend(_OURS, f"{_CHANGES}://{self.folder or ''}")
+        search_path.prepend(USERS, f"{OWN_SCHEME}://{self.folder or ''}", SearchPathQuery(provider="main"))
 
 
-class _Changes(ConfigSource):
-    """Has for Hydra the changes of the world, and the scenarios with changes; its path is the user's folder."""
+class _Users(FileConfigSource):
+    """Has for Hydra the user's files, which are checked, the changes of the world, and the scenarios with changes."""
 
     @staticmethod
     def scheme() -> str:
         """See Hydra."""
-        return _CHANGES
+        return OWN_SCHEME
 
     @property
     def _folders(self) -> list[Path]:
@@ -66,10 +82,16 @@ class _Changes(ConfigSource):
 
     def load_config(self, config_path: str) -> ConfigResult:
         """See Hydra."""
-        header = {"package": "_global_" if config_path.startswith(f"{_CHANGES}/") else None}
         found = self._found(config_path)
-        assert found is not None  # Hydra asked `is_config`
-        return ConfigResult(self.provider, self.path, found, header)
+        if found is not None:
+            header = {"package": "_global_" if config_path.startswith(f"{_CHANGES}/") else None}
+            return ConfigResult(self.provider, self.path, found, header)
+        file = Path(self.path, self._normalize_file_name(config_path))
+        yaml_file.check(file, Path(self.path))
+        try:
+            return super().load_config(config_path)
+        except Exception as error:  # of a `# @package` that is none, for example
+            raise ConfigError(f"{yaml_file.shown(file)}: {type(error).__name__}: {error}") from error
 
     def available(self) -> bool:
         """See Hydra."""
@@ -77,22 +99,23 @@ class _Changes(ConfigSource):
 
     def is_group(self, config_path: str) -> bool:
         """See Hydra."""
-        return config_path == _CHANGES
+        return config_path == _CHANGES or bool(self.path and super().is_group(config_path))
 
     def is_config(self, config_path: str) -> bool:
         """See Hydra."""
-        return self._found(config_path) is not None
+        return self._found(config_path) is not None or bool(self.path and super().is_config(config_path))
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
         """See Hydra."""
-        is_here = config_path == _CHANGES and results_filter is not ObjectType.GROUP
-        return choice_names(_CHANGES, self._folders) if is_here else []
+        if config_path == _CHANGES and results_filter is not ObjectType.GROUP:
+            return choice_names(_CHANGES, self._folders)
+        return super().list(config_path, results_filter) if self.path and super().is_group(config_path) else []
 
 
 @contextmanager
 def users_first(folder: str | None) -> Iterator[None]:
     """Time in which Hydra looks for files in this folder first."""
-    for plugin in (_Changes, _UsersFirst):
+    for plugin in (_Users, _UsersFirst):
         Plugins.instance().register(plugin)
     before, _UsersFirst.folder = _UsersFirst.folder, None if folder is None else Path(folder).absolute()
     try:
@@ -101,47 +124,94 @@ def users_first(folder: str | None) -> Iterator[None]:
         _UsersFirst.folder = before
 
 
-def parse_once() -> None:
-    """From now on, let Hydra compose without doing its work twice."""
-    repository: Any = config_repository.ConfigRepository
-    lists: Any = defaults_list
-    if hasattr(repository, "load_config") and hasattr(repository, "_find_object_source"):
-        repository.load_config = _remembering(repository.load_config)
-    if hasattr(lists, "_create_interpolation_map"):
-        lists._create_interpolation_map = _where_needed(lists._create_interpolation_map)
+def keep_compositions() -> None:
+    """From now on, let Hydra keep what it composes."""
+    compose = ConfigLoaderImpl.load_configuration
+
+    @functools.wraps(compose)
+    def load_configuration(
+        loader: ConfigLoaderImpl, config_name: str, overrides: list[str], run_mode: RunMode, *more: Any, **options: Any
+    ) -> DictConfig:
+        def whole(words: list[str]) -> DictConfig:
+            return compose(loader, config_name, words, run_mode, *more, **options)
+
+        state = _state(loader) if run_mode is RunMode.RUN and config_name in SCHEMAS else None
+        if state is None or any(_APART.match(word) for word in overrides):
+            return whole(overrides)
+        words = parsed(overrides)
+        values = [word for word in words if _is_value(config_name, word)]
+        others = [str(word.input_line) for word in words if word not in values]
+        cfg = _kept(hashlib.sha256(repr((state, config_name, others)).encode()).hexdigest(), lambda: whole(others))
+        try:
+            for word in values:
+                OmegaConf.update(cfg, word.key_or_group, word.value())
+        except OmegaConfBaseException:  # Hydra says why it cannot
+            return whole(overrides)
+        task, names = [word for word in words if not word.is_hydra_override()], cfg.hydra.job.config.override_dirname
+        cfg.hydra.overrides.hydra = [word.input_line for word in words if word.is_hydra_override()]
+        cfg.hydra.overrides.task = [word.input_line for word in task]
+        cfg.hydra.job.override_dirname = get_overrides_dirname(task, names.exclude_keys, names.item_sep, names.kv_sep)
+        cfg.hydra.runtime.cwd = str(Path.cwd())
+        return cfg
+
+    setattr(ConfigLoaderImpl, compose.__name__, load_configuration)
 
 
-def _remembering(load: Load) -> Load:
-    def load_config(repository: Any, config_path: str) -> Any:
-        source = repository._find_object_source(config_path=config_path, object_type=ObjectType.CONFIG)
-        if source is None or source.scheme() not in (_FILE, _PACKAGE):
-            return load(repository, config_path)
-        key: tuple[object, ...] = (source.scheme(), source.provider, source.path, config_path)
-        file = Path(source.path, source._normalize_file_name(config_path))
-        if source.scheme() == _FILE:  # a user may change it at any time
-            key = (*key, file.read_bytes())
-        if key not in _parsed:
-            _parsed[key] = _checked(load, repository, config_path, source, file)
-        return copy.deepcopy(_parsed[key])  # Hydra may put it as it is into what it composes, and change that
-
-    return load_config
+def _is_value(command: str, word: Override) -> bool:
+    """Whether an override gives a value to one key, on which no choice of a file depends."""
+    key = word.key_or_group
+    plain = str(word.input_line).startswith(f"{key}=") and word.package is None and not word.is_sweep_override()
+    if key.partition(".")[0] == "hydra":
+        return plain and key in _VALUES_OF_HYDRA
+    return plain and ("." in key or (key in known_keys(command) and key not in groups(command)))
 
 
-def _checked(load: Load, repository: Any, config_path: str, source: Any, file: Path) -> Any:
-    """What Hydra makes of a file, which is checked before if it is not the program's."""
-    if source.scheme() != _FILE or source.provider == _OURS:
-        return load(repository, config_path)
-    yaml_file.check(file, Path(source.path))
+def _state(loader: ConfigLoaderImpl) -> str | None:
+    """A digest of what any composition depends on besides its words; None where nothing can be kept."""
+    state = hashlib.sha256(_versions())
+    for source in loader.repository.get_sources():
+        state.update(repr((source.scheme(), source.provider, source.path)).encode())
+        if source.scheme() == "file" or (source.scheme() == OWN_SCHEME and source.path):
+            walked = os.walk(source.path, followlinks=True)
+            found = (Path(folder, name) for folder, _, names in walked for name in names if name.endswith(".yaml"))
+            files = list(itertools.islice(found, _MOST_FILES + 1))
+            if len(files) > _MOST_FILES:
+                return None
+            for file in sorted(files):
+                state.update(str(file).encode())
+                with suppress(OSError):  # of a file that nobody may need
+                    state.update(hashlib.sha256(file.read_bytes()).digest())
+    return state.hexdigest()
+
+
+@functools.cache
+def _versions() -> bytes:
+    """What the program, Hydra and its plug-ins are in this process; and the schemas that all of them have declared."""
+    installed = sorted(file.name for file in Path(hydra.__file__).parents[1].glob("*.dist-info"))
+    ours = [file.read_bytes() for file in sorted(Path(__file__).parent.glob("*.py"))]
+    return repr((sys.version, sys.platform, installed, ours, pickle.dumps(ConfigStore.instance().repo))).encode()
+
+
+def _kept(key: str, make: Callable[[], DictConfig]) -> DictConfig:
+    """What is kept under this key; it is made, and kept, if there is nothing, or nothing whole."""
     try:
-        return load(repository, config_path)
-    except Exception as error:  # of a `# @package` that is none, for example
-        raise ConfigError(f"{yaml_file.shown(file)}: {type(error).__name__}: {error}") from error
-
-
-def _where_needed(choices: Choices) -> Choices:
-    def create_interpolation_map(overrides: Any, entries: Any, self_added: bool) -> Any:
-        if any(entry.is_interpolation() for entry in entries):
-            return choices(overrides, entries, self_added)
-        return OmegaConf.create()
-
-    return create_interpolation_map
+        folder = cache_root() / "composed"
+        content = (folder / key).read_bytes()
+        if hashlib.sha256(content[:-_CHECKSUM]).digest() == content[-_CHECKSUM:]:
+            found: DictConfig = pickle.loads(content)
+            return found
+    except FileNotFoundError:
+        pass
+    except (OSError, RuntimeError):  # RuntimeError: no folder of the user is known
+        return make()
+    made = make()
+    content = pickle.dumps(made)
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+        known = list(folder.iterdir())
+        for file in known if len(known) >= _MOST_KEPT else ():
+            file.unlink(missing_ok=True)
+        beside = folder / f"{key}.{token_hex(4)}"
+        beside.write_bytes(content + hashlib.sha256(content).digest())
+        beside.replace(folder / key)
+    return made

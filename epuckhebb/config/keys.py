@@ -108,8 +108,8 @@ def _schema(group: str, file: Path) -> Any:
     held = yaml.safe_load(_text(file))
     if group == "hebbian":
         return part_class("rule", held["rule"], group) if held.get("rule", NONE) != NONE else None
-    if group in ("task", "optimizer"):
-        return part_class(group, held.get(group, held)["kind" if group == "task" else "algorithm"], group)
+    if group in ("task", "physics", "optimizer"):
+        return part_class(group, held.get(group, held)["algorithm" if group == "optimizer" else "kind"], group)
     kinds = [typing.get_type_hints(schema).get(group) for schema in SCHEMAS.values()]
     one = next(kind for kind in kinds if kind is not None)
     return next((kind for kind in (one, *typing.get_args(one)) if is_dataclass(kind)), None)

@@ -5,11 +5,12 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from omegaconf import OmegaConf
 
 from epuckhebb.config.choices import choice_file, choice_names, choice_of
 from epuckhebb.config.conf import first_comment, rows, table_file
-from epuckhebb.config.keywords import value_text
+from epuckhebb.config.overrides import value_text
 from epuckhebb.config.parts import part_class
 from epuckhebb.runtime.errors import ConfigError, did_you_mean
 from epuckhebb.runtime.resources import path_of
@@ -58,7 +59,7 @@ class Method:
         return {key: value for key, value in {**self.evolve, **self.evaluate}.items() if is_in_groups(key, RULE_GROUPS)}
 
 
-_KEYS = {key.name: key.type for key in fields(Method) if key.name not in ("name", "description")}
+_KEYS = [key.name for key in fields(Method) if key.name not in ("name", "description")]
 
 
 def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]:
@@ -111,39 +112,34 @@ def _read(name: str, why: str, known: Sequence[str], folders: Sequence[Path]) ->
     own = choice_file("method", name, folders)
     file = own or f"{table_file('method')}: {name}"
     held: Any = OmegaConf.to_container(found.settings)
-    for key, value in held.items():
-        if key not in _KEYS:
-            raise ConfigError(
-                f"{file}: {key} is not a key of a method; it has {', '.join(_KEYS)}{did_you_mean(str(key), _KEYS)}"
-            )
-        if not isinstance(value, str if _KEYS[key] is str else dict):
-            wanted = "the name of a method" if _KEYS[key] is str else "settings, as {hebbian: abcd, training: varied}"
-            raise ConfigError(f"{file}: {key} must be {wanted}, got {value!r}")
-    method = Method(name=name, description=rows("method")[name] if own is None else first_comment(own), **held)
-    _check(method, file)
+    for key in held.keys() - _KEYS:
+        raise ConfigError(
+            f"{file}: {key} is not a key of a method{did_you_mean(key, _KEYS)}; it has {', '.join(_KEYS)}"
+        )
+    described = rows("method")[name] if own is None else first_comment(own)
+    try:
+        method = msgspec.convert({**held, "name": name, "description": described}, Method)
+    except msgspec.ValidationError as error:
+        raise ConfigError(f"{file}: {error}") from error
+    if wrong := _mistake(method):
+        raise ConfigError(f"{file}: {wrong}")
     return method
 
 
-def _check(method: Method, file: Path | str) -> None:
-    """Refuse keys that do not go together."""
-    if not method.champions_of and not method.evolve:
-        raise ConfigError(
-            f"{file}: give evolve, how its champions are evolved, or champions_of, the method whose they are"
-        )
-    if method.champions_of and method.matched_control:
-        raise ConfigError(
-            f"{file}: champions_of={method.champions_of} is its matched control, too; leave out matched_control"
-        )
-    if method.evaluate and (method.evolve or not method.champions_of):
-        raise ConfigError(
-            f"{file}: evaluate is for what is added to champions of another method, and needs champions_of; what is "
-            "evolved runs as it was evolved"
-        )
-    if method.champions_of and not (method.evolve or method.evaluate):
-        raise ConfigError(f"{file}: give evaluate, what is added to champions of {method.champions_of}, or evolve")
-    taken = {"seed", "genome", "threads"} & {*method.evolve, *method.evaluate}
+def _mistake(method: Method) -> str:
+    """What does not go together; nothing if all does."""
+    over, taken = method.champions_of, {"seed", "genome", "threads"} & {*method.evolve, *method.evaluate}
     if taken:
-        raise ConfigError(f"{file}: {taken.pop()} is filled in by the program; leave it out")
+        return f"{taken.pop()} is filled in by the program; leave it out"
+    if not (over or method.evolve):
+        return "give evolve, how its champions are evolved, or champions_of, the method whose they are"
+    if over and method.matched_control:
+        return f"champions_of={over} is its matched control, too; leave out matched_control"
+    if method.evaluate and (method.evolve or not over):
+        return "evaluate is for what is added to champions of another method: it needs champions_of, and no evolve"
+    if not (method.evolve or method.evaluate):
+        return f"give evaluate, what is added to champions of {over}, or evolve"
+    return ""
 
 
 def _own(where: str, known: Sequence[str]) -> Method:

@@ -48,6 +48,8 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
         choices: The file that was chosen of each group.
         folders: Where Hydra looked for files, first found first taken.
     """
+    if ":" in str((cfg.get("flock") or {}).get("coupling")):
+        cfg.flock.coupling = _absolute(cfg.flock.coupling, "flock.coupling")
     if "scenario" not in cfg or cfg.get("changed") is not None:
         return cfg
     own = {name: settings for name, settings in cfg.change.items() if settings is not None}  # no choices of the group
@@ -149,6 +151,10 @@ def _own_code(cfg: DictConfig) -> None:
     if ":" in str(cfg.fitness.get("function")):
         cfg.fitness.function = _absolute(cfg.fitness.function, "fitness.function")
         _write_defaults(cfg.fitness, part_class("fitness", cfg.fitness.function, "fitness"))
+    if ":" in str((cfg.get("optimizer") or {}).get("algorithm")):
+        cfg.optimizer.algorithm = _absolute(cfg.optimizer.algorithm, "optimizer.algorithm")
+        _write_defaults(cfg.optimizer, part_class("optimizer", cfg.optimizer.algorithm, "optimizer"))
+        cfg.ga = None
     if cfg.network.get("wiring") != LAYERS:
         cfg.network.wiring = _absolute(cfg.network.get("wiring"), "network.wiring")
         if cfg.network.get("layers") is None:
@@ -210,7 +216,7 @@ def _changed(cfg: DictConfig, name: str, folders: Sequence[Path]) -> str:
         folders = OURS
     original = world_of(name, robot, folders, maze)
     task = plain(cfg.task) if "task" in cfg else None
-    world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task, plain(cfg.fitness))
+    world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task, plain(cfg.fitness), plain(cfg.physics))
     brought = _maze_brought(name, folders)
     return "" if original is None else world.changed_from(original, maze_from(brought) if brought else T_MAZE, EPUCK)
 

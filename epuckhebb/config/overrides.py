@@ -1,26 +1,48 @@
-"""Reads and checks the overrides of a command line before Hydra does, and writes values as overrides."""
+"""Reads the overrides of a command line as Hydra does, and writes values, and the keywords of Python, as overrides."""
 
 import filecmp
 import itertools
 import math
 import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from enum import Enum
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.config.conf import TABLES, rows
-from epuckhebb.config.explain import explain
+from epuckhebb.config.conf import TABLES, groups, rows
+from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.progress import say
 from epuckhebb.runtime.resources import data_folder
+from epuckhebb.sim.adaptation.adaptation import NONE, Adaptation
+from epuckhebb.sim.own_fitness import Fitness
+from epuckhebb.sim.plasticity.rule import Rule
+from epuckhebb.sim.wiring import Wiring
 
+# Which key has the file of what is in one.
+_NAMED_BY = {Rule: "rule", Fitness: "function", Wiring: "wiring", Optimizer: "algorithm"}
 SWEEP_DIR = "hydra.sweep.dir="
 _PLAIN = re.compile(r"[A-Za-z0-9_./:%@+-]+")  # what needs no quotes as the value of an override
 _MOST_JOBS = 100_000  # of one call
+
+
+def parsed(words: Iterable[str]) -> list[Override]:
+    """Overrides as Hydra reads them."""
+    try:
+        return list(OverridesParser.create().parse_overrides(list(words)))
+    except HydraException as error:
+        raise ConfigError(
+            f"{getattr(error, 'override', error)} cannot be read; settings are written KEY=VALUE, for example "
+            "scenario=4obstacles. Signs such as ~ need quotes within quotes, for example \"genome='~/champion.npz'\""
+        ) from error
 
 
 def literal(text: str) -> str:
@@ -32,17 +54,13 @@ def quoted(text: str) -> str:
     """A text as the value of an override that means just this text."""
     if _PLAIN.fullmatch(text):
         return text
-    return _in_quotes(literal(text))
-
-
-def _in_quotes(text: str) -> str:
-    escaped = re.sub(r'(\\*)("|$)', lambda found: 2 * found[1] + found[2].replace('"', '\\"'), text)
+    escaped = re.sub(r'(\\*)("|$)', lambda found: 2 * found[1] + found[2].replace('"', '\\"'), literal(text))
     return f'"{escaped}"'
 
 
 def value_of(override: str) -> str:
     """The text that an override gives to its key, without quotes."""
-    value = OverridesParser.create().parse_override(override).value()
+    value = parsed([override])[0].value()
     try:
         return str(OmegaConf.create({"value": value}).value)
     except OmegaConfBaseException:  # it refers to what only Hydra knows
@@ -58,11 +76,7 @@ def alternatives(overrides: list[str]) -> dict[str, list[str]]:
         values = itertools.islice(override.sweep_string_iterator(), _MOST_JOBS + 1)  # a range may be endless
         return [f"{override.get_key_element()}={value}" for value in values]
 
-    try:
-        parsed = OverridesParser.create().parse_overrides(overrides)
-        found = {override.get_key_element(): choices(override) for override in parsed}
-    except HydraException as error:
-        raise ConfigError(explain(error)) from error
+    found = {override.get_key_element(): choices(override) for override in parsed(overrides)}
     if math.prod(map(len, found.values())) > _MOST_JOBS:
         most = max(found, key=lambda key: len(found[key]))
         raise ConfigError(f"at most {_MOST_JOBS} jobs fit one call; give {most} fewer values")
@@ -71,12 +85,7 @@ def alternatives(overrides: list[str]) -> dict[str, list[str]]:
 
 def with_names_compared(argument: str) -> str:
     """An override in which a list below `compare` is a mapping of names that have no settings, as the schema has it."""
-    if not argument.startswith("compare=["):
-        return argument
-    try:
-        names = OverridesParser.create().parse_override(argument).value()
-    except HydraException:
-        return argument  # Hydra will say what is wrong with it
+    names = parsed([argument])[0].value() if argument.startswith("compare=[") else None
     if not isinstance(names, list):
         return argument
     return f"compare={{{','.join(f'{quoted(str(name))}: null' for name in names)}}}"
@@ -89,11 +98,10 @@ def check_config_dir(config_dir: str | None) -> None:
     mine, ours = Path(config_dir), data_folder("conf")
     if not mine.is_dir():
         raise ConfigError(f"--config-dir={config_dir} is no folder; give one with files such as scenario/mine.yaml")
-    both = (file.relative_to(ours) for file in sorted(ours.rglob("*.yaml")))
+    both = [file.relative_to(ours) for file in sorted(ours.rglob("*.yaml"))]
+    both += [Path(group, f"{name}.yaml") for group in TABLES for name in sorted(rows(group))]
     there = (file for file in both if (mine / file).is_file())
-    instead = [file for file in there if not filecmp.cmp(mine / file, ours / file, shallow=False)]
-    in_tables = (Path(group, f"{name}.yaml") for group in TABLES for name in sorted(rows(group)))
-    instead += [file for file in in_tables if (mine / file).is_file()]
+    instead = [one for one in there if not (ours / one).is_file() or not filecmp.cmp(mine / one, ours / one, False)]
     if instead:
         names = ", ".join("=".join(str(file.with_suffix("")).rsplit("/", 1)) for file in instead)
         say(f"Files of yours in {mine} replace the program's: {names}.")
@@ -105,3 +113,53 @@ def check_folders(arguments: list[str]) -> None:
         key, _, value = argument.partition("=")
         if key in ("hydra.run.dir", "hydra.sweep.dir") and not value.strip("'\""):
             raise ConfigError(f"{key} must name a folder, got nothing; leave it out for one below runs/")
+
+
+def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]:
+    """Overrides as on the command line, of texts and of keywords."""
+    for override in overrides:
+        if not isinstance(override, str) or "=" not in override:
+            raise ConfigError(f"overrides are texts such as 'scenario=4obstacles', or keywords; got {override!r}")
+    for key, value in keys.items():
+        if key in groups("evaluate") and key != "change" and isinstance(value, list | tuple | np.ndarray):
+            raise ConfigError(f"{key} must be one, got {value!r}; for several in turn: sweep(over={{{key!r}: [...]}})")
+    words = [word for key, value in keys.items() for word in _overrides_of_keyword(key, value)]
+    return [*words, *overrides]
+
+
+def _overrides_of_keyword(key: str, value: Any) -> Iterator[str]:
+    """The overrides that a keyword stands for: one, or those of the keys below it."""
+    if isinstance(value, type):
+        raise ConfigError(f"{key} must be an object or a name, got a class; give an object of it, with its settings")
+    own = next((inner for kind, inner in _NAMED_BY.items() if isinstance(value, kind)), None)
+    if own is not None:
+        name = type(value).__name__
+        raise ConfigError(f"{key} of this call cannot be an object; give its file: {key}={{'{own}': 'FILE.py:{name}'}}")
+    if isinstance(value, Adaptation) and value.acts and value.name == NONE:
+        raise ConfigError(f"{key} needs a name for tables and figures; give Adaptation(name='mine', ...)")
+    if is_dataclass(value):
+        value = {field.name: getattr(value, field.name) for field in fields(value)}
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield f"{key}.{name}={value_text(inner, f'{key}.{name}')}"
+    else:
+        yield f"{key}={value_text(value, key)}"
+
+
+def value_text(value: Any, key: str) -> str:
+    """A value as an override has it. key: whose it is, for messages."""
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if value is None:
+        return "null"
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, bool | int | float):
+        return repr(value).lower()
+    if isinstance(value, str | Path):
+        return quoted(str(value))
+    if isinstance(value, Mapping):
+        return "{" + ",".join(f"{name}: {value_text(inner, f'{key}.{name}')}" for name, inner in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(value_text(inner, key) for inner in value) + "]"
+    raise ConfigError(f"{key} must be text, a number, a list or settings, got {type(value).__name__}")

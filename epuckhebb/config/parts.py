@@ -1,4 +1,4 @@
-"""Parts of the science that have classes: a rule, a fitness, a wiring, an optimizer, a task, a sensor; found by name.
+"""Parts of the science that have classes: a rule, a fitness, a coupling, and others; each is found by its name.
 
 A part of the program is a file of a package, named by the part; one of the user's is `FILE.py:NAME`.
 """
@@ -13,13 +13,15 @@ from typing import Any
 from epuckhebb.config.plugins import class_named
 from epuckhebb.config.values import part_settings
 from epuckhebb.evolution import optimizers
-from epuckhebb.evolution.optimizer import Optimizer
+from epuckhebb.evolution.optimizer import Algorithm, check_optimizer
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.sim import own_fitness, tasks, wiring, wirings
+from epuckhebb.sim import coupling, couplings, own_fitness, physics, tasks, wiring, wirings
+from epuckhebb.sim.coupling import Coupling
 from epuckhebb.sim.own_fitness import Fitness
 from epuckhebb.sim.own_sensor import Sensor
 from epuckhebb.sim.plasticity import rules
 from epuckhebb.sim.plasticity.rule import Rule, arguments_of
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.wiring import LAYERS, Wiring
 
@@ -59,14 +61,16 @@ _KINDS = {
     "rule": _Kind("rule", Rule, rules, check=arguments_of),
     "fitness": _Kind("function", Fitness, usual={PAPER: Fitness}, check=own_fitness.check_class),
     "wiring": _Kind("wiring", Wiring, wirings, {LAYERS: Layers}, wiring.check_class),
-    "optimizer": _Kind("algorithm", Optimizer, optimizers),
+    "coupling": _Kind("coupling", Coupling, couplings, check=coupling.check_class),
+    "optimizer": _Kind("algorithm", Algorithm, optimizers, check=check_optimizer),
     "task": _Kind("kind", Task, tasks),
+    "physics": _Kind("kind", Physics, physics),
     "sensor": _Kind("sensor", Sensor, check=lambda _: None),
 }
 
 
 def part_names(kind: str) -> list[str]:
-    """The parts of a kind (`rule`, `fitness`, `wiring`, `optimizer`, `task`, `sensor`) that the program has."""
+    """The parts of a kind (`rule`, `fitness`, `wiring`, `coupling`, ...: see `_KINDS`) that the program has."""
     return _KINDS[kind].names
 
 

@@ -8,9 +8,9 @@ that a user can bring (a rule, a maze, a robot) are open here, and checked when 
 import functools
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import MISSING, Field, dataclass, field, fields, make_dataclass
 from enum import Enum
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
@@ -21,6 +21,7 @@ from epuckhebb.config.build import (
     check_homeostasis,
     check_self_check,
     check_signal,
+    check_stay,
     check_task,
     check_wheel_gain,
     compared,
@@ -31,6 +32,7 @@ from epuckhebb.config.build import (
     shape_from,
     with_controls,
 )
+from epuckhebb.config.flock import FlockKeys, check
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
@@ -40,11 +42,11 @@ from epuckhebb.runtime.progress import say_once
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.goal_signal import GoalSignal
 from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.reachable import grid_bytes
+from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 from epuckhebb.sim.wiring import LAYERS
 
@@ -58,6 +60,7 @@ Plain = dict[str, Any]  # a configuration of plain values
 class Checked:
     """What all configurations have in common: the values that Hydra composed, from which they are made."""
 
+    command: ClassVar[str]
     composed: DictConfig
     seed: int
 
@@ -79,52 +82,52 @@ def dump(config: Checked) -> str:
     return OmegaConf.to_yaml(config.composed, resolve=True)
 
 
-@dataclass(kw_only=True)
-class ScenarioConfig:
-    """The keys of a scenario; see `epuckhebb.sim.scenario.Scenario`, which comes of it, the maze and the robot."""
+# A scenario has the keys of `Scenario`, but for other groups, and for what only changes during a lifetime set.
+_NO_KEYS = ("maze", "robot", "task", "fitness", "physics", "lamp_on", "placed", "rate", "put", "reset")
+_LOOSE = {  # what may be given in several forms, which `scenario_from` checks: type and default
+    "name": (str, ""),
+    "goals": (Any, None),
+    "second_lamp": (Any, None),
+    "dead_sensors": (Any, list),
+    "changes": (list[Any], list),
+    "hand": (str | None, None),
+}
 
-    name: str = ""
-    experiment: str = "obstacles"
-    light: float = 0.1
-    sun_turn_deg: float = 0.0
-    obstacles: int = 0
-    layout: int = 0
-    start: Any = None
-    goals: Any = None
-    dead_sensors: Any = field(default_factory=list)
-    distance_gain: float = 1.0
-    distance_offset: float = 0.0
-    left_distance_gain: float = 1.0
-    crosstalk: float = 0.0
-    sensor_levels: int = 0
-    sensor_delay_steps: int = 0
-    wheel_delay_steps: int = 0
-    left_wheel: float = 1.0
-    right_wheel: float = 1.0
-    left_slip: float = 0.0
-    right_slip: float = 0.0
-    mass_ratio: float = 1.0
-    wall_friction: float = 0.0
-    lamp: Lamp = field(default_factory=Lamp)
-    second_lamp: Any = None
-    goal_signal: GoalSignal = field(default_factory=GoalSignal)
-    changes: list[Any] = field(default_factory=list)
-    hand: str | None = None
-    paper_N: float = 0.000015
-    paper_duration_s: float = 250.0
+
+def _key_of(known: Field[Any]) -> tuple[str, Any, Any]:
+    usual = known.type, known.default_factory if known.default is MISSING else known.default
+    kind, default = _LOOSE.get(known.name, usual)
+    return known.name, kind, field(default_factory=default) if callable(default) else field(default=default)
+
+
+if TYPE_CHECKING:
+    ScenarioConfig = Any
+else:
+    keys = [_key_of(known) for known in fields(Scenario) if known.name not in _NO_KEYS]
+    keys.append(("start", Any, field(default=None)))  # of the maze, as this scenario has it
+    ScenarioConfig = make_dataclass("ScenarioConfig", keys, kw_only=True, namespace={"__module__": __name__})
+
+
+class Figures(Enum):
+    """The files to which a run writes its figures."""
+
+    png = "png"
+    svg = "svg"
+    pdf = "pdf"
+    none = "none"
 
 
 @dataclass(kw_only=True)
 class WorldConfig(Checked):
     """The keys that `evaluate` and `evolve` have in common, and the world that comes of them.
 
-    change: the changes by name while they are composed into the scenario, empty then; those of the user's have their
-    settings. world: the scenario, with
-    its maze and robot. shape: of the network; None if it was left open.
+    change: the changes by name while they are composed into the scenario, empty then; the user's have settings.
+    world: the scenario, with its maze and robot. shape: of the network; None if they were left open.
     """
 
     seed: int = 1
     threads: int = 0
+    figures: Figures = Figures.png
     scenario: ScenarioConfig = field(default_factory=ScenarioConfig)
     change: dict[str, Any] = field(default_factory=dict)
     maze: dict[str, Any] = field(default_factory=dict)
@@ -134,12 +137,13 @@ class WorldConfig(Checked):
     lifetime: Lifetime = field(default_factory=Lifetime)
     task: dict[str, Any] = field(default_factory=lambda: {"kind": ONE_TRIAL.name})
     fitness: dict[str, Any] = field(default_factory=lambda: {"function": PAPER_FITNESS.name})
+    physics: dict[str, Any] = field(default_factory=lambda: {"kind": PYMUNK.name})
     changed: str | None = None
 
     def __post_init__(self) -> None:
         """Validate the settings."""
-        check_counts(seed=self.seed, threads=self.threads)
-        self.world = scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness)
+        check_counts(vars(self))
+        self.world = scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
         memory = grid_bytes(self.world.maze.arena_m)
         resources.require([resources.Need(memory, "a way to the goals of so large a maze", "lower maze.arena_m")])
         self.world.check()
@@ -157,6 +161,7 @@ class EvaluateConfig(WorldConfig):
     inverted if it receives one, and those of `compare`.
     """
 
+    command: ClassVar[str] = "evaluate"
     genome: str = "reference"
     repeats: int = 10
     adaptation: Adaptation = field(default_factory=Adaptation)
@@ -165,7 +170,6 @@ class EvaluateConfig(WorldConfig):
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
-        check_counts(repeats=self.repeats)
         main = controller_from(self.hebbian, self.adaptation)
         given = with_controls(main, self.world.task)
         others = [compared(name, settings, self.scenario.paper_N) for name, settings in self.compare.items()]
@@ -181,6 +185,7 @@ class EvaluateConfig(WorldConfig):
             check_signal(controller, self.world)
             check_task(controller, self.world.task)
             check_self_check(controller.adaptation, self.world, self.lifetime)
+            check_stay(controller, self.world, self.lifetime)
             check_homeostasis(controller.adaptation, self.shape)
 
 
@@ -193,6 +198,7 @@ class EvolveConfig(WorldConfig):
     how long it goes on. plan: what is evolved.
     """
 
+    command: ClassVar[str] = "evolve"
     genome: str | None = None
     ga: GA | None = field(default_factory=GA)  # None if the optimizer is another
     optimizer: dict[str, Any] = field(default_factory=lambda: {"algorithm": GA.key})
@@ -246,6 +252,7 @@ class LiveFitness(Enum):
 class ReproduceConfig(Checked):
     """All keys of `epuckhebb reproduce`."""
 
+    command: ClassVar[str] = "reproduce"
     champions: int = 20
     first_seed: int = 1
     seed: int = 1
@@ -258,8 +265,7 @@ class ReproduceConfig(Checked):
 
     def __post_init__(self) -> None:
         """Validate the settings."""
-        counted = ("seed", "threads", "repeats", "champions", "first_seed")
-        check_counts(**{key: getattr(self, key) for key in counted})
+        check_counts(vars(self))
         for rate in self.rates:
             if not (math.isfinite(rate) and rate > 0):
                 raise ValueError(f"rates must be numbers above 0 (0 is always run, as the GA alone), got {rate}")
@@ -269,6 +275,7 @@ class ReproduceConfig(Checked):
 class LeaderboardConfig(Checked):
     """All keys of `epuckhebb leaderboard`."""
 
+    command: ClassVar[str] = "leaderboard"
     methods: list[str] = field(default_factory=list)
     tests: list[str] = field(default_factory=list)
     champions: int = 12
@@ -279,37 +286,45 @@ class LeaderboardConfig(Checked):
 
     def __post_init__(self) -> None:
         """Validate the settings."""
-        counted = ("seed", "repeats", "champions", "first_seed", "reversal_repeats")
-        check_counts(**{key: getattr(self, key) for key in counted})
+        check_counts(vars(self))
         if not self.tests:
             raise ValueError(
                 "tests must name one sweep of conf/experiment/ or more, in whose worlds champions are tested"
             )
 
 
-SCHEMAS = {
-    "evaluate": EvaluateConfig,
-    "evolve": EvolveConfig,
-    "reproduce": ReproduceConfig,
-    "leaderboard": LeaderboardConfig,
-}
+@dataclass(kw_only=True)
+class FlockConfig(Checked):
+    """All keys of `epuckhebb flock`. rows, cells: see `epuckhebb.config.flock.check`."""
+
+    command: ClassVar[str] = "flock"
+    seed: int = 1100
+    repeats: int = 20
+    threads: int = 0
+    flock: FlockKeys = field(default_factory=FlockKeys)
+
+    def __post_init__(self) -> None:
+        """Validate the settings."""
+        self.rows, self.cells = check(self.flock, self.seed, self.repeats, self.threads)
+
+
+_ALL: tuple[Any, ...] = (EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig, FlockConfig)
+SCHEMAS = {schema.command: schema for schema in _ALL}
 # Below these, the schema does not know the keys.
-OPEN = ("hebbian", "compare", "change", "maze", "robot", "network", "optimizer", "task", "fitness", "scenario.goals")
+_GROUPS = ("hebbian", "compare", "change", "maze", "robot", "network", "optimizer", "task", "fitness", "physics")
+OPEN = (*_GROUPS, "scenario.goals", "flock.own")
 for _command, _schema in SCHEMAS.items():
     _node = OmegaConf.structured(_schema)
-    for _key in ("hebbian", "compare", "change", "network", "optimizer", "task", "fitness"):
+    for _key in ("hebbian", "compare", "change", "network", "optimizer", "task", "fitness", "physics"):
         if _key in _node:
             OmegaConf.set_struct(_node[_key], False)  # Hydra takes any key below them, without a +
+    if _schema is FlockConfig:
+        OmegaConf.set_struct(_node.flock.own, False)
     if _schema is EvolveConfig:
         _node.ga = None  # until group ga is chosen, which other optimizers than the GA undo
     ConfigStore.instance().store(name=f"schema_{_command}", node=_node, provider="epuckhebb")
 
-Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig)
-
-
-def command_of(schema: type[Any]) -> str:
-    """The command whose keys these are."""
-    return next(command for command, one in SCHEMAS.items() if one is schema)
+Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig, FlockConfig)
 
 
 def typed(cfg: DictConfig, schema: type[Config]) -> Config:

@@ -10,10 +10,10 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import yaml_file
-from epuckhebb.config.explain import explain
 from epuckhebb.config.overrides import literal
 from epuckhebb.config.plugins import references
-from epuckhebb.config.schema import SCHEMAS, Config, Plain, command_of, typed
+from epuckhebb.config.schema import SCHEMAS, Config, Plain, typed
+from epuckhebb.config.words import explain
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
@@ -26,7 +26,7 @@ _OWN_SIGNAL = Signal.fitness.name
 def from_values(values: Plain, schema: type[Config], source: str) -> Config:
     """The configuration of plain values, all names among them. source: where they come from, for messages."""
     try:
-        cfg = as_config(values, command_of(schema))
+        cfg = as_config(values, schema.command)
     except Exception as error:  # what damaged settings may raise has no end
         reason = explain(error) if isinstance(error, OmegaConfBaseException) else error
         raise ConfigError(f"{source} cannot be used: {reason}") from error

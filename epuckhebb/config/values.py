@@ -40,7 +40,7 @@ def record(
     for key in given:
         if key not in kinds:
             known = f"is no key of {owner}; it has" if owner else "is not known; known are"
-            raise ConfigError(f"{where}.{key} {known} {', '.join(kinds)}{did_you_mean(key, kinds)}")
+            raise ConfigError(f"{where}.{key} {known} {', '.join(kinds) or 'none'}{did_you_mean(key, kinds)}")
     for key in kinds:
         if key not in given and key not in defaults:
             raise ConfigError(f"{where}.{key} is missing")
@@ -65,11 +65,11 @@ def _converted(where: str, value: object, kind: Any) -> Any:
             raise _wrong(where, f"one of {', '.join(kind.__members__)}", value)
         return kind[str(name)]
     if kind in _ROWS:
-        return kind(*_row(where, value, kind._fields))
+        return kind(*row(where, value, kind._fields))
     if origin is Mapping:  # of names, or of certain ones
         return record(where, value, dict.fromkeys(get_args(inner[0]) or _mapping(where, value), inner[1]), {})
     if origin is tuple and inner[-1] is not Ellipsis:
-        return tuple(_row(where, value, ("from", "to")))
+        return tuple(row(where, value, ("from", "to")))
     if origin is tuple:
         if isinstance(value, str) or not isinstance(value, Sequence):
             raise _wrong(where, "a list", value)
@@ -88,8 +88,8 @@ def _mapping(where: str, value: object) -> Mapping[str, Any]:
     return value
 
 
-def _row(where: str, value: object, names: Iterable[str]) -> list[float]:
-    """Numbers, one for each name."""
+def row(where: str, value: object, names: Iterable[str]) -> list[float]:
+    """Finite numbers, one for each name."""
     names = tuple(names)
     if isinstance(value, str) or not isinstance(value, Sequence) or len(value) != len(names):
         raise _wrong(where, f"[{', '.join(names)}]", value)

@@ -1,87 +1,78 @@
-"""The words of a call, KEY=VALUE, before Hydra composes anything of them: what is no key, and what is like it."""
+"""The words of a call, KEY=VALUE: what is refused before Hydra composes anything of them, and what Hydra refuses."""
 
 import functools
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import ChoiceSweep, Glob, Override, Sweep
-from hydra.errors import HydraException
+from hydra.errors import MissingConfigException
 from omegaconf import OmegaConf
 
 from epuckhebb.config.build import not_its_settings
-from epuckhebb.config.conf import groups, keys_with_defaults
+from epuckhebb.config.conf import groups, keys_with_defaults, rows
+from epuckhebb.config.overrides import parsed
 from epuckhebb.config.parts import GENETIC
-from epuckhebb.config.schema import OPEN, SCHEMAS
-from epuckhebb.runtime.errors import ConfigError, near, question
+from epuckhebb.config.schema import OPEN, SCHEMAS, said
+from epuckhebb.runtime.errors import ConfigError, did_you_mean, near, question
 from epuckhebb.runtime.resources import data_folder
 
 _BOTH = ("evaluate", "evolve")  # a misspelt key of one may be a key of the other
 _MANY, _SOME = 30, 4  # choices that are no longer listed in a message, and how many of them are
-_OF_ANY_KEYS = [group for group in OPEN if "." not in group]
 _FEW = 3  # names in a question
+_EXTRAS = {"submitit": "slurm", "ray": "ray"}  # what is missing of Hydra's -> the extra of this package that has it
+_KINDS = {"Float": "a number", "Integer": "a whole number", "Boolean": "true or false"}  # OmegaConf's words, and ours
 
 
-def check_words(command: str, words: list[str], config_dir: str | None = None) -> None:
-    """Refuse what is no text, what is no key, `changed`, and what Hydra ends with a traceback.
+def check_words(command: str, words: Sequence[str], config_dir: str | None = None, *, several: bool = False) -> None:
+    """Refuse what is no text, no key or no choice, and what Hydra ends with a traceback.
 
-    That is a group that is given something else than a name, and settings of the GA for another optimizer.
+    several: whether a key may have several values, a job for each.
     """
     for word in words:
         if any("\ud800" <= sign <= "\udfff" for sign in word):
-            raise ConfigError(
-                f"{word!r} has signs that are no text in the encoding of this system, {sys.getfilesystemencoding()}; "
-                "set PYTHONUTF8=1 if it is UTF-8"
-            )
-    try:
-        overrides = OverridesParser.create().parse_overrides([word for word in words if not word.startswith("-")])
-    except HydraException:
-        return  # Hydra will say what is wrong with it
+            raise ConfigError(f"{word!r} is no text in the encoding of this system, {sys.getfilesystemencoding()}")
+    overrides = parsed(word for word in words if not word.startswith("-"))
     choices = groups(command)
-    optimizer = next((one.value() for one in reversed(overrides) if one.key_or_group == "optimizer"), GENETIC)
+    named = [one.value() for one in overrides if one.key_or_group in ("optimizer", "optimizer.algorithm")]
+    optimizer = named[-1] if named else GENETIC
     for override in overrides:
-        key = override.key_or_group
+        key, value = override.key_or_group, override.value()
         if key.partition(".")[0] == GENETIC and isinstance(optimizer, str) and optimizer != GENETIC:
             raise not_its_settings(optimizer)
         if key == "changed":
             raise ConfigError("changed is filled in by the program, with what differs from the named scenario")
-        value: Any = override.value()
+        if override.is_sweep_override() and not several:
+            line = str(override.input_line)
+            number = f". A number is written {line.replace(',', '.')}" if re.search(r"=\d+,\d+$", line) else ""
+            raise ConfigError(f"{line} has several values; to do a run with each of them, add -m (--multirun){number}")
         if isinstance(value, ChoiceSweep) and any(isinstance(one, Sweep | Glob) for one in value.list):
             raise ConfigError(f"{override.input_line}: a list of values has no ranges in it; give one range, or values")
-        if key in choices or "/" in key:
-            _check_choice(override, choices)
-        elif _is_key(command, key):
-            continue
-        elif _is_folder(key, config_dir):
-            _check_choice(override, choices)
-        else:
-            raise ConfigError(no_key(command, key, value))
+        if key in choices or "/" in key or _is_folder(key, config_dir):
+            _check_choice(override, choices.get(key, []))
+        elif not _is_key(command, key):
+            raise ConfigError(_no_key(command, key, value))
 
 
-def _check_choice(override: Override, choices: Mapping[str, Sequence[str]]) -> None:
+def _check_choice(override: Override, known: Sequence[str]) -> None:
     """Refuse what is no name of a choice of a group, nor its settings; nothing but a name can be deleted, either."""
     key, value = override.key_or_group, override.value()
-    whole = override.is_delete() and value is None
+    names = value if isinstance(value, list) and not override.is_delete() else [value]
     settings = isinstance(value, dict) and key == "change"
-    if whole or settings or override.is_sweep_override() or isinstance(value, str):
+    if settings or override.is_sweep_override() or (override.is_delete() and value is None):
         return
-    if isinstance(value, list) and not override.is_delete():
-        if all(isinstance(name, str) for name in value):
-            return
-        quoted = ",".join(f"'{name}'" for name in value)
-        raise ConfigError(f'{override.input_line}: names that are numbers need quotes, "{key}=[{quoted}]"')
-    raise ConfigError(f"{override.input_line}: {choices_of(key, choices.get(key, []))}")
+    if not all(isinstance(name, str) for name in names):
+        quoted = f"; names that are numbers need quotes, \"{key}=['30']\"" if isinstance(value, list) else ""
+        raise ConfigError(f"{override.input_line}: {_choices_of(key, known)}{quoted}")
 
 
-def choices_of(group: str, known: Sequence[str]) -> str:
+def _choices_of(group: str, known: Sequence[str]) -> str:
     """What to say of the choices that a group has."""
     if len(known) > _MANY:
-        some = ", ".join(known[:_SOME])
-        return (
-            f"{group} must be one of its {len(known)} choices, for example {some}; `epuckhebb keys {group}` lists all"
-        )
+        some = f"one of its {len(known)} choices, for example {', '.join(known[:_SOME])}"
+        return f"{group} must be {some}; `epuckhebb keys {group}` lists all"
     return f"{group} must be one of {', '.join(known)}" if known else f"{group} must be the name of a file"
 
 
@@ -94,34 +85,29 @@ def _is_folder(key: str, config_dir: str | None) -> bool:
 
 def _is_key(command: str, key: str) -> bool:
     """Whether the schema has a key, or does not know what is below it."""
-    known = known_keys(command)
     below = tuple(f"{open_}." for open_ in (*OPEN, "hydra"))
-    return key in known or key == "hydra" or key.startswith(below)
+    return key in known_keys(command) or key == "hydra" or key.startswith(below)
 
 
-def no_key(command: str, key: str, value: Any = None) -> str:
+def _no_key(command: str, key: str, value: Any) -> str:
     """What to say of a key that is not there: whose key it is, or which are like it."""
     owners = [other for other in SCHEMAS if key in known_keys(other)]
-    if owners and command not in owners:
+    if owners:
         example = f": epuckhebb evaluate genome=latest {key}=..." if owners == ["evaluate"] else ""
-        return (
-            f"there is no key {key} of `epuckhebb {command}`\n"
-            f"{key} is a key of `epuckhebb {'` and `epuckhebb '.join(owners)}`; give it there{example}"
-        )
+        return f"there is no key {key} of `epuckhebb {command}`; it is one of `epuckhebb {owners[0]}`{example}"
     of_value = [f"{group}={value}" for group, choices in groups(command).items() if value in choices]
-    if value not in (None, "none") and len(of_value) == 1:
-        return f"there is no key {key}{question(of_value)}"
-    return f"there is no key {key}{question(near_keys(command, key))}"
+    like = of_value if value not in (None, "none") and len(of_value) == 1 else _near_keys(command, key)
+    return f"there is no key {key}{question(like)}"
 
 
-def near_keys(command: str, key: str) -> list[str]:
+def _near_keys(command: str, key: str) -> list[str]:
     """The keys that are like one that is not there: those whose last part is most like its, of a group like its."""
     group, _, last = key.rpartition(".")
     commands = _BOTH if command in _BOTH else (command,)
     known = sorted({name for one in commands for name in (*known_keys(one), *dict(keys_with_defaults(one)))})
     of_last = near(last, [name.rpartition(".")[2] for name in known], 1)
     names = [name for name in known if name.rpartition(".")[2] in of_last]
-    open_ = [f"{one}.{last}" for one in near(group, _OF_ANY_KEYS, 1)]  # the schema does not know what is below these
+    open_ = [f"{one}.{last}" for one in near(group, [one for one in OPEN if "." not in one], 1)]
     return near(key, [*open_, *names], 1) if group else names[:_FEW]
 
 
@@ -139,3 +125,49 @@ def keys_below(node: Mapping[Any, Any], prefix: str = "") -> Iterator[str]:
         yield f"{prefix}{key}"
         if isinstance(value, dict):
             yield from keys_below(value, f"{prefix}{key}.")
+
+
+def explain(error: BaseException) -> str:
+    """What Hydra or OmegaConf says is wrong, made fit for a reader: the file and the key first."""
+    if said(error) != str(error).splitlines()[0]:
+        return said(error)
+    if isinstance(error, MissingConfigException) and error.missing_cfg_file:
+        return _missing(error, error.missing_cfg_file)
+    causes = [error]
+    while (cause := causes[-1].__cause__) is not None and cause not in causes:  # one may be its own, in a debugger
+        causes.append(cause)
+    whole = "\n".join(map(str, causes))
+    found = re.search(r"(.*)\n *full_key: (\S+)", whole)
+    if not found:
+        return whole
+    (message, key), file = found.groups(), re.match(r"In '(\w+)/([^']+)'", whole)
+    where = f"{file[1]}/{file[2]}.yaml: " if file else ""
+    kind = re.match(r"Value '(.*)' of type '\w+' could not be converted to (\w+)", message)
+    if kind and kind[2] in _KINDS:
+        return f"{where}{key} must be {_KINDS[kind[2]]}, got {kind[1]}"
+    if "is not Optional" in message or "value 'None'" in message:
+        return f"{where}{key} must have a value, got null"
+    if not message.startswith("Key "):
+        return f"{where}{key}: {message}"
+    if file and re.match(rf"Key '{file[1]}' ", message):
+        return (
+            f"{where}leave out the line `{file[1]}:`, or begin with the line `# @package _global_` if keys of other "
+            "groups follow"
+        )
+    return f"{where}there is no key {key}{question(_near_keys('evaluate', key)) if file else ''}"
+
+
+def _missing(error: MissingConfigException, missing: str) -> str:
+    """What to say of a choice of a group that is not there."""
+    group, _, name = missing.rpartition("/")
+    launcher = _EXTRAS.get(name.partition("_")[0]) if group == "hydra/launcher" else None
+    if launcher:
+        return f'there is no {group}={name}; this launcher is a plug-in: pip install "epuckhebb[{launcher}]"'
+    known = list(error.options or groups("evolve").get(group, groups("evaluate").get(group, [])))
+    changed = [f"{one}_{change}" for one in known for change in rows("change")] if group == "scenario" else []
+    file = re.match(r"In '(\w+/[^']+)': Could not load", str(error))
+    return (
+        f"{f'{file[1]}.yaml: ' if file else ''}there is no {group}={name}{did_you_mean(name, [*known, *changed], 3)}\n"
+        f"{_choices_of(group, known)}\n"
+        f"Is it a file of yours, {group}/{name}.yaml? Then add --config-dir and the folder of {group}/"
+    )

@@ -5,14 +5,15 @@ never stopped.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from epuckhebb.evolution.optimizer import CANDIDATES, CONFIRM, Optimizer, State
+from epuckhebb.evolution.optimizer import CANDIDATES, CONFIRM, Algorithm
+from epuckhebb.evolution.search import Search, Told
 from epuckhebb.evolution.training import UNVARIED, Training, World
 from epuckhebb.sim import random
 from epuckhebb.sim.arrays import Floats
@@ -28,6 +29,9 @@ from epuckhebb.sim.random import Stream
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 _START_SPREAD = np.array([0.005, 0.010, 0.1])  # m, m, rad at a start noise of 1
 _COPIES, _LIFETIME_BYTES = 4.0, 1000.0  # copies of an individual's genes; memory of a lifetime and its outcome
 _TRIALS = tuple(reversed(SIDES))  # lamp on (right) first, as in the published program
@@ -35,11 +39,12 @@ _TRIALS = tuple(reversed(SIDES))  # lamp on (right) first, as in the published p
 
 @dataclass(frozen=True, kw_only=True)
 class Generation:
-    """One generation, and the state to resume from.
+    """One generation, and what is needed to resume after it.
 
     number: from 0. fitness: (individuals,). success: (individuals,) share of each one's lifetimes that ended at the
     goal. champion: (genes,) the fittest; after the last generation, the best of the optimizer's candidates.
-    champion_fitness: by which it was chosen. state: of the search, after this generation. robot_steps, seconds: cost.
+    champion_fitness: by which it was chosen. log: what the optimizer was told, of this generation, too. tables: what it
+    has to show, by name. robot_steps, seconds: cost.
     """
 
     number: int
@@ -47,13 +52,14 @@ class Generation:
     success: Floats
     champion: Floats
     champion_fitness: float
-    state: State
+    log: tuple[Told, ...]
+    tables: dict[str, "pd.DataFrame"]
     robot_steps: int
     seconds: float
 
 
 def evolve(
-    optimizer: Optimizer,
+    optimizer: Algorithm,
     scenario: Scenario,
     lifetime: Lifetime,
     seed: int,
@@ -75,6 +81,7 @@ def evolve(
 
     Raises:
         ValueError: network, robot and rule, or scenario and training, do not fit each other; nothing is evolved.
+        OptimizerError: the optimizer failed, or asked for what is no genome.
         LostRobotError: a pose or a weight stopped being finite.
     """
     generations, loops = optimizer.schedule(training, lifetime)
@@ -85,7 +92,7 @@ def evolve(
     plan = evolved_plan(network, controller.rule, given=given is not None)
     if given is None and controller.rule.initial_weights is InitialWeights.random:
         given = np.zeros(network.synapses)
-    search = optimizer.search(plan, seed, None if after is None else after.state)
+    search = Search(optimizer, plan, seed, () if after is None else after.log)
 
     def whole(genes: Floats) -> Floats:
         """Whole genomes, (individuals, genes), evolved and fixed parts."""
@@ -94,14 +101,14 @@ def evolve(
     for number in range(0 if after is None else after.number + 1, generations):
         began = time.perf_counter()
         population = whole(search.ask())
-        fitness, success, robot_steps = evaluator.evaluate(population, number)
-        search.tell(fitness)
+        fitness, success, measures, robot_steps = evaluator.evaluate(population, number, search.measures)
+        search.tell(fitness, measures)
         best = int(np.argmax(fitness))
         champion, champion_fitness = population[best], float(fitness[best])
         candidates = whole(search.candidates())
-        if learns and len(candidates) == 1:
+        if learns and not optimizer.confirm:
             candidates = population[np.argsort(-fitness, kind="stable")[:CANDIDATES]]
-        if number == generations - 1 and len(candidates) > 1:
+        if number == generations - 1 and (optimizer.confirm or len(candidates) > 1):
             # Generation numbers after the last give fresh noise. These steps are in no row of the history: a row must
             # not depend on whether it is the last.
             rounds = -(-max(optimizer.confirm, CONFIRM * learns) // (loops * len(_TRIALS)))
@@ -114,7 +121,8 @@ def evolve(
             success=success,
             champion=champion.copy(),
             champion_fitness=champion_fitness,
-            state=search.state,
+            log=search.log,
+            tables=search.tables(),
             robot_steps=robot_steps,
             seconds=time.perf_counter() - began,
         )
@@ -150,7 +158,7 @@ def memory_to_evolve(individuals: int, loops: int, genes: int) -> float:
 class _Evaluator(NamedTuple):
     """Runs the lifetimes of individuals and measures their fitness."""
 
-    optimizer: Optimizer
+    optimizer: Algorithm
     loops: int
     scenario: Scenario
     lifetime: Lifetime
@@ -161,21 +169,26 @@ class _Evaluator(NamedTuple):
     threads: int
     shared: bool  # whether all individuals have the same starts and noise
 
-    def evaluate(self, population: Floats, generation: int) -> tuple[Floats, Floats, int]:
-        """Mean fitness and success over each individual's lifetimes, (individuals,) each; and the robot-steps."""
+    def evaluate(
+        self, population: Floats, generation: int, measures: Sequence[str] = ()
+    ) -> tuple[Floats, Floats, dict[str, Floats], int]:
+        """Mean fitness and success over each individual's lifetimes, (individuals,) each; measures; the robot-steps.
+
+        measures: fields of an outcome. Their values have the shape (individuals, loops, sides).
+        """
         worlds = self.training.worlds(self.scenario, self.lifetime, self.loops, self.seed, generation)
-        fitness = np.empty((len(population), self.loops, len(_TRIALS)))
-        success = np.empty_like(fitness)
+        names = ("success", *measures)
+        found = np.empty((1 + len(names), len(population), self.loops, len(_TRIALS)))
         robot_steps = 0
         for world, together in groupby(range(self.loops), key=worlds.__getitem__):
             loops = list(together)
             individuals = list(self._individuals(population, generation, loops, world))
             outcomes = [outcome for outcome, _ in live_block(individuals, world.scenario, world.lifetime, self.threads)]
-            both = np.array([(self._fitness(outcome), outcome.success) for outcome in outcomes])
-            fitness[:, loops], success[:, loops] = both.T.reshape(2, len(population), len(loops), len(_TRIALS))
+            rows = [(self._fitness(outcome), *(getattr(outcome, name) for name in names)) for outcome in outcomes]
+            found[:, :, loops] = np.array(rows).T.reshape(-1, len(population), len(loops), len(_TRIALS))
             robot_steps += sum(outcome.steps for outcome in outcomes)
-        rows = len(population), -1
-        return fitness.reshape(rows).mean(axis=1), success.reshape(rows).mean(axis=1), robot_steps
+        fitness, success = found[:2].reshape(2, len(population), -1).mean(axis=2)
+        return fitness, success, dict(zip(measures, found[2:], strict=True)), robot_steps
 
     def _fitness(self, outcome: Outcome) -> float:
         return outcome.fitness + self.training.success_bonus * outcome.success

@@ -1,30 +1,33 @@
-"""What every optimizer is: settings, and a search with `ask` (the next genomes) and `tell` (their fitness).
+"""What every optimizer is: settings, `ask` (the next genomes) and `tell` (how well they did).
 
-An optimizer is one file of `optimizers/`, with a subclass of `Optimizer` that holds its settings and a subclass of
-`Search`. A file of `conf/optimizer/` has its values: `algorithm`, the name of its file, and its settings. To switch off
-the settings of the GA, do as `conf/optimizer/sep_cma_es.yaml` does.
+An optimizer of the program is one file of `optimizers/` with a subclass of `Optimizer`, whose fields are its settings.
+A file of `conf/optimizer/` has their values, and `algorithm`, the name of its file. To switch off the settings of the
+GA, do as `conf/optimizer/sep_cma_es.yaml` does. An optimizer of the user's is such a class, too, in any file.
 """
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.evolution.training import Training
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.genome import GenomePlan
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES
+from epuckhebb.sim.own_class import check_fields
 from epuckhebb.sim.ranges import check_range
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 _PAPER_LIFETIMES = 50 * 30 * 3 * len(SIDES)  # population, generations, loops and sides of the paper's algorithm
+_PROGRAM = __name__.partition(".")[0]
 
 CANDIDATES, CONFIRM = 3, 12  # candidates for the champion of learners, and fresh lifetimes of each
-
-State = dict[str, NDArray[Any]]
 
 
 class Schedule(NamedTuple):
@@ -37,44 +40,35 @@ class Schedule(NamedTuple):
     loops: int
 
 
-class Search(ABC):
-    """A search for genomes in progress."""
+class Algorithm(ABC):
+    """An optimizer: its settings, and what it remembers of a search; subclasses are dataclasses.
 
-    @abstractmethod
-    def ask(self) -> Floats:
-        """The genomes of the next generation, (individuals, genes)."""
+    A search is a copy of it that is started once (`epuckhebb.evolution.search`). To resume, a new copy is asked and
+    told the same again. So what it asks may depend on the seed and on what it was told, and on nothing else.
 
-    @abstractmethod
-    def tell(self, fitness: Floats) -> None:
-        """Receive their fitness, (individuals,), larger is better."""
-
-    @abstractmethod
-    def candidates(self) -> Floats:
-        """Candidates for the champion after this generation, (candidates, genes); fresh lifetimes decide."""
-
-    @property
-    @abstractmethod
-    def state(self) -> State:
-        """All that the search needs to resume, as arrays by name."""
-
-
-class Optimizer(ABC):
-    """The settings of an optimizer; subclasses are dataclasses.
-
-    name: that of its file. key: of the settings in the configuration. common_random_numbers: whether all individuals of
-    a generation have the same starts and noise, so that they differ only in their genes. start_noise: how much starts
-    vary in the training world. confirm: least number of fresh lifetimes for each candidate after the last generation.
+    key: of the settings in the configuration. common_random_numbers: whether all individuals of a generation have the
+    same starts and noise, so that they differ only in their genes. start_noise: how much starts vary in the training
+    world. confirm: least number of fresh lifetimes for each candidate after the last generation; 0 if a single one is
+    taken at its word. tell: a method that is told how well the genomes did, of which it asked last. Its arguments are
+    any of these names, in any order: `fitness`, (individuals,), larger is better; and a field of
+    `epuckhebb.sim.life.Outcome`, (individuals, loops, sides), the lamp-on (right) side first.
     """
 
     key: ClassVar[str] = "optimizer"
     common_random_numbers: ClassVar[bool] = False
     start_noise: float = 0.0
-    confirm: int = 1
+    confirm: int = 0
+    tell: Callable[..., None]
+
+    @property
+    def is_own(self) -> bool:
+        """Whether it is of a file of the user's."""
+        return type(self).__module__.partition(".")[0] != _PROGRAM
 
     @property
     def name(self) -> str:
-        """The name of its file."""
-        return type(self).__module__.rpartition(".")[2]
+        """The name of its file; of a user's own, that of its class."""
+        return type(self).__name__ if self.is_own else type(self).__module__.rpartition(".")[2]
 
     @property
     @abstractmethod
@@ -89,36 +83,38 @@ class Optimizer(ABC):
         """Check that these settings fit the parts of a genome; else a ValueError."""
 
     @abstractmethod
-    def search(self, plan: GenomePlan, seed: int, state: State | None = None) -> Search:
-        """A search for the genes of a plan; with a state, a search that resumes from it bit-identically.
+    def start(self, plan: GenomePlan, seed: int) -> None:
+        """Begin a search for the genes of a plan."""
 
-        Raises:
-            KeyError: something is missing in the state.
-            ValueError: the state is of another search.
-        """
+    @abstractmethod
+    def ask(self) -> Floats:
+        """The genomes of the next generation, (individuals, genes)."""
+
+    def candidates(self) -> Floats | None:
+        """Candidates for the champion, (candidates, genes), or one; None for the fittest of the last generation."""
+        return None
+
+    def tables(self) -> "Mapping[str, pd.DataFrame]":
+        """Tables for the run folder, by name; each becomes `NAME.csv` when the evolution has ended."""
+        return {}
 
 
 @dataclass(kw_only=True)
-class EvolutionStrategy(Optimizer):
-    """What evolution strategies have in common: a cloud of genomes around a mean, with common random numbers.
+class Optimizer(Algorithm):
+    """What all optimizers but the GA have in common, and the class to inherit from for one of your own.
 
-    population: individuals of each generation but the first. generations: None for as many as fit into the robot-steps
-    of the paper's evolutions. loops: how often an individual runs a lamp-on and a lamp-off lifetime in a generation;
-    None for once in each kind of training world. starts: random individuals of the first generation; the fittest is the
-    first mean (a mean of 0 would be a saddle: a network of zeros stands still, whatever one of its weights is). sigma:
-    first standard deviation of a gene, in units of its part's start, 1 for weights. gene_limit: weights stay within
-    +- this. confirm: least number of fresh lifetimes for the last mean and the two fittest of the last generation; the
-    best of them is the champion.
+    population: most individuals of a generation. generations: None for as many as fit into the robot-steps of the
+    paper's evolutions. loops: how often an individual runs a lamp-on and a lamp-off lifetime in a generation; None for
+    once in each kind of training world. gene_limit: weights stay within +- this. confirm: least number of fresh
+    lifetimes for each of the `candidates` after the last generation; the best of them is the champion.
     """
 
     common_random_numbers: ClassVar[bool] = True
-    least: ClassVar[dict[str, int]] = {"population": 4, "generations": 1, "loops": 1, "starts": 2, "confirm": 1}
+    least: ClassVar[dict[str, int]] = {"population": 1, "generations": 1, "loops": 1, "confirm": 1}
 
     population: int = 30
     generations: int | None = None
     loops: int | None = None
-    starts: int = 50
-    sigma: float = 0.5
     gene_limit: float = 2.0
     confirm: int = 12
 
@@ -128,18 +124,27 @@ class EvolutionStrategy(Optimizer):
             value = getattr(self, name)
             if value is not None and value < bound:
                 raise ValueError(f"optimizer.{name} must be {bound} or more, got {value}")
-        check_range(self, "optimizer", "sigma", "gene_limit", above=True)
+        check_range(self, "optimizer", "gene_limit", above=True)
+
+    @property
+    def first_generation(self) -> int:
+        """The size of the first generation."""
+        return self.population
 
     @property
     def individuals(self) -> int:
         """The size of the largest generation."""
-        return max(self.population, self.starts)
+        return max(self.population, self.first_generation)
+
+    def limits(self, plan: GenomePlan) -> Floats:
+        """The bound of each gene, (genes,)."""
+        return limits(plan, self.gene_limit)
 
     def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:
         """As set; open settings follow from the training and from the paper's number of robot-steps.
 
         These are 50 individuals x 30 generations x 3 loops x 2 sides x the steps of a lifetime. The first generation
-        and the confirmation of the champion are subtracted. The rest is divided by the steps of a generation,
+        and the confirmation of three candidates are subtracted. The rest is divided by the steps of a generation,
         population x loops x 2 lifetimes, which last longer on average if the gain varies.
         """
         loops = training.loops if self.loops is None else self.loops
@@ -148,9 +153,49 @@ class EvolutionStrategy(Optimizer):
         round_ = loops * len(SIDES)
         confirmation = CANDIDATES * -(-self.confirm // round_) * round_
         return Schedule(
-            paper_generations(self.starts * round_, self.population * round_, confirmation, training.stretch(lifetime)),
+            paper_generations(
+                self.first_generation * round_, self.population * round_, confirmation, training.stretch(lifetime)
+            ),
             loops,
         )
+
+
+@dataclass(kw_only=True)
+class EvolutionStrategy(Optimizer):
+    """What evolution strategies have in common: a cloud of genomes around a mean, with common random numbers.
+
+    starts: random individuals of the first generation; the fittest is the first mean (a mean of 0 would be a saddle: a
+    network of zeros stands still, whatever one of its weights is). sigma: first standard deviation of a gene, in units
+    of its part's start, 1 for weights. The candidates are the last mean and the two fittest of the last generation.
+    """
+
+    least: ClassVar[dict[str, int]] = {**Optimizer.least, "population": 4, "starts": 2}
+
+    starts: int = 50
+    sigma: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Validate the settings."""
+        super().__post_init__()
+        check_range(self, "optimizer", "sigma", above=True)
+
+    @property
+    def first_generation(self) -> int:
+        """The size of the first generation."""
+        return self.starts
+
+
+def check_optimizer(kind: type[Algorithm]) -> None:
+    """Check a class of the user's.
+
+    Raises:
+        ValueError: It is no `Optimizer`, has no method `tell`, or has annotations that are no settings.
+    """
+    if Optimizer not in kind.__mro__:
+        raise ValueError(f"{kind.__name__} must inherit from epuckhebb.Optimizer")
+    if not hasattr(kind, "tell"):
+        raise ValueError(f"optimizer {kind.__name__} has no method `tell`")
+    check_fields(f"optimizer {kind.__name__}", kind)
 
 
 def paper_generations(first: int, each: int, last: int, stretch: float) -> int:

@@ -80,13 +80,13 @@ def write_page(recorded: Recording, target: Path) -> None:
     page = replay.page(
         recorded.traces, weights, world, title, gain_rad_s=gain, network=network, found=found, notes=notes
     )
-    _write(target, page.encode())
+    write(target, page.encode())
 
 
 def write_movie(recorded: Recording, target: Path, make: Callable[..., bytes]) -> None:
     """Write a recording as `make` does it, `movie.gif` or `movie.mp4`; the progress is shown on standard error."""
     show = functools.partial(track, description=target.name, console=Terminal(stderr=True))
-    _write(target, make(recorded.traces, recorded.config.world, recorded.title, show))
+    write(target, make(recorded.traces, recorded.config.world, recorded.title, show))
 
 
 def require_video() -> None:
@@ -95,7 +95,8 @@ def require_video() -> None:
         raise ConfigError('--mp4 needs imageio-ffmpeg, which is not installed: pip install "epuckhebb[video]"')
 
 
-def _write(target: Path, content: bytes) -> None:
+def write(target: Path, content: bytes) -> None:
+    """Write a page or a film where the user wants it."""
     try:
         write_atomic(target, content)
     except OSError as error:

@@ -16,7 +16,6 @@ from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.config.stored import from_values, settings, without_own_code
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.fitness import HISTORY_MEAN, HISTORY_STEPS
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rule import InitialWeights
 from epuckhebb.sim.plasticity.rules.paper import Paper
@@ -129,4 +128,4 @@ def _rule(controller: Controller) -> dict[str, Any]:
             "(hebbian=none)"
         )
     settings = {key: value.name if isinstance(value, Enum) else value for key, value in asdict(rule).items()}
-    return {**settings, "history_steps": HISTORY_STEPS, "history_mean": HISTORY_MEAN}
+    return {**settings, "history_steps": rule.history.steps}

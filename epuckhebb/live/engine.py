@@ -2,12 +2,11 @@
 
 import threading
 import time
-from collections import deque
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
 
-from epuckhebb.live.world import LiveWorld, Record, Saved
+from epuckhebb.live.world import LiveWorld, Saved
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.robot import STEP_S
@@ -16,7 +15,6 @@ SPEEDS = (0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 0.0)  # times real time; 0
 FRAME_S = 1 / 30
 _AT_MOST = 1000  # steps between two frames, as fast as it goes
 _BEHIND_S = 0.25  # a machine that was busy or asleep catches up with no more than that
-_MOST_WISHES = 200  # in a second
 _NEW = ("hebbian", "adaptation", "seed", "side")  # what a new life may have another of
 
 
@@ -38,7 +36,6 @@ class Engine(threading.Thread):
         self.prepares, self.trouble = "", ""  # a new life, while it is compiled; why the world stopped
         self.unwatched_since = time.monotonic()
         self._due = time.perf_counter()
-        self._wishes: deque[float] = deque(maxlen=_MOST_WISHES)
 
     def run(self) -> None:
         """Run the world until `end`."""
@@ -83,10 +80,6 @@ class Engine(threading.Thread):
         Raises:
             ValueError: it cannot be done; the world goes on as it was.
         """
-        now = time.monotonic()
-        if len(self._wishes) == _MOST_WISHES and now - self._wishes[0] < 1:
-            raise ValueError("that is too much at once; try again")
-        self._wishes.append(now)
         acts = {
             "change": self._change,
             "play": self._play,
@@ -125,19 +118,23 @@ class Engine(threading.Thread):
         return self._set("speed", float(wish["value"]))
 
     def _set(self, name: str, value: Any) -> dict[str, Any]:
-        with self.news:
+        with self._changing():
             setattr(self, name, value)
+        return {}
+
+    @contextmanager
+    def _changing(self) -> Iterator[None]:
+        """Change what pages show, and tell them."""
+        with self.news:
+            yield
             self._due = time.perf_counter()
             self.version += 1
             self.news.notify_all()
-        return {}
 
     def _step(self, _: dict[str, Any]) -> dict[str, Any]:
-        with self.news:
+        with self._changing():
             self.is_playing = False
-            self.version += 1
             self._run(1)
-            self.news.notify_all()
         return {}
 
     def _new(self, wish: dict[str, Any]) -> dict[str, Any]:
@@ -147,42 +144,30 @@ class Engine(threading.Thread):
             raise ValueError(f"side must be one of {', '.join(SIDES)}, got {asked['side']!r}")
         if not all(isinstance(value, str | int) for value in asked.values()):
             raise ValueError("a new life has other words for hebbian, adaptation, seed and side")
-        with self.news:
+        with self._changing():
             if self.prepares:
                 raise ValueError("a new life is being prepared already")
             self.prepares = " ".join(f"{key}={value}" for key, value in asked.items()) or "a new life"
-            self.version += 1
-            self.news.notify_all()
         try:
             world = self._make(asked)
             with self.news:
                 self.world, self.trouble = world, ""
                 self.life += 1
-                self._due = time.perf_counter()
         finally:
-            with self.news:
-                self.prepares = ""
-                self.version += 1
-                self.news.notify_all()
+            self._set("prepares", "")
         return {}
 
     def _save(self, _: dict[str, Any]) -> dict[str, Any]:
         with self.news:
-            world, record = self.world, self._record()
+            world, record = self.world, self.world.record()
         saved: Saved = world.save(record)
         return {"run": str(saved.run), "same": saved.same, "command": saved.command}
 
-    def _record(self) -> Record:
-        return self.world.record()
-
     def watch(self, by: int) -> None:
         """Count a page that begins (1) or ends (-1) to watch; without any, the life pauses."""
-        with self.news:
+        with self._changing():
             self.watchers += by
             self.unwatched_since = time.monotonic()
-            self._due = time.perf_counter()
-            self.version += 1
-            self.news.notify_all()
 
     def end(self) -> None:
         """End, and let those who watch end."""

@@ -30,8 +30,6 @@ from epuckhebb.sim.maze import Side
 PORT = 8470
 _PORTS = 50  # that are tried, one after the other
 _LARGEST = 2**16  # bytes of a wish
-_MOST_PAGES = 8
-_MOST_REQUESTS = 64  # at one time
 _PATIENCE_S = 20.0  # with a page that neither reads nor writes
 _QUIET_S = 5.0  # after which a page receives a sign that the server is still there
 _UNWATCHED_S = 3600.0  # after which a world without a page ends
@@ -57,7 +55,6 @@ class Server(ThreadingHTTPServer):
 
     def __init__(self, engine: Engine, port: int) -> None:
         self.engine, self.secret = engine, secrets.token_urlsafe(24)
-        self._room = threading.BoundedSemaphore(_MOST_REQUESTS)
         super().__init__(("127.0.0.1", port), _Handler)
 
     @property
@@ -69,20 +66,6 @@ class Server(ThreadingHTTPServer):
     def address(self) -> str:
         """The address of the page."""
         return f"http://127.0.0.1:{self.port}/#{self.secret}"
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Serve a connection in a thread of its own, unless there are too many."""
-        if not self._room.acquire(blocking=False):
-            self.shutdown_request(request)
-            return
-        super().process_request(request, client_address)
-
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Serve a connection, then make room for another."""
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            self._room.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing of a page that has gone; everything else is a mistake of ours."""
@@ -177,9 +160,6 @@ class _Handler(BaseHTTPRequestHandler):
     def _stream(self) -> None:
         """Send what is new until the page has gone or the world has ended."""
         engine = self.server.engine
-        if engine.watchers >= _MOST_PAGES:
-            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE)
-            return
         self.close_connection = True
         engine.watch(1)
         try:

@@ -27,18 +27,8 @@ from epuckhebb.sim.scenario import Scenario, step_of
 from epuckhebb.sim.session import Session
 from epuckhebb.store import Run, write_atomic
 
-BY_HAND = (
-    "light",
-    "lamp",
-    "lamp_on",
-    "placed",
-    "dead_sensors",
-    "left_wheel",
-    "right_wheel",
-    "rate",
-    "put",
-    "reset",
-)
+_OF_WORLD = ("light", "lamp", "lamp_on", "placed", "dead_sensors", "left_wheel", "right_wheel")
+BY_HAND = (*_OF_WORLD, "rate", "put", "reset")
 KEPT = 37_504  # steps of which samples are kept, the last ones: 20 minutes, a multiple of `page.WEIGHTS_EVERY`
 _MOST_CHANGES = 20_000  # by hand in a lifetime
 _LONGEST_S = 3600.0

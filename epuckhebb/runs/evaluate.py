@@ -9,14 +9,13 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from epuckhebb.analysis import tables
-from epuckhebb.analysis.evaluate import Traces, evaluate, memory_to_evaluate
+from epuckhebb.analysis.evaluate import Rows, Traces, evaluate, memory_to_evaluate
 from epuckhebb.analysis.self_checks import findings
 from epuckhebb.config import hand, plugins
+from epuckhebb.config.build import check_library
 from epuckhebb.config.methods import typed_as
 from epuckhebb.config.overrides import alternatives, quoted, value_of
 from epuckhebb.config.parts import part_names
@@ -41,6 +40,15 @@ from epuckhebb.sim.session import LostRobotError
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 from epuckhebb.store import Genome, RunFolder, check_wiring, load_genome, traces_file
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Report = Callable[[Path, Rows], None]
+
+
+def _no_report(*_: object) -> None:
+    """Report nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +75,7 @@ class Prepared:
         """What the adaptations compare with; `report` is given a sentence if it must be measured first."""
         return remembered_for(self.genome, self.config, threads, report)
 
-    def run(self, remembered: Remembered, threads: int) -> tuple[pd.DataFrame, Traces]:
+    def run(self, remembered: Remembered, threads: int) -> tuple[Rows, Traces]:
         """Run the lifetimes: a row each, and the traces of those that were recorded."""
         config, genome = self.config, self.genome
         return evaluate(
@@ -121,6 +129,7 @@ def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
     Raises:
         ConfigError: The genome cannot be read, is for another robot, task or rule, or memory is too small.
     """
+    check_library(config.world)
     if genome is None:
         genome = load_genome(config.genome, config.world.experiment, config.shape)
     _check_genome(genome, config)
@@ -137,7 +146,7 @@ def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
     return Prepared(config=config, genome=genome)
 
 
-def evaluate_job(cfg: Any, report: Callable[[Path], None] = lambda _: None) -> None:
+def evaluate_job(cfg: Any, report: Report = _no_report) -> None:
     """Do one job of Hydra's: evaluate into its folder. cfg: as Hydra composed it. report: as in `evaluate_into`."""
     with hydra.job_folder() as path:
         config, facts = hydra.checked(cfg, EvaluateConfig), {"command_line": hydra.job_command("evaluate")}
@@ -145,7 +154,7 @@ def evaluate_job(cfg: Any, report: Callable[[Path], None] = lambda _: None) -> N
         evaluate_into(path, config, hydra.job_overrides(), facts, threads=threads, report=report)
 
 
-def recorded_job(cfg: Any, report: Callable[[Path], None] = lambda _: None) -> None:
+def recorded_job(cfg: Any, report: Report = _no_report) -> None:
     """Do one job of Hydra's that must record its lifetimes. The arguments are those of `evaluate_job`."""
     if not cfg.lifetime.record_every:
         with hydra.job_folder():
@@ -254,11 +263,12 @@ def evaluate_into(
     facts: dict[str, Any],
     *,
     threads: int,
-    report: Callable[[Path], None] = lambda _: None,
+    report: Report = _no_report,
 ) -> None:
     """Claim a folder and evaluate into it. overrides, facts: as for `RunFolder.new`.
 
-    report: is given the folder as soon as its tables are written. Figures come later: they take longer than lifetimes.
+    report: is given the folder and the lifetimes as soon as its tables are written. Figures come later: they take
+    longer than lifetimes.
 
     Raises:
         ConfigError: The settings cannot be used.
@@ -285,27 +295,29 @@ def evaluate_into(
         if config.scenario.hand is not None:
             run.write(hand.NAME, hand.content(config.scenario.hand))
         metrics, traces = prepared.run(remembered, threads)
-        run.write("metrics.csv", metrics)
-        recorded, figures = bool(config.lifetime.record_every), dict[str, Callable[[], bytes]]()
+        recorded, figures = bool(config.lifetime.record_every), dict[str, tuple[Any, ...]]()
         if isinstance(config.world.task, Reversal):
-            figures["figures/reversal.png"] = _write_reversal(run, config, config.world.task, metrics, traces)
+            figures["reversal"] = config, genome.name, *_write_reversal(run, config, config.world.task, metrics, traces)
         else:
+            run.write("metrics.csv", metrics)
             table, below = tables.paper_table(metrics), [*map(tables.plain, notes), tables.saturation(metrics)]
-            run.write("table.csv", tables.to_csv(table))
+            run.write("table.csv", tables.flat(table))
             run.write("table.md", "\n".join([tables.to_markdown(table), *(f"{note}\n" for note in below if note)]))
         if remembered.checks is not None:
             run.write("findings.csv", findings(remembered.checks))
         if recorded:
-            figures["figures/trajectories.png"] = functools.partial(_trajectories, traces, config, genome.name)
-        run.left_behind = functools.partial(_left_behind, path, [*(["traces.npz"] if recorded else []), *figures])
-        report(path)
+            figures["trajectories"] = config, caption(config, genome.name), traces
+        kind = config.figures.value
+        files = {f"figures/{name}.{kind}": (name, kind, *data) for name, data in figures.items() if kind != "none"}
+        run.left_behind = functools.partial(_left_behind, path, [*(["traces.npz"] if recorded else []), *files])
+        report(path, metrics)
         with ThreadPoolExecutor(1) as aside:
-            drawn = {name: aside.submit(draw) for name, draw in figures.items()}
+            drawn = {file: aside.submit(_figure, *what) for file, what in files.items()}
             if recorded:
                 run.write("traces.npz", traces_file(traces, genome.weights, genome.network))
-            for name, figure in drawn.items():
+            for file, figure in drawn.items():
                 try:
-                    run.write(name, figure.result())
+                    run.write(file, figure.result())
                 except Exception as error:  # of matplotlib: what a user's fonts and styles may raise has no end
                     raise JobFailedError(f"{run.left_behind()}: {type(error).__name__}: {error}") from error
 
@@ -316,32 +328,28 @@ def _left_behind(path: Path, files: Sequence[str]) -> str:
     return f"{path} has its tables, and lacks {' and '.join(missing) or 'nothing'}"
 
 
-def _trajectories(traces: Traces, config: EvaluateConfig, genome_name: str) -> bytes:
-    """The figure of the recorded lifetimes."""
-    from epuckhebb.analysis import figures  # matplotlib takes a while to load
+def _figure(*what: Any) -> bytes:
+    """The content of a figure's file; what: the arguments of `figures.file_of`."""
+    from epuckhebb.runs import figures  # matplotlib takes a while to load
 
-    return figures.trajectories(traces, config.world, caption(config, genome_name))
+    return figures.file_of(*what)
 
 
 def _write_reversal(
-    run: RunFolder, config: EvaluateConfig, task: Reversal, metrics: pd.DataFrame, traces: Traces
-) -> Callable[[], bytes]:
-    """Write the tables of reversal learning: every trial, and the rewarded shares. Returns what draws their figure."""
+    run: RunFolder, config: EvaluateConfig, task: Reversal, rows: Rows, traces: Traces
+) -> "tuple[pd.DataFrame, pd.DataFrame]":
+    """Write the tables of reversal learning. Returns the rewarded shares, and every trial."""
+    import pandas as pd
+
     from epuckhebb.analysis import reversal
 
-    shares = reversal.table(metrics, traces.trials, task, config.seed)
-    run.write("reversal_trials.csv", traces.trials)
+    metrics, trials = pd.DataFrame(rows), pd.DataFrame(traces.trials)
+    shares = reversal.table(metrics, trials, task, config.seed)
+    run.write("metrics.csv", metrics)
+    run.write("reversal_trials.csv", trials)
     run.write("reversal.csv", shares)
     run.write("reversal.md", reversal.to_markdown(shares))
-
-    def draw() -> bytes:
-        from epuckhebb.analysis import reversal_figure
-
-        genome, lifetimes = metrics.genome[0], 2 * config.repeats
-        title = f"{config.world.name} ({config.changed}) · genome {genome} · {lifetimes} lifetimes each"
-        return reversal_figure.figure(shares, traces.trials, title)
-
-    return draw
+    return shares, trials
 
 
 def caption(config: EvaluateConfig, genome_name: str, controllers: Sequence[tuple[str, float]] | None = None) -> str:

@@ -18,10 +18,11 @@ import yaml
 from numpy.typing import NDArray
 
 from epuckhebb.config import plugins
-from epuckhebb.config.build import network_for
+from epuckhebb.config.build import check_library, network_for
 from epuckhebb.config.schema import EvolveConfig, Plain, dump, say_unusual
 from epuckhebb.config.stored import from_values, settings
 from epuckhebb.evolution.evolve import Generation, evolve, memory_to_evolve
+from epuckhebb.evolution.search import OptimizerError, Search, check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import check_sensors, compile_for
 from epuckhebb.runs.nominal import remember_training_world
@@ -138,14 +139,15 @@ class Prepared:
 
 
 def prepare(config: EvolveConfig, *, has_genome: bool = True) -> Prepared:
-    """Check that the given weights fit, and that there is memory for all individuals.
+    """Check that the given weights fit, that the optimizer starts, and that there is memory for all individuals.
 
     has_genome: whether the genome that the settings name exists yet; else nothing is read.
 
     Raises:
-        ConfigError: The genome is for another robot or network, or memory is too small.
+        ConfigError: The genome is for another robot or network, memory is too small, or the optimizer fails.
     """
     world, key, individuals = config.world, config.algorithm.key, config.algorithm.individuals
+    check_library(world)
     network = network_for(world, config.shape)
     plan = plan_of(network, type(config.controller.rule))
     given = None
@@ -168,6 +170,10 @@ def prepare(config: EvolveConfig, *, has_genome: bool = True) -> Prepared:
             Need(nominal, "what the champion remembers", "lower scenario.paper_duration_s"),
         ]
     )
+    try:
+        check_start(config.algorithm, config.plan, config.seed)
+    except OptimizerError as error:
+        raise ConfigError(str(error)) from error
     return Prepared(config=config, network=network, plan=plan, given=given)
 
 
@@ -199,15 +205,18 @@ def evolve_into(
             after = Checkpoint.following(after, generation)
             run.write(CHECKPOINT, after.as_bytes(digest))
             _write_generation(run, after, prepared)
-            progress.show(generation)
+            progress.add(generation)
         assert after is not None  # there is at least one generation
         last = after.generation
         run.write(CHAMPION, prepared.champion(last, config.seed, *prepared.remember(last.champion, threads)))
-        from epuckhebb.analysis import charts  # matplotlib takes a while to load, and only this needs it
+        for name, table in last.tables.items():
+            run.write(f"{name}.csv", table)
+        kind = config.figures.value
+        if kind != "none":
+            from epuckhebb.runs import figures  # matplotlib takes a while to load
 
-        history = pd.read_csv(io.StringIO(after.history))
-        title = f"{config.world.name}, seed {config.seed}, {config.algorithm.name}"
-        run.write("figures/learning.png", charts.learning_curves({title: [history]}))
+            history = pd.read_csv(io.StringIO(after.history))
+            run.write(f"figures/learning.{kind}", figures.file_of("learning", kind, config, history))
 
 
 def _write_generation(run: RunFolder, state: Checkpoint, prepared: Prepared) -> None:
@@ -239,7 +248,7 @@ def resume(arguments: list[str]) -> Path:
     after = Checkpoint.read(
         path,
         prepared.plan.genes,
-        lambda state: config.algorithm.search(config.plan, config.seed, state),
+        lambda log: Search(config.algorithm, config.plan, config.seed, log),
         _digest(path, changeable),
     )
     _check_weights(prepared, after, path)
@@ -276,9 +285,9 @@ def _check_own_files(path: Path, own: Mapping[Path, plugins.OwnFile], before: Ma
             )
 
 
-def _changeable(config: EvolveConfig) -> tuple[str, str]:
+def _changeable(config: EvolveConfig) -> tuple[str, ...]:
     """The keys that may be changed when an evolution is resumed; others would make it another evolution."""
-    return f"{config.algorithm.key}.generations", "threads"
+    return f"{config.algorithm.key}.generations", "threads", "figures"
 
 
 def _digest(path: Path, changeable: tuple[str, ...]) -> str:
@@ -314,17 +323,12 @@ class EvolutionProgress(Bar):
     def __init__(self, generations: int, *, quiet: bool, each: bool = True) -> None:
         """Prepare to show so many generations; say nothing if `quiet`."""
         super().__init__("generation", generations, quiet=quiet, each=each)
-        self._steps, self._seconds, self._shown = 0, 0.0, 0
-        self.put(0, "compiling …")
+        self._steps, self._seconds = 0, 0.0
+        self.update(self._task, description="compiling …")
 
-    def show(self, generation: Generation) -> None:
+    def add(self, generation: Generation) -> None:
         """Show a generation that has just ended."""
         self._steps += generation.robot_steps
         self._seconds += generation.seconds
-        self._shown += 1
-        done = generation.number + 1
         best, mean, speed = generation.fitness.max(), generation.fitness.mean(), self._steps / self._seconds / 1e6
-        text = f"best {best:.3f}  mean {mean:.3f}  {speed:.2f} M robot-steps/s"
-        self.put(done, text)
-        left = self._seconds / self._shown * (self._total - done)
-        self.say(f"generation {done}/{self._total}  {text}  {left:.0f} s left")
+        self.show(generation.number + 1, f"best {best:.3f}  mean {mean:.3f}  {speed:.2f} M robot-steps/s")

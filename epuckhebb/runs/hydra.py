@@ -23,11 +23,11 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import plugins
 from epuckhebb.config.compose import IS_HYDRA_1_4, STAMP, VERSION_BASE, folders_of, load, swept, unresolved
-from epuckhebb.config.explain import explain
 from epuckhebb.config.hydra_cache import USERS, users_first
 from epuckhebb.config.names import resolve_names
 from epuckhebb.config.overrides import SWEEP_DIR, alternatives, check_folders, quoted, value_of, with_names_compared
 from epuckhebb.config.schema import SCHEMAS, Config, typed
+from epuckhebb.config.words import explain
 from epuckhebb.runtime.errors import ConfigError, JobFailedError, exit_with_parent
 from epuckhebb.runtime.resources import data_folder, path_of, thread_count
 from epuckhebb.store import check_folder_of_multirun, of_multirun
@@ -184,7 +184,7 @@ def job_overrides() -> list[str]:
 def job_command(command: str) -> list[str]:
     """A command line that does this job alone, typed in the current folder."""
     sources = unresolved(HydraConfig.get().runtime)["config_sources"]
-    found = next((Path(source["path"]) for source in sources if source["provider"] == USERS), None)
+    found = next((Path(source["path"]) for source in sources if source["provider"] == USERS and source["path"]), None)
     words = ["epuckhebb", command, *job_overrides()]
     if found is None:
         return words

@@ -44,31 +44,40 @@ def remembered_for(genome: Genome, config: EvaluateConfig, threads: int, report:
     Raises:
         ConfigError: The champion remembers another experiment, never arrived, or cannot check itself.
     """
-    nominal = _nominal(genome, config, threads, report)
-    return Remembered(nominal, _self_checks(genome, config, threads, report))
-
-
-def _nominal(genome: Genome, config: EvaluateConfig, threads: int, report: Callable[[str], None]) -> Nominal | None:
-    if not any(controller.adaptation.needs_nominal for controller in config.controllers):
-        return None
-    gain = config.lifetime.gain_rad_s
-    nominal = _remembered(
-        genome,
-        config,
-        genome.nominal,
-        missing_nominal(config, genome.nominal),
-        lambda world: measure_nominal(genome.network_genes, world, gain, threads, genome.network),
-        report,
-    )
-    was_known = genome.nominal is not None and genome.nominal.gain_rad_s == gain
-    signals = {controller.adaptation.change_signal for controller in config.controllers}
-    if "late" in signals and not was_known and np.isnan(nominal.time_to_goal_s).all():
-        raise ConfigError(
-            f"adaptation.change_signal=late needs a time to the goal to remember, and genome={genome.name} "
-            f"reached neither goal in {nominal.scenario}; give a champion that does, or change_signal=novelty or "
-            "shortfall"
+    adaptations = [controller.adaptation for controller in config.controllers]
+    genes, network, gain = genome.network_genes, genome.network, config.lifetime.gain_rad_s
+    nominal, checks = None, None
+    if any(one.needs_nominal for one in adaptations):
+        missing, known = missing_nominal(config, genome.nominal), genome.nominal
+        nominal = _remembered(
+            genome,
+            config,
+            known,
+            missing,
+            report,
+            lambda one: measure_nominal(genes, one, gain, threads, network),
         )
-    return nominal
+        is_new = known is None or known.gain_rad_s != gain
+        if is_new and "late" in {one.change_signal for one in adaptations} and np.isnan(nominal.time_to_goal_s).all():
+            raise ConfigError(
+                f"adaptation.change_signal=late needs a time to the goal to remember, and genome={genome.name} reached "
+                f"neither goal in {nominal.scenario}; give a champion that does, or change_signal=novelty or shortfall"
+            )
+    if any(one.self_check for one in adaptations):
+        missing = "has no memory for a self-check" if genome.self_memory is None else ""
+        try:
+            memory = _remembered(
+                genome,
+                config,
+                genome.self_memory,
+                missing,
+                report,
+                lambda one: _self_memory(run_in_training_world(genes, one, 1.0, threads, network), one),
+            )
+            checks = self_checks(memory, config.world, config.lifetime.noise, repeats=config.repeats, seed=config.seed)
+        except (ValueError, LostRobotError) as error:
+            raise error if isinstance(error, ConfigError) else ConfigError(str(error)) from error
+    return Remembered(nominal, checks)
 
 
 def missing_nominal(config: EvaluateConfig, nominal: Nominal | None) -> str:
@@ -78,28 +87,9 @@ def missing_nominal(config: EvaluateConfig, nominal: Nominal | None) -> str:
     at_another = nominal is not None and nominal.gain_rad_s != gain and any(one.is_gated for one in adaptations)
     if any(one.needs_nominal for one in adaptations) and (nominal is None or at_another):
         return f"has no nominal statistics at {gain:g} rad/s"
+    if any(one.recognise for one in adaptations) and nominal is not None and nominal.sun is None:
+        return "has no nominal statistics of sun, lamp and walls"
     return ""
-
-
-def _self_checks(genome: Genome, config: EvaluateConfig, threads: int, report: Callable[[str], None]) -> Checks | None:
-    if not any(controller.adaptation.self_check for controller in config.controllers):
-        return None
-
-    def measure(world: Scenario) -> SelfMemory:
-        return _self_memory(run_in_training_world(genome.network_genes, world, 1.0, threads, genome.network), world)
-
-    try:
-        memory = _remembered(
-            genome,
-            config,
-            genome.self_memory,
-            "has no memory for a self-check" if genome.self_memory is None else "",
-            measure,
-            report,
-        )
-        return self_checks(memory, config.world, config.lifetime.noise, repeats=config.repeats, seed=config.seed)
-    except (ValueError, LostRobotError) as error:
-        raise error if isinstance(error, ConfigError) else ConfigError(str(error)) from error
 
 
 def _remembered(
@@ -107,8 +97,8 @@ def _remembered(
     config: EvaluateConfig,
     known: _Memory | None,
     missing: str,
-    make: Callable[[Scenario], _Memory],
     report: Callable[[str], None],
+    make: Callable[[Scenario], _Memory],
 ) -> _Memory:
     """What a champion's file holds or, if something is missing, what is measured in its training world.
 

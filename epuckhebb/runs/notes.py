@@ -1,9 +1,8 @@
 """What a reader must know beside the table of an evaluation: a line for each note."""
 
+import csv
 import functools
 from dataclasses import asdict
-
-import pandas as pd
 
 from epuckhebb.config.names import training_world
 from epuckhebb.config.schema import EvaluateConfig
@@ -37,13 +36,13 @@ def showcase(genome: Genome, scenario: str = "", rate: float = 0.0) -> str:
     experiment = _showcases().get(genome.sha256)
     if experiment is None:
         return ""
-    known = pd.read_csv(data_folder("runs/reference") / "success.csv")
-    known = known[(known.experiment == experiment) & (known.side == "both")]
-    n = known.n.max()
-    here = known.set_index(["scenario", "controller", "N"]).gained
+    with (data_folder("runs/reference") / "success.csv").open(encoding="utf-8", newline="") as file:
+        known = [row for row in csv.DictReader(file) if (row["experiment"], row["side"]) == (experiment, "both")]
+    n = max(int(row["n"]) for row in known)
+    here = {(row["scenario"], row["controller"], float(row["N"])): row["gained"] for row in known}
     cell = (scenario, HEBBIAN, rate)
     pattern = "chosen because it shows the paper's pattern"
-    if cell in here.index:
+    if cell in here:
         pattern = f"{here[cell]} of {n} champions fail in {scenario} without plasticity and succeed with N = {rate:g}"
     return f"A showcase: {pattern}. All of them: -m genome={REFERENCE}_1,...,{REFERENCE}_{n}"
 

@@ -19,13 +19,6 @@ _QUOTAS = (  # of a container: microseconds in each period, and the period; -1 f
     ("/sys/fs/cgroup/cpu/cpu.cfs_quota_us", "/sys/fs/cgroup/cpu/cpu.cfs_period_us"),
 )
 
-_THREADS = "NUMBA_NUM_THREADS"
-_OF_NUMBA = {  # environment variable -> what is wrong with a value that breaks numba, or our kernels
-    "NUMBA_DISABLE_JIT": "without compiled code there is no physics",
-    "NUMBA_DEBUGINFO": "numba cannot compile our kernels with debugging information",
-    _THREADS: "numba needs one thread or more",
-}
-
 
 def thread_count(threads: int) -> int:
     """The number of threads to use; 0 stands for one for each core that this process, or its container, may use."""
@@ -73,13 +66,8 @@ def unusable_here() -> str:
         Path.cwd()
     except OSError:
         return "the current folder is gone; change to one that is there and start again"
-    for name, why in _OF_NUMBA.items():
-        try:
-            value = int(os.environ[name])
-        except (KeyError, ValueError):  # numba warns of what is no number, and takes no notice
-            continue
-        if value < 1 if name == _THREADS else value:
-            return f"{name}={value} is set, and {why}; unset it and start again"
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
+        return "NUMBA_DISABLE_JIT is set, and without compiled code there is no physics; unset it and start again"
     return ""
 
 

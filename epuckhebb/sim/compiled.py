@@ -162,7 +162,7 @@ def in_module(function: Function, name: str) -> Function:
     return cast(Function, copy)
 
 
-def _cache_root() -> Path:
+def cache_root() -> Path:
     """Where kernels are stored; a RuntimeError if no folder of the user is known, as in some containers."""
     if named := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(named)
@@ -177,7 +177,7 @@ def _cache_root() -> Path:
 def _cache_folder(name: str) -> Path | None:
     """The folder of a kernel in `$NUMBA_CACHE_DIR` or the user's cache folder; None if it cannot be written to."""
     try:
-        folder = _cache_root() / f"kernel-{name}"
+        folder = cache_root() / f"kernel-{name}"
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, RuntimeError):  # RuntimeError: no folder of the user is known
         return None

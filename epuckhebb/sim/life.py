@@ -14,15 +14,19 @@ from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate, initial_a
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.faults import Faults, initial_past
+from epuckhebb.sim.fitness import History
+from epuckhebb.sim.goal_signal import SignalNumbers
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, Network
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
 from epuckhebb.sim.random import noise_workspace_size
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.senses import SenseWorkspace, sense_workspace
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import NO_TRIALS
 from epuckhebb.sim.vectors import whole
 from epuckhebb.sim.wiring import NO_NEURONS, Neurons
@@ -48,6 +52,8 @@ TALLY = np.dtype(
         ("need", np.float64),  # g of the last step
         ("change_signal", np.float64),  # nan without a signal
         ("away_s", np.float64),  # since the start, or since it was at the goal
+        ("exploring", np.bool_),  # whether the gate of exploration is open
+        ("halted", np.bool_),  # whether it stands still at the goal
         ("late_s", np.float64),  # how long the signal of change has been above its threshold
         ("noise_left", np.float64),  # on the wheels' outputs, of exploration
         ("noise_right", np.float64),
@@ -110,10 +116,10 @@ class Workspace(NamedTuple):
     change: Floats
 
 
-def workspace_for(network: Network, robot: Robot) -> Workspace:
+def workspace_for(network: Network, robot: Robot, physics: Physics = PYMUNK) -> Workspace:
     """Workspace for this network and robot."""
     return Workspace(
-        senses=sense_workspace(robot),
+        senses=sense_workspace(robot, physics),
         noise=np.zeros(noise_workspace_size(robot.inputs)),
         drive=np.empty(network.neurons if network.wiring is not None else whole(max(network.post))),
         synapses=np.empty((3, network.synapses)),
@@ -140,7 +146,7 @@ class Genotype(NamedTuple):
 
 
 class Life(NamedTuple):
-    """All that a lifetime carries from step to step, but for the pymunk space in which the robot stands.
+    """All that a lifetime carries from step to step, but for the space in which the robot stands.
 
     tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records. activation: (neurons,).
     adaptation: what it carries. trials: records of `epuckhebb.sim.task.TRIAL`, none where a lifetime is one trial.
@@ -227,13 +233,15 @@ def initial_life(
 class Trial(NamedTuple):
     """What the robot is to do, and what is wrong with it.
 
-    goal_x, goal_y, goal_radius: m. arm: the region in which it has turned the right way. arena: m, half side.
-    faults: what is wrong. terms: the numbers of its task, a tuple of a type of their own.
+    goal_x, goal_y, goal_radius: m. signal: how it is given the goal signal. arm: the region in which it has turned the
+    right way. arena: m, half side. faults: what is wrong. terms: the numbers of its task, a tuple of a type of their
+    own.
     """
 
     goal_x: float
     goal_y: float
     goal_radius: float
+    signal: SignalNumbers
     arm: Region
     arena: float
     faults: Faults
@@ -243,13 +251,14 @@ class Trial(NamedTuple):
 class Plasticity(NamedTuple):
     """The settings of a rule and of an adaptation, as numbers.
 
-    rate: N at the wheel gain of this lifetime. floor, signal: of the live fitness. numbers: all settings of the rule.
-    gate: of the adaptation.
+    rate: N at the wheel gain of this lifetime. floor, signal, history: of the live fitness. numbers: all settings of
+    the rule. gate: of the adaptation.
     """
 
     rate: float
     floor: float
     signal: int
+    history: History
     numbers: tuple[float, ...]
     gate: Gate
 
@@ -260,7 +269,8 @@ class Samples(NamedTuple):
     time [s]; pose: x, y [m], heading [rad]; sensors: the network's inputs; motors: the 2 network outputs; fitness:
     live F; change_signal: nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|, that of homeostasis
     included; weights: (samples, synapses), after the step's update, without the scale of homeostasis; activations:
-    (samples, neurons) of those of a wiring, which weights and inputs alone do not give; none of layers.
+    (samples, neurons) of those of a wiring, which weights and inputs alone do not give; none of layers; tilt: roll,
+    pitch [rad] and height above the floor [m], nothing in the plane.
     """
 
     time: Floats
@@ -273,9 +283,10 @@ class Samples(NamedTuple):
     weight_change: Floats
     weights: NDArray[np.float32]
     activations: NDArray[np.float32]
+    tilt: Floats
 
 
-def empty_samples(count: int, network: Network) -> Samples:
+def empty_samples(count: int, network: Network, physics: Physics = PYMUNK) -> Samples:
     """Arrays for so many samples."""
 
     def numbers(*shape: int) -> Floats:
@@ -292,6 +303,7 @@ def empty_samples(count: int, network: Network) -> Samples:
         weight_change=numbers(),
         weights=np.zeros((count, network.synapses), np.float32),
         activations=np.zeros((count, recorded_neurons(network)), np.float32),
+        tilt=numbers(physics.tilts),
     )
 
 
@@ -381,7 +393,7 @@ class Outcome(NamedTuple):
     weight_change_final: sum over weights of |W - W_gene|. contact_fraction: share of steps with a distance reading
     above 0.8. success: whether the robot was within 5 cm of its goal at the last step. fitness: how well it did its
     task; the paper's final fitness unless that is another. steps: done. saturated_fraction: share of the final weights
-    at their bound.
+    at their bound. x, y: m, where the robot is at the end.
     """
 
     time_to_goal: float
@@ -396,6 +408,8 @@ class Outcome(NamedTuple):
     fitness: float
     steps: int
     saturated_fraction: float
+    x: float
+    y: float
 
     def with_fitness(self, fitness: float) -> "Outcome":
         """The same metrics with another fitness."""

@@ -16,7 +16,7 @@ def number_settings(kind: type) -> tuple[str, ...]:
     return tuple(field.name for field in fields(kind) if not isinstance(field.default, str | Enum))
 
 
-def check_fields(what: str, kind: type) -> None:
+def check_fields(what: str, kind: Any) -> None:
     """Check that all annotations of a class are settings, so that nobody has left out `@dataclass`.
 
     Raises:
@@ -25,9 +25,8 @@ def check_fields(what: str, kind: type) -> None:
     known = {field.name for field in fields(kind)}
     for name, annotation in inspect.get_annotations(kind).items():
         if name not in known and "ClassVar" not in str(annotation):
-            raise ValueError(
-                f"{what}: {name} is not a setting; write @dataclass(frozen=True, kw_only=True) above the class"
-            )
+            how = "frozen=True, kw_only=True" if kind.__dataclass_params__.frozen else "kw_only=True"  # as its base has
+            raise ValueError(f"{what}: {name} is not a setting; write @dataclass({how}) above the class")
 
 
 def arguments(

@@ -38,7 +38,7 @@ _OF_STEP = {  # the arguments that `step` may have, and how the kernel has them
     "by": "by",
 }
 _ARGUMENTS = "tally, state, numbers, left, right, nearest, contact, behaviour, x, y, heading, readings, time_s"
-_OF_OUTCOME = (
+OF_OUTCOME = (  # the fields of an outcome that `life`, and `tell` of an optimizer, may name
     "success",
     "time_to_goal",
     "path_length",
@@ -48,8 +48,10 @@ _OF_OUTCOME = (
     "contact_fraction",
     "weight_change_mean",
     "steps",
+    "x",
+    "y",
 )
-_OF_LIFE = ("paper", *_OF_OUTCOME, "x", "y", "trials", "by")  # the arguments that `life` may have
+_OF_LIFE = ("paper", *OF_OUTCOME, "trials", "by")  # the arguments that `life` may have
 _WITH_STEP = ("mean", "state")  # and those that only `step` makes
 
 Score = Callable[..., float]
@@ -186,10 +188,9 @@ def functions_of(fitness: Fitness | type[Fitness]) -> tuple[Callable[..., float]
     return tuple(function for function in (fitness.step, fitness.life) if function is not None)
 
 
-def facts_of(outcome: Any, x: float, y: float) -> dict[str, Any]:
-    """The values of the arguments `paper` to `trials` of `life`. outcome: of a lifetime. x, y: its end [m]."""
-    facts = {name: getattr(outcome, name) for name in (*_OF_OUTCOME, "trials")}
-    return {**facts, "paper": outcome.fitness, "x": x, "y": y}
+def facts_of(outcome: Any) -> dict[str, Any]:
+    """The values of the arguments `paper` to `trials` of `life`. outcome: of a lifetime."""
+    return {name: getattr(outcome, name) for name in (*OF_OUTCOME, "trials")} | {"paper": outcome.fitness}
 
 
 def _no_score(

@@ -33,6 +33,7 @@ class Stream(IntEnum):
     switches = 12
     evaluation_task = 13
     training_task = 14
+    flock = 15
 
 
 def rng(seed: int, stream: Stream, *place: int) -> np.random.Generator:

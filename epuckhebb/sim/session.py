@@ -67,7 +67,8 @@ class Individual:
     task's random numbers; individuals that are compared have the same, and so have both sides. start: None for the
     maze's. signs: of the plastic updates, (synapses,), None for the rule's sign; shuffled ones must be given. nominal:
     what an adaptation compares with. corrections: from a self-check, None for none. calibration: the manoeuvre before
-    its lifetime, if it is part of the lifetime. record: whether samples are recorded.
+    its lifetime, if it is part of the lifetime. record: whether samples are recorded. after: whose lifetime comes
+    before, where the live fitness carries its history.
     """
 
     genes: NDArray[np.float64]
@@ -82,6 +83,7 @@ class Individual:
     corrections: Corrections | None = None
     calibration: CalibrationRecord | None = None
     record: bool = False
+    after: "Individual | None" = None
 
 
 class LostRobotError(ArithmeticError):
@@ -129,11 +131,16 @@ class Session:
         if self._record_every:
             count = -(-self.lifetime.steps // self._record_every)
             count = count if most_samples is None else min(count, most_samples)
-            self.samples = empty_samples(count, individual.network)
+            self.samples = empty_samples(count, individual.network, first.physics)
         if individual.calibration is not None:
             count_calibration(
                 self.life, individual.calibration, self.lifetime.gain_rad_s, self._record_every, self.samples
             )
+        self._history = individual.controller.rule.history
+        if individual.after is not None:
+            before = Session(individual.after, world, self.lifetime, stage=stage)
+            before.step(self.lifetime.steps)
+            self._history = before.history
         self._start = first.maze.start if individual.start is None else individual.start
         self._space = self._phases[0].space
         self._space.place_robot(self._start)
@@ -143,6 +150,13 @@ class Session:
     def steps(self) -> int:
         """How many steps have been run."""
         return int(self._tally["step"])
+
+    @property
+    def history(self) -> fitness.History:
+        """The history of the live fitness so far."""
+        tally, before = self._tally, self._history
+        steps = float(tally["step"] - tally["began"])
+        return fitness.History(before.steps + steps, before.sum + float(tally["undirected_sum"]))
 
     @property
     def is_over(self) -> bool:
@@ -180,9 +194,9 @@ class Session:
         time. A wall that would appear where the robot stands waits until it has left.
 
         Raises:
-            ValueError: the world has another robot, task or fitness.
+            ValueError: the world has another robot, task, fitness or physics.
         """
-        for kind in ("robot", "task", "fitness"):
+        for kind in ("robot", "task", "fitness", "physics"):
             new, old = getattr(world, kind), getattr(self.world, kind)
             if new != old:
                 raise ValueError(
@@ -199,7 +213,8 @@ class Session:
         self._enter_due()
         self._move_to_new_walls()
         readings = np.zeros(self.individual.network.inputs)
-        look_kernel(self.world.robot, self.world.task)(self.life, self.setup, self._space.handles, readings)
+        look = look_kernel(self.world.robot, self.world.task, self.world.physics)
+        look(self.life, self.setup, self._space.handles, readings)
         return readings
 
     def outcome(self, pose: Pose | None = None) -> Outcome:
@@ -220,12 +235,13 @@ class Session:
             world.task.fitness(behaviour, reward, self.life.trials, nearest),
             tally.step,
             saturated_fraction(self.life.weights, self.individual.controller.rule.w_max),
+            *(pose or self.pose)[:2],
         )
         if len(self.life.trials):
             outcome = OutcomeOfTrials.of(outcome, self.life.trials)
         if not world.fitness.is_own:
             return outcome
-        own = world.fitness.of_lifetime(facts_of(outcome, *(pose or self.pose)[:2]), self.life.score)
+        own = world.fitness.of_lifetime(facts_of(outcome), self.life.score)
         return outcome.with_fitness(own)
 
     def share(self, **arrays: Any) -> None:
@@ -263,7 +279,7 @@ class Session:
             self._tally["weight_change"] = 0.0
         self.setup = Setup(
             self.genotype,
-            kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate)),
+            kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate), history=self._history),
             kind.nominal if individual.nominal is None else individual.nominal,
             lights_of(self.world, lamp_on=lamp_on),
             trial_of(self.world, individual.side, self._start),
@@ -343,7 +359,7 @@ class Session:
                 f"{where} the rule {type(who.controller.rule).__name__} made weights, their change, or what synapses "
                 f"keep, infinite or nan; noticed {when}"
             )
-        raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")
+        raise LostRobotError(f"{where} the robot's pose {self._space.lost} {when}")
 
 
 def _genotype_of(individual: Individual, kind: Kind, world: Scenario, gain_rad_s: float) -> Genotype:

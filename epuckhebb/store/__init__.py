@@ -12,7 +12,6 @@ from epuckhebb.store.folder import (
     RunFolder,
     as_bytes,
     check_folder_of_multirun,
-    discard,
     set_aside,
 )
 from epuckhebb.store.genome import Genome, champion_file, check_wiring, checked_genes, is_bundled, load_genome
@@ -36,7 +35,6 @@ __all__ = [
     "check_folder_of_multirun",
     "check_wiring",
     "checked_genes",
-    "discard",
     "is_bundled",
     "load_genome",
     "of_multirun",

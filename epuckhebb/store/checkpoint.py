@@ -1,7 +1,7 @@
 """Writes and reads `checkpoint.npz`, from which an evolution is resumed."""
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,20 +10,21 @@ import numpy as np
 import pandas as pd
 
 from epuckhebb.evolution.evolve import Generation, history_row
-from epuckhebb.evolution.optimizer import State
+from epuckhebb.evolution.search import Search, Told
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store.disk import CHECKPOINT
 from epuckhebb.store.npz import Arrays, one_error
 from epuckhebb.store.run import Run, read_table
 
-_OF_A_GENERATION = ("generation", "fitness", "success", "champion", "champion_fitness", "history", "settings")
+_MEASURE = "told_of_"  # before the names of what an optimizer was told beside the fitness
 
 
 @dataclass(frozen=True)
 class Checkpoint:
     """The state of an evolution between two generations, from which all other files of the run can be written.
 
-    It holds the last whole generation, and `history.csv` up to it as text, so that its bytes stay the same.
+    It holds the last whole generation, all that the optimizer was told, and `history.csv` up to it as text, so that
+    its bytes stay the same.
     """
 
     generation: Generation
@@ -39,7 +40,8 @@ class Checkpoint:
     def as_bytes(self, settings: str) -> bytes:
         """The content of `checkpoint.npz`; `settings` is a digest of those that make it this evolution."""
         last = self.generation
-        arrays: dict[str, Any] = last.state | {
+        measures = {name: [told.measures[name] for told in last.log] for name in last.log[0].measures}
+        arrays: dict[str, Any] = {
             "settings": np.str_(settings),
             "generation": np.int64(last.number),
             "fitness": last.fitness,
@@ -47,19 +49,24 @@ class Checkpoint:
             "champion": last.champion,
             "champion_fitness": np.float64(last.champion_fitness),
             "history": np.str_(self.history),
-        }
+            "asked": np.array([told.asked for told in last.log]),
+            "individuals": np.array([len(told.fitness) for told in last.log]),
+            "told": np.concatenate([told.fitness for told in last.log]),
+        } | {_MEASURE + name: np.concatenate(values) for name, values in measures.items()}
         buffer = io.BytesIO()
         np.savez(buffer, **arrays)
         return buffer.getvalue()
 
     @classmethod
-    def read(cls, run: Path, genes: int, resume: Callable[[State], object], settings: str) -> "Checkpoint | None":
+    def read(
+        cls, run: Path, genes: int, resume: Callable[[Sequence[Told]], Search], settings: str
+    ) -> "Checkpoint | None":
         """Read the checkpoint in a run folder; None if its first generation never ended.
 
         Args:
             run: The folder.
             genes: The number of genes that each individual must have.
-            resume: A function that resumes a search from its state; a ValueError or KeyError says what is wrong.
+            resume: A function that resumes a search from its log; a ValueError says what is wrong.
             settings: The digest that the checkpoint must have.
         """
         path = run / CHECKPOINT
@@ -72,25 +79,43 @@ class Checkpoint:
                 arrays.text("history"),
                 arrays.take("fitness", "f", (None,)),
             )
+            if known != settings:
+                raise ConfigError(
+                    f"{run}/.hydra/config.yaml is not what this evolution began with, and to resume it would mix two "
+                    f"evolutions: put it back as it was. The number of generations and threads may be changed"
+                )
+            search = resume(_log(arrays))
             generation = Generation(
                 number=int(arrays.take("generation", "iu", ())),
                 fitness=fitness,
                 success=arrays.take("success", "f", fitness.shape),
                 champion=arrays.take("champion", "f", (genes,)),
                 champion_fitness=float(arrays.take("champion_fitness", "f", ())),
-                state={name: arrays.take(name, "fiuU") for name in arrays.names if name not in _OF_A_GENERATION},
+                log=search.log,
+                tables=search.tables(),
                 robot_steps=0,
                 seconds=0.0,
             )
             for name in ("fitness", "success", "champion", "champion_fitness"):
                 if not np.isfinite(getattr(generation, name)).all():
                     raise ValueError(f"{name} must hold finite numbers")
-            if len(read_table(history.encode(), run, "history.csv")) != generation.number + 1:
-                raise ValueError(f"its history is not of {generation.number + 1} generations")
-            resume(generation.state)
-        if known != settings:
-            raise ConfigError(
-                f"{run}/.hydra/config.yaml is not what this evolution began with, and to resume it would mix two "
-                f"evolutions: put it back as it was. The number of generations and threads may be changed"
-            )
+            if {len(read_table(history.encode(), run, "history.csv")), len(search.log)} != {generation.number + 1}:
+                raise ValueError(f"its history, or what was told, is not of {generation.number + 1} generations")
         return cls(generation, history)
+
+
+def _log(arrays: Arrays) -> list[Told]:
+    """What the optimizer was told, generation by generation."""
+    ends = np.cumsum(arrays.take("individuals", "iu", (None,)))[:-1]
+    fitness = arrays.take("told", "f", (None,))
+    measures = {
+        name.removeprefix(_MEASURE): np.split(arrays.take(name, "f", (len(fitness), None, None)), ends)
+        for name in arrays.names
+        if name.startswith(_MEASURE)
+    }
+    return [
+        Told(str(asked), values, {name: parts[number] for name, parts in measures.items()})
+        for number, (asked, values) in enumerate(
+            zip(arrays.take("asked", "U", (None,)), np.split(fitness, ends), strict=True)
+        )
+    ]

@@ -36,6 +36,11 @@ def _interval(name: str = "", method: str = "", kind: str = NUMBER_OR_EMPTY) -> 
     return {f"{name}low": lower, f"{name}high": Column(kind, "upper end of it")}
 
 
+def _mean(name: str, known: Column) -> Columns:
+    """The three columns of a mean over seeds."""
+    return {name: Column(known.kind, f"mean over seeds: {known.meaning}"), **_interval(f"{name}_")}
+
+
 _CONDITION: Columns = {
     "experiment": text("`light` or `obstacles`"),
     "scenario": text("the name of the world"),
@@ -179,6 +184,11 @@ RESCUE: Columns = {
     "training_harmed": number("trials solved in the training world without plasticity that fail there with it"),
     "training_solved": number("of how many"),
 }
+_RESCUE_BY_CHAMPION: Columns = {
+    **{key: RESCUE[key] for key in ("experiment", "controller", "N")},
+    "genome": METRICS["genome"],
+    **{key: RESCUE[key] for key in ("broken", "rescued", "intact", "harmed")},
+}
 _RESCUE_AND_HARM: Columns = {
     **_CONDITION,
     "solved": number("trials that the genes alone solve in the training world"),
@@ -298,6 +308,50 @@ _COSTS: Columns = {
     "evolve_cpu_s": number("CPU seconds of the evolution of a champion: mean over champions"),
     "test_cpu_s": number("CPU seconds of its lifetimes in the training world and all test worlds"),
 }
+_FLOCK: Columns = {
+    "loudness": number("noise of the broken robot, times that of others"),
+    "knowers": number("robots that know the way to the goal"),
+    "range_m": number("m within which robots perceive one another"),
+    "breaks": Column(("stranger", "knower", "none"), "which robot breaks: `stranger` (to the way), `knower`, or none"),
+    "coupling": text("its name; `(shuffled)`: it is given the numbers of other robots"),
+}
+_OF_FLOCK: Columns = {
+    "before": number("mean cosine of heading to the goal, of intact robots, in the second half before the break"),
+    "just_after": number("the same in the first tenth of the time after the break"),
+    "long_after": number("the same in the second half of the time after the break"),
+    "weight_to_broken": number_or_empty("in that half: mean weight to the broken robot; 1 in a frozen flock"),
+    "effective_leaders": number("in that half: e to the entropy of whom a robot listens to, mean over robots"),
+    "polarisation": number("in that half: length of the mean heading, 1 if all drive one way"),
+    "spread_m": number("in that half: mean distance from the middle of the flock, m"),
+}
+_RUNS: Columns = {
+    **_FLOCK,
+    "seed": number("seed of the flock"),
+    **_OF_FLOCK,
+    "least_gap_m": number("least distance between the rims of two robots in the run, m; below 0 in a collision"),
+}
+_OVER_RUNS: Columns = {
+    **_FLOCK,
+    "runs": number("how many there are, one from each seed"),
+    "good": number("share of runs with `long_after` above 0.9"),
+    **_interval("good_"),
+    **{end: column for name, known in _OF_FLOCK.items() for end, column in _mean(name, known).items()},
+    "least_gap_m": number("the least of all runs"),
+    "difference": number("`long_after` less that of the frozen flock of the same seed, mean over seeds"),
+    **_interval("difference_", ", from a bootstrap over seeds"),
+}
+_CURVES: Columns = {
+    "breaks": _FLOCK["breaks"],
+    "coupling": _FLOCK["coupling"],
+    "minute": number("middle of the minute, since the start"),
+    "cosine": number("mean cosine of heading to the goal, of intact robots and over flocks"),
+    **_interval("cosine_", ", from a bootstrap over seeds"),
+}
+_ESTIMATOR: Columns = {
+    "case": text("series with a known transfer entropy, or a wiring with known links"),
+    "estimate": number("what the estimator gives, nats; of a wiring the area under the curve"),
+    "expected": number_or_empty("what theory gives"),
+}
 
 TABLES: Mapping[str, tuple[str, Columns]] = {
     "metrics.csv": ("Of `evaluate`, `reproduce` and tests of `leaderboard`: a row a lifetime.", METRICS),
@@ -325,6 +379,7 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
         "Of sweeps and `evaluate -m` over champions, in their training world and in changed ones: a row a plasticity.",
         RESCUE,
     ),
+    "rescue_by_champion.csv": ("Of the same: the counts of each champion.", _RESCUE_BY_CHAMPION),
     "rescue_and_harm.csv": (
         "Of `reproduce` and such sweeps: the same for each world. A trial is one champion on one side.",
         _RESCUE_AND_HARM,
@@ -338,6 +393,19 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
     "champions.csv": ("Of `leaderboard`: a row for each champion. `leaderboard.csv` is computed from it.", _CHAMPIONS),
     "worlds.csv": ("Of `leaderboard`: a row for each method and test world.", _WORLDS),
     "cost.csv": ("Of `leaderboard`: times, which differ between repetitions of the same command.", _COSTS),
+    "runs.csv": ("Of `flock` and of its conditions: a row for each run.", _RUNS),
+    "flock.csv": ("Of `flock`: a row for each condition and coupling, over the runs.", _OVER_RUNS),
+    "curves.csv": ("Of `flock`: a row for each minute, in the usual condition.", _CURVES),
+    "minutes.csv": (
+        "Of the usual condition of `flock`: the same for each run.",
+        {
+            **dict(list(_CURVES.items())[:2]),
+            "seed": _RUNS["seed"],
+            "minute": _CURVES["minute"],
+            "cosine": number("mean"),
+        },
+    ),
+    "estimator.csv": ("Of `flock`: a row for each known case.", _ESTIMATOR),
     "comparison.csv": ("Of `reproduce`: a row for each number of the paper's tables.", _COMPARISON),
 }
 
@@ -364,6 +432,7 @@ TRACES: Mapping[str, Array] = {
     "change_signal": _sample("", "the signal that opens the gate of an adaptation; nan where there is none"),
     "rate": _sample("per step", "effective rate N_e"),
     "weight_change": _sample("", "sum of abs(W - W_gene) over all weights"),
+    "tilt": _sample("rad, rad, m", "roll, pitch and height above the floor, with `physics=ode` alone", (3,)),
     "weights": _sample("", "all weights, layer by layer, a row for each presynaptic neuron", ("synapses",)),
     "activations": _sample("", "beside `wiring`: activations of its neurons, those behind the bias", ("neurons",)),
 }

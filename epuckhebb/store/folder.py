@@ -4,7 +4,10 @@ A new run belongs to the process that could create its `status.json`; it is neve
 evolution, or a study, belongs to the process that has locked its folder.
 """
 
+import csv
 import hashlib
+import io
+import math
 import re
 import shutil
 import traceback
@@ -14,30 +17,29 @@ from datetime import UTC, datetime
 from pathlib import Path
 from secrets import token_hex
 from types import TracebackType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, Union
 
-import pandas as pd
 import yaml
 from filelock import BaseFileLock
 
 from epuckhebb.runtime import errors
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import say
-from epuckhebb.store import columns, disk
+from epuckhebb.store import disk
 from epuckhebb.store.disk import CONFIG, LOCK, OVERRIDES, PROVENANCE, SCHEMA, STATUS, as_json, is_locked, release
 from epuckhebb.store.provenance import provenance
 from epuckhebb.store.records import OwnCode
 from epuckhebb.store.run import Run, of_multirun
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+Content = Union[bytes, str, list[dict[str, Any]], "pd.DataFrame"]  # of a file; rows and tables become CSV
 UNFINISHED = "unfinished"  # folder of a study, with a folder for each attempt at a run
 SET_ASIDE = "set_aside"  # folder of a study for what was in the way, or holds a user's files
 _PATIENCE_S = 1.0  # how long another process may lock a folder just to look whether it is locked
 _HALF = re.compile(r"\..+\.\d+\.tmp")  # what `write_atomic` writes beside a file
 _ATTEMPT = re.compile(r"\d{8}-\d{6}-[0-9a-f]{8}_\d+|stop")  # what `jobs.launch` leaves in `unfinished/`
-_OF_A_RUN = re.compile(  # the files that a run of a study leaves, but for its tables
-    r"\.epuckhebb\.lock|(status|provenance|cost)\.json|\.hydra/(config|overrides)\.yaml|(rules|own_code)/.*|table\.csv"
-    r"|(table|reversal)\.md|(champion|checkpoint|traces)\.npz|figures/(trajectories|learning|reversal)\.png"
-)
 
 
 class OwnFile(Protocol):
@@ -152,7 +154,7 @@ class RunFolder:
             raise _cannot_write(path, error) from error
         return run
 
-    def write(self, name: str, content: bytes | str | pd.DataFrame) -> None:
+    def write(self, name: str, content: Content) -> None:
         """Write a file in the folder: whole, or not at all; keep the SHA-256 of its content. A table becomes CSV."""
         content = as_bytes(content)
         self._written.pop(name, None)  # nothing is known of a file while it is replaced
@@ -235,11 +237,20 @@ class RunFolder:
         self.write(STATUS, as_json(status | {"sha256": sha256}))
 
 
-def as_bytes(content: bytes | str | pd.DataFrame) -> bytes:
-    """The content of a file; a table as CSV."""
-    if isinstance(content, pd.DataFrame):
-        content = str(content.to_csv(index=False, lineterminator="\n"))
-    return content.encode() if isinstance(content, str) else content
+def as_bytes(content: Content) -> bytes:
+    """The content of a file; a table as CSV, with nothing in cells without a value."""
+    if isinstance(content, bytes):
+        return content
+    if isinstance(content, list):
+        text = io.StringIO()
+        writer = csv.DictWriter(text, list(content[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(
+            {key: "" if isinstance(value, float) and math.isnan(value) else value for key, value in row.items()}
+            for row in content
+        )
+        content = text.getvalue()
+    return (content if isinstance(content, str) else str(content.to_csv(index=False, lineterminator="\n"))).encode()
 
 
 def _own_code(own: Mapping[Path, OwnFile] | None) -> dict[str, Any]:
@@ -279,17 +290,7 @@ def _remove_half_done(path: Path) -> None:
             if not attempt.is_dir():
                 attempt.unlink()
             elif not is_locked(attempt):
-                discard(attempt, path)
-
-
-def discard(attempt: Path, study: Path) -> None:
-    """Remove an attempt at a run of a study; set it aside if it holds a file that this program does not write."""
-    for file in attempt.rglob("*"):
-        name = file.relative_to(attempt).as_posix()
-        if not (file.is_dir() or name in columns.TABLES or _OF_A_RUN.fullmatch(name) or _HALF.fullmatch(file.name)):
-            set_aside(attempt, study, "holds files that this program did not write")
-            return
-    shutil.rmtree(attempt)
+                shutil.rmtree(attempt)
 
 
 def set_aside(entry: Path, study: Path, why: str) -> None:

@@ -28,17 +28,8 @@ from epuckhebb.store.run import Run
 _NOMINAL = "memory_"  # how the names of the arrays of nominal statistics begin
 _SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
 _OF_SEED = re.compile(rf"{REFERENCE}_\d+")
-_TEXTS = (
-    "robot",
-    "experiment",
-    "optimizer",
-    "training",
-    "rule",
-    "task",
-    "fitness_function",
-    "sensors",
-    "wiring_settings",
-)  # of a champion
+_FACTS = ("rule", "task", "fitness_function", "sensors", "wiring_settings")  # of a champion, where there are such
+_TEXTS = ("robot", "experiment", "optimizer", "training", *_FACTS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,8 +104,12 @@ class Genome:
 def _sha256(remembered: Nominal | SelfMemory | None) -> str:
     if remembered is None:
         return ""
-    values = sorted(asdict(remembered).items())
+    values = sorted(_known(remembered).items())
     return hashlib.sha256(b"".join(name.encode() + np.asarray(value).tobytes() for name, value in values)).hexdigest()
+
+
+def _known(remembered: Nominal | SelfMemory) -> dict[str, Any]:
+    return {name: value for name, value in asdict(remembered).items() if value is not None}
 
 
 def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | None = None) -> Genome:
@@ -177,20 +172,16 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
         "optimizer": np.str_(genome.optimizer),
         "training": np.str_(genome.training),
     }
-    if genome.rule:
-        arrays["rule"] = np.str_(genome.rule)
-    if genome.task:
-        arrays |= {"task": np.str_(genome.task), "rewarded": np.int64(genome.network.rewarded)}
-    if genome.fitness_function:
-        arrays["fitness_function"] = np.str_(genome.fitness_function)
-    if genome.sensors:
-        arrays["sensors"] = np.str_(genome.sensors)
+    for name in _FACTS:
+        if text := getattr(genome, name):
+            arrays[name] = np.str_(text)
+            arrays |= {"rewarded": np.int64(genome.network.rewarded)} if name == "task" else {}
     if genome.network.wiring is not None:
         settings = json.dumps(asdict(genome.network.wiring), default=str)
         arrays |= {**wiring_arrays(genome.network), "wiring_settings": np.str_(settings)}
     for prefix, remembered in ((_NOMINAL, genome.nominal), (_SELF_MEMORY, genome.self_memory)):
         if remembered is not None:
-            arrays |= {prefix + key: np.asarray(value) for key, value in asdict(remembered).items()}
+            arrays |= {prefix + key: np.asarray(value) for key, value in _known(remembered).items()}
     return compressed(arrays)
 
 
@@ -305,6 +296,9 @@ def _nominal(arrays: Arrays, path: Path, inputs: int, lights: int) -> Nominal | 
         values = _memory(arrays, _NOMINAL, shapes)
         if values and not values["fitness"].size:
             raise ValueError("its fitness is of no second")
+        for name, shape in {"sun": (3,), "echo": (2, None)}.items() if values else ():
+            if _NOMINAL + name in arrays:
+                values[name] = arrays.take(_NOMINAL + name, "f", shape).astype(np.float64)
         return Nominal(**values) if values else None
 
 

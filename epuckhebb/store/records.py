@@ -4,14 +4,15 @@ import io
 import json
 import warnings
 from pathlib import Path
-from typing import Any, Literal, NotRequired, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NotRequired, TypedDict, TypeVar
 
 import msgspec
-import pandas as pd
-from pandas.api.types import is_bool_dtype, is_numeric_dtype
 
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store.columns import NUMBER, NUMBER_OR_EMPTY, TEXT_OR_EMPTY, Columns
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class Code(TypedDict):
@@ -112,8 +113,10 @@ def record(content: bytes, file: Path, kind: type[Record]) -> Record:
     return values
 
 
-def checked_table(content: bytes, file: Path, columns: Columns, *, rows: bool = True) -> pd.DataFrame:
+def checked_table(content: bytes, file: Path, columns: Columns, *, rows: bool = True) -> "pd.DataFrame":
     """A table from the content of a CSV file, with these columns and maybe more. file: its path, for messages."""
+    import pandas as pd
+
     texts = [name for name, column in columns.items() if column.kind not in (NUMBER, NUMBER_OR_EMPTY)]
     try:
         with warnings.catch_warnings(action="error"):  # pandas warns where rows are longer than the header
@@ -137,7 +140,10 @@ def checked_table(content: bytes, file: Path, columns: Columns, *, rows: bool = 
     return table
 
 
-def _check_column(values: pd.Series, kind: str | tuple[str, ...], file: Path) -> None:
+def _check_column(values: "pd.Series[Any]", kind: str | tuple[str, ...], file: Path) -> None:
+    import pandas as pd
+    from pandas.api.types import is_bool_dtype, is_numeric_dtype
+
     wrong = pd.Series(False, values.index) if kind in (NUMBER_OR_EMPTY, TEXT_OR_EMPTY) else values.isna()
     if isinstance(kind, tuple):
         wrong |= ~values.isin(kind)

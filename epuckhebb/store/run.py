@@ -4,15 +4,16 @@ import hashlib
 import json
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import LATEST
 from epuckhebb.store import columns
 from epuckhebb.store.disk import CHAMPION, CONFIG, PROVENANCE, SCHEMA, STATUS, bytes_of, is_locked
 from epuckhebb.store.records import Cost, JobFile, ListOfJobs, Provenance, Status, checked_table, record
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _RESULTS = (".csv", "champion.npz")  # endings of the files on which other runs and tables rely
 _COLUMNS = {name: known for name, (_, known) in columns.TABLES.items()}
@@ -67,11 +68,6 @@ class Run:
         self.content(CONFIG)
         return self.path / CONFIG
 
-    @property
-    def has_config(self) -> bool:
-        """Whether there is, or should be, a resolved configuration; a sweep has one for each job instead."""
-        return self.has(CONFIG)
-
     def content(self, name: str) -> bytes:
         """The content of a file, which must be what the run wrote, as far as its status has its checksum."""
         found = bytes_of(self.path / name)
@@ -94,9 +90,17 @@ class Run:
             if name.startswith(f"{folder}/"):
                 self.content(name)
 
-    def table(self, name: str) -> pd.DataFrame:
+    def table(self, name: str) -> "pd.DataFrame":
         """A table; its columns, which follow from its name, are checked."""
         return read_table(self.content(name), self.path, name)
+
+    def rows(self, name: str) -> list[dict[str, Any]]:
+        """The rows of a table, None in cells without a value."""
+        table = self.table(name).astype(object)
+        return [
+            {str(key): value for key, value in row.items()}
+            for row in table.where(table.notna(), None).to_dict("records")
+        ]
 
     def has(self, name: str) -> bool:
         """Whether a file is there, or should be: then reading it says that it was lost."""
@@ -154,7 +158,7 @@ class Run:
             return {}
 
 
-def read_table(content: bytes, folder: Path, name: str) -> pd.DataFrame:
+def read_table(content: bytes, folder: Path, name: str) -> "pd.DataFrame":
     """The table in a CSV file of a run folder, checked. content: the file's."""
     return checked_table(content, folder / name, _COLUMNS[name], rows=name not in _MAY_BE_EMPTY)
 

@@ -10,11 +10,12 @@ from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.life import Samples, empty_samples
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import PAPER_NETWORK, Network
-from epuckhebb.store import columns
 from epuckhebb.store.disk import TRACES
 from epuckhebb.store.genome import checked_genes, network_from, wiring_arrays
 from epuckhebb.store.npz import Arrays, compressed, one_error
 from epuckhebb.store.run import Run
+
+_TILT = "tilt"  # there is none where no robot tilts
 
 
 def traces_file(traces: Traces, weights: NDArray[np.float64], network: Network) -> bytes:
@@ -43,7 +44,10 @@ def read_traces(run: Run, lifetimes: int, samples: int) -> tuple[Traces, NDArray
         found = {}
         for name, empty in empty_samples(0, network)._asdict().items():
             shape = (lifetimes, samples, *empty.shape[1:])
-            found[name] = np.zeros(shape) if 0 in empty.shape[1:] else arrays.take(name, "f", shape)
+            if name == _TILT and name in arrays:
+                found[name] = arrays.take(name, "f", (*shape[:2], None))
+            else:
+                found[name] = np.zeros(shape) if 0 in empty.shape[1:] else arrays.take(name, "f", shape)
             if name != "change_signal" and not np.isfinite(found[name]).all():
                 raise ValueError(f"{name} must hold finite numbers")
         controllers, sides = (arrays.take(name, "U", (lifetimes,)).tolist() for name in ("controller", "side"))
@@ -57,6 +61,4 @@ def read_findings(run: Run) -> list[dict[str, Any]]:
     """What the robots of a run found in their self-checks, a row each; nothing if they made none."""
     if not run.has("findings.csv"):
         return []
-    texts = {name: "" for name, column in columns.FOUND.items() if column.kind == columns.TEXT_OR_EMPTY}
-    rows = run.table("findings.csv").fillna(texts).to_dict("records")
-    return [{str(name): value for name, value in row.items()} for row in rows]
+    return [{name: "" if value is None else value for name, value in row.items()} for row in run.rows("findings.csv")]

@@ -7,20 +7,19 @@ rules, the science.
 import copy
 import functools
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.config import compose, plugins
 from epuckhebb.config.names import world_of
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, Plain, dump
 from epuckhebb.config.stored import from_values
 from epuckhebb.runs import evaluate, evolve, hydra
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.runtime.progress import say
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.scenario import TRAINED, Scenario
@@ -100,21 +99,6 @@ def worlds_digest(worlds: tuple[str, ...], config_dir: str | None) -> str:
     return provenance.digest({name: repr(world_named(name, config_dir)) for name in worlds})
 
 
-def launch_in_turn(study: RunFolder, stages: Sequence[tuple[str, Sequence[Job]]], launcher: list[str]) -> None:
-    """Do the jobs that are missing, one stage after the other; what is done in each is named before it.
-
-    Raises:
-        JobFailedError: A job failed.
-    """
-    for what, jobs in stages:
-        todo = len(study_jobs.todo(study.path, jobs))
-        say(f"{what}: {len(jobs)} jobs, {len(jobs) - todo} done before, {todo} to do.")
-        outcome = study_jobs.launch(study, what, jobs, launcher, champion_job, fail_fast=False)
-        if outcome.failures:
-            (job, why), failed = outcome.failures[0], len(outcome.failures)
-            raise JobFailedError(f"{failed} of {len(jobs)} jobs to {what} failed; {job.run}: {why}")
-
-
 def champion_job(cfg: Any) -> None:
     """Evolve or test a champion, as a job of Hydra's."""
     study_jobs.one_job(cfg, identity, _work)
@@ -151,13 +135,13 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
     own = plugins.own_files(config.values)
     with RunFolder.new(path, facts["command_line"][1], dump(config), overrides, facts, own) as run:
         began = time.process_time()
-        rows = []
+        rows: Rows = []
         for name in job["worlds"]:
             there = prepared.in_world(world_named(name, job.get("config_dir")))
-            rows.append(there.run(there.remember(threads), threads)[0])
+            rows += there.run(there.remember(threads), threads)[0]
         if genome.sha256 != facts["genome_sha256"]:
             raise JobFailedError(f"the genes of {genome.name} changed in its lifetimes")
-        run.write("metrics.csv", pd.concat(rows))
+        run.write("metrics.csv", pd.DataFrame(rows))
         run.write(COST, _cost_since(began))
 
 

@@ -1,9 +1,7 @@
 """Names each job of a sweep by all that its result depends on."""
 
-import json
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any
 
 from epuckhebb.config import plugins
 from epuckhebb.config.build import check_counts
@@ -18,6 +16,15 @@ from epuckhebb.studies.jobs import NO_EFFECT
 _APART = ("seed", "repeats", "threads")  # keys that are checked by `check_counts` alone
 
 
+def settings(config: Plain) -> str:
+    """A digest of a configuration without the keys on which no result depends."""
+    return digest(_without(config, NO_EFFECT))
+
+
+def _without(config: Plain, keys: Sequence[str]) -> Plain:
+    return {key: value for key, value in config.items() if key not in keys}
+
+
 class Identities:
     """Names the runs of configurations, and checks the configurations.
 
@@ -28,7 +35,6 @@ class Identities:
         self._shared: dict[str, EvaluateConfig] = {}
         self._more: dict[tuple[str, str], Plain] = {}
         self._load_genome = cache(load_genome)
-        self._texts: dict[int, tuple[Any, str]] = {}  # of parts that jobs share; each is kept, so its id stays unique
 
     def of(self, config: Plain) -> str:
         """The name of the run of a configuration, from all that its results depend on at this moment.
@@ -40,38 +46,23 @@ class Identities:
             ConfigError: A value or the genome cannot be used.
         """
         try:
-            check_counts(**{key: config[key] for key in _APART})
+            check_counts(config)
         except ValueError as error:
             raise ConfigError(str(error)) from error
         shared = self.validate_shared(config)
         if (shared, config["genome"]) not in self._more:
             self._more[shared, config["genome"]] = self._depends_on(config, self._shared[shared])
-        return f"job_{digest([self.settings(config), self._more[shared, config['genome']]])[:12]}"
+        return f"job_{digest([settings(config), self._more[shared, config['genome']]])[:12]}"
 
     def validate_shared(self, config: Plain, load: Callable[[], EvaluateConfig] | None = None) -> str:
         """Check, once, what many configurations share with this one; returns a digest of that.
 
         load: a quicker way to the checked configuration, if there is one.
         """
-        shared = digest(self._texts_of(config, (*_APART, "genome")))
+        shared = digest(_without(config, (*_APART, "genome")))
         if shared not in self._shared:
             self._shared[shared] = load() if load else from_values(config, EvaluateConfig, "a job")
         return shared
-
-    def settings(self, config: Plain) -> str:
-        """A digest of a configuration without the keys on which no result depends."""
-        return digest(self._texts_of(config, NO_EFFECT))
-
-    def _texts_of(self, config: Plain, without: Sequence[str]) -> dict[str, str]:
-        """The values of a configuration as JSON; those that jobs share are converted once."""
-        return {key: self._text(value) for key, value in config.items() if key not in without}
-
-    def _text(self, value: Any) -> str:
-        if not isinstance(value, dict | list):
-            return json.dumps(value)
-        if id(value) not in self._texts:
-            self._texts[id(value)] = value, json.dumps(value, sort_keys=True)
-        return self._texts[id(value)][1]
 
     def _depends_on(self, config: Plain, shared: EvaluateConfig) -> Plain:
         """What the results of a configuration depend on besides its settings."""

@@ -8,13 +8,12 @@ tests, the seeds and the science.
 import pandas as pd
 
 from epuckhebb.analysis import leaderboard as board
-from epuckhebb.analysis import report
-from epuckhebb.analysis.limits import limits
+from epuckhebb.analysis.reversal import limits
 from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.store import Run, RunFolder
-from epuckhebb.studies.champions import COST, launch_in_turn
-from epuckhebb.studies.jobs import open_study
+from epuckhebb.studies.champions import COST, champion_job
+from epuckhebb.studies.jobs import launch_in_turn, open_study, write_report
 from epuckhebb.studies.leaderboard_plan import Leaderboard
 
 _FIRST_REPORTED = 100  # settings were chosen on lower seeds
@@ -29,13 +28,14 @@ def leaderboard(planned: Leaderboard) -> None:
     """
     arguments, own = planned.arguments, planned.own_files
     with open_study(planned.folder, "leaderboard", planned.config, arguments, planned.jobs, own) as study:
-        launch_in_turn(study, planned.stages, planned.launcher)
+        launch_in_turn(study, planned.stages, planned.launcher, champion_job)
         _report(study, planned)
 
 
 def _report(study: RunFolder, planned: Leaderboard) -> None:
     """Write the tables, the figure and the page over all champions."""
-    from epuckhebb.analysis import charts, figures  # matplotlib takes a while to load
+    from epuckhebb.analysis import charts  # matplotlib takes a while to load
+    from epuckhebb.analysis.image import image, small
 
     champions, worlds, costs = _tables(planned)
     table = board.table([entry.row for entry in planned.entries], champions)
@@ -46,14 +46,12 @@ def _report(study: RunFolder, planned: Leaderboard) -> None:
         parts.append(f"## {board.title(str(experiment))}\n\n{board.markdown_of(own)}")
     study.write("leaderboard.md", "\n".join(parts))
     lines = {entry.row.experiment: limits(entry.task) for entry in planned.entries if isinstance(entry.task, Reversal)}
-    picture = charts.leaderboard_of(table, champions, lines)
+    picture = image(charts.leaderboard_of(table, champions, lines))
     study.write(f"figures/{board.FIGURE}", picture)
     meanings = {entry.method.name: entry.method.description for entry in planned.entries}
     tests = {experiment: list(own) for experiment, own in planned.tests.items()}
     page = board.markdown(table, costs, meanings, tests, _provenance(planned))
-    study.write("report.md", page)
-    small = figures.small(picture)
-    study.write("report.html", report.html(page, lambda _: small, "epuckhebb: leaderboard"))
+    write_report(study, page, {board.FIGURE: small(picture)}, "epuckhebb: leaderboard")
 
 
 def _provenance(planned: Leaderboard) -> str:

@@ -12,8 +12,9 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from epuckhebb.analysis import figures, report, reproduction
+from epuckhebb.analysis import report, reproduction
 from epuckhebb.analysis.evaluate import memory_to_evaluate
+from epuckhebb.analysis.image import small
 from epuckhebb.analysis.tables import code
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, ReproduceConfig
@@ -26,8 +27,8 @@ from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.store import Genome, Run, RunFolder, load_genome, provenance
-from epuckhebb.studies.champions import in_training_world, job_of, launch_in_turn
-from epuckhebb.studies.jobs import Job, folder_and_launcher, for_hydra, open_study
+from epuckhebb.studies.champions import champion_job, in_training_world, job_of
+from epuckhebb.studies.jobs import Job, folder_and_launcher, launch_in_turn, open_study, split, write_report
 
 EXPERIMENTS = {"light": ("light",), "obstacles": ("obstacles",), "all": ("light", "obstacles")}
 QUICK = ("champions=3", "repeats=3", "rates=[0.000015,0.002]")
@@ -51,20 +52,17 @@ def reproduce(experiment: str, arguments: list[str], *, quick: bool) -> Path:
     """
     if experiment not in EXPERIMENTS:
         raise ConfigError(f"reproduce {experiment}: the experiment must be one of {', '.join(EXPERIMENTS)}")
-    of_hydra = for_hydra("reproduce", arguments)
-    own = [argument for argument in arguments if argument not in of_hydra]
+    own, of_hydra = split("reproduce", arguments)
     config, experiments = load(ReproduceConfig, [*(QUICK if quick else ()), *own]), EXPERIMENTS[experiment]
     require(list(_needs(config, experiments)))
     given = None if config.genome is None else _given(config.genome)
-    if given:  # one job for each experiment: threads take all cores
-        of_hydra = ["hydra/launcher=basic", *of_hydra[1:]] if of_hydra[0] not in arguments else of_hydra
     champions = [champion for one in experiments for champion in _planned(config, one, given)]
     evolutions, tests = [one.evolution for one in champions if one.evolution], [one.test for one in champions]
     stages = [(f"{what} champions", jobs) for what, jobs in (("evolve", evolutions), ("evaluate", tests)) if jobs]
-    folder, launcher = folder_and_launcher(of_hydra, _folder(experiment, config, given))
+    folder, launcher = folder_and_launcher(of_hydra, _folder(experiment, config, given), len(evolutions) + 1)
     words = [experiment, *(["--quick"] if quick else []), *arguments]
     with open_study(folder, "reproduce", config, words, [*evolutions, *tests]) as study:
-        launch_in_turn(study, stages, launcher)
+        launch_in_turn(study, stages, launcher, champion_job)
         _report(study, config, champions, given)
     return folder
 
@@ -134,11 +132,10 @@ def _report(study: RunFolder, config: ReproduceConfig, champions: list[_Champion
     signals = {one: config.signal.of(one) for one in shown}
     made = reproduction.figures_of(found, shown, signals, _world, histories, config.seed)
     text = report.markdown(found, {name: caption for name, (caption, _) in made.items()})
-    pictures = {name: figures.small(png) for name, (_, png) in made.items()}
+    pictures = {name: small(png) for name, (_, png) in made.items()}
     for name, png in pictures.items():
         study.write(f"figures/{name}", png)
-    study.write("report.md", text)
-    study.write("report.html", report.html(text, pictures.__getitem__))
+    write_report(study, text, pictures, "epuckhebb: the paper's experiment, reproduced")
 
 
 def _findings(

@@ -1,17 +1,16 @@
-"""The genetic algorithm of the paper: pure functions of a random generator, and their search.
+"""The genetic algorithm of the paper: pure functions of a random generator.
 
 Two presets differ in numbers only (`conf/ga/`): `textbook`, what the paper says, completed by the usual choices, and
 `as_coded`, what its published program does.
 """
 
-import json
 from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar
 
 import numpy as np
 
-from epuckhebb.evolution.optimizer import Optimizer, Schedule, Search, State, initial, limits
+from epuckhebb.evolution.optimizer import Algorithm, Schedule, initial, limits
 from epuckhebb.evolution.training import Training
 from epuckhebb.sim import random
 from epuckhebb.sim.arrays import Floats
@@ -38,7 +37,7 @@ class Crossover(Enum):
 
 
 @dataclass(kw_only=True)
-class GA(Optimizer):
+class GA(Algorithm):
     """A genetic algorithm.
 
     population, generations, elites: as in the paper. loops: how often an individual runs a lamp-on and a lamp-off
@@ -83,46 +82,18 @@ class GA(Optimizer):
         """As set, in any worlds."""
         return Schedule(self.generations, self.loops)
 
-    def search(self, plan: GenomePlan, seed: int, state: State | None = None) -> "GASearch":
-        """See `Optimizer`."""
-        return GASearch(self, plan, seed, state)
-
-
-class GASearch(Search):
-    """A genetic algorithm in progress. After `tell`, the offspring exist already."""
-
-    def __init__(self, ga: GA, plan: GenomePlan, seed: int, state: State | None) -> None:
-        self._ga, self._plan = ga, plan
-        self._rng = random.rng(seed, Stream.variation)
-        if state is None:
-            self._population = initial(self._rng, ga.population, plan)
-        else:
-            self._population = state["population"]
-            self._rng.bit_generator.state = json.loads(str(state["rng_state"]))
-            if self._population.shape != (ga.population, plan.genes):
-                raise ValueError(
-                    f"it holds a population of shape {self._population.shape}, the configuration asks for "
-                    f"({ga.population}, {plan.genes})"
-                )
-        self._fittest = self._population[:1]
+    def start(self, plan: GenomePlan, seed: int) -> None:
+        """See `Algorithm`."""
+        self._plan, self._rng = plan, random.rng(seed, Stream.variation)
+        self._individuals = initial(self._rng, self.population, plan)
 
     def ask(self) -> Floats:
         """The population."""
-        return self._population
+        return self._individuals
 
     def tell(self, fitness: Floats) -> None:
         """Let the fittest have offspring."""
-        self._fittest = self._population[[np.argmax(fitness)]]
-        self._population = next_generation(self._rng, self._population, fitness, self._ga, self._plan)
-
-    def candidates(self) -> Floats:
-        """The fittest alone: its fitness is taken at its word, as in the paper."""
-        return self._fittest
-
-    @property
-    def state(self) -> State:
-        """The next population, and the state of the random generator."""
-        return {"population": self._population, "rng_state": np.array(json.dumps(self._rng.bit_generator.state))}
+        self._individuals = next_generation(self._rng, self._individuals, fitness, self, self._plan)
 
 
 def next_generation(rng: np.random.Generator, population: Floats, fitness: Floats, ga: GA, plan: GenomePlan) -> Floats:

@@ -8,7 +8,7 @@ alpha is `learning_rate` times `learning_rate_decay` to the power of the generat
 Source: Salimans, Ho, Chen, Sidor & Sutskever, Evolution strategies as a scalable alternative to reinforcement learning,
 2017, with the constants of Najarro & Risi, NeurIPS 2020. Theirs has a population of 200 and 300 generations; here the
 population is smaller, and the robot-steps are those of every optimizer. The random generator is seeded anew for each
-generation, so its state need not be stored.
+generation.
 
 Evolve and merge: if every synapse has its own rule, the rules are clustered from time to time into half as many
 (k-means), and the synapses of a cluster get its centre as their rule. Source: Pedersen & Risi, Evolving and merging
@@ -22,7 +22,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.evolution.optimizer import CANDIDATES, EvolutionStrategy, Search, State, initial, limits, units
+from epuckhebb.evolution.optimizer import CANDIDATES, EvolutionStrategy, initial, units
 from epuckhebb.sim import random
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.genome import GenomePlan
@@ -36,7 +36,8 @@ class OpenEs(EvolutionStrategy):
 
     learning_rate: alpha. learning_rate_decay: factor on it after each generation. merges: how often the rules of
     synapses are merged into half as many, each time after `merge_every` generations. For the others, see
-    `EvolutionStrategy`; population is even, and sigma is constant.
+    `EvolutionStrategy`; population is even, and sigma is constant. Genes are in units of their part's start.
+    `_generations`: those evaluated so far. `_rule_of`: for each synapse the first that has the same rule.
     """
 
     least: ClassVar[dict[str, int]] = {**EvolutionStrategy.least, "population": 2, "merges": 0, "merge_every": 1}
@@ -57,43 +58,28 @@ class OpenEs(EvolutionStrategy):
         check_range(self, "optimizer", "learning_rate_decay", most=1, above=True)
 
     def check(self, plan: GenomePlan) -> None:
-        """See `Optimizer`: merging needs a rule for each synapse."""
+        """See `Algorithm`: merging needs a rule for each synapse."""
         if self.merges:
             _rules(plan)
 
-    def search(self, plan: GenomePlan, seed: int, state: State | None = None) -> "OpenEsSearch":
-        """See `Optimizer`."""
-        return OpenEsSearch(self, plan, seed, state)
-
-
-class OpenEsSearch(Search):
-    """The strategy in progress. Genes are in units of their part's start; `_generations`: those evaluated so far."""
-
-    def __init__(self, settings: OpenEs, plan: GenomePlan, seed: int, state: State | None) -> None:
-        self._settings, self._plan, self._seed = settings, plan, seed
-        self._unit = units(plan)
-        self._bound = limits(plan, settings.gene_limit) / self._unit
+    def start(self, plan: GenomePlan, seed: int) -> None:
+        """See `Algorithm`."""
+        self._plan, self._seed, self._unit = plan, seed, units(plan)
+        self._bound = self.limits(plan) / self._unit
         self._generations, self._mean = 0, np.zeros(plan.genes)
-        if state is not None:
-            self._generations, self._mean = int(state["generations"]), state["mean"].copy()
-            if self._mean.shape != (plan.genes,):
-                raise ValueError(f"its mean has shape {self._mean.shape}, the configuration asks for ({plan.genes},)")
-        self._rules = _rules(plan) if settings.merges else np.empty((0, 0), np.int64)
-        self._rule_of = np.arange(self._rules.shape[1]) if state is None else state["rule_of"].copy()
-        if self._rule_of.shape != self._rules.shape[1:]:
-            raise ValueError(f"it holds rules of {self._rule_of.size} synapses, not of {self._rules.shape[1]}")
-        self._noise = self._population = self._ranked = np.empty((0, plan.genes))
+        self._rules = _rules(plan) if self.merges else np.empty((0, 0), np.int64)
+        self._rule_of = np.arange(self._rules.shape[1])
 
     def ask(self) -> Floats:
         """First random genomes, then pairs on both sides of the mean."""
         rng = random.rng(self._seed, Stream.variation, self._generations)
         if self._generations == 0:
-            self._population = initial(rng, self._settings.starts, self._plan) / self._unit
+            self._population = initial(rng, self.starts, self._plan) / self._unit
         else:
-            noise = rng.standard_normal((self._settings.population // 2, self._plan.genes))
+            noise = rng.standard_normal((self.population // 2, self._plan.genes))
             noise[:, self._rules] = noise[:, self._rules[:, self._rule_of]]
             self._noise = np.concatenate([noise, -noise])
-            wanted = self._mean + self._settings.sigma * self._noise
+            wanted = self._mean + self.sigma * self._noise
             self._population = np.clip(wanted, -self._bound, self._bound)
         return self._population * self._unit
 
@@ -104,16 +90,13 @@ class OpenEsSearch(Search):
         if self._generations == 0:
             self._mean = np.clip(self._ranked[0], -self._bound, self._bound)
         else:
-            count, rate = len(order), self._settings.learning_rate
-            rate *= self._settings.learning_rate_decay ** (self._generations - 1)
+            count, rate = len(order), self.learning_rate
+            rate *= self.learning_rate_decay ** (self._generations - 1)
             ranks = np.linspace(0.5, -0.5, count)
             towards = (ranks[:, None] * self._noise[order]).sum(axis=0)  # genes that are alike stay bit-identical
-            self._mean = self._mean + rate / (count * self._settings.sigma) * towards
+            self._mean = self._mean + rate / (count * self.sigma) * towards
             self._mean = np.clip(self._mean, -self._bound, self._bound)
-            if (
-                self._generations % self._settings.merge_every == 0
-                and self._generations <= self._settings.merges * self._settings.merge_every
-            ):
+            if self._generations % self.merge_every == 0 and self._generations <= self.merges * self.merge_every:
                 self._merge()
         self._generations += 1
 
@@ -136,11 +119,6 @@ class OpenEsSearch(Search):
     def candidates(self) -> Floats:
         """The mean, and the two fittest."""
         return np.array([self._mean, *self._ranked[: CANDIDATES - 1]]) * self._unit
-
-    @property
-    def state(self) -> State:
-        """The number of calls of `tell`, the mean, and for each synapse the first that has the same rule."""
-        return {"generations": np.array(self._generations), "mean": self._mean.copy(), "rule_of": self._rule_of.copy()}
 
 
 def _rules(plan: GenomePlan) -> NDArray[np.int64]:

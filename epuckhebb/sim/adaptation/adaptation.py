@@ -10,12 +10,14 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from epuckhebb.sim.adaptation import change_signals as signals
-from epuckhebb.sim.adaptation import exploration
-from epuckhebb.sim.adaptation.change_signal import ChangeSignal, NominalOfSide, SignalContext, update_recent
-from epuckhebb.sim.adaptation.gate import need, resting
+from epuckhebb.sim.adaptation.change_signal import ChangeSignal, NominalOfSide
+from epuckhebb.sim.adaptation.exploration import following, staying, with_motor_noise
+from epuckhebb.sim.adaptation.gate import PlasticWhen, Stay, gates
 from epuckhebb.sim.adaptation.homeostasis import HomeostasisState, homeostasis, initial_homeostasis_state
+from epuckhebb.sim.adaptation.recognise.place import PlaceState, initial_place_state, recognition
 from epuckhebb.sim.adaptation.self_check.corrections import (
     Corrections,
     CorrectionState,
@@ -27,10 +29,11 @@ from epuckhebb.sim.adaptation.self_check.corrections import (
 from epuckhebb.sim.adaptation.wall_following import wall_following
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.goal_signal import initial_signal
 from epuckhebb.sim.network import HIDDEN
 from epuckhebb.sim.random import noise_workspace_size
 from epuckhebb.sim.ranges import check_range
-from epuckhebb.sim.robot import STEP_S, Robot
+from epuckhebb.sim.robot import Robot
 
 NONE = "none"
 _WITHOUT_GATE = ("self_check", "calibration_counts", "homeostasis")  # settings that need no signal of change
@@ -67,11 +70,14 @@ class Adaptation:
     name: in tables. change_signal: the signal that opens the gate; with `none` the gate is always open, and only the
     self-check and homeostasis are used. threshold, slope: the gate is closed up to the threshold and opens by the slope
     for each unit of the signal above it; inf: at once. active_s, rest_s: while the signal lasts, the gate is open and
-    closed in turn for these times [s]; active_s = 0: no rests. exploration: what the robot does while the gate is open.
-    motor_noise: standard deviation of noise on both wheels' outputs. self_check: whether the robot runs a calibration
-    manoeuvre before its lifetime and corrects what it finds. calibration_counts: whether that manoeuvre is part of the
-    lifetime; otherwise the clock starts after it. homeostasis: whether the weights from the light sensors are scaled
-    until the light looks as in the training world.
+    closed in turn for these times [s]; active_s = 0: no rests. start_by_s: the gate also opens at this time [s], if the
+    robot has never been at its goal. exploration: what the robot does while the gate is open. motor_noise: standard
+    deviation of noise on both wheels' outputs. plastic_when: when plasticity acts; `late`: while the gate is open, and
+    the weights are reset when it closes. stay: what keeps the robot at the goal; `learn`: plasticity, which then keeps
+    what it learns there. recognise: whether the robot recognises its goal by the senses, in place of the goal signal.
+    self_check: whether the robot runs a calibration manoeuvre before its lifetime and corrects what it finds.
+    calibration_counts: whether that manoeuvre is part of the lifetime; otherwise the clock starts after it.
+    homeostasis: whether the weights from the light sensors are scaled until the light looks as in the training world.
     """
 
     name: str = NONE
@@ -80,8 +86,12 @@ class Adaptation:
     slope: float = math.inf
     active_s: float = 0.0
     rest_s: float = 0.0
+    start_by_s: float = math.inf
     exploration: Exploration = Exploration.motor_noise
     motor_noise: float = 0.0
+    plastic_when: PlasticWhen = PlasticWhen.late
+    stay: Stay = Stay.none
+    recognise: bool = False
     self_check: bool = False
     calibration_counts: bool = False
     homeostasis: bool = False
@@ -116,6 +126,7 @@ class Adaptation:
                 "adaptation.exploration=both needs adaptation.motor_noise above 0, the motor noise while the robot "
                 "follows a wall"
             )
+        self._check_goal()
         if self.change_signal == NONE:
             gated = [field for field in fields(self)[2:] if field.name not in _WITHOUT_GATE]
             unused = [field.name for field in gated if getattr(self, field.name) != field.default]
@@ -124,6 +135,35 @@ class Adaptation:
                     f"adaptation.{unused[0]} does nothing without a signal of change: give adaptation.change_signal, "
                     f"one of {', '.join(change_signals())}"
                 )
+
+    def _check_goal(self) -> None:
+        """Check how the robot knows its goal, and what it does there."""
+        if not self.start_by_s > 0:
+            raise ValueError(f"adaptation.start_by_s must be more than 0, inf for never, got {self.start_by_s}")
+        wanted = PlasticWhen.recognised if self.recognise else PlasticWhen.goal_signal
+        if self.plastic_when.at_the_goal and self.plastic_when is not wanted:
+            needs = "has no goal signal: give plastic_when=recognised" if self.recognise else "needs recognise=true"
+            raise ValueError(
+                f"adaptation.plastic_when={self.plastic_when.name} with recognise={str(self.recognise).lower()} {needs}"
+            )
+        if self.stay is Stay.learn and not self.plastic_when.at_the_goal:
+            raise ValueError(
+                f"adaptation.stay=learn is learnt at the goal: give adaptation.plastic_when={wanted.name}, not "
+                f"{self.plastic_when.name}"
+            )
+
+    @property
+    def parts(self) -> "Parts":
+        """Which functions it has."""
+        return Parts(
+            self.change_signal,
+            self.follows_walls,
+            self.plastic_when,
+            self.stay,
+            self.recognise,
+            self.self_check,
+            self.homeostasis,
+        )
 
     @property
     def is_gated(self) -> bool:
@@ -141,6 +181,18 @@ class Adaptation:
         return self.needs_nominal or self.self_check
 
     @property
+    def knowledge(self) -> tuple[str, ...]:
+        """What it is given or what was written by hand, beside its senses."""
+        uses_goal = self.change_signal in ("late", "shortfall") or self.stay is not Stay.none
+        uses = {
+            "clock": self.change_signal in ("late", "shortfall"),
+            "goal signal": self.is_gated and uses_goal and not self.recognise,
+            "sensor model": self.self_check or self.recognise,
+            "hand-written": self.follows_walls or self.recognise,
+        }
+        return tuple(kind for kind, used in uses.items() if used)
+
+    @property
     def follows_walls(self) -> bool:
         """Whether the robot follows walls while the gate is open."""
         return self.exploration is not Exploration.motor_noise
@@ -154,6 +206,7 @@ class Gate(NamedTuple):
     active_s: float
     rest_s: float
     motor_noise: float
+    start_by_s: float
 
 
 def gate_numbers(adaptation: Adaptation) -> Gate:
@@ -165,7 +218,8 @@ class AdaptationState(NamedTuple):
     """What an adaptation carries from step to step, besides the tally of the lifetime.
 
     recent: recent means, (inputs + 1,). hand: (1,) the side on which the robot follows a wall, 1 left, -1 right, 0
-    while it follows none. corrections, correcting: what it corrects, and the state of that. noise: workspace.
+    while it follows none. corrections, correcting: what it corrects, and the state of that. noise: workspace. signal:
+    the goal signal of the last steps. place: of recognition.
     """
 
     recent: Floats
@@ -174,6 +228,8 @@ class AdaptationState(NamedTuple):
     correcting: CorrectionState
     homeostasis: HomeostasisState
     noise: Floats
+    signal: NDArray[np.bool_]
+    place: PlaceState
 
 
 def initial_adaptation_state(robot: Robot, corrections: Corrections | None = None) -> AdaptationState:
@@ -185,6 +241,8 @@ def initial_adaptation_state(robot: Robot, corrections: Corrections | None = Non
         correcting=initial_correction_state(robot),
         homeostasis=initial_homeostasis_state(robot.light.count),
         noise=np.zeros(noise_workspace_size(16)),
+        signal=initial_signal(),
+        place=initial_place_state(robot),
     )
 
 
@@ -193,9 +251,9 @@ class Hooks(NamedTuple):
 
     correct(readings, corrections, state): sensor readings as they would be in the training world. scale(readings,
     weights, tally, state, nominal, step): scales the light readings. open_gate(gate, tally, state, readings, fitness,
-    nominal, at_goal, step, key): the need g for plasticity at this step. explore(gate, tally, state, readings, left,
+    nominal, trial, step, key): the need g for plasticity at this step. explore(gate, tally, state, readings, left,
     right, gain): the wheels' commands, from the network's outputs. compensate(output, loss, gain): the command for a
-    wheel that turns too slowly by this share.
+    wheel that turns too slowly by this share. resets: whether the weights become the genes where the gate closes.
     """
 
     correct: Callable[..., None]
@@ -203,36 +261,44 @@ class Hooks(NamedTuple):
     open_gate: Callable[..., float]
     explore: Callable[..., tuple[float, float]]
     compensate: Callable[..., float]
+    resets: bool
+
+
+class Parts(NamedTuple):
+    """The settings of an adaptation that say which functions it has; the others are numbers (`Gate`)."""
+
+    change_signal: str = NONE
+    follows_walls: bool = False
+    plastic_when: PlasticWhen = PlasticWhen.late
+    stay: Stay = Stay.none
+    recognise: bool = False
+    self_check: bool = False
+    homeostasis: bool = False
 
 
 @cache
-def hooks(
-    change_signal: str,
-    robot: Robot,
-    first_post: int = HIDDEN[0],
-    *,
-    follows_walls: bool = False,
-    self_check: bool = False,
-    homeostatic: bool = False,
-) -> Hooks:
-    """The functions for a signal of change, an exploration, a self-check and homeostasis.
-
-    first_post: how many neurons the first layer of connections leads to.
+def hooks(parts: Parts, robot: Robot, first_post: int = HIDDEN[0]) -> Hooks:
+    """The functions of an adaptation. first_post: how many neurons the first layer of connections leads to.
 
     Raises:
-        ValueError: the robot lacks the sensors to follow walls.
+        ValueError: the robot lacks the sensors to follow walls, or to recognise a place.
     """
-    gated = change_signal != NONE
-    limit = robot.motor_limit_rad_s
-    explore = _with_motor_noise(limit)
-    if gated and follows_walls:
-        explore = _following(wall_following(robot), limit)
+    gated, limit = parts.change_signal != NONE, robot.motor_limit_rad_s
+    explore, open_gate = _as_it_is, _always_open
+    if gated:
+        explore = with_motor_noise(limit)
+        if parts.follows_walls:
+            explore = following(wall_following(robot), limit)
+        explore = staying(explore, parts.stay is Stay.halt, parts.recognise)
+        recognised = recognition(robot) if parts.recognise else None
+        open_gate = gates(_signal(parts.change_signal), parts.plastic_when, parts.stay, recognised)
     return Hooks(
-        correct=corrected_readings if self_check else _as_sensed,
-        scale=homeostasis(robot.light.count, first_post) if homeostatic else _unscaled,
-        open_gate=_gated_by(_signal(change_signal)) if gated else _always_open,
-        explore=explore if gated else _as_it_is,
-        compensate=corrected_wheel(limit) if self_check else _as_commanded,
+        correct=corrected_readings if parts.self_check else _as_sensed,
+        scale=homeostasis(robot.light.count, first_post) if parts.homeostasis else _unscaled,
+        open_gate=open_gate,
+        explore=explore,
+        compensate=corrected_wheel(limit) if parts.self_check else _as_commanded,
+        resets=parts.stay is not Stay.learn,
     )
 
 
@@ -261,7 +327,7 @@ def _always_open(
     readings: Floats,
     fitness: float,
     nominal: NominalOfSide,
-    at_goal: bool,
+    trial: Any,
     step: int,
     key: np.uint64,
 ) -> float:
@@ -273,63 +339,3 @@ def _as_it_is(
     gate: Gate, tally: Any, state: AdaptationState, readings: Floats, left: float, right: float, gain: float
 ) -> tuple[float, float]:
     return left, right
-
-
-def _gated_by(signal: ChangeSignal) -> Callable[..., float]:
-    @compiled
-    def open_gate(
-        gate: Gate,
-        tally: Any,
-        state: AdaptationState,
-        readings: Floats,
-        fitness: float,
-        nominal: NominalOfSide,
-        at_goal: bool,
-        step: int,
-        key: np.uint64,
-    ) -> float:
-        update_recent(state.recent, readings, fitness, step)
-        tally.arrived = tally.arrived or at_goal
-        tally.away_s = 0.0 if at_goal else tally.away_s + STEP_S
-        context = SignalContext(step * STEP_S, tally.away_s, tally.arrived, state.recent)
-        tally.change_signal = signal(context, nominal)
-        open_by = 0.0 if at_goal else need(tally.change_signal, gate.threshold, gate.slope)
-        tally.late_s = tally.late_s + STEP_S if open_by > 0.0 else 0.0
-        if open_by > 0.0 and resting(tally.late_s, gate.active_s, gate.rest_s):
-            open_by = 0.0
-        if gate.motor_noise > 0.0 and step % exploration.HOLD == 0:
-            exploration.draw(key, exploration.FAR + step, state.noise)
-            tally.noise_left = gate.motor_noise * state.noise[0]
-            tally.noise_right = gate.motor_noise * state.noise[1]
-        return open_by
-
-    return open_gate
-
-
-def _with_motor_noise(motor_limit: float) -> Callable[..., tuple[float, float]]:
-    @compiled
-    def explore(
-        gate: Gate, tally: Any, state: AdaptationState, readings: Floats, left: float, right: float, gain: float
-    ) -> tuple[float, float]:
-        if gate.motor_noise > 0.0 and tally.need > 0.0:
-            left = exploration.within_motor(left, tally.noise_left, gain, motor_limit)
-            right = exploration.within_motor(right, tally.noise_right, gain, motor_limit)
-        return left, right
-
-    return explore
-
-
-def _following(follow: Callable[..., tuple[float, float]], motor_limit: float) -> Callable[..., tuple[float, float]]:
-    add_noise = _with_motor_noise(motor_limit)
-
-    @compiled
-    def explore(
-        gate: Gate, tally: Any, state: AdaptationState, readings: Floats, left: float, right: float, gain: float
-    ) -> tuple[float, float]:
-        if tally.need > 0.0:
-            left, right = follow(readings, state.hand)
-            return add_noise(gate, tally, state, readings, left / gain, right / gain, gain)
-        state.hand[0] = 0.0
-        return left, right
-
-    return explore

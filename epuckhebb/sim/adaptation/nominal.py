@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from epuckhebb.sim import random
 from epuckhebb.sim.adaptation.change_signal import RECENT_S, NominalOfSide
 from epuckhebb.sim.adaptation.homeostasis import EVERY, lengths_of, light_patterns
+from epuckhebb.sim.adaptation.recognise.facts import measure_facts
+from epuckhebb.sim.adaptation.recognise.place import can_recognise
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.life import Lifetime, Outcome, Samples, sample_bytes
 from epuckhebb.sim.maze import SIDES, Place, Side
@@ -24,6 +26,8 @@ from epuckhebb.sim.scenario import EXPERIMENTS, Scenario
 from epuckhebb.sim.session import Individual
 
 REPEATS = 10  # lifetimes a side
+_NO_SUN = np.array([0.0, 1.0, -1.0])  # never used: recognition needs facts
+_FEWEST_ECHOES = 4  # points of its curve
 _RECORD_EVERY = EVERY  # steps: eight samples a second
 _SHARES = ("success", "fitness", "reading_mean", "reading_spread", "patterns")
 _MOST = {"time_to_goal_s": np.inf, "away_s": np.inf, **dict.fromkeys(_SHARES, 1)}
@@ -36,7 +40,8 @@ class Nominal:
     experiment, scenario: the training world. gain_rad_s: wheel gain. success: (2,) share of its lifetimes.
     time_to_goal_s: (2,) slowest arrival, nan if it never arrived. away_s: (2,) longest excursion from the goal
     afterwards. fitness: (2, seconds) least recent live fitness. reading_mean, reading_spread: (2, inputs). patterns:
-    (64, lights) what the light looks like. novelty: the largest distance from these.
+    (64, lights) what the light looks like. novelty: the largest distance from these. sun, echo: facts for
+    recognition (`recognise.facts.measure_facts`); None for a champion that was measured before there was any.
     """
 
     experiment: str
@@ -50,6 +55,8 @@ class Nominal:
     reading_spread: NDArray[np.float64]
     patterns: NDArray[np.float64]
     novelty: float
+    sun: NDArray[np.float64] | None = None
+    echo: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         """Validate the values."""
@@ -68,6 +75,7 @@ class Nominal:
     def of(self, side: Side) -> NominalOfSide:
         """The statistics for this side."""
         k = SIDES.index(side)
+        bearing, level, lamp_side = (_NO_SUN if self.sun is None else self.sun).tolist()
         return NominalOfSide(
             float(self.time_to_goal_s[k]),
             float(self.away_s[k]),
@@ -77,7 +85,16 @@ class Nominal:
             np.ascontiguousarray(self.patterns.T),
             lengths_of(self.patterns),
             self.novelty,
+            bearing,
+            level,
+            lamp_side,
+            np.zeros((2, 0)) if self.echo is None else np.ascontiguousarray(self.echo),
         )
+
+    @property
+    def has_facts(self) -> bool:
+        """Whether it has what recognition compares with."""
+        return self.sun is not None and self.echo is not None and self.echo.shape[1] >= _FEWEST_ECHOES
 
 
 def memory_to_measure_nominal(paper_duration_s: float, gain_rad_s: float, network: Network) -> float:
@@ -145,6 +162,8 @@ def nominal_of(sides: list[Recorded], scenario: Scenario, gain_rad_s: float) -> 
         max(_longest_away(samples, goal, radius) for _, samples in side)
         for goal, side in zip(goals, sides, strict=True)
     ]
+    samples = [[samples for _, samples in side] for side in sides]
+    sun, echo = measure_facts(samples, scenario) if can_recognise(scenario.robot) else (None, None)
     return Nominal(
         experiment=scenario.experiment,
         scenario=scenario.name,
@@ -157,6 +176,8 @@ def nominal_of(sides: list[Recorded], scenario: Scenario, gain_rad_s: float) -> 
         reading_spread=np.array([side.std(axis=0) for side in readings]),
         patterns=patterns,
         novelty=novelty,
+        sun=sun,
+        echo=echo,
     )
 
 

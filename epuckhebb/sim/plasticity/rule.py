@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from epuckhebb.sim import own_class
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.evolved import Evolved
-from epuckhebb.sim.fitness import Signal
+from epuckhebb.sim.fitness import History, Signal
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.ranges import check_range
+from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.wiring import LAYERS
 
 QUANTITIES = (
@@ -58,8 +59,10 @@ class Rule:
     N: base rate, 0 for a robot that does not learn. N_gain_rad_s: wheel gain at which N holds; at another gain N is
     proportional to it, so that a robot learns as much on each metre; 0 if N holds at any gain, as in the paper. floor:
     the least factor on N, when fitness is low. w_max: bound of the weights. signal: the live fitness that scales the
-    rate. sign: of the updates, `hebbian` or a control. initial_weights: `evolved` or `random`. reward: how a modulatory
-    neuron receives a reward, as `given` or, as a control, `inverted`.
+    rate. history_s, history_mean: of `signal=lifetime_mean`, the time and the mean that it starts from;
+    carries_history: whether a right lifetime starts from where the left one ended. sign: of the updates, `hebbian` or a
+    control. initial_weights: `evolved` or `random`. reward: how a modulatory neuron receives a reward, as `given` or,
+    as a control, `inverted`.
 
     A subclass has a static method `synapse`, compiled by numba, which returns the direction of a weight's change. The
     program multiplies it by N_e, adds it to the weight and clips that to +-w_max. The arguments of `synapse` are any of
@@ -94,6 +97,9 @@ class Rule:
     floor: float = 0.2
     w_max: float = 2.0
     signal: Signal = Signal.behaviour
+    history_s: float = 500.0
+    history_mean: float = 0.5
+    carries_history: bool = False
     sign: Sign = Sign.hebbian
     initial_weights: InitialWeights = InitialWeights.evolved
     reward: Reward = Reward.given
@@ -108,12 +114,25 @@ class Rule:
         for name, value in self.numbers().items():
             if not math.isfinite(value):
                 raise ValueError(f"hebbian.{name} must be a finite number, got {value}")
-        check_range(self, "hebbian", "N", "N_gain_rad_s", "floor")
+        check_range(self, "hebbian", "N", "N_gain_rad_s", "floor", "history_s")
+        check_range(self, "hebbian", "history_mean", most=1)
+        of_history = ("history_s", "history_mean", "carries_history")
+        changed = next((name for name in of_history if getattr(self, name) != getattr(Rule, name)), None)
+        if changed and self.signal is not Signal.lifetime_mean:
+            raise ValueError(
+                f"hebbian.{changed} does nothing with hebbian.signal={self.signal.name}; give signal=lifetime_mean"
+            )
         check_range(self, "hebbian", "w_max", most=_LARGEST_WEIGHT, above=True)
         if self.reward is not Reward.given and not receives_reward(type(self)):
             raise ValueError(
                 f"hebbian.reward={self.reward.name} does nothing with rule {name_of(type(self))}, which gets no reward"
             )
+
+    @property
+    def history(self) -> History:
+        """What the live fitness starts from, unless it is carried."""
+        steps = float(self.history_s) / STEP_S
+        return History(steps, steps * float(self.history_mean))
 
     @staticmethod
     def synapse(*_: Any) -> float:

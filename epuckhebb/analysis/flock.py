@@ -1,0 +1,245 @@
+"""Tables and page of `epuckhebb flock`: what couplings between robots are good for when one of them breaks.
+
+Flocks, one from each seed, are the independent unit of all intervals. All couplings of a seed have the same starts and
+the same noise, so differences are paired by seed.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from epuckhebb.analysis.statistics import bootstrap_mean, wilson
+from epuckhebb.analysis.tables import code, markdown_table
+from epuckhebb.sim.coupling import Coupling, Moment, transfer_entropy
+from epuckhebb.sim.flock import CHANGE_S, SAMPLE_S, Flock, Record, run
+from epuckhebb.sim.random import Stream, rng
+
+CONDITION = ("loudness", "knowers", "range_m", "breaks", "coupling")
+METRICS = (
+    "before", "just_after", "long_after", "weight_to_broken", "effective_leaders", "polarisation", "spread_m",
+    "least_gap_m",
+)  # fmt: skip
+_GOOD = 0.9  # cosine of heading to the goal
+_BOUNDS = dict.fromkeys(("before", "just_after", "long_after"), (-1.0, 1.0))
+_TITLES = {"stranger": "A robot that knows nothing breaks", "knower": "A robot that knows the way breaks"}
+_STEPS, _SETS = 200_000, 60  # of series with a known transfer entropy, and how many short ones
+
+
+def metrics_of(flock: Flock, record: Record) -> dict[str, float]:
+    """The metrics of a run.
+
+    before, just_after, long_after: mean cosine of heading to the goal of the intact robots, in the second half of the
+    time before the break, in the first tenth of the time after it, and in the second half of that; the others are of
+    the last of these spans, but for the least gap, of the whole run.
+    """
+    breaks, end = round(flock.at_s / SAMPLE_S), len(record.path)
+    late = slice((breaks + end) // 2, None)
+    cosines, headings = heading_cosine(flock, record), record.path[late, :, 2]
+    places = record.path[late, :, :2]
+    weights = record.weights[round((flock.at_s + flock.duration_s) / 2 / CHANGE_S) :]
+    shares = weights / np.maximum(weights.sum(axis=2, keepdims=True), 1e-9)
+    entropy = -(shares * np.log(np.where(shares > 0, shares, 1.0))).sum(axis=2)
+    to_broken = weights[:, :, flock.broken].sum(axis=1) / (flock.robots - 1)
+    return {
+        "before": cosines[breaks // 2 : breaks].mean(),
+        "just_after": cosines[breaks : breaks + max(1, (end - breaks) // 10)].mean(),
+        "long_after": cosines[late].mean(),
+        "weight_to_broken": to_broken.mean() if flock.broken >= 0 else math.nan,
+        "effective_leaders": np.exp(entropy).mean(),
+        "polarisation": np.hypot(np.cos(headings).mean(axis=1), np.sin(headings).mean(axis=1)).mean(),
+        "spread_m": np.hypot(*(places - places.mean(axis=1, keepdims=True)).transpose(2, 0, 1)).mean(),
+        "least_gap_m": record.least_gap,
+    }
+
+
+def heading_cosine(flock: Flock, record: Record) -> NDArray[np.float64]:
+    """The mean cosine of heading to the goal of the robots that do not break, (samples,)."""
+    intact = [robot for robot in range(flock.robots) if robot != flock.broken]
+    means: NDArray[np.float64] = np.cos(record.path[:, intact, 2]).mean(axis=1)
+    return means
+
+
+def table(runs: pd.DataFrame, seed: int) -> pd.DataFrame:
+    """A row for each condition, with 95 % intervals over flocks. runs: a row for each run. seed: of the bootstrap."""
+    frozen = runs[runs.coupling == "frozen"].set_index([*CONDITION[:-1], "seed"]).long_after
+    rows = []
+    for condition, own in runs.groupby(list(CONDITION), sort=False):
+        good = int((own.long_after > _GOOD).sum())
+        row = dict(zip(CONDITION, condition, strict=True)) | {"runs": len(own), "good": good / len(own)}
+        row["good_low"], row["good_high"] = wilson(good, len(own))
+        paired = own.set_index([*CONDITION[:-1], "seed"]).long_after
+        values = {name: own[name] for name in METRICS} | {"difference": paired - frozen.loc[paired.index]}
+        for name, each in values.items():
+            row[name] = each.min() if name == "least_gap_m" else each.mean()
+            if name != "least_gap_m":
+                row[f"{name}_low"], row[f"{name}_high"] = bootstrap_mean(each.to_numpy(), seed, _BOUNDS.get(name))
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def curves(minutes: pd.DataFrame, seed: int) -> pd.DataFrame:
+    """The mean over flocks at each minute, with its interval. minutes: a row for each run and minute."""
+    rows = []
+    for (breaks, coupling, minute), own in minutes.groupby(["breaks", "coupling", "minute"], sort=False):
+        low, high = bootstrap_mean(own.cosine.to_numpy(), seed, (-1.0, 1.0))
+        found = {"breaks": breaks, "coupling": coupling, "minute": minute}
+        rows.append({**found, "cosine": own.cosine.mean(), "cosine_low": low, "cosine_high": high})
+    return pd.DataFrame(rows)
+
+
+def by_minute(flock: Flock, record: Record) -> list[float]:
+    """The mean cosine of heading to the goal in each minute, of the robots that do not break."""
+    cosines, size = heading_cosine(flock, record), round(60 / SAMPLE_S)
+    return [float(cosines[first : first + size].mean()) for first in range(0, len(cosines), size)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Wired(Coupling):
+    """Couplings of a known wiring, which stay; what the estimator says of them is kept."""
+
+    wiring: NDArray[np.float64]
+    seen: list[NDArray[np.float64]] = field(default_factory=list)
+
+    def weights(self, now: Moment) -> NDArray[np.float64]:
+        """See `Coupling`."""
+        self.seen.append(now.transfer_entropy)
+        return self.wiring
+
+
+def estimator(seed: int) -> pd.DataFrame:
+    """The estimator of transfer entropy on cases that are known, a row each; expected: nan where theory says nothing.
+
+    Series: [nats]. Wirings of frozen flocks: area under the curve, the chance that a pair with a link has more transfer
+    entropy than a pair without one, in one window of 16 s; one half says nothing.
+    """
+    drawn = rng(seed, Stream.flock, 3)
+    rows = [("independent series, 199 steps", float(np.mean(list(_independent(drawn)))), 1 / (2 * 199))]
+    x, noise = drawn.standard_normal(_STEPS), drawn.standard_normal(_STEPS)
+    copy = np.roll(x, 1) + 0.5 * noise
+    rows.append(("copy with error, one half of the signal", *_one(x, copy), np.log(1 + 4) / 2))
+    for own, across in ((0.5, 0.5), (0.8, 1.0)):
+        driven = noise.copy()
+        for t in range(1, _STEPS):
+            driven[t] += own * driven[t - 1] + across * x[t - 1]
+        name = f"autoregressive, own weight {own:g}, of the other {across:g}"
+        rows.append((name, *_one(x, driven), np.log(1 + across**2) / 2))
+    near, far = np.roll(x, 1) + 0.3 * noise, np.roll(x, 2) + 0.3 * drawn.standard_normal(_STEPS)
+    total = 1.09
+    rows.append(("common driver, no link", *_one(near, far), np.log(total / (total - 1 / total)) / 2))
+    for name, links in _wirings(drawn).items():
+        areas = []
+        for one in range(3):
+            coupling = _Wired(wiring=9.0 * links)
+            run(Flock(duration_s=600.0, at_s=300.0), coupling, seed + one)
+            settled = coupling.seen[4:]  # windows that began after the wiring did
+            areas += [_area(entropy[links > 0], entropy[(links == 0) & ~np.eye(10, dtype=bool)]) for entropy in settled]
+        rows.append((f"frozen wiring, {name}: area under the curve", float(np.mean(areas)), np.nan))
+    return pd.DataFrame(rows, columns=["case", "estimate", "expected"])
+
+
+def _independent(drawn: np.random.Generator) -> Iterator[float]:
+    for _ in range(_SETS):
+        yield transfer_entropy(drawn.standard_normal((200, 6))).sum() / 30
+
+
+def _one(source: NDArray[np.float64], target: NDArray[np.float64]) -> tuple[float]:
+    return (float(transfer_entropy(np.stack([source, target], axis=1))[1, 0]),)
+
+
+def _wirings(drawn: np.random.Generator) -> dict[str, NDArray[np.float64]]:
+    """Who listens to whom, (10, 10): a ring, a star, a chain, and one other drawn for each."""
+    others = [int(drawn.choice([j for j in range(10) if j != i])) for i in range(10)]
+    ring, chain = np.roll(np.eye(10), -1, axis=1), np.eye(10, k=-1)
+    star = np.zeros((10, 10))
+    star[1:, 0] = 1.0
+    return {"ring": ring, "star": star, "chain": chain, "one other, at random": np.eye(10)[others]}
+
+
+def _area(linked: NDArray[np.float64], others: NDArray[np.float64]) -> float:
+    """Area under the receiver operating characteristic (Mann & Whitney)."""
+    above = (linked[:, None] > others).mean() + (linked[:, None] == others).mean() / 2
+    return float(above)
+
+
+def usual(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows of the usual condition, which is the first."""
+    first = table.iloc[0]
+    own = (table.loudness == first.loudness) & (table.knowers == first.knowers) & (table.range_m == first.range_m)
+    return table[own]
+
+
+def main_table(table: pd.DataFrame) -> str:
+    """In Markdown, the rows of the usual condition, a table for each kind of break."""
+    head = [
+        "couplings", "before", "just after", "long after", "difference to frozen", "runs above .9", "weight to the "
+        "broken", "effective leaders", "polarisation", "spread (m)", "least gap (mm)",
+    ]  # fmt: skip
+    parts = []
+    for breaks, own in usual(table).groupby("breaks", sort=False):
+        rows = []
+        for row in own.to_dict("records"):
+            cells = [_with_interval(row, name) for name in ("before", "just_after", "long_after", "difference")]
+            cells[3] = "–" if row["coupling"] == "frozen" else cells[3]
+            cells += [f"{row['good'] * row['runs']:.0f} of {row['runs']}"]
+            cells += [_with_interval(row, name, 2) for name in METRICS[3:7]]
+            rows.append([_name(row["coupling"]), *cells, f"{1000 * row['least_gap_m']:.1f}"])
+        parts.append(
+            f"{_TITLES.get(str(breaks), 'No robot breaks')} (n = {row['runs']}):\n\n{markdown_table(head, rows)}"
+        )
+    return "\n".join(parts)
+
+
+def sweep_table(table: pd.DataFrame) -> str:
+    """In Markdown, the cosine long after the break in every condition, a row each; empty without a sweep."""
+    if len(usual(table)) == len(table):
+        return ""
+    names = list(dict.fromkeys(table.coupling))
+    rows = []
+    for condition, own in table.groupby(list(CONDITION[:-1]), sort=False):
+        loudness, knowers, range_m, breaks = condition
+        cells = own.set_index("coupling").to_dict("index")
+        rows.append(
+            [str(breaks), f"{loudness:g}", f"{knowers}", f"{range_m:g}"]
+            + [_with_interval(cells[name], "long_after", 2) for name in names]
+        )
+    return markdown_table(["breaks", "loudness", "knowers", "range (m)", *map(_name, names)], rows)
+
+
+def estimator_table(checks: pd.DataFrame) -> str:
+    """In Markdown, the checks of the estimator."""
+    rows = [
+        [row.case, f"{row.estimate:.4g}", "–" if np.isnan(row.expected) else f"{row.expected:.4g}"]
+        for row in checks.itertuples()
+    ]
+    return markdown_table(["case", "estimate", "expected"], rows)
+
+
+def page(table: pd.DataFrame, checks: pd.DataFrame, made: str, figures: Sequence[str]) -> str:
+    """The page of a study. made: a sentence on its settings. figures: the names of its pictures."""
+    swept = sweep_table(table)
+    return "\n".join(
+        [
+            "# Couplings between robots: influence or competence?\n",
+            f"{made} Mean cosine of heading to the goal of the intact robots, 1 for straight there. 95 % intervals "
+            "over flocks. *Shuffled*: the coupling is given the transfer entropy of other pairs, or the live fitness "
+            "of another robot. The oracle is given the number of the broken robot.\n",
+            *(f"![{name.removesuffix('.png')}](figures/{name})\n" for name in figures),
+            main_table(table),
+            *([f"## Sweep: long after the break\n\n{swept}"] if swept else []),
+            f"## The estimator of transfer entropy on known cases\n\n{estimator_table(checks)}",
+        ]
+    )
+
+
+def _with_interval(row: dict[str, float], name: str, digits: int = 3) -> str:
+    low, high = row[f"{name}_low"], row[f"{name}_high"]
+    return f"{row[name]:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+
+
+def _name(coupling: object) -> str:
+    name, _, control = str(coupling).partition(" ")
+    return f"{code(name)} {control}".strip()

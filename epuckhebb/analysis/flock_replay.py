@@ -1,0 +1,42 @@
+"""The replay page of flocks: the same robots with each coupling side by side, the strongest couplings as lines."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from epuckhebb.analysis.flock import by_minute
+from epuckhebb.analysis.replay import packed, with_data
+from epuckhebb.sim.flock import CHANGE_S, SAMPLE_S, Flock, Record
+from epuckhebb.sim.robot import EPUCK
+
+_EVERY = 2  # samples, of which the page has one
+_WHAT = {"stranger": "a robot that knows nothing breaks", "knower": "a robot that knows the way breaks"}
+
+
+def page(flock: Flock, records: Mapping[str, Record], title: str) -> str:
+    """The HTML text of the page. records: of each coupling by its name. title: a line that names the run."""
+    flocks = {}
+    for name, record in records.items():
+        path = record.path[::_EVERY].copy()
+        path[..., 2] = np.remainder(path[..., 2] + np.pi, 2 * np.pi) - np.pi
+        flocks[name.replace("_", " ").replace(" x ", " × ")] = {
+            "path": packed(path),
+            "weights": packed(record.weights),
+            "cosine": [round(cosine, 3) for cosine in by_minute(flock, record)],
+        }
+    what = _WHAT.get(flock.breaks)
+    content = {
+        "flocks": flocks,
+        "robots": flock.robots,
+        "knowers": flock.knowers,
+        "broken": flock.broken,
+        "at": flock.at_s,
+        "samples": len(path),
+        "interval": SAMPLE_S * _EVERY,
+        "changes": len(record.weights),
+        "every": CHANGE_S,
+        "radius": EPUCK.radius_m,
+        "outcome": f"{flock.robots} robots; after {flock.at_s / 60:g} minutes {what}" if what else "No robot breaks",
+    }
+    return with_data(Path(__file__).with_name("flock.html"), title, content)

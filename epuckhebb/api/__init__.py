@@ -1,0 +1,246 @@
+"""Evaluates, evolves, sweeps and plays from Python, with the keys of the command line; it writes no run folders.
+
+It is what `import epuckhebb` gives. What cannot be used raises a ValueError, whose message says why.
+"""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from epuckhebb.analysis.lifetimes import Evaluated, gather
+from epuckhebb.api.results import Evaluation, Evolution, Live
+from epuckhebb.config.build import controller_of, network_for, with_controls
+from epuckhebb.config.compose import load as configuration
+from epuckhebb.config.overrides import check_config_dir, overrides_of, quoted, value_text
+from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, say_unusual
+from epuckhebb.evolution.evolve import history_row
+from epuckhebb.live.server import Play
+from epuckhebb.runs.evaluate import as_evolved, prepare
+from epuckhebb.runs.evolve import EvolutionProgress
+from epuckhebb.runs.evolve import prepare as prepare_evolution
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.progress import Bar, be_quiet, say
+from epuckhebb.runtime.resources import LATEST, thread_count
+from epuckhebb.sim.adaptation.adaptation import Adaptation
+from epuckhebb.sim.genome import plan_of
+from epuckhebb.sim.maze import SIDES
+from epuckhebb.sim.plasticity.rule import NoRule, Rule
+from epuckhebb.store import Genome, checked_genes, load_genome, resolve_run
+
+Genes = NDArray[np.float64]
+
+
+def load(where: str | Path = "reference", experiment: str = "obstacles") -> Genes:
+    """The genes of a champion.
+
+    Args:
+        where: `reference`, the bundled champion of an experiment; `reference_7`, the one of seed 7; a run folder of
+            `epuckhebb evolve`, `latest`, a `.npz` or a `.npy`.
+        experiment: `light` or `obstacles`, for the bundled ones.
+
+    Returns:
+        The genes, 234 in the paper's network.
+
+    Raises:
+        ValueError: There is no genome there; the message says why.
+    """
+    return load_genome(str(resolve_run(str(where), "evolve")), experiment).genes
+
+
+def evaluate(
+    genome: Genes | Evolution | str | Path = "reference",
+    *overrides: str,
+    config_dir: str | Path | None = None,
+    progress: bool = True,
+    **keys: Any,
+) -> Evaluation:
+    """Run a genome's lifetimes with and without plasticity, on the same random numbers. Nothing is written.
+
+    Every key of the command line is a keyword: `scenario="4obstacles"`, `repeats=5`, `threads=1`. What has a dot is
+    given as settings, `lifetime={"duration_s": 60}`, or as text, `"lifetime.duration_s=60"`. Objects go where they
+    belong: `hebbian=Hebbian(N=0.0002)` or a rule of your own, `lifetime=Lifetime(...)`, `adaptation=Adaptation(...)`.
+
+    Args:
+        genome: Genes, or where they are, as for `load`.
+        overrides: Settings as on the command line; they come after the keywords.
+        config_dir: A folder with YAML files of your own.
+        progress: Whether to say on standard error what takes long.
+        keys: Settings as keywords.
+
+    Returns:
+        The results: `.metrics` (a row a lifetime), `.table` (the paper's), `.traces` (the arrays of `traces.npz`),
+        `.findings` (of self-checks), `.plot()` (the paths) and `.replay()` (the page); a notebook shows the last two.
+
+    Raises:
+        ValueError: A setting or the genome cannot be used; the message says why.
+    """
+    be_quiet(not progress)
+    rule = keys.pop("hebbian") if isinstance(keys.get("hebbian"), Rule) else None
+    folder, words = _folder(config_dir), overrides_of(overrides, keys)
+    if isinstance(genome, str | Path):
+        if "=" in str(genome) and not Path(genome).exists():
+            raise ConfigError(f"{genome} is no genome; give that first: evaluate('reference', {str(genome)!r})")
+        path = resolve_run(genome, "evolve") if str(genome) == LATEST else genome
+        words = as_evolved([*words, f"genome={quoted(str(path))}"], folder)
+    config = configuration(EvaluateConfig, words, folder)
+    if rule is not None:
+        if rule.N == 0 and not isinstance(rule, NoRule):
+            raise ConfigError(
+                f"hebbian={type(rule).__name__}(...) has N = 0 and would change nothing; give it a rate, for example "
+                f"N={config.scenario.paper_N:g}, the paper's in this experiment, or hebbian='none'"
+            )
+        own = with_controls(controller_of(rule, config.adaptation), config.world.task)
+        config.controllers = [*own, *(other for other in config.controllers if other.name in config.compare)]
+    prepared = prepare(config, None if isinstance(genome, str | Path) else _genome_of(genome, config))
+    say_unusual(config)
+    threads = thread_count(config.threads)
+    remembered = prepared.remember(threads, say)
+    rows, recorded = prepared.run(remembered, threads)
+    return Evaluation(metrics=pd.DataFrame(rows), prepared=prepared, recorded=recorded, checks=remembered.checks)
+
+
+def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool = True, **keys: Any) -> Evolution:
+    """Evolve a controller. Nothing is written.
+
+    Args:
+        overrides: Settings as on the command line, for example "seed=7".
+        config_dir: A folder with YAML files of your own.
+        progress: Whether to show how far it is on standard error; without a terminal a line in half a minute.
+        keys: Settings as keywords: `seed=7`, `scenario="highlight"`, `ga=GA(population=20)`.
+
+    Returns:
+        The champion of the last generation, and the rows of `history.csv`.
+
+    Raises:
+        ValueError: A setting cannot be used; the message says why.
+    """
+    be_quiet(not progress)
+    config = configuration(EvolveConfig, overrides_of(overrides, keys), _folder(config_dir))
+    say_unusual(config)
+    prepared = prepare_evolution(config)
+    generations = []
+    with EvolutionProgress(config.schedule.generations, quiet=not progress, each=False) as bar:
+        for generation in prepared.generations(thread_count(config.threads)):
+            generations.append(generation)
+            bar.add(generation)
+    return Evolution(generations[-1].champion, pd.DataFrame(map(history_row, generations)))
+
+
+def play(
+    genome: str | Path = "reference",
+    *overrides: str,
+    side: str = "left",
+    config_dir: str | Path | None = None,
+    **keys: Any,
+) -> Live:
+    """Open a live world that one disturbs by hand; a notebook shows its page below the cell.
+
+    Args:
+        genome: Where the genes are, as for `load`.
+        overrides: Settings as on the command line; they come after the keywords.
+        side: Which way is the right one, `left` or `right`.
+        config_dir: A folder with YAML files of your own.
+        keys: Settings as keywords.
+
+    Returns:
+        The live world: `.address` of its page, `.open()` it in a new tab, `.close()` ends it. Runs that the page saves
+        are in `runs/evaluate/`.
+
+    Raises:
+        ValueError: A setting or the genome cannot be used; the message says why.
+    """
+    if side not in SIDES:
+        raise ConfigError(f"side must be {' or '.join(SIDES)}, got {side!r}")
+    folder = _folder(config_dir)
+    words = as_evolved([f"genome={quoted(str(genome))}", *overrides_of(overrides, keys)], folder)
+    return Live(Play(words, "right" if side == "right" else "left", folder))
+
+
+def sweep(
+    genome: Genes | Evolution | str | Path = "reference",
+    *overrides: str,
+    over: Mapping[str, Sequence[Any]] | None = None,
+    config_dir: str | Path | None = None,
+    progress: bool = True,
+    **keys: Any,
+) -> pd.DataFrame:
+    """Every combination of values, in one table. Nothing is written; `epuckhebb sweep` does it on many machines.
+
+    Args:
+        genome: As for `evaluate`.
+        overrides: As for `evaluate`.
+        over: For each key its values, for example `{"scenario": ["base", "lowlight"], "hebbian.N": [0.0002, 0.002]}`;
+            it must be given. `genome`, `seed` and objects, as `{"hebbian": [Hebbian(N=0.001), MyRule(N=0.001)]}`, too.
+        config_dir: As for `evaluate`.
+        progress: Whether to show how far it is on standard error; without a terminal a line in half a minute.
+        keys: Settings that all have in common; the same `seed` gives the same numbers.
+
+    Returns:
+        A row a lifetime, each of them once, with the columns of `metrics.csv`. Before them is a column for each key of
+        `over` that `metrics.csv` has no column for; it says `any` for the GA if the key is one of plasticity.
+
+    Raises:
+        ValueError: A setting or a genome cannot be used; the message says why.
+    """
+    if not isinstance(over, Mapping) or not over:
+        raise ConfigError(f"over must be keys with their values, as {{'hebbian.N': [0.0002, 0.002]}}, got {over!r}")
+    for key, values in over.items():
+        if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray) or not len(values):
+            raise ConfigError(f"over: {key} must have a list of values, got {values!r}")
+        if key in keys:
+            raise ConfigError(f"{key} is given twice, in `over` and by itself")
+    be_quiet(not progress)
+    jobs = [dict(zip(over, values, strict=True)) for values in itertools.product(*over.values())]
+    evaluations = []
+    with Bar("job", len(jobs), each=False) as bar:
+        for number, job in enumerate(jobs):
+            settings = {key: _label(key, value) for key, value in job.items()}
+            bar.show(number, ", ".join(f"{key}={value}" for key, value in settings.items()))
+            quick = {"lifetime.record_every": 0, **keys, **job}
+            given = quick.pop("genome", genome)
+            result = evaluate(given, *overrides, config_dir=config_dir, progress=False, **quick)
+            where = str(given) if isinstance(given, str | Path) else ""
+            sha256, ids = result.genome.sha256, result.prepared.lifetime_ids
+            evaluations.append(Evaluated(settings=settings, where=where, sha256=sha256, ids=ids, rows=result.metrics))
+    gathered = gather(evaluations)
+    be_quiet(not progress)
+    if gathered.repeated:
+        say(gathered.repeated)
+    return gathered.rows
+
+
+def _label(key: str, value: Any) -> Any:
+    """A value of a sweep in a table."""
+    if isinstance(value, Rule):
+        given = {one.name: getattr(value, one.name) for one in fields(value) if getattr(value, one.name) != one.default}
+        facts = (f"{name} = {own:g}" if isinstance(own, float) else f"{name} = {own}" for name, own in given.items())
+        return ", ".join([controller_of(value, Adaptation()).name, *facts])
+    if key == "genome" and not isinstance(value, str | Path):
+        return "array"
+    return value if isinstance(value, str | int | float) else value_text(value, key)
+
+
+def _folder(config_dir: str | Path | None) -> str | None:
+    folder = None if config_dir is None else str(config_dir)
+    check_config_dir(folder)
+    return folder
+
+
+def _genome_of(given: Any, config: EvaluateConfig) -> Genome:
+    """The genome that an array or an evolution is."""
+    genes = given.champion if isinstance(given, Evolution) else given
+    if not isinstance(genes, np.ndarray | list | tuple):
+        raise ConfigError(f"genome must be genes (an array), or where a champion is, got {type(given).__name__}")
+    network = network_for(config.world, config.shape)
+    plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
+    array = np.asarray(genes)
+    plan = next((plan for plan in plans if array.shape == (plan.genes,)), plans[0])
+    robot = config.world.robot
+    checked = checked_genes(array, "the given array", plan)
+    return Genome(genes=checked, name="genome", network=network, robot=robot.name, lights=robot.light.count, plan=plan)

@@ -1,0 +1,177 @@
+"""What the Python interface gives: results that a notebook shows."""
+
+import html
+import webbrowser
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from epuckhebb.analysis import figures, replay, reversal, self_checks, tables
+from epuckhebb.analysis.evaluate import TRIALS, Traces
+from epuckhebb.analysis.image import KINDS, image
+from epuckhebb.analysis.self_checks import Checks
+from epuckhebb.config.schema import EvaluateConfig
+from epuckhebb.live.server import Play
+from epuckhebb.runs.evaluate import Prepared, caption
+from epuckhebb.runs.notes import notes_of
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.tasks.reversal import Reversal
+from epuckhebb.store import Genome, traces_arrays, write_atomic
+
+_LIVE = '<iframe src="{}" width="100%" height="860" style="border:0" allow="clipboard-write"></iframe>'
+_FRAME = '<iframe srcdoc="{}" width="100%" height="760" style="border:0" sandbox="allow-scripts"></iframe>'
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure that a notebook shows. figure: of matplotlib."""
+
+    figure: Figure = field(repr=False)
+
+    def _repr_png_(self) -> bytes:
+        return image(self.figure)
+
+    def save(self, path: str | Path) -> Path:
+        """Write it to a file of type png, svg or pdf, as its name says; returns its path."""
+        kind = Path(path).suffix.removeprefix(".")
+        if kind not in KINDS:
+            raise ConfigError(f"a figure is saved as one of {', '.join(KINDS)}, got {path}")
+        write_atomic(Path(path), image(self.figure, kind))
+        return Path(path)
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page of HTML that a notebook shows inside itself. text: the page."""
+
+    text: str = field(repr=False)
+
+    def _repr_html_(self) -> str:
+        return _FRAME.format(html.escape(self.text))
+
+    def save(self, path: str | Path) -> Path:
+        """Write it to a file; returns its path."""
+        write_atomic(Path(path), self.text.encode())
+        return Path(path)
+
+    def open(self, path: str | Path = "replay.html") -> Path:
+        """Write it to a file and show that in a browser; returns its path."""
+        webbrowser.open(self.save(path).resolve().as_uri())
+        return Path(path)
+
+
+class Live:
+    """A live world that is served until it is closed, or Python ends; a notebook shows its page.
+
+    address: of the page, for a browser of this computer.
+    """
+
+    def __init__(self, play: Play) -> None:
+        self._play = play.__enter__()
+        self.address = play.address
+
+    def _repr_html_(self) -> str:
+        return _LIVE.format(html.escape(self.address))
+
+    def open(self) -> None:
+        """Show the page in a new tab."""
+        webbrowser.open(self.address)
+
+    def close(self) -> None:
+        """End the world."""
+        self._play.__exit__()
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Evaluation:
+    """The results of an evaluation's lifetimes; a notebook shows the paper's table.
+
+    Attributes:
+        metrics: A row a lifetime, with the columns of `metrics.csv`.
+    """
+
+    metrics: pd.DataFrame
+    prepared: Prepared
+    recorded: Traces
+    checks: Checks | None
+
+    @property
+    def config(self) -> EvaluateConfig:
+        """The settings."""
+        return self.prepared.config
+
+    @property
+    def genome(self) -> Genome:
+        """The genome that was evaluated."""
+        return self.prepared.genome
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """The paper's table: a row for each metric, a column for each controller and side; means over the repeats."""
+        return self._framed(tables.paper_table(self.metrics.to_dict("records")))
+
+    @cached_property
+    def traces(self) -> dict[str, NDArray[Any]]:
+        """What was recorded of the first repeat: the arrays of `traces.npz`; ValueError if nothing was recorded."""
+        self._require_traces()
+        return traces_arrays(self.recorded, self.genome.weights, self.genome.network)
+
+    @property
+    def trials(self) -> pd.DataFrame:
+        """A row for each trial of each lifetime, as in `reversal_trials.csv`; none where a life is one trial."""
+        return pd.DataFrame(self.recorded.trials, columns=list(TRIALS))
+
+    @cached_property
+    def findings(self) -> pd.DataFrame | None:
+        """What robots found in their self-checks, with the columns of `findings.csv`; None if there were none."""
+        return None if self.checks is None else pd.DataFrame(self_checks.findings(self.checks))
+
+    def plot(self) -> Picture:
+        """The paths of the first repeat, for each controller; ValueError if nothing was recorded."""
+        self._require_traces()
+        return Picture(figures.trajectories(self.recorded, self.config.world, caption(self.config, self.genome.name)))
+
+    def replay(self) -> Page:
+        """The page to watch the first repeat, step by step; ValueError if nothing was recorded."""
+        self._require_traces()
+        title, notes = caption(self.config, self.genome.name), notes_of(self.genome, self.config)
+        gain, network = self.config.lifetime.gain_rad_s, self.genome.network
+        weights, world = self.genome.weights, self.config.world
+        return Page(replay.page(self.recorded, weights, world, title, gain_rad_s=gain, network=network, notes=notes))
+
+    def __repr__(self) -> str:
+        """The paper's table, or that of reversal learning, and what a reader must know beside it."""
+        return "\n".join([str(self._shown()), *notes_of(self.genome, self.config)])
+
+    def _repr_html_(self) -> str:
+        notes = (f"<p>{html.escape(note)}</p>" for note in notes_of(self.genome, self.config))
+        return "".join([self._shown().to_html(), *notes])
+
+    def _shown(self) -> pd.DataFrame:
+        task = self.config.world.task
+        if isinstance(task, Reversal):
+            return reversal.table(self.metrics, self.trials, task, self.config.seed).set_index("controller")
+        return self._framed(tables.formatted(tables.paper_table(self.metrics.to_dict("records"))))
+
+    def _framed(self, table: Mapping[tuple[str, str], Mapping[str, Any]]) -> pd.DataFrame:
+        columns = pd.MultiIndex.from_tuples(list(table), names=["controller", "side"])
+        frame = pd.DataFrame([*table.values()], columns=pd.Index(tables.ROWS, name="metric"))
+        return frame.set_axis(columns).T
+
+    def _require_traces(self) -> None:
+        if not self.config.lifetime.record_every:
+            raise ConfigError("nothing was recorded with lifetime.record_every=0; give lifetime={'record_every': 8}")
+
+
+class Evolution(NamedTuple):
+    """The result of an evolution. champion: its genes. history: a row a generation, as in `history.csv`."""
+
+    champion: NDArray[np.float64]
+    history: pd.DataFrame

@@ -1,0 +1,95 @@
+"""The configuration of `epuckhebb flock`: its keys, and the flocks and couplings that come of them."""
+
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Any, NamedTuple
+
+from epuckhebb.config.build import check_counts
+from epuckhebb.config.parts import part_class, part_from
+from epuckhebb.config.values import part_settings
+from epuckhebb.sim.coupling import Coupling
+from epuckhebb.sim.couplings.frozen import Frozen
+from epuckhebb.sim.couplings.oracle import Oracle
+from epuckhebb.sim.flock import Flock
+
+ALL, FROZEN, ORACLE = "all", "frozen", "oracle"
+_INFLUENCE, _FITNESS = "transfer_entropy", "live_fitness"
+_ROWS = (_INFLUENCE, _FITNESS, f"{_INFLUENCE}_x_fitness")  # between frozen and oracle
+_WITHOUT_CONTROL = (FROZEN, ORACLE, f"{_INFLUENCE}_x_fitness")  # they use no number of others, or two
+SHUFFLED = " (shuffled)"
+
+
+class Row(NamedTuple):
+    """A row of the tables. name: of the coupling. other: whether it is given the numbers of other robots."""
+
+    name: str
+    coupling: Coupling
+    other: bool = False
+
+
+@dataclass(kw_only=True)
+class Sweep:
+    """Values of a sweep; see `conf/flock/all.yaml`."""
+
+    loudness: list[float] = field(default_factory=list)
+    knowers: list[int] = field(default_factory=list)
+    range_m: list[float] = field(default_factory=list)
+
+
+@dataclass(kw_only=True)
+class FlockKeys:
+    """The keys of group flock; see `epuckhebb.sim.flock.Flock` and `epuckhebb.sim.coupling.Coupling`."""
+
+    coupling: str = ALL
+    N: float = 0.3
+    decay: float = 0.03
+    own: dict[str, Any] = field(default_factory=dict)
+    shuffled: bool = True
+    robots: int = 10
+    knowers: int = 2
+    breaks: Any = "none"
+    at_s: float = 1200.0
+    duration_s: float = 2400.0
+    loudness: float = 2.5
+    noise: float = 0.3
+    range_m: float = 2.0
+    spacing_m: float = 0.16
+    sweep: Sweep = field(default_factory=Sweep)
+
+
+def check(keys: FlockKeys, seed: int, repeats: int, threads: int) -> tuple[list[Row], list[list[Flock]]]:
+    """The rows of the tables, and for each condition of the sweep, the usual one first, its flocks: one a break.
+
+    Raises:
+        ValueError: a value is outside its range; ConfigError, which is one: the coupling is unknown.
+    """
+    check_counts({"seed": seed, "repeats": repeats, "threads": threads})
+    names = [keys.breaks] if isinstance(keys.breaks, str) else keys.breaks
+    if not isinstance(names, list) or not names or len(set(map(str, names))) < len(names):
+        raise ValueError(f"flock.breaks must be none, stranger, knower, or a list of different ones, got {keys.breaks}")
+    shared = {name: getattr(keys, name) for name in ("robots", "at_s", "duration_s", "noise", "spacing_m")}
+    usual = {name: getattr(keys, name) for name in ("loudness", "knowers", "range_m")}
+    cells = [usual]
+    for loudness, knowers in product(keys.sweep.loudness or [keys.loudness], keys.sweep.knowers or [keys.knowers]):
+        cells.append({**usual, "loudness": loudness, "knowers": knowers})
+    cells += [{**usual, "range_m": range_m} for range_m in keys.sweep.range_m]
+    different = [cell for place, cell in enumerate(cells) if cell not in cells[:place]]
+    return _rows(keys), [[Flock(breaks=name, **shared, **cell) for name in names] for cell in different]
+
+
+def _rows(keys: FlockKeys) -> list[Row]:
+    rows = [Row(FROZEN, Frozen())]
+    for where in _ROWS if keys.coupling == ALL else (keys.coupling,):
+        name = where.rpartition(":")[2]
+        own = part_settings(part_class("coupling", where, "flock"), dict(keys.own), "flock.own", f"coupling {name}")
+        coupling = part_from("coupling", {"coupling": where, "N": keys.N, "decay": keys.decay, **own}, "flock")
+        if name not in (FROZEN, ORACLE):
+            rows.append(Row(name, coupling))
+        if keys.shuffled and name not in _WITHOUT_CONTROL:
+            rows.append(Row(name + SHUFFLED, coupling, other=True))
+    return [*rows, Row(ORACLE, Oracle())]
+
+
+def shorter(flock: Flock) -> Flock:
+    """The first moments of a flock, in which its coupling changes once."""
+    return replace(flock, at_s=6.4, duration_s=19.2)

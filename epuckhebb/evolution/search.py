@@ -1,0 +1,164 @@
+"""A search with an optimizer: what it asks is checked, and all that it is told is kept, to resume from.
+
+An optimizer need not know how to store itself. To resume, a new copy of it is asked and told the same again, and a
+digest shows whether it asks for the same genomes as before.
+"""
+
+import hashlib
+import inspect
+import sys
+import traceback
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from epuckhebb.evolution.optimizer import Algorithm, Optimizer
+from epuckhebb.sim import own_class
+from epuckhebb.sim.arrays import Floats
+from epuckhebb.sim.genome import GenomePlan
+from epuckhebb.sim.own_fitness import OF_OUTCOME
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_FITNESS = "fitness"
+
+
+class OptimizerError(ValueError):
+    """An optimizer failed, or asked for what is no genome; the message says which, and what it asked."""
+
+
+class Told(NamedTuple):
+    """What an optimizer was told of a generation.
+
+    asked: a digest of the genomes that it had asked for. fitness: (individuals,). measures: what else it wants to know,
+    by name, (individuals, loops, sides) each.
+    """
+
+    asked: str
+    fitness: Floats
+    measures: Mapping[str, Floats]
+
+
+def measures_of(optimizer: Algorithm) -> tuple[str, ...]:
+    """The fields of an outcome that an optimizer wants to be told, by the names of the arguments of its `tell`.
+
+    Raises:
+        ValueError: an argument is unknown.
+    """
+    names = own_class.arguments(f"optimizer {optimizer.name}", optimizer.tell, (_FITNESS, *OF_OUTCOME), {})
+    return tuple(name for name in names if name != _FITNESS)
+
+
+class Search:
+    """A search in progress.
+
+    log: what the optimizer was told of each generation, all that is needed to resume.
+    """
+
+    def __init__(self, optimizer: Algorithm, plan: GenomePlan, seed: int, log: Sequence[Told] = ()) -> None:
+        """Start a copy of an optimizer for the genes of a plan, and tell it what is logged.
+
+        Raises:
+            ValueError: what is logged is of another search.
+            OptimizerError: the optimizer failed, or asks for other genomes than those that are logged.
+        """
+        self.log: tuple[Told, ...] = ()
+        self._settings, self._plan = optimizer, plan
+        self._optimizer = replace(optimizer)  # type: ignore[type-var]  # all are dataclasses
+        self.measures = measures_of(optimizer)
+        self._do("start", plan, seed)
+        for number, told in enumerate(log):
+            self.ask()
+            if self._digest != told.asked:
+                raise OptimizerError(
+                    f"optimizer {optimizer.name} asks for other genomes than before in generation {number}: it depends "
+                    "on more than its seed and what it was told, or a library or the machine is another"
+                )
+            self.tell(told.fitness, told.measures)
+
+    def ask(self) -> Floats:
+        """The genomes of the next generation, (individuals, genes)."""
+        given, most, genes = self._do("ask"), self._settings.individuals, self._plan.genes
+        wanted = f"{self._settings.name}: `ask` must return genomes, an array of 1 to {most} rows with {genes} numbers"
+        self._population = self._genomes(given, wanted)
+        if not 1 <= len(self._population) <= most:
+            raise OptimizerError(f"optimizer {wanted}; it has {len(self._population)} rows")
+        self._digest = hashlib.sha256(self._population.tobytes()).hexdigest()[:16]
+        return self._population
+
+    def tell(self, fitness: Floats, measures: Mapping[str, Floats]) -> None:
+        """Tell how well they did. measures: the values of `measures`, by name."""
+        if any(len(values) != len(self._population) for values in (fitness, *measures.values())):
+            raise ValueError(f"it holds the fitness of {len(fitness)} individuals, not of {len(self._population)}")
+        given = {_FITNESS: fitness, **measures}
+        names = inspect.signature(self._optimizer.tell).parameters
+        self._do("tell", **{name: given[name].copy() for name in names})  # which the optimizer may change
+        self._fittest = self._population[[np.argmax(fitness)]]
+        self.log = (*self.log, Told(self._digest, fitness, measures))
+
+    def candidates(self) -> Floats:
+        """Candidates for the champion after this generation, (candidates, genes)."""
+        given = self._do("candidates")
+        if given is None:
+            return self._fittest
+        wanted = f"{self._settings.name}: `candidates` must return genomes, rows of {self._plan.genes} numbers, or None"
+        return self._genomes(np.atleast_2d(given), wanted)
+
+    def tables(self) -> dict[str, "pd.DataFrame"]:
+        """What the optimizer has to show, by name."""
+        given = self._do("tables")
+        names = given if isinstance(given, Mapping) else [given]
+        for name in names:
+            if not (isinstance(name, str) and name.isidentifier() and hasattr(given[name], "to_csv")):
+                raise OptimizerError(
+                    f"optimizer {self._settings.name}: `tables` must return data frames by name, got {name!r}"
+                )
+        return dict(given)
+
+    def _genomes(self, given: Any, wanted: str) -> Floats:
+        """Genomes that an optimizer gave, (rows, genes), as an array of their own."""
+        try:
+            genomes = np.array(given, np.float64)
+        except (TypeError, ValueError) as error:
+            raise OptimizerError(f"optimizer {wanted}, got {given!r}") from error
+        if genomes.ndim != 2 or genomes.shape[1] != self._plan.genes:
+            raise OptimizerError(f"optimizer {wanted}, got {'None' if given is None else f'shape {genomes.shape}'}")
+        if not np.isfinite(genomes).all():
+            raise OptimizerError(f"optimizer {wanted}; one is nan or infinite")
+        if self._settings.is_own and isinstance(self._settings, Optimizer):
+            beyond = np.abs(genomes) > self._settings.limits(self._plan)
+            if beyond.any():
+                raise OptimizerError(
+                    f"optimizer {wanted}, each within its limit (optimizer.gene_limit is "
+                    f"{self._settings.gene_limit:g}); one is {genomes[beyond][0]:g}"
+                )
+        return genomes
+
+    def _do(self, method: str, *arguments: Any, **named: Any) -> Any:
+        """Call a method of the optimizer."""
+        try:
+            return getattr(self._optimizer, method)(*arguments, **named)
+        except Exception as error:  # what a user's code may raise has no end
+            file = sys.modules[type(self._optimizer).__module__].__file__
+            lines = [one.lineno for one in traceback.extract_tb(error.__traceback__) if one.filename == file]
+            where = f" in line {lines[-1]}" if lines else ""
+            raise OptimizerError(
+                f"optimizer {self._settings.name}: `{method}` failed{where}: {type(error).__name__}: {error}"
+            ) from error
+
+
+def check_start(optimizer: Algorithm, plan: GenomePlan, seed: int) -> None:
+    """Check that an optimizer starts, and asks for the same genomes when it is started again.
+
+    Raises:
+        OptimizerError: it does not.
+    """
+    first, again = (Search(optimizer, plan, seed).ask() for _ in range(2))
+    if not np.array_equal(first, again):
+        raise OptimizerError(
+            f"optimizer {optimizer.name} asks for other genomes with the same seed, so no run could be repeated; draw "
+            "all random numbers from the seed that `start` is given"
+        )

@@ -1,0 +1,123 @@
+"""`epuckhebb figure RUN NAME`: draws a figure of a run again, from its files."""
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from epuckhebb.analysis import charts, figures, leaderboard, summary
+from epuckhebb.analysis.image import KINDS, MM, image
+from epuckhebb.analysis.reversal import limits
+from epuckhebb.config.schema import Config, EvaluateConfig, EvolveConfig
+from epuckhebb.config.stored import from_values, settings, without_own_code
+from epuckhebb.export.replay import recording
+from epuckhebb.runs import figures as of_runs
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.controller import GA
+from epuckhebb.sim.life import Samples
+from epuckhebb.sim.tasks.reversal import Reversal
+from epuckhebb.store import Run, write_atomic
+
+_LEAST_SHARE, _MOST_MM = 0.5, 1000.0  # of a figure's own width, below which its letters overlap; of any figure
+
+
+def _config(run: Run, schema: type[Config]) -> Config:
+    return from_values(without_own_code(settings(run.config_file)), schema, str(run.path))
+
+
+def _maze(run: Run) -> Figure:
+    return figures.maze(recording(run.path).config.world)
+
+
+def _trajectories(run: Run) -> Figure:
+    made = recording(run.path)
+    return of_runs.trajectories(made.config, made.title, made.traces)
+
+
+def _plastic(run: Run) -> tuple[str, dict[str, Samples]]:
+    """The name of the first controller with plasticity, and its lifetime on each side."""
+    traces = recording(run.path).traces
+    name = next((one for one in traces.controller if one != GA), GA)
+    own = [k for k, one in enumerate(traces.controller) if one == name]
+    return name, {traces.side[k]: Samples(*(array[k] for array in traces.samples)) for k in own}
+
+
+def _network(run: Run) -> Figure:
+    made, (name, lifetimes) = recording(run.path), _plastic(run)
+    return charts.network(made.weights, lifetimes, f"{name} in {made.title}", made.network, made.config.world.robot)
+
+
+def _weight_change(run: Run) -> Figure:
+    made, (name, lifetimes) = recording(run.path), _plastic(run)
+    return charts.weight_change({name: lifetimes}, "fitness", made.config.world.name, made.config.world.robot)
+
+
+def _reversal(run: Run) -> Figure:
+    config = _config(run, EvaluateConfig)
+    shares, trials = run.table("reversal.csv"), run.table("reversal_trials.csv")
+    return of_runs.reversal(config, run.provenance["genome"], shares, trials)
+
+
+def _learning(run: Run) -> Figure:
+    return of_runs.learning(_config(run, EvolveConfig), run.table("history.csv"))
+
+
+def _dose_response(run: Run) -> Figure:
+    rows = pd.read_csv(io.BytesIO(run.content("sweep.csv")), dtype=str, keep_default_na=False)
+    named = list(run.table("summary.csv"))
+    drawn = summary.dose_response(rows, [key for key in named[: named.index("n")] if key not in ("controller", "side")])
+    if drawn is None:
+        raise ConfigError(f"{run.path} has one N, or lifetimes of many trials, so there is no dose-response")
+    return drawn
+
+
+def _rescue_and_harm(run: Run) -> Figure:
+    return charts.rescue_over_all(run.table("rescue_over_all.csv"))
+
+
+def _leaderboard(run: Run) -> Figure:
+    champions = run.table("champions.csv")
+    tests = champions.test[champions.experiment == leaderboard.REVERSAL]
+    lines = {}
+    if len(tests):
+        task = _config(Run(run.path / tests.iloc[0]), EvaluateConfig).world.task
+        lines = {leaderboard.REVERSAL: limits(task)} if isinstance(task, Reversal) else {}
+    return charts.leaderboard_of(run.table("leaderboard.csv"), champions, lines)
+
+
+_DRAWN: dict[str, tuple[str, Callable[[Run], Figure]]] = {  # name -> the file that it needs, and what draws it
+    "trajectories": ("traces.npz", _trajectories),
+    "maze": ("traces.npz", _maze),
+    "network": ("traces.npz", _network),
+    "weight_change": ("traces.npz", _weight_change),
+    "reversal": ("reversal.csv", _reversal),
+    "learning": ("history.csv", _learning),
+    "dose_response": ("sweep.csv", _dose_response),
+    "leaderboard": ("leaderboard.csv", _leaderboard),
+    "rescue_and_harm": ("rescue_over_all.csv", _rescue_and_harm),
+}
+
+
+def draw(path: Path, name: str, kind: str, width_mm: float | None, output: Path | None) -> Path:
+    """Draw a figure of a run into a file; returns its path.
+
+    kind: png, svg or pdf. width_mm: of the figure; None for its own width. output: the file; None for one in the run
+    folder.
+    """
+    run = Run(path)
+    known = [one for one, (file, _) in _DRAWN.items() if run.has(file)]
+    if name not in known:
+        raise ConfigError(f"{path} has the figures {', '.join(known) or 'none'}; got {name}")
+    if kind not in KINDS:
+        raise ConfigError(f"--format must be one of {', '.join(KINDS)}, got {kind}")
+    drawn, target = _DRAWN[name][1](run), output or path / "figures" / f"{name}.{kind}"
+    least = _LEAST_SHARE * drawn.get_figwidth() * MM
+    if width_mm is not None and not least <= width_mm <= _MOST_MM:
+        raise ConfigError(f"--width of this figure must lie between {least:.0f} and {_MOST_MM:g} mm, got {width_mm:g}")
+    try:
+        write_atomic(target, image(drawn, kind, width_mm))
+    except OSError as error:
+        raise ConfigError(f"cannot write {target}: {error.strerror}") from error
+    return target

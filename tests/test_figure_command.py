@@ -1,0 +1,61 @@
+"""`epuckhebb figure`, and the key `figures`."""
+
+import pytest
+from cases import done, first_of, refused
+
+SHORT = ["scenario=4obstacles", "lifetime.duration_s=8", "repeats=1", "-q"]
+GA = ["ga.population=6", "ga.generations=2", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3", "-q"]
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """A folder with an evaluation whose figures are SVGs, one of many rates without figures, and an evolution."""
+    folder = tmp_path_factory.mktemp("runs")
+    done("evaluate", *SHORT, "figures=svg", f"hydra.run.dir={folder}/evaluated")
+    done("evolve", *GA, "scenario.paper_duration_s=10", "figures=none", f"hydra.run.dir={folder}/evolved")
+    return folder
+
+
+def test_a_run_has_its_figures_in_the_format_of_its_settings(runs):
+    (figure,) = (runs / "evaluated" / "figures").iterdir()
+    assert figure.name == "trajectories.svg"
+    assert b"<svg" in figure.read_bytes()
+    assert not (runs / "evolved" / "figures").exists()
+
+
+@pytest.mark.parametrize(
+    ("run", "name"),
+    first_of(
+        [
+            ("evaluated", "trajectories"),
+            ("evolved", "learning"),
+            *(("evaluated", name) for name in ("maze", "network", "weight_change")),
+        ],
+        ordinary=2,
+    ),
+)
+def test_a_figure_is_drawn_again(runs, name, run):
+    written = done("figure", runs / run, name, "--format", "pdf", "--width", "180").stdout.strip()
+    assert written == str(runs / run / "figures" / f"{name}.pdf")
+    assert (runs / run / "figures" / f"{name}.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_what_cannot_be_drawn_is_refused(runs, tmp_path):
+    output = tmp_path / "x.png"
+    known = "has the figures trajectories, maze, network, weight_change; got learning"
+    assert known in refused("figure", runs / "evaluated", "learning", "-o", output)
+    narrow = "--width of this figure must lie between 122 and 1000 mm, got 88"
+    assert narrow in refused("figure", runs / "evaluated", "trajectories", "--width", "88", "-o", output)
+    assert "one of png, svg, pdf, got bmp" in refused("figure", runs / "evaluated", "maze", "-f", "bmp", "-o", output)
+    assert not output.exists()
+
+
+@pytest.mark.thorough
+def test_figures_of_a_study_are_drawn_again(here):
+    words = ["hebbian.N=0.0002,0.002", "scenario=highlight,lowlight", "genome=reference_1,reference_2"]
+    done("sweep", "n_sweep", *words, "repeats=1", "lifetime.duration_s=4", "-q", "hydra/launcher=basic")
+    (study,) = (here / "runs" / "sweep").iterdir()
+    for name in ("dose_response", "rescue_and_harm"):
+        drawn = (study / "figures" / f"{name}.png").read_bytes()
+        done("figure", study, name, "-o", here / f"{name}.png")
+        assert (here / f"{name}.png").read_bytes() == drawn

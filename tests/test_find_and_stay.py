@@ -1,0 +1,156 @@
+"""Find the goal and stay there: the goal signal and its faults, the two gates, a halt, and staying that is learnt."""
+
+from dataclasses import replace
+
+import numba
+import numpy as np
+import pytest
+
+from epuckhebb.config.compose import composed
+from epuckhebb.config.schema import EvaluateConfig, typed
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.adaptation.adaptation import Adaptation, Exploration
+from epuckhebb.sim.adaptation.gate import PlasticWhen, Stay
+from epuckhebb.sim.adaptation.nominal import measure_nominal
+from epuckhebb.sim.block import live_block
+from epuckhebb.sim.controller import Controller
+from epuckhebb.sim.goal_signal import SPELL, GoalSignal, goal_signal, initial_signal
+from epuckhebb.sim.maze import Place
+from epuckhebb.sim.plasticity.control import Sign
+from epuckhebb.sim.plasticity.rules.paper import Paper
+from epuckhebb.sim.random import Stream, key
+from epuckhebb.sim.robot import STEP_S
+from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.session import Individual
+from epuckhebb.store.genome import load_genome
+
+KEY = key(1, Stream.evaluation_noise)
+GIVEN = numba.njit(goal_signal)
+CHAMPION = load_genome("reference_2", "obstacles")
+SECOND = round(1 / STEP_S)
+
+
+def config(*overrides):
+    return typed(composed("evaluate", [*overrides]), EvaluateConfig)
+
+
+def signals(steps, distance=0.0, **faults):
+    past = initial_signal()
+    return np.array([GIVEN(GoalSignal(**faults).numbers(), distance, 0.05, past, KEY, step) for step in range(steps)])
+
+
+def test_an_exact_goal_signal_is_given_within_the_radius_and_nowhere_else():
+    assert signals(10, 0.0499).all()
+    assert not signals(10, 0.0501).any()
+    assert signals(10, 0.0999, radius_ratio=2.0).all()
+
+
+def test_a_late_goal_signal_and_one_every_second():
+    assert np.flatnonzero(signals(100, delay_s=1.0))[0] == SECOND
+    assert np.flatnonzero(signals(100, every_s=1.0)).tolist() == [0, SECOND, 2 * SECOND, 3 * SECOND]
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.3])
+def test_a_false_goal_signal_is_wrong_for_whole_seconds_in_its_share_of_time(distance):
+    wrong = signals(2000 * SPELL, distance, false_share=0.05) != (distance == 0)
+    by_second = wrong.reshape(-1, SPELL)
+    assert (by_second.all(axis=1) | ~by_second.any(axis=1)).all()
+    assert by_second.mean() == pytest.approx(0.05, abs=0.015)
+
+
+def test_a_goal_signal_by_chance_says_nothing_of_the_goal():
+    assert (signals(7000, 0.0, chance_s=200) == signals(7000, 0.3, chance_s=200)).all()
+
+
+@pytest.fixture(scope="module")
+def nominal():
+    return measure_nominal(CHAMPION.weights, config("scenario=base").world)
+
+
+def run(nominal, *overrides, side="right", world="scenario=base_lamp_gone", seconds=250.0):
+    """A lifetime; without its lamp the champion goes to the wrong end."""
+    settings = config(world, *overrides)
+    (controller,) = settings.controllers
+    individual = Individual(
+        genes=CHAMPION.genes, side=side, key=KEY, controller=controller, nominal=nominal.of(side), record=True
+    )
+    lifetime = replace(settings.lifetime, record_every=1, duration_s=seconds)
+    return live_block([individual], settings.world, lifetime)[0]
+
+
+@pytest.mark.parametrize("stays", [{"stay": Stay.halt}, {"stay": Stay.learn, "plastic_when": PlasticWhen.goal_signal}])
+def test_agrees_with_the_oracle(beside_the_oracle, stays):
+    finds = {"change_signal": "late", "exploration": Exploration.wall_following, "active_s": 10.0, "rest_s": 2.0}
+    adaptation = Adaptation(threshold=1.2, start_by_s=4.0, **finds, **stays)
+    controller = Controller(name="x", rule=Paper(N=0.01, sign=Sign.anti), adaptation=adaptation)
+    near = Scenario(goals={"left": Place(0.0, -0.1), "right": Place(0.0, -0.1)})  # in the stem, on the way
+    nominal = measure_nominal(CHAMPION.weights, Scenario(), 4.0).of("right")
+    more = {"seconds": 12.0, "nominal": nominal, "signs": -np.ones(234)}
+    _, samples, robot = beside_the_oracle(CHAMPION.genes, "right", near, controller, **more)
+    assert robot.arrived
+    assert (samples.weight_change[-1] > 0) == (adaptation.stay is Stay.learn)
+    assert robot.halted == (adaptation.stay is Stay.halt)
+
+
+def test_it_finds_the_goal_and_halts_there(nominal):
+    alone, _ = run(nominal, "hebbian=paper", "hebbian.N=0")
+    outcome, samples = run(nominal, "adaptation=find_and_stay")
+    assert (alone.success, outcome.success) == (False, True)
+    there = samples.time > outcome.time_to_goal + 0.2
+    assert np.ptp(samples.pose[there], axis=0).max() < 1e-9
+    assert not samples.weight_change.any()
+
+
+def test_it_learns_to_stay_at_the_goal_alone_and_keeps_what_it_learns(nominal):
+    outcome, samples = run(nominal, "adaptation=find_and_learn_to_stay")
+    goal = config("scenario=base").world.goals_now["right"]
+    here = np.hypot(samples.pose[:, 0] - goal.x, samples.pose[:, 1] - goal.y) < 0.05
+    changed = np.abs(np.diff(samples.weight_change)) > 0
+    assert outcome.success
+    assert here[1:][changed].all()
+    first = int(np.argmax(here))
+    assert not samples.weight_change[:first].any()
+    assert samples.weight_change[first + 1 :].min() > 0
+
+
+@pytest.mark.parametrize(("when", "share"), [("always", 1.0), ("late", 0.5)])
+def test_the_gate_of_plasticity_is_not_that_of_exploration(nominal, when, share):
+    learns = ("adaptation=find", "hebbian=paper", "hebbian.N=0.0001", f"adaptation.plastic_when={when}")
+    _, samples = run(nominal, *learns, seconds=60.0)
+    plastic = (samples.rate > 0).mean()
+    assert plastic == 1.0 if when == "always" else plastic < share
+    _, silent = run(nominal, "adaptation=find", seconds=60.0)
+    np.testing.assert_array_equal(silent.weight_change, 0)
+
+
+def test_a_start_by_a_time_does_not_wait_for_lateness(nominal):
+    never_late = replace(nominal, time_to_goal_s=np.array([1e6, 1e6]))
+    starts = ("adaptation=find", "adaptation.start_by_s=20", "adaptation.active_s=1000")
+    _, early = run(never_late, *starts, seconds=40.0)
+    _, never = run(never_late, "adaptation=find", "adaptation.start_by_s=inf", seconds=40.0)
+    same = (early.pose == never.pose).all(axis=1)
+    assert same[: int(20 / STEP_S)].all()
+    assert not same[int(21 / STEP_S) :].all()
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["adaptation=find", "adaptation.stay=learn"], "plastic_when=goal_signal, not late"),
+        (["adaptation=find_and_learn_to_stay", "hebbian=none"], "needs a plasticity rule"),
+        (["adaptation=find", "adaptation.plastic_when=recognised"], "needs recognise=true"),
+        (["adaptation=recognise_and_halt", "adaptation.plastic_when=goal_signal"], "plastic_when=recognised"),
+        (["adaptation=find", "adaptation.start_by_s=250"], "less than lifetime.duration_s = 250"),
+        (["adaptation=recognise_and_halt", "robot=epuck_lidar"], "infra-red sensors at the same four places"),
+        (["adaptation=none", "adaptation.stay=halt"], "adaptation.stay does nothing without a signal of change"),
+        (["scenario.goal_signal.delay_s=11"], r"goal_signal.delay_s must lie in \[0, 10\]"),
+        (["scenario.second_lamp=[1,2]"], "scenario.second_lamp must be"),
+        (["scenario.start=[0,0]"], "scenario.start must be"),
+        (["scenario.start=[0.0,-0.1,90]", "scenario.goals.left=[0.45,0.45]"], "goal"),
+        (["scenario.sensor_levels=1"], "sensor_levels must be 2 or more"),
+        (["scenario.wheel_delay_steps=32"], "wheel_delay_steps must lie in"),
+    ],
+)
+def test_refuses_what_cannot_be(overrides, words):
+    with pytest.raises((ConfigError, ValueError), match=words):
+        config(*overrides)

@@ -1,0 +1,298 @@
+"""An optimizer of the user's own: the example from its first command to its last, what it is told, and bad ones."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from cases import call, contents, done, refused
+
+import epuckhebb
+from epuckhebb.config.parts import part_class
+from epuckhebb.evolution.evolve import evolve
+from epuckhebb.evolution.search import Search
+from epuckhebb.sim.block import live_block
+from epuckhebb.sim.genome import plan_of
+from epuckhebb.sim.life import Lifetime
+from epuckhebb.sim.maze import SIDES
+from epuckhebb.sim.network import PAPER_NETWORK
+from epuckhebb.sim.random import Stream, key
+from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.session import Individual
+from epuckhebb.store.run import Run
+
+HERE = Path(__file__).parent
+EXAMPLE = HERE.parent / "examples" / "own_optimizer"
+OWN = "optimizer.algorithm=my_optimizer.py:CmaMe"
+SMALL = ["optimizer.population=6", "optimizer.emitters=2", "optimizer.cells=5", "optimizer.confirm=2", "-q"]
+SMALL += ["lifetime.duration_s=2", "scenario.paper_duration_s=10", "threads=1"]
+RESULTS = ("history.csv", "champion.npz", "archive.csv")
+SHORT = ["lifetime.duration_s=2", "repeats=1"]
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """A folder outside the package with the example, and runs by it; not to be changed."""
+    folder = tmp_path_factory.mktemp("optimizer")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for file in EXAMPLE.glob("*.py"):
+            shutil.copy(file, folder)
+        done("evolve", OWN, *SMALL, "optimizer.generations=4", "hydra.run.dir=evolved")
+        done("evaluate", "genome=evolved", *SHORT, "hydra.run.dir=evaluated")
+    return folder
+
+
+@pytest.fixture
+def copy(runs, tmp_path, monkeypatch):
+    """A copy of that folder, in which anything may be done."""
+    monkeypatch.chdir(shutil.copytree(runs, tmp_path / "own"))
+    return Path.cwd()
+
+
+def same(one, other):
+    return all((one / name).read_bytes() == (other / name).read_bytes() for name in RESULTS)
+
+
+def test_an_evolution_by_it_is_resumed_to_the_same_bytes(copy):
+    done("evolve", OWN, *SMALL, "optimizer.generations=2", "hydra.run.dir=again")
+    assert not same(copy / "again", copy / "evolved")
+    done("evolve", "resume=again", "optimizer.generations=4", "-q")
+    assert same(copy / "again", copy / "evolved")
+    with (copy / "my_optimizer.py").open("a") as file:
+        file.write("\n# another\n")
+    said = refused("evolve", "resume=again", "optimizer.generations=5")
+    assert "my_optimizer.py, or a file that it imports, is not" in said
+
+
+@pytest.mark.thorough
+def test_it_survives_kill_9_at_any_moment(copy):
+    points = ["5", "beside", "9", "after", "12", "before", "17", "before", "18", "beside"]
+    words = ["evolve", f"optimizer.algorithm={copy}/my_optimizer.py:CmaMe", *SMALL, "optimizer.generations=4"]
+    subprocess.run([sys.executable, HERE / "killed.py", *words, "--", *points], cwd=copy, check=True)
+    killed = list(copy.glob("killed_*"))
+    assert len(killed) == len(points) / 2
+    for run in killed:
+        assert same(copy / "evolved", run), run
+
+
+def test_runs_by_it_are_shown_replayed_and_rerun_without_the_file(copy):
+    (copy / "my_optimizer.py").unlink()
+    assert "Evolved by CmaMe, in training worlds unvaried" in done("show", "evolved").stdout
+    done("replay", "evaluated")
+    for run in ("evaluated", "evolved"):
+        assert "bit-identical" in done("rerun", run).stdout
+    (file,) = Run(copy / "evolved").provenance["own_code"]
+    assert file.endswith("my_optimizer.py")
+
+
+@pytest.mark.usefixtures("copy")
+def test_a_point_of_the_archive_is_drawn_evaluated_and_replayed():
+    words = ["archive.py", "evolved", "--lamp-on", "0", "--lamp-off", "0"]
+    subprocess.run([sys.executable, *words], check=True, capture_output=True)
+    assert Path("archive.png").read_bytes().startswith(b"\x89PNG")
+    archive = pd.read_csv("evolved/archive.csv", dtype=str).astype(float)
+    genome = np.load("genome.npy")
+    assert genome.tobytes() in [row.tobytes() for row in archive.filter(like="solution").to_numpy()]
+    done("evaluate", "genome=genome.npy", *SHORT, "hydra.run.dir=point")
+    done("replay", "point")
+    done("sweep", "n_sweep", "genome=genome.npy", "--dry-run")
+
+
+@pytest.mark.usefixtures("copy")
+def test_a_multirun_takes_it():
+    words = ["evolve", "-m", OWN, *SMALL, "optimizer.generations=1", "optimizer.sigma=0.2,0.5", "hydra/launcher=basic"]
+    done(*words, "hydra.sweep.dir=out")
+    narrow, wide = (pd.read_csv(f"out/{job}/archive.csv").filter(like="solution").to_numpy() for job in (0, 1))
+    assert np.ptp(narrow) < np.ptp(wide)
+
+
+def climber(**settings):
+    """An optimizer whose one candidate is of its first generation."""
+    Path("climber.py").write_text(
+        """\
+from dataclasses import dataclass
+import numpy as np
+from epuckhebb import Optimizer
+
+
+@dataclass(kw_only=True)
+class Climber(Optimizer):
+    def start(self, plan, seed):
+        self.rng, self.first, self.told = np.random.default_rng(seed), None, []
+    def ask(self):
+        self.asked = self.rng.uniform(-2, 2, (self.population, 234))
+        self.first = self.asked[1] if self.first is None else self.first
+        return self.asked
+    def tell(self, x, success, fitness):
+        self.told.append((self.asked.copy(), x.copy(), success.copy(), fitness.copy()))
+        for mine in (self.asked, x, success, fitness):
+            mine[:] = 7
+    def candidates(self):
+        return self.first
+"""
+    )
+    return part_class("optimizer", "climber.py:Climber", "optimizer")(
+        **{"population": 3, "generations": 2, "confirm": 4, **settings}
+    )
+
+
+@pytest.mark.usefixtures("here")
+def test_it_is_told_how_each_lifetime_ended_and_its_candidate_is_confirmed():
+    life = Lifetime(duration_s=6, gain_rad_s=4)
+    *_, last = evolve(climber(loops=2), Scenario(), life, seed=5)
+    search = Search(climber(loops=2), plan_of(PAPER_NETWORK), 5, last.log)
+    for number, (asked, x, success, fitness) in enumerate(search._optimizer.told):
+        assert x.shape == success.shape == (3, 2, 2)
+        assert 0.3 < fitness.min() < 0.9
+        for side, column in (("right", 0), ("left", 1)):  # lamp on first
+            noise = key(5, Stream.training_noise, number, 0, 1, SIDES.index(side))
+            individual = Individual(genes=asked[2], side=side, key=noise)
+            ((outcome, _),) = live_block([individual], Scenario(), life)
+            assert outcome.x == x[2, 1, column]
+            assert outcome.success == success[2, 1, column]
+    first, *_ = search._optimizer.told
+    np.testing.assert_array_equal(last.champion, first[0][1])  # of the generation before the last
+    assert last.champion_fitness not in [*first[3], *last.fitness]  # that of fresh lifetimes
+
+
+BAD = """\
+from dataclasses import dataclass
+from pathlib import Path
+import numpy as np
+from epuckhebb import Optimizer
+
+class Still(Optimizer):
+    def start(self, plan, seed):
+        self.genes, self.generation = np.zeros((3, 234)), 0
+    def ask(self):
+        return self.genes
+    def tell(self):
+        self.generation += 1
+
+class NotOne: pass
+class Deaf(Optimizer):
+    start = Still.start
+    ask = Still.ask
+class Mute(Optimizer):
+    start = Still.start
+    tell = Still.tell
+class Curious(Still):
+    def tell(self, fitness, weather): pass
+class Bare(Still):
+    sigma: float = 1.0
+class Shy(Still):
+    def ask(self): return None
+class Empty(Still):
+    def ask(self): return self.genes[:0]
+class Greedy(Still):
+    def ask(self): return np.zeros((31, 234))
+class Flat(Still):
+    def ask(self): return self.genes[0]
+class Narrow(Still):
+    def ask(self): return self.genes[:, 1:]
+class Undefined(Still):
+    def ask(self): return self.genes * np.nan
+class Wide(Still):
+    def ask(self): return self.genes + 2.5
+class Broken(Still):
+    def ask(self): return [][1]
+class Lucky(Still):
+    def ask(self): return np.random.default_rng().uniform(-1, 1, (3, 234))
+@dataclass(kw_only=True)
+class Fine(Still):
+    sigma: float = 1.0
+    def __post_init__(self):
+        super().__post_init__()
+        if self.sigma < 0: raise ValueError("sigma must be 0 or more")
+class Tired(Still):
+    def tell(self, fitness):
+        self.generation += 1
+        if self.generation == 2: raise KeyError("tired")
+class Candid(Still):
+    def candidates(self): return [1.0]
+class Messy(Still):
+    def tables(self): return {"history": 3}
+class Fickle(Still):
+    def ask(self): return self.genes + (float(Path("dial").read_text()) if self.generation == 1 else 0.0)
+"""
+
+
+@pytest.fixture
+def bad(here):
+    (here / "bad.py").write_text(BAD)
+    return here
+
+
+@pytest.mark.usefixtures("bad")
+@pytest.mark.parametrize(
+    ("words", "texts"),
+    [
+        (["climber"], ["must be one of ga, open_es, sep_cma_es, or an optimizer of your own, FILE.py:NAME"]),
+        (["nowhere.py:Fine"], ["nowhere.py:Fine: there is no file"]),
+        (["bad.py:Fin"], ["has no optimizer Fin", "Did you mean Fine?"]),
+        (["bad.py:NotOne"], ["has no optimizer NotOne", "subclass of epuckhebb.Optimizer"]),
+        (["bad.py:Deaf"], ["optimizer Deaf has no method `tell`"]),
+        (["bad.py:Mute"], ["Can't instantiate abstract class Mute", "ask"]),
+        (["bad.py:Curious"], ["`tell` has the unknown arguments weather; known are fitness, success,", "x, y"]),
+        (["bad.py:Bare"], ["sigma is not a setting; write @dataclass(kw_only=True)"]),
+        (["bad.py:Shy"], ["Shy: `ask` must return genomes, an array of 1 to 30 rows with 234 numbers, got None"]),
+        (["bad.py:Empty"], ["of 1 to 30 rows with 234 numbers; it has 0 rows"]),
+        (["bad.py:Greedy"], ["of 1 to 30 rows with 234 numbers; it has 31 rows"]),
+        (["bad.py:Flat"], ["`ask` must return genomes", "got shape (234,)"]),
+        (["bad.py:Narrow"], ["`ask` must return genomes", "got shape (3, 233)"]),
+        (["bad.py:Undefined"], ["`ask` must return genomes", "nan or infinite"]),
+        (["bad.py:Wide"], ["within its limit (optimizer.gene_limit is 2); one is 2.5"]),
+        (["bad.py:Broken"], ["Broken: `ask` failed in line 40: IndexError: list index out of range"]),
+        (["bad.py:Lucky"], ["Lucky asks for other genomes with the same seed"]),
+        (["bad.py:Fine", "optimizer.sigam=1"], ["optimizer.sigam is no key of", "Did you mean sigma?"]),
+        (["bad.py:Fine", "optimizer.sigma=wide"], ["optimizer.sigma must be a finite number"]),
+        (["bad.py:Fine", "optimizer.sigma=-1"], ["bad.py:Fine: sigma must be 0 or more"]),
+        (["bad.py:Fine", "optimizer.loops=0"], ["optimizer.loops must be 1 or more, got 0"]),
+        (["bad.py:Fine", "ga.population=8"], ["ga and its keys are settings of optimizer=ga"]),
+    ],
+)
+def test_what_cannot_be_an_optimizer_is_refused_before_anything_runs(words, texts):
+    said = refused("evolve", f"optimizer.algorithm={words[0]}", *words[1:], "lifetime.duration_s=1")
+    for text in texts:
+        assert text in said
+    assert not Path("runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "generations"),
+    [
+        ("Tired", "optimizer Tired: `tell` failed in line 52: KeyError: 'tired'", 1),
+        ("Candid", "Candid: `candidates` must return genomes, rows of 234 numbers, or None, got shape (1, 1)", 0),
+        ("Messy", "optimizer Messy: `tables` must return data frames by name, got 'history'", 0),
+    ],
+)
+def test_what_fails_in_a_run_keeps_its_whole_generations(bad, name, text, generations):
+    result = call("evolve", f"optimizer.algorithm=bad.py:{name}", *SMALL[3:], "hydra.run.dir=out")
+    assert result.exit_code == 1
+    assert text in result.stderr
+    assert "Traceback" not in result.stderr
+    run = Run(bad / "out")
+    assert (run.state, text in run.error) == ("failed", True)
+    assert run.has("checkpoint.npz") == bool(generations)
+    assert not generations or len(run.table("history.csv")) == generations
+
+
+def test_one_that_asks_for_other_genomes_is_not_resumed(bad):
+    (bad / "dial").write_text("0.5")
+    words = ["optimizer.algorithm=bad.py:Fickle", *SMALL[3:], "optimizer.generations=2", "hydra.run.dir=out"]
+    done("evolve", *words)
+    (bad / "dial").write_text("0.25")
+    before = contents("out")
+    said = refused("evolve", "resume=out", "optimizer.generations=3")
+    assert "optimizer Fickle asks for other genomes than before in generation 1" in said
+    assert contents("out") == before
+
+
+@pytest.mark.usefixtures("here")
+def test_an_object_from_python_is_refused_with_the_way_to_name_it():
+    with pytest.raises(ValueError, match=r"optimizer=\{'algorithm': 'FILE.py:Climber'\}"):
+        epuckhebb.evolve(optimizer=climber())
