@@ -421,6 +421,9 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
 }
 
 
+_JOINED = Array((2, "synapses"), "", "beside `wiring`: the presynaptic and postsynaptic neuron of each synapse")
+
+
 def _sample(unit: str, meaning: str, axes: tuple[str | int, ...] = ()) -> Array:
     return Array(("lifetimes", "samples", *axes), unit, meaning)
 
@@ -430,6 +433,8 @@ TRACES: Mapping[str, Array] = {
     "side": Array(("lifetimes",), "", "`left` or `right`"),
     "genome": Array(("synapses",), "", "the initial weights"),
     "layers": Array(("layers",), "", "how many neurons each layer has, sensors first, wheels last"),
+    "wiring": Array((), "", "the name of the wiring, unless the network is layers"),
+    "joined": _JOINED,
     "time": _sample("s", "since the start of the lifetime"),
     "pose": _sample("m, m, rad", "x (to the right), y (ahead at the start), heading, anticlockwise from x", (3,)),
     "sensors": _sample("0 to 1", "network inputs, light first (1 is dark), then distance (1 is touching)", ("inputs",)),
@@ -440,11 +445,15 @@ TRACES: Mapping[str, Array] = {
     "weight_change": _sample("", "sum of abs(W - W_gene) over all weights"),
     "tilt": _sample("rad, rad, m", "roll, pitch and height above the floor, with `physics=ode` alone", (3,)),
     "weights": _sample("", "all weights, layer by layer, a row for each presynaptic neuron", ("synapses",)),
+    "activations": _sample("", "beside `wiring`: activations of its neurons, those behind the bias", ("neurons",)),
 }
 
 CHAMPION: Mapping[str, Array] = {
-    "genome": Array(("genes",), "", "all genes: the weights, layer by layer, then the evolved parameters of a rule"),
+    "genome": Array(("genes",), "", "all genes: the weights, layer by layer, then parameters of neurons and of a rule"),
     "layers": Array(("layers",), "", "how many neurons each layer has"),
+    "wiring": Array((), "", "the name of the wiring, unless the network is layers"),
+    "joined": _JOINED,
+    "wiring_settings": Array((), "", "beside `wiring`: its settings as JSON"),
     "parts": Array(("parts",), "", "the names of the parts of the genome"),
     "part_sizes": Array(("parts",), "", "how many genes each has"),
     "fitness": Array((), "", "what it was chosen by"),
