@@ -64,6 +64,7 @@ ALLOWED = {  # what looks like one of these words, and why it stands
     r"Path\.home\(\)|XDG_CACHE_HOME": "names of others",
     r"home_base_201": "a name in the committed tables of the reference run",
     r"(reference/)?baseline/\w*": "a folder of the reference run",
+    r"[Ss]table-[Bb]aselines3": "a library",
     r"<!-- .*? -->": "a mark around a generated part of a page",
 }
 NAMES = {  # of functions, classes, arguments and fields: what to say instead
