@@ -13,7 +13,7 @@ from step import GENES
 from epuckhebb.sim import light
 from epuckhebb.sim.maze import T_MAZE, Pose, boxes
 from epuckhebb.sim.network import PAPER_NETWORK, forward_pass, initial_weights_of
-from epuckhebb.sim.physics import PymunkSpace, mover
+from epuckhebb.sim.physics.pymunk import PYMUNK, PymunkSpace, mover
 from epuckhebb.sim.plasticity.rule import initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.plasticity.update import StepContext, update_of
@@ -24,15 +24,15 @@ from epuckhebb.sim.senses import sense_workspace, senses
 
 LOOPS, REPEATS = 100_000, 7
 loop: Any = njit(nogil=True, error_model="numpy")
-sense, draw_noise, forward, move = senses(EPUCK), normal_numbers(16), forward_pass(PAPER_NETWORK), mover(EPUCK)
+sense, draw_noise, forward, move = senses(EPUCK, PYMUNK), normal_numbers(16), forward_pass(PAPER_NETWORK), mover(EPUCK)
 learn = update_of(Paper, PAPER_NETWORK)
 
 
 @loop
-def senses_loop(n, walls, lit, numbers, room, activation):
+def senses_loop(n, space, lit, numbers, room, activation):
     for k in range(n):
         heading, y = 1.57 + k * 1e-6, -0.35 + k * 5e-6
-        sense(0.007, y, math.cos(heading), math.sin(heading), walls, lit, numbers, 1.0, room, activation)
+        sense(0.007, y, math.cos(heading), math.sin(heading), space, lit, numbers, 1.0, room, activation)
 
 
 @loop
@@ -99,7 +99,10 @@ def measure() -> list[tuple[str, str]]:
     wall.place_robot(Pose(0.007, 0.16, math.pi / 2))
     corner.place_robot(Pose(-0.375, 0.17, 3 * math.pi / 4))
     return [
-        ("rays, light and infra-red", _time(senses_loop, walls, lit, numbers, sense_workspace(EPUCK), activation)),
+        (
+            "rays, light and infra-red",
+            _time(senses_loop, still.handles, lit, numbers, sense_workspace(EPUCK, PYMUNK), activation),
+        ),
         ("noise", _time(noise_loop, np.uint64(7), numbers)),
         ("network", _time(network_loop, genes, activation, np.empty(8))),
         ("plasticity", _time(plasticity_loop, *plasticity)),

@@ -34,11 +34,13 @@ __all__ = [
     "Optimizer",
     "Rule",
     "Sensor",
+    "Wiring",
     "evaluate",
     "evolve",
     "load",
     "play",
     "sweep",
+    "tanh",
 ]
 
 if TYPE_CHECKING:
@@ -48,11 +50,14 @@ if TYPE_CHECKING:
     from epuckhebb.evolution.optimizers.ga import GA
     from epuckhebb.sim.adaptation.adaptation import Adaptation
     from epuckhebb.sim.coupling import Coupling
+    from epuckhebb.sim.evolved import Evolved
     from epuckhebb.sim.life import Lifetime
+    from epuckhebb.sim.network import tanh
     from epuckhebb.sim.own_fitness import Fitness
     from epuckhebb.sim.own_sensor import Sensor
-    from epuckhebb.sim.plasticity.rule import Evolved, Rule
+    from epuckhebb.sim.plasticity.rule import Rule
     from epuckhebb.sim.plasticity.rules.paper import Paper as Hebbian
+    from epuckhebb.sim.wiring import Wiring
 
 _FROM = {  # name -> where it is, if not in `api`
     "GA": "evolution.optimizers.ga",
@@ -60,7 +65,7 @@ _FROM = {  # name -> where it is, if not in `api`
     "Coupling": "sim.coupling",
     "Evaluation": "api.results",
     "Evolution": "api.results",
-    "Evolved": "sim.plasticity.rule",
+    "Evolved": "sim.evolved",
     "Fitness": "sim.own_fitness",
     "Hebbian": "sim.plasticity.rules.paper",
     "Lifetime": "sim.life",
@@ -68,6 +73,8 @@ _FROM = {  # name -> where it is, if not in `api`
     "Optimizer": "evolution.optimizer",
     "Rule": "sim.plasticity.rule",
     "Sensor": "sim.own_sensor",
+    "Wiring": "sim.wiring",
+    "tanh": "sim.network",
 }
 
 

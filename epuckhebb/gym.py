@@ -14,6 +14,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from epuckhebb.config.build import check_library
 from epuckhebb.config.compose import load
 from epuckhebb.config.overrides import quoted
 from epuckhebb.config.schema import EvolveConfig
@@ -72,6 +73,7 @@ class TMaze(gymnasium.Env[Floats, Floats]):
         words = [f"scenario={quoted(scenario)}", "hebbian=none", *overrides]
         config = load(EvolveConfig, words, None if config_dir is None else str(config_dir))
         self.world, self.lifetime, self.reward, self.side = config.world, config.lifetime, reward, side
+        check_library(self.world)
         self.network = GivenOutputs((self.world.inputs, OUTPUTS), self.world.task.gives_reward)
         lowest = np.zeros(self.world.inputs)
         lowest[self.world.robot.inputs :] = -1.0

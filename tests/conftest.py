@@ -150,7 +150,9 @@ def beside_the_oracle(run_lifetime):
             gain_rad_s=gain,
             **more,
         )
-        robot = reference.Robot(genes, scenario, side, controller, network=network, gain=gain, key=key, **more)
+        robot = reference.robot_of(network)(
+            genes, scenario, side, controller, network=network, gain=gain, key=key, **more
+        )
         expected, steps = reference.live(robot, len(samples.time))
         whole, samples = samples, type(samples)(*(array[: len(steps)] for array in samples))
         np.testing.assert_allclose(samples.pose, [s[:3] for s in steps], rtol=0, atol=1e-9)

@@ -67,9 +67,7 @@ class Robot:
         self.enter(scenario)
         self.put_walls()
 
-        self.shapes = list(pairwise([*network.layers]))
-        self.shapes[0] = (network.layers[0] + 1, network.layers[1])
-        synapses = sum(n * m for n, m in self.shapes)
+        synapses, of_network = self.shape(network, genes)
         self.genes = self.by_layer(np.clip(genes[:synapses], -2, 2))
         if controller.rule.initial_weights.name == "random":
             drawn = random.rng(int(self.key), random.Stream.initial_weights).uniform(-0.1, 0.1, synapses)
@@ -80,15 +78,21 @@ class Robot:
         self.trials, self.reward, self.over, self.time_outs = [], 0.0, False, 0
         if self.task is not None:
             self.begin_trial()
-        self.evolved = self.parts_of(genes[synapses:])
+        self.evolved = self.parts_of(genes[of_network:])
         self.initialise()
         self.junction, self.undirected, self.before_trial = 0.0, 0.0, 0
         self.nominal, self.recent, self.arrived, self.away, self.late = nominal, None, False, 0.0, 0.0
-        self.change_signal = math.nan
+        self.change_signal, self.exploring, self.at_goal, self.halted = math.nan, False, False, False
         self.hand, self.smooth, self.loss, self.ratio, self.dead = None, None, np.zeros(2), 1.0, []
         self.scale, self.novelty, self.brightness, self.used_scale = 1.0, None, None, 1.0
         if self.adaptation.self_check:
             self.check_itself(*in_training)
+
+    def shape(self, network, genes):
+        """Find the shapes of the weights; returns how many weights the network has, and how many genes in all."""
+        self.shapes = list(pairwise([*network.layers]))
+        self.shapes[0] = (network.layers[0] + 1, network.layers[1])
+        return (sum(n * m for n, m in self.shapes),) * 2
 
     def put_robot(self):
         """A robot at the start, at rest."""
@@ -177,7 +181,7 @@ class Robot:
         readings = self.scaled(self.correct(self.sense(x, y, heading)))
         seen = readings if self.task is None else np.append(readings, self.reward)
         activations = self.act(seen)
-        left, right = activations[-1]
+        left, right = activations[-1][-2:]
         arm = self.world.maze.arms[self.side]
         if self.task is None and arm.left < x < arm.right and arm.bottom < y < arm.top:
             self.junction = 1.0
@@ -197,9 +201,9 @@ class Robot:
             of_reward = self.evolved["vr"][0] * self.reward if self.task is not None else 0
             rate *= np.tanh((np.dot(v, activations[-2]) + v0 + of_reward) / 2)
         self.fitness = fitness
-        if need == 0:
+        if need == 0 and self.adaptation.stay.name != "learn":
             self.initialise()
-        elif self.rule.N > 0:
+        if need > 0 and self.rule.N > 0:
             self.learn(activations, rate)
         change = sum(np.abs(w - g).sum() for w, g in zip(self.weights, self.genes, strict=True))
         lit = self.weights[0][: self.kind.light.count] * (1 - self.used_scale)
@@ -410,10 +414,14 @@ class Robot:
         """What the wheels get of the network's outputs."""
         fastest = self.kind.motor_limit_rad_s / self.gain
         if self.adaptation.follows_walls and self.adaptation.is_gated:
-            if need > 0:
+            if self.exploring:
                 left, right = (speed / self.gain for speed in self.follow(readings[self.kind.light.count :]))
             else:
                 self.hand = None
+        if self.adaptation.stay.name == "halt" and self.at_goal:
+            self.halted = True
+        if self.halted:
+            left, right = 0.0, 0.0
         return (
             np.clip(out / (1 - loss), -fastest, fastest) for out, loss in zip((left, right), self.loss, strict=True)
         )
@@ -468,9 +476,13 @@ class Robot:
         self.change_signal = signal
         too_much = signal - over.threshold
         need = 0.0 if at_goal or not too_much > 0 else min(1.0, too_much * over.slope)
+        if now >= over.start_by_s and not self.arrived:
+            need = 1.0
         self.late = self.late + STEP if need else 0.0
         rests = over.active_s and self.late % (over.active_s + over.rest_s) >= over.active_s
-        return 0.0 if rests else need
+        need = 0.0 if rests else need
+        self.exploring, self.at_goal = need > 0, at_goal
+        return {"always": 1.0, "late": need, "goal_signal": float(at_goal)}[over.plastic_when.name]
 
     def learn(self, activations, rate):
         w_max = self.rule.w_max
@@ -559,6 +571,47 @@ class Robot:
         self.body.force = (push * math.cos(heading), push * math.sin(heading))
         self.body.torque = kind.inertia_kg_m2 * turn / STEP
         self.space.step(STEP)
+
+
+class Continuous(Robot):
+    """A robot with a continuous-time recurrent network (Beer 1995), written from its equations.
+
+    tau y' = -y + W [inputs, x], x = tanh(y + bias). All neurons respond at once; the last two are the wheels.
+    """
+
+    def shape(self, network, genes):
+        self.neurons, inputs = sum(network.layers[1:]), network.layers[0]
+        synapses, self.shapes = (inputs + self.neurons) * self.neurons, [(inputs + self.neurons, self.neurons)]
+        tau, self.bias = genes[synapses : synapses + 2 * self.neurons].reshape(2, -1)
+        self.tau = 0.1 * 10 ** (tau / 2)
+        self.y, self.x = np.zeros(self.neurons), np.zeros(self.neurons)
+        scaled = network.wiring.tau_gain_rad_s
+        self.neuron_step = STEP * self.gain / scaled if scaled else STEP
+        return synapses, synapses + 2 * self.neurons
+
+    def act(self, readings):
+        drive = np.concatenate([readings, self.x]) @ self.weights[0]
+        self.y = self.y + np.minimum(1.0, self.neuron_step / self.tau) * (drive - self.y)
+        self.x = np.tanh(self.y + self.bias)
+        return [np.concatenate([readings, self.x]), self.x]
+
+
+class Recurrent(Robot):
+    """A robot with a simple recurrent network (Elman 1990): h = tanh(W [inputs, 1, h']), wheels = tanh(U h)."""
+
+    def shape(self, network, genes):
+        inputs, hidden, outputs = network.layers
+        self.shapes, self.h = [(inputs + 1 + hidden, hidden), (hidden, outputs)], np.zeros(hidden)
+        return (sum(n * m for n, m in self.shapes),) * 2
+
+    def act(self, readings):
+        self.h = np.tanh(np.concatenate([readings, [1.0], self.h]) @ self.weights[0])
+        return [np.concatenate([readings, [1.0], self.h]), self.h, np.tanh(self.h @ self.weights[1])]
+
+
+def robot_of(network):
+    """The kind of robot that has this network."""
+    return {None: Robot, "ctrnn": Continuous, "elman": Recurrent}[network.wiring and network.wiring.name]
 
 
 def live(robot, steps):

@@ -102,8 +102,9 @@ def test_hydra_composes_the_same_worlds(name):
     ],
 )
 def test_changes_and_their_names_make_the_same_world(words, name):
-    assert world(*words) == world(f"scenario={name}")
-    assert world(*words)[:2] == (name, "")
+    made = world(*words)
+    assert made == world(f"scenario={name}")
+    assert made[:2] == (name, "")
 
 
 def test_what_is_given_beside_a_change_wins_and_is_reported():

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from epuckhebb.sim import kernels
+from epuckhebb.sim.adaptation.adaptation import Parts
 from epuckhebb.sim.compiled import compiled, kernel
 from epuckhebb.sim.digest import UnknownPartError, digest
 from epuckhebb.sim.kernels import kernel_of
@@ -170,7 +171,7 @@ def test_what_cannot_be_read_is_compiled_in_memory(monkeypatch, tmp_path):
 
 
 def name_of(rule, network=PAPER_NETWORK):
-    return kernel_of(rule, "none", network, EPUCK).py_func.__qualname__
+    return kernel_of(rule, Parts(), network, EPUCK).py_func.__qualname__
 
 
 def test_a_script_that_changes_an_equation_gets_a_kernel_of_its_own(monkeypatch):
@@ -206,11 +207,12 @@ def in_processes(code, arguments, cache):
 
 NAMES = """
 import json
+from epuckhebb.sim.adaptation.adaptation import Parts
 from epuckhebb.sim.kernels import kernel_of
 from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK
-made = [kernel_of(Paper, s, PAPER_NETWORK, EPUCK).py_func.__qualname__ for s in ("none", "late", "novelty")]
+made = [kernel_of(Paper, Parts(s), PAPER_NETWORK, EPUCK).py_func.__qualname__ for s in ("none", "late", "novelty")]
 print(json.dumps(made))
 """
 

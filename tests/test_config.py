@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from cases import done, first_of
+from cases import done
 from hydra._internal.hydra import Hydra
 
 from epuckhebb.cli.options import with_genomes_named
@@ -116,9 +116,10 @@ def test_a_controller_is_called_as_in_tables(words, name, rule, rate):
 # The files of conf/
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("robot", groups("evaluate")["robot"])
 @pytest.mark.parametrize("maze", groups("evaluate")["maze"])
-@pytest.mark.parametrize(("command", "schema"), first_of([("evaluate", EvaluateConfig), ("evolve", EvolveConfig)]))
+@pytest.mark.parametrize(("command", "schema"), [("evaluate", EvaluateConfig), ("evolve", EvolveConfig)])
 def test_every_maze_with_every_robot(command, schema, maze, robot):
     config = typed(composed(command, [f"maze={maze}", f"robot={robot}"]), schema)
     assert (config.world.maze.name, config.world.robot.name) == (maze, robot)

@@ -9,11 +9,18 @@ import pytest
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.adaptation.adaptation import Adaptation, Exploration
+from epuckhebb.sim.adaptation.gate import PlasticWhen, Stay
 from epuckhebb.sim.adaptation.nominal import measure_nominal
 from epuckhebb.sim.block import live_block
+from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.goal_signal import SPELL, GoalSignal, goal_signal, initial_signal
+from epuckhebb.sim.maze import Place
+from epuckhebb.sim.plasticity.control import Sign
+from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.random import Stream, key
 from epuckhebb.sim.robot import STEP_S
+from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual
 from epuckhebb.store.genome import load_genome
 
@@ -69,6 +76,20 @@ def run(nominal, *overrides, side="right", world="scenario=base_lamp_gone", seco
     )
     lifetime = replace(settings.lifetime, record_every=1, duration_s=seconds)
     return live_block([individual], settings.world, lifetime)[0]
+
+
+@pytest.mark.parametrize("stays", [{"stay": Stay.halt}, {"stay": Stay.learn, "plastic_when": PlasticWhen.goal_signal}])
+def test_agrees_with_the_oracle(beside_the_oracle, stays):
+    finds = {"change_signal": "late", "exploration": Exploration.wall_following, "active_s": 10.0, "rest_s": 2.0}
+    adaptation = Adaptation(threshold=1.2, start_by_s=4.0, **finds, **stays)
+    controller = Controller(name="x", rule=Paper(N=0.01, sign=Sign.anti), adaptation=adaptation)
+    near = Scenario(goals={"left": Place(0.0, -0.1), "right": Place(0.0, -0.1)})  # in the stem, on the way
+    nominal = measure_nominal(CHAMPION.weights, Scenario(), 4.0).of("right")
+    more = {"seconds": 12.0, "nominal": nominal, "signs": -np.ones(234)}
+    _, samples, robot = beside_the_oracle(CHAMPION.genes, "right", near, controller, **more)
+    assert robot.arrived
+    assert (samples.weight_change[-1] > 0) == (adaptation.stay is Stay.learn)
+    assert robot.halted == (adaptation.stay is Stay.halt)
 
 
 def test_it_finds_the_goal_and_halts_there(nominal):

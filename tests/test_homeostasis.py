@@ -8,7 +8,7 @@ import pytest
 import reference
 from cases import done
 
-from epuckhebb.sim.adaptation.adaptation import Adaptation, hooks
+from epuckhebb.sim.adaptation.adaptation import Adaptation, Parts, hooks
 from epuckhebb.sim.adaptation.change_signal import no_nominal
 from epuckhebb.sim.adaptation.homeostasis import PATTERNS, initial_homeostasis_state, light_patterns
 from epuckhebb.sim.adaptation.nominal import measure_nominal
@@ -60,7 +60,7 @@ def test_in_dimmer_light_the_scale_is_as_much_larger(genomes, nominal, level):
 
 def test_the_scale_finds_the_level_of_the_light(nominal):
     """The patterns of training, in light of 0.4 times training's."""
-    scale, state = hooks("none", EPUCK, homeostatic=True).scale, initial_homeostasis_state(EPUCK.light.count)
+    scale, state = hooks(Parts(homeostasis=True), EPUCK).scale, initial_homeostasis_state(EPUCK.light.count)
     tally, rng = np.zeros(1, TALLY).view(np.recarray), np.random.default_rng(3)
     tally["scale"] = 1.0
     for step in range(2000):

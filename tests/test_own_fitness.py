@@ -13,6 +13,7 @@ from cases import done, refused
 import epuckhebb
 from epuckhebb import Fitness, Lifetime
 from epuckhebb.config import plugins
+from epuckhebb.sim.adaptation.adaptation import Parts
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.fitness import Signal
@@ -156,7 +157,7 @@ def test_a_fitness_of_a_lifetime_alone_needs_no_kernel_of_its_own(genomes):
     usual, _ = live_block([session.individual], Scenario(), session.lifetime)[0]
     x, y, _ = session.pose
     assert session.outcome().fitness == usual.fitness + usual.path_length + math.hypot(x, y)
-    parts = (Paper, "none", PAPER_NETWORK, EPUCK)
+    parts = (Paper, Parts(), PAPER_NETWORK, EPUCK)
     assert kernel_of(*parts, fitness=Judged()) is kernel_of(*parts)
 
 

@@ -26,6 +26,7 @@ WORDS = {
     "show": ["evaluated"],
     "keys": ["scenario"],
     "export": ["evaluated", "--webots"],
+    "flock": ["--quick", "-q"],
     "rerun": ["evaluated"],
 }
 pytestmark = pytest.mark.slow

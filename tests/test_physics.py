@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from epuckhebb.sim.maze import T_MAZE, Pose, boxes
-from epuckhebb.sim.physics import COLLISION_SLOP, PymunkSpace, mover, put_back
+from epuckhebb.sim.physics.pymunk import COLLISION_SLOP, PymunkSpace, mover, put_back
 from epuckhebb.sim.robot import EPUCK, STEP_S
 
 RADIUS, WHEEL_RADIUS, MOTOR_LIMIT = EPUCK.radius_m, EPUCK.wheel_radius_m, EPUCK.motor_limit_rad_s

@@ -15,12 +15,13 @@ from epuckhebb.evolution.optimizers.ga import GA, next_generation
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.compiled import kernel
 from epuckhebb.sim.controller import Controller
+from epuckhebb.sim.evolved import Evolved
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.sim.not_compiled import NotCompiledError
 from epuckhebb.sim.plasticity.control import Sign
-from epuckhebb.sim.plasticity.rule import Evolved, Rule, arguments_of, coefficients, initial_synapse_state
+from epuckhebb.sim.plasticity.rule import Rule, arguments_of, coefficients, initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.plasticity.update import StepContext, update_of
 from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
@@ -112,7 +113,7 @@ def test_a_rule_with_parameters_evolves():
     again = list(evolve(ga, Scenario(), short, seed=2, threads=2, after=whole[0], network=SMALL, controller=CONTROLLER))
     assert whole[-1].champion.shape == (PLAN.genes,)
     for one, other in zip(whole[1:], again, strict=True):
-        assert one.log[-1].asked == other.log[-1].asked
+        assert one.log[-1].digest == other.log[-1].digest
         assert one.fitness.tobytes() == other.fitness.tobytes()
 
 

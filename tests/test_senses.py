@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numba
@@ -18,6 +19,7 @@ from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.light import Lamp, irradiance, lights, reading
 from epuckhebb.sim.maze import T_MAZE, boxes
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.robot import EPUCK, Robot
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.senses import blinding, largest_distance_reading, sense_workspace, senses
@@ -127,9 +129,8 @@ def test_rays_agree_with_pymunk(space, lidar, kind, x, y, heading):
 def sensed(robot, x, y, heading, lit, level=0.0, walls=WALLS):
     readings, noise = np.zeros(robot.inputs), np.ones(random.noise_workspace_size(robot.inputs))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        senses(robot)(
-            x, y, math.cos(heading), math.sin(heading), walls, lit, noise, level, sense_workspace(robot), readings
-        )
+        space, workspace = SimpleNamespace(walls=walls), sense_workspace(robot, PYMUNK)
+        senses(robot, PYMUNK)(x, y, math.cos(heading), math.sin(heading), space, lit, noise, level, workspace, readings)
     return readings
 
 

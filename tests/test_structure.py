@@ -23,24 +23,41 @@ INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
     "reachable": {"maze"},
     "by_hand": {"maze", "reachable"},
     "sensors": {"compiled", "light"},
-    "look": {"compiled", "faults", "life", "physics", "random", "robot", "senses", "sensors", "task", "tasks"},
+    "look": {"compiled", "faults", "life", "physics", "random", "robot", "senses", "sensors", "space", "task", "tasks"},
     "own_sensor": {"compiled", "light", "own_class", "sensors"},
     "robot": {"sensors"},
-    "senses": {"compiled", "light", "robot", "sensors"},
-    "network": {"compiled", "vectors"},
+    "space": {"compiled", "maze", "robot", "sensors"},
+    "senses": {"compiled", "light", "robot", "sensors", "space"},
+    "evolved": set(),
+    "wiring": {"evolved", "own_class", "robot"},
+    "wired_pass": {"compiled", "vectors", "wiring"},
+    "wirings": {"evolved", "network", "ranges", "robot", "wiring"},
+    "network": {"compiled", "vectors", "wired_pass", "wiring"},
     "fitness": {"compiled", "robot"},
-    "physics": {"compiled", "maze", "robot"},
+    "libode": set(),
+    "physics": {"compiled", "libode", "light", "maze", "robot", "sensors", "space"},
     "task": {"compiled", "fitness", "maze", "sensors"},
     "tasks": {"compiled", "fitness", "maze", "physics", "random", "robot", "sensors", "task"},
     "goal_signal": {"compiled", "random", "robot"},
     "scenario": {"by_hand", "faults", "goal_signal", "light", "maze", "own_fitness"}
-    | {"reachable", "robot", "sensors", "task", "tasks"},
+    | {"physics", "reachable", "robot", "sensors", "space", "task", "tasks"},
     "genome": {"network", "plasticity"},
     "controller": {"adaptation", "plasticity"},
     "own_class": {"digest"},
     "not_compiled": set(),
     "own_fitness": {"compiled", "own_class", "robot"},
-    "plasticity": {"compiled", "fitness", "network", "own_class", "random", "robot", "vectors"},
+    "plasticity": {
+        "compiled",
+        "evolved",
+        "fitness",
+        "network",
+        "own_class",
+        "random",
+        "robot",
+        "vectors",
+        "wired_pass",
+        "wiring",
+    },
     "adaptation/change_signals": {"compiled"},
 }
 
@@ -110,12 +127,17 @@ def test_a_rule_is_one_file_that_no_other_has_to_know():
     """But for the paper's, which is the usual one."""
     assert len(rules()) >= 4
     for rule in rules():
-        parts = ("plasticity.rule", "plasticity.four_terms", "random", "robot", "arrays", "ranges")
+        parts = ("evolved", "plasticity.rule", "plasticity.four_terms", "random", "robot", "arrays", "ranges")
         allowed = {f"epuckhebb.sim.{name}" for name in parts}
         assert GRAPH[rule] <= allowed, rule
         users = sorted(module for module, needs in GRAPH.items() if rule in needs)
         assert users == [] or rule.endswith(".paper"), users
     assert not any(".change_signals." in name for needs in GRAPH.values() for name in needs)
+
+
+def test_a_wiring_is_one_file_that_no_other_has_to_know():
+    for name in part_names("wiring"):
+        assert [module for module, needs in GRAPH.items() if f"epuckhebb.sim.wirings.{name}" in needs] == [], name
 
 
 def test_a_task_is_one_file_that_few_others_have_to_know():

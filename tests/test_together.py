@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pymunk
@@ -13,7 +14,7 @@ from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.light import Lamp, lights
 from epuckhebb.sim.maze import T_MAZE, Box, Pose
-from epuckhebb.sim.physics import COLLISION_SLOP
+from epuckhebb.sim.physics.pymunk import COLLISION_SLOP, PYMUNK
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import Scenario
@@ -23,6 +24,7 @@ from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.sim.together import Together
 from epuckhebb.store.genome import load_genome
 
+NO_WALLS = SimpleNamespace(walls=np.zeros((0, 4)))
 HEBBIAN = Controller(name="Hebbian", rule=Paper(N=0.002))
 PLACES = [(1.5 * (k % 3), 1.5 * (k // 3)) for k in range(6)]
 MAZES = replace(  # six T-mazes side by side
@@ -101,7 +103,7 @@ def test_robots_collide_and_another_run_is_bit_identical():
 
 def test_distance_sensors_see_other_robots_as_discs():
     rng, ring = np.random.default_rng(0), EPUCK.distance.places
-    read, workspace, readings = senses(EPUCK), sense_workspace(EPUCK), np.zeros(EPUCK.inputs)
+    read, workspace, readings = senses(EPUCK, PYMUNK), sense_workspace(EPUCK, PYMUNK), np.zeros(EPUCK.inputs)
     lit, noise = lights(0.1, Lamp(), lamp_on=False), np.zeros(16)
     seen = 0
     for _ in range(500):
@@ -112,7 +114,7 @@ def test_distance_sensors_see_other_robots_as_discs():
         space.add(pymunk.Circle(space.static_body, EPUCK.radius_m, tuple(motion[1, :2])))
         with np.errstate(divide="ignore", invalid="ignore"):
             read(
-                0.0, 0.0, math.cos(heading), math.sin(heading), np.zeros((0, 4)), lit, noise, 0.0, workspace, readings,
+                0.0, 0.0, math.cos(heading), math.sin(heading), NO_WALLS, lit, noise, 0.0, workspace, readings,
                 robots=motion,
             )  # fmt: skip
         for place, distance in zip(ring, workspace.scratch[1], strict=True):

@@ -6,7 +6,7 @@ Every lifetime with plasticity has a paired control (GA): the same lifetime with
 import math
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -157,8 +157,9 @@ def individuals_for(
         counted = {"calibration": own.calibration} if adaptation.calibration_counts else {}
         return {"start": own.end, "corrections": own.corrections, **counted}
 
-    return [
-        Individual(
+    def individual(number: int, side: Side, repeat: int) -> Individual:
+        carries = side == "right" and controllers[number].rule.carries_history
+        return Individual(
             genes=taken[number],
             network=network,
             side=side,
@@ -168,10 +169,11 @@ def individuals_for(
             signs=of_updates[number],
             nominal=None if nominal is None else nominal.of(side),
             record=repeat == 0,
+            after=replace(individual(number, "left", repeat), record=False) if carries else None,
             **checked(number, side, repeat),
         )
-        for number, side, repeat in wanted
-    ]
+
+    return [individual(number, side, repeat) for number, side, repeat in wanted]
 
 
 def _of_trials(trials: NDArray[np.void]) -> dict[str, Any]:

@@ -122,6 +122,16 @@ def rescue_over_all(each: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def rescue_by_champion(each: pd.DataFrame) -> pd.DataFrame:
+    """The counts of `rescue_over_all` for each champion, to compare two controllers champion by champion."""
+    rows = []
+    for experiment, kind, rate in _plasticities(each):
+        fates = pd.concat(_fates(each, experiment, scenario, kind, rate) for scenario in changed(each, experiment))
+        for genome, counts in fates.groupby("genome", sort=False).sum().iterrows():
+            rows.append({"experiment": experiment, "controller": kind, "N": rate, "genome": genome, **counts})
+    return pd.DataFrame(rows)
+
+
 def retention(each: pd.DataFrame) -> pd.DataFrame:
     """How many of the trials solved in training succeed in the changed worlds, for the GA and for each plasticity.
 

@@ -93,10 +93,10 @@ def _network(axes: Axes, weights: NDArray[np.float64], broken: int, knowers: int
                 connectionstyle="arc3,rad=0.15",
             )
         )
-    heard = weights.sum(axis=0) / (count - 1)
+    attention = weights.sum(axis=0) / (count - 1)
     colours = ["#D55E00" if k == broken else "#56B4E9" if k < knowers else "#dddddd" for k in range(count)]
     axes.scatter(
-        places[:, 0], places[:, 1], s=60 + 130 * heard, c=colours, edgecolors="black", linewidths=0.8, zorder=3
+        places[:, 0], places[:, 1], s=60 + 130 * attention, c=colours, edgecolors="black", linewidths=0.8, zorder=3
     )
     for number, (x, y) in enumerate(places):
         axes.annotate(str(number), (1.27 * x, 1.27 * y), ha="center", va="center", fontsize=8)

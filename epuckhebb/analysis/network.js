@@ -1,15 +1,16 @@
 const LIGHTS = robot.lights.length, DISTANCES = robot.distances.length;  // sensor readings are in this order
 
 // The network: inputs and the bias, hidden layers, wheels; genes layer by layer, a row for each presynaptic neuron.
+// A wiring has its list of synapses instead (`joined`), and the activations of its neurons are recorded.
 const RIM = LIGHTS + DISTANCES;  // sensors of the user's own follow those on the rim
 const INPUTS = layers[0], BIAS = INPUTS, layerSizes = [INPUTS + 1, ...layers.slice(1)];
 const OWN_END = INPUTS - (data.hasTrials ? 1 : 0);
 const firstNeuron = layerSizes.map((_, layer) => layerSizes.slice(0, layer).reduce((sum, n) => sum + n, 0));
 const NEURONS = layerSizes.reduce((sum, n) => sum + n, 0), WHEELS = NEURONS - 2;
-const GENES = layerSizes.slice(1).reduce((sum, n, layer) => sum + n * layerSizes[layer], 0);
+const OWN = data.joined ? NEURONS - INPUTS - 1 : 0;  // neurons whose activations are recorded
 
-const pre = [], post = [];
-for (let layer = 1; layer < layers.length; layer++) {
+const [pre, post] = data.joined ?? [[], []];
+for (let layer = 1; layer < layers.length && !data.joined; layer++) {
   for (let i = 0; i < layerSizes[layer - 1]; i++) {
     for (let j = 0; j < layerSizes[layer]; j++) {
       pre.push(firstNeuron[layer - 1] + i);
@@ -17,6 +18,8 @@ for (let layer = 1; layer < layers.length; layer++) {
     }
   }
 }
+const GENES = pre.length;
+const columnOf = layerSizes.flatMap((size, layer) => Array(size).fill(layer));
 const neuronNames = [
   ...data.inputs, "constant 1",
   ...layers.slice(1, -1).flatMap((size, layer) => Array.from({ length: size }, (_, i) => `hidden ${layer + 1}.${i + 1}`)),
@@ -28,6 +31,10 @@ function activations(life, k) {
   const activation = new Float64Array(NEURONS), drive = new Float64Array(NEURONS);
   for (let i = 0; i < INPUTS; i++) activation[i] = life.sensors[sampleAt(k) * INPUTS + i];
   activation[BIAS] = 1;
+  if (data.joined) {
+    activation.set(life.activations.subarray(sampleAt(k) * OWN, (sampleAt(k) + 1) * OWN), BIAS + 1);
+    return activation;
+  }
   const part = (data.steps - 1) / data.steps;
   for (let gene = 0, done = INPUTS + 1; gene < GENES; gene++) {
     for (; done <= pre[gene]; done++) activation[done] = Math.tanh(drive[done]);
@@ -103,16 +110,27 @@ class Network {
   nearest(x, y) {
     let best = null, least = 7;
     for (let gene = 0; gene < GENES; gene++) {
-      const [x0, y0, x1, y1] = this.ends(gene);
-      const part = Math.max(0, Math.min(1, ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / ((x1 - x0) ** 2 + (y1 - y0) ** 2)));
-      const distance = Math.hypot(x - x0 - part * (x1 - x0), y - y0 - part * (y1 - y0));
-      if (distance < least) [best, least] = [gene, distance];
+      const points = this.path(gene);
+      for (let i = 1; i < points.length; i++) {
+        const [[x0, y0], [x1, y1]] = [points[i - 1], points[i]];
+        const part = Math.max(0, Math.min(1, ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / ((x1 - x0) ** 2 + (y1 - y0) ** 2)));
+        const distance = Math.hypot(x - x0 - part * (x1 - x0), y - y0 - part * (y1 - y0));
+        if (distance < least) [best, least] = [gene, distance];
+      }
     }
     return best;
   }
 
-  ends(gene) {
-    return [this.x[pre[gene]], this.y[pre[gene]], this.x[post[gene]], this.y[post[gene]]];
+  /** The points of a connection: a straight line ahead; an arc to the same or an earlier column, aside of its reverse. */
+  path(gene) {
+    const [from, to] = [pre[gene], post[gene]], [x0, y0, x1, y1] = [this.x[from], this.y[from], this.x[to], this.y[to]];
+    if (columnOf[to] > columnOf[from]) return [[x0, y0], [x1, y1]];
+    const [width, height] = from === to ? [0, 3 * this.neuronRadius] : [x1 - x0, y1 - y0];
+    const around = from === to ? 1 : 0.5;  // an arc on itself is a loop
+    return Array.from({ length: 9 }, (_, i) => {
+      const part = i / 8, aside = around * Math.sin(Math.PI * part), along = from === to ? Math.sin(2 * Math.PI * part) / 3 : part;
+      return [x0 + along * width + aside * height, y0 + along * height - aside * width / 2];
+    });
   }
 
   point(gene) {
@@ -154,13 +172,11 @@ class Network {
   }
 
   line(pen, gene, style, width, alpha) {
-    const [x0, y0, x1, y1] = this.ends(gene);
     pen.strokeStyle = style;
     pen.lineWidth = width;
     pen.globalAlpha = alpha;
     pen.beginPath();
-    pen.moveTo(x0, y0);
-    pen.lineTo(x1, y1);
+    for (const [x, y] of this.path(gene)) pen.lineTo(x, y);
     pen.stroke();
     pen.globalAlpha = 1;
   }

@@ -26,7 +26,7 @@ from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
 from epuckhebb.sim.life import Samples
 from epuckhebb.sim.lifetime import CONTACT
 from epuckhebb.sim.maze import SIDES, Side, boxes
-from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
+from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.sensors import Place, RimSensors
@@ -166,7 +166,9 @@ def fixed_facts(
             for name, change in zip(controllers, changes, strict=True)
         ],
         "speed": 100 * gain_rad_s * robot.wheel_radius_m,  # cm/s of a wheel at a network output of 1
-        "layers": network.layers,
+        "layers": _columns(network),
+        "wiring": "" if network.wiring is None else network.wiring.name,
+        "joined": None if network.wiring is None else np.array(network.joined).tolist(),
         "inputs": _inputs(scenario),
         "hasTrials": scenario.task.has_trials,
         "robot": {
@@ -229,6 +231,12 @@ def world_facts(world: Scenario) -> dict[str, Any]:
     }
 
 
+def _columns(network: Network) -> tuple[int, ...]:
+    """How many neurons each column of the drawing has: the layers, the wheels by themselves."""
+    *others, last = network.layers
+    return (*others, *([last - OUTPUTS] if last > OUTPUTS else []), OUTPUTS)
+
+
 def _placed(places: Sequence[Place]) -> list[list[float]]:
     """Sensors as x, y [m] and azimuth [rad], in the robot's frame."""
     return [[place.x, place.y, math.radians(place.azimuth)] for place in places]
@@ -271,6 +279,8 @@ def _embedded(samples: Samples, initial: NDArray[np.float32], every: int) -> dic
         "weightChange": samples.weight_change,
         "change": samples.weights - initial,
     }
+    if samples.activations.size:
+        columns["activations"] = samples.activations
     return {name: packed(values[::every]) for name, values in columns.items()}
 
 

@@ -137,6 +137,7 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str, "
     seeds = f"{code(each.genome.iloc[0])} to {code(each.genome.iloc[-1])}"
     page = rescue.markdown(over_all, by_scenario, retention, champions, lifetimes.repeat.nunique(), seeds)
     found = {"rescue_over_all": over_all, "rescue_and_harm": by_scenario, "retention": retention}
+    found["rescue_by_champion"] = findings.rescue_by_champion(each)
     from epuckhebb.analysis import charts
 
     return found, page, charts.rescue_over_all(over_all)

@@ -21,7 +21,7 @@ from epuckhebb.config.overrides import check_config_dir, overrides_of, quoted, v
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, say_unusual
 from epuckhebb.evolution.evolve import history_row
 from epuckhebb.live.server import Play
-from epuckhebb.runs.evaluate import prepare, with_robot
+from epuckhebb.runs.evaluate import as_evolved, prepare
 from epuckhebb.runs.evolve import EvolutionProgress
 from epuckhebb.runs.evolve import prepare as prepare_evolution
 from epuckhebb.runtime.errors import ConfigError
@@ -87,7 +87,7 @@ def evaluate(
         if "=" in str(genome) and not Path(genome).exists():
             raise ConfigError(f"{genome} is no genome; give that first: evaluate('reference', {str(genome)!r})")
         path = resolve_run(genome, "evolve") if str(genome) == LATEST else genome
-        words = with_robot([*words, f"genome={quoted(str(path))}"], folder)
+        words = as_evolved([*words, f"genome={quoted(str(path))}"], folder)
     config = configuration(EvaluateConfig, words, folder)
     if rule is not None:
         if rule.N == 0 and not isinstance(rule, NoRule):
@@ -111,7 +111,7 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     Args:
         overrides: Settings as on the command line, for example "seed=7".
         config_dir: A folder with YAML files of your own.
-        progress: Whether to show how far it is on standard error; without a terminal a line in half a minute.
+        progress: Whether to show how far it is: a bar, or a line in half a minute where none can be shown.
         keys: Settings as keywords: `seed=7`, `scenario="highlight"`, `ga=GA(population=20)`.
 
     Returns:
@@ -158,7 +158,7 @@ def play(
     if side not in SIDES:
         raise ConfigError(f"side must be {' or '.join(SIDES)}, got {side!r}")
     folder = _folder(config_dir)
-    words = with_robot([f"genome={quoted(str(genome))}", *overrides_of(overrides, keys)], folder)
+    words = as_evolved([f"genome={quoted(str(genome))}", *overrides_of(overrides, keys)], folder)
     return Live(Play(words, "right" if side == "right" else "left", folder))
 
 
@@ -178,7 +178,7 @@ def sweep(
         over: For each key its values, for example `{"scenario": ["base", "lowlight"], "hebbian.N": [0.0002, 0.002]}`;
             it must be given. `genome`, `seed` and objects, as `{"hebbian": [Hebbian(N=0.001), MyRule(N=0.001)]}`, too.
         config_dir: As for `evaluate`.
-        progress: Whether to show how far it is on standard error; without a terminal a line in half a minute.
+        progress: Whether to show how far it is: a bar, or a line in half a minute where none can be shown.
         keys: Settings that all have in common; the same `seed` gives the same numbers.
 
     Returns:
@@ -237,7 +237,7 @@ def _genome_of(given: Any, config: EvaluateConfig) -> Genome:
     genes = given.champion if isinstance(given, Evolution) else given
     if not isinstance(genes, np.ndarray | list | tuple):
         raise ConfigError(f"genome must be genes (an array), or where a champion is, got {type(given).__name__}")
-    network = network_for(config.world, config.layers)
+    network = network_for(config.world, config.shape)
     plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
     array = np.asarray(genes)
     plan = next((plan for plan in plans if array.shape == (plan.genes,)), plans[0])

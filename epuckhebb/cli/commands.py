@@ -82,7 +82,7 @@ def evaluate(
     open_page: Open = False,
 ) -> None:
     """A genome's lifetimes with and without plasticity."""
-    from epuckhebb.runs.evaluate import evaluate_job, prepare, recorded_job, with_robot
+    from epuckhebb.runs.evaluate import as_evolved, evaluate_job, prepare, recorded_job
 
     if open_page and (multirun or cfg):
         raise ConfigError(
@@ -90,7 +90,7 @@ def evaluate(
             "run `epuckhebb replay RUN --open` for one of the runs of a multirun"
         )
     job = recorded_job if open_page else evaluate_job
-    words = with_robot(with_genomes_named(overrides), config_dir)
+    words = as_evolved(with_genomes_named(overrides), config_dir)
     runs = run_command("evaluate", job, prepare, words, multirun, cfg, config_dir, quiet, as_json, reports=True)
     if open_page:
         from epuckhebb.export.replay import recording, write_page
@@ -177,14 +177,14 @@ def play(
     """A live world in the browser, to disturb by hand."""
     from epuckhebb.config.overrides import check_config_dir
     from epuckhebb.live.server import Play, open_page
-    from epuckhebb.runs.evaluate import with_robot
+    from epuckhebb.runs.evaluate import as_evolved
     from epuckhebb.runtime.progress import say
 
     begin(quiet)
     check_config_dir(config_dir)
     if side not in ("left", "right"):
         raise ConfigError(f"--side must be left or right, got {side}")
-    words = with_robot(with_genomes_named(overrides), config_dir)
+    words = as_evolved(with_genomes_named(overrides), config_dir)
     with Play(words, "right" if side == "right" else "left", config_dir, port) as live, suppress(KeyboardInterrupt):
         say(live.hint or "Ctrl-C ends it.")
         typer.echo(live.address)  # from here on, Ctrl-C is how it is ended
@@ -267,7 +267,7 @@ def sweep(
     """A named sweep on all cores; again, it does what is not done."""
     from epuckhebb.cli import show_study
     from epuckhebb.config.overrides import check_config_dir
-    from epuckhebb.runs.evaluate import with_robot
+    from epuckhebb.runs.evaluate import as_evolved
     from epuckhebb.runtime import progress
     from epuckhebb.studies import jobs
     from epuckhebb.studies.sweep import failure_of, plan
@@ -275,7 +275,7 @@ def sweep(
 
     begin(quiet)
     check_config_dir(config_dir)
-    planned = plan(name, with_robot(with_genomes_named(overrides), config_dir), config_dir)
+    planned = plan(name, as_evolved(with_genomes_named(overrides), config_dir), config_dir)
     if dry_run:
         print_jobs("sweep", planned.folder, planned.jobs, as_json, quiet)
         return

@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from epuckhebb.config import hand
-from epuckhebb.config.parts import GENETIC, NONE, PAPER, part_from, part_names
+from epuckhebb.config.parts import GENETIC, NONE, PAPER, Layers, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings, row
 from epuckhebb.evolution.optimizer import Algorithm
@@ -24,13 +24,16 @@ from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES, Maze, Place, Pose, Side
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
+from epuckhebb.sim.wiring import LAYERS, Wiring
 
+Shape = tuple[int, ...] | Wiring | None  # of a network: its layers, a wiring, or nothing said
 _LEAST = {"seed": 0, "first_seed": 0, "threads": 0, "repeats": 1, "reversal_repeats": 1, "champions": 1}
 _MOST_THREADS = 1024  # more than cores of any machine there is; a system may refuse to start more
 
@@ -152,8 +155,9 @@ def scenario_from(
     robot: Mapping[str, Any],
     task: Mapping[str, Any] | None = None,
     fitness: Mapping[str, Any] | None = None,
+    physics: Mapping[str, Any] | None = None,
 ) -> Scenario:
-    """The world of a configuration. task, fitness: None for the paper's."""
+    """The world of a configuration. task, fitness, physics: None for the paper's, or that of the plane."""
     values = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     in_maze, of_kind = maze_from(maze), robot_from(robot)
     start = values.pop("start")
@@ -176,6 +180,7 @@ def scenario_from(
         robot=of_kind,
         task=ONE_TRIAL if task is None else part_from("task", task, "task"),
         fitness=PAPER_FITNESS if fitness is None else part_from("fitness", fitness, "fitness"),
+        physics=PYMUNK if physics is None else part_from("physics", physics, "physics"),
     )
 
 
@@ -187,9 +192,29 @@ def _goals(given: Any, maze: Maze) -> dict[Side, Place]:
     return {**maze.goals, **{side: Place(*row(f"scenario.goals.{side}", at, Place._fields)) for side, at in places}}
 
 
-def network_for(world: Scenario, layers: tuple[int, ...] | None) -> Network:
-    """The network of these layers; without them, the paper's hidden layers between the inputs and the wheels."""
-    network = Network((world.inputs, *HIDDEN, OUTPUTS) if layers is None else layers, world.task.gives_reward)
+def check_library(world: Scenario) -> None:
+    """Refuse a physics whose library is not installed."""
+    try:
+        world.physics.check_library()
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+
+
+def shape_from(settings: Mapping[str, Any]) -> Shape:
+    """What a part of the configuration says of the network: `wiring`, and its own settings."""
+    made: Layers | Wiring = part_from("wiring", settings, "network")
+    return made.layers if isinstance(made, Layers) else made
+
+
+def network_for(world: Scenario, shape: Shape) -> Network:
+    """The network of this shape; without one, the paper's hidden layers between the inputs and the wheels."""
+    if isinstance(shape, Wiring):
+        try:
+            return Network((world.inputs, *shape.sizes), world.task.gives_reward, shape)
+        except Exception as error:  # of a user's code
+            own = "" if isinstance(error, ValueError) else f"wiring {shape.name}: {type(error).__name__}: "
+            raise ConfigError(f"{own}{error}") from error
+    network = Network((world.inputs, *HIDDEN, OUTPUTS) if shape is None else shape, world.task.gives_reward)
     check_inputs(network, world.robot, world.task)
     return network
 
@@ -257,6 +282,15 @@ def check_stay(controller: Controller, world: Scenario, lifetime: Lifetime) -> N
         )
     if adaptation.recognise:
         check_recognition(world.robot)
+
+
+def check_homeostasis(adaptation: Adaptation, shape: Shape) -> None:
+    """Refuse homeostasis for a network that has no first layer, whose weights from the light sensors it scales."""
+    if adaptation.homeostasis and isinstance(shape, Wiring):
+        raise ValueError(
+            f"adaptation={adaptation.name} scales the weights between the light sensors and the first layer, and "
+            f"network.wiring={shape.name} has no layers; give another adaptation, or network.wiring={LAYERS}"
+        )
 
 
 def check_self_check(adaptation: Adaptation, world: Scenario, lifetime: Lifetime) -> None:

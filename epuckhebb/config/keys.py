@@ -108,8 +108,8 @@ def _schema(group: str, file: Path) -> Any:
     held = yaml.safe_load(_text(file))
     if group == "hebbian":
         return part_class("rule", held["rule"], group) if held.get("rule", NONE) != NONE else None
-    if group in ("task", "optimizer"):
-        return part_class(group, held.get(group, held)["kind" if group == "task" else "algorithm"], group)
+    if group in ("task", "physics", "optimizer"):
+        return part_class(group, held.get(group, held)["algorithm" if group == "optimizer" else "kind"], group)
     kinds = [typing.get_type_hints(schema).get(group) for schema in SCHEMAS.values()]
     one = next(kind for kind in kinds if kind is not None)
     return next((kind for kind in (one, *typing.get_args(one)) if is_dataclass(kind)), None)
@@ -134,7 +134,7 @@ def _below(node: yaml.MappingNode, prefix: str, schema: Any, lines: list[str], *
             continue
         kind = kinds.get(key.value)
         inner = value.value if isinstance(value, yaml.MappingNode) else []
-        if deep and inner and is_dataclass(kind):
+        if deep and inner and (is_dataclass(kind) or typing.get_origin(kind) is dict):
             within = kind if is_dataclass(kind) else None
             yield from _below(value, f"{prefix}{key.value}.", within, lines, deep=deep)
             continue

@@ -25,8 +25,10 @@ from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.sim.own_fitness import Fitness
 from epuckhebb.sim.plasticity.rule import Rule
+from epuckhebb.sim.wiring import Wiring
 
-_NAMED_BY = {Rule: "rule", Fitness: "function", Optimizer: "algorithm"}  # which key has the file of what is in one
+# Which key has the file of what is in one.
+_NAMED_BY = {Rule: "rule", Fitness: "function", Wiring: "wiring", Optimizer: "algorithm"}
 SWEEP_DIR = "hydra.sweep.dir="
 _PLAIN = re.compile(r"[A-Za-z0-9_./:%@+-]+")  # what needs no quotes as the value of an override
 _MOST_JOBS = 100_000  # of one call

@@ -15,13 +15,15 @@ from epuckhebb.config.values import part_settings
 from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Algorithm, check_optimizer
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.sim import coupling, couplings, tasks
+from epuckhebb.sim import coupling, couplings, own_fitness, physics, tasks, wiring, wirings
 from epuckhebb.sim.coupling import Coupling
-from epuckhebb.sim.own_fitness import Fitness, check_class
+from epuckhebb.sim.own_fitness import Fitness
 from epuckhebb.sim.own_sensor import Sensor
 from epuckhebb.sim.plasticity import rules
 from epuckhebb.sim.plasticity.rule import Rule, arguments_of
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
+from epuckhebb.sim.wiring import LAYERS, Wiring
 
 NONE, PAPER = "none", "paper"
 GENETIC = "ga"  # the optimizer whose settings are a group of their own
@@ -48,18 +50,27 @@ class _Kind:
         return sorted([*(self.usual or ()), *(module.name for module in modules)])
 
 
+@dataclass(frozen=True, kw_only=True)
+class Layers:
+    """The network without a wiring. layers: None where they follow from the genome, or from the robot."""
+
+    layers: tuple[int, ...] | None = None
+
+
 _KINDS = {
     "rule": _Kind("rule", Rule, rules, check=arguments_of),
-    "fitness": _Kind("function", Fitness, usual={PAPER: Fitness}, check=check_class),
+    "fitness": _Kind("function", Fitness, usual={PAPER: Fitness}, check=own_fitness.check_class),
+    "wiring": _Kind("wiring", Wiring, wirings, {LAYERS: Layers}, wiring.check_class),
     "coupling": _Kind("coupling", Coupling, couplings, check=coupling.check_class),
     "optimizer": _Kind("algorithm", Algorithm, optimizers, check=check_optimizer),
     "task": _Kind("kind", Task, tasks),
+    "physics": _Kind("kind", Physics, physics),
     "sensor": _Kind("sensor", Sensor, check=lambda _: None),
 }
 
 
 def part_names(kind: str) -> list[str]:
-    """The parts of a kind (`rule`, `fitness`, `coupling`, `optimizer`, `task`, `sensor`) that the program has."""
+    """The parts of a kind (`rule`, `fitness`, `wiring`, `coupling`, ...: see `_KINDS`) that the program has."""
     return _KINDS[kind].names
 
 
@@ -76,7 +87,7 @@ def part_class(kind: str, name: Any, key: str) -> type[Any]:
     if name not in of.names:
         known = [NONE] * (kind == "rule") + of.names + [f"a {kind} of your own, FILE.py:NAME"] * bool(of.check)
         raise ConfigError(f"{key} must be one of {', '.join(known)}, got {name!r}")
-    if of.usual:
+    if of.usual and name in of.usual:
         return of.usual[name]
     assert of.package is not None  # it has the names
     module = importlib.import_module(f"{of.package.__name__}.{name}")

@@ -59,7 +59,8 @@ def robot_from(value: object) -> Robot:
     own = given.pop(_OWN) if isinstance(given, dict) else []
     if isinstance(own, str) or not isinstance(own, Sequence):
         raise ConfigError(f"robot.{_OWN} must be a list, [{{sensor: FILE.py:NAME}}], got {own!r}")
-    values = record("robot", given, kinds, {_OWN: []})
+    values = record("robot", given, kinds, {_OWN: [], "solid": None})
+    values.setdefault("solid", None)
     light = LightSensors(places=values.pop("light_places"))
     felt = DistanceSensors(**{field: values.pop(key) for key, field in _OF_DISTANCE.items()})
     more = [_own_sensor(settings, f"robot.{_OWN}[{number}]") for number, settings in enumerate(own)]

@@ -26,7 +26,7 @@ from epuckhebb.runtime.errors import ConfigError, did_you_mean
 from epuckhebb.runtime.resources import path_of
 from epuckhebb.sim.digest import is_installed
 
-KEYS = ("hebbian.rule", "fitness.function", "optimizer.algorithm", "flock.coupling")  # that may be `FILE.py:NAME`
+KEYS = ("hebbian.rule", "fitness.function", "network.wiring", "optimizer.algorithm", "flock.coupling")  # FILE.py:NAME
 FOLDER = "own_code"  # of the copies in a run folder
 _NAMED = re.compile(r"(.+\.py):([^\W\d]\w*)", re.DOTALL)
 _PREFIX = "epuckhebb_own_"

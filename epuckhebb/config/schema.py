@@ -18,6 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config.build import (
     check_counts,
+    check_homeostasis,
     check_self_check,
     check_signal,
     check_stay,
@@ -28,6 +29,7 @@ from epuckhebb.config.build import (
     network_for,
     optimizer_from,
     scenario_from,
+    shape_from,
     with_controls,
 )
 from epuckhebb.config.flock import FlockKeys, check
@@ -42,9 +44,11 @@ from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.reachable import grid_bytes
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
+from epuckhebb.sim.wiring import LAYERS
 
 _BRIGHTEST, _FASTEST = 2.0, 0.1  # more light, or a higher base rate, is unusual
 _OF_A_RESOLVER = re.compile("^ConfigError raised while resolving interpolation: ")  # before a message of our own
@@ -79,7 +83,7 @@ def dump(config: Checked) -> str:
 
 
 # A scenario has the keys of `Scenario`, but for other groups, and for what only changes during a lifetime set.
-_NO_KEYS = ("maze", "robot", "task", "fitness", "lamp_on", "placed", "rate", "put", "reset")
+_NO_KEYS = ("maze", "robot", "task", "fitness", "physics", "lamp_on", "placed", "rate", "put", "reset")
 _LOOSE = {  # what may be given in several forms, which `scenario_from` checks: type and default
     "name": (str, ""),
     "goals": (Any, None),
@@ -104,13 +108,6 @@ else:
     ScenarioConfig = make_dataclass("ScenarioConfig", keys, kw_only=True, namespace={"__module__": __name__})
 
 
-@dataclass(kw_only=True)
-class NetworkConfig:
-    """The keys of a network. layers: None where they follow from the genome, or from the robot."""
-
-    layers: list[int] | None = None
-
-
 class Figures(Enum):
     """The files to which a run writes its figures."""
 
@@ -125,7 +122,7 @@ class WorldConfig(Checked):
     """The keys that `evaluate` and `evolve` have in common, and the world that comes of them.
 
     change: the changes by name while they are composed into the scenario, empty then; the user's have settings.
-    world: the scenario, with its maze and robot. layers: of the network; None if they were left open.
+    world: the scenario, with its maze and robot. shape: of the network; None if they were left open.
     """
 
     seed: int = 1
@@ -135,23 +132,24 @@ class WorldConfig(Checked):
     change: dict[str, Any] = field(default_factory=dict)
     maze: dict[str, Any] = field(default_factory=dict)
     robot: dict[str, Any] = field(default_factory=dict)
-    network: NetworkConfig = field(default_factory=NetworkConfig)
+    network: dict[str, Any] = field(default_factory=lambda: {"wiring": LAYERS})
     hebbian: dict[str, Any] = field(default_factory=dict)
     lifetime: Lifetime = field(default_factory=Lifetime)
     task: dict[str, Any] = field(default_factory=lambda: {"kind": ONE_TRIAL.name})
     fitness: dict[str, Any] = field(default_factory=lambda: {"function": PAPER_FITNESS.name})
+    physics: dict[str, Any] = field(default_factory=lambda: {"kind": PYMUNK.name})
     changed: str | None = None
 
     def __post_init__(self) -> None:
         """Validate the settings."""
         check_counts(vars(self))
-        self.world = scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness)
+        self.world = scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
         memory = grid_bytes(self.world.maze.arena_m)
         resources.require([resources.Need(memory, "a way to the goals of so large a maze", "lower maze.arena_m")])
         self.world.check()
-        self.layers = None if self.network.layers is None else tuple(self.network.layers)
-        if self.layers is not None:
-            network_for(self.world, self.layers)
+        self.shape = shape_from(self.network)
+        if self.shape is not None:
+            network_for(self.world, self.shape)
         check_wheel_gain(self.lifetime, self.world)
 
 
@@ -188,6 +186,7 @@ class EvaluateConfig(WorldConfig):
             check_task(controller, self.world.task)
             check_self_check(controller.adaptation, self.world, self.lifetime)
             check_stay(controller, self.world, self.lifetime)
+            check_homeostasis(controller.adaptation, self.shape)
 
 
 @dataclass(kw_only=True)
@@ -216,7 +215,7 @@ class EvolveConfig(WorldConfig):
         self.algorithm = optimizer_from(self.optimizer, self.ga)
         self.schedule = self.algorithm.schedule(self.training, self.lifetime)
         self.training.check(self.world, self.lifetime, self.schedule.loops)
-        network = network_for(self.world, self.layers)
+        network = network_for(self.world, self.shape)
         self.plan = evolved_plan(network, self.controller.rule, given=self.genome is not None)
         self.algorithm.check(self.plan)
 
@@ -263,6 +262,7 @@ class ReproduceConfig(Checked):
     genome: str | None = None
     threads: int = 0
     ga: GA = field(default_factory=GA)
+    physics: dict[str, Any] = field(default_factory=lambda: {"kind": PYMUNK.name})
 
     def __post_init__(self) -> None:
         """Validate the settings."""
@@ -312,10 +312,11 @@ class FlockConfig(Checked):
 _ALL: tuple[Any, ...] = (EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig, FlockConfig)
 SCHEMAS = {schema.command: schema for schema in _ALL}
 # Below these, the schema does not know the keys.
-OPEN = ("hebbian", "compare", "change", "maze", "robot", "optimizer", "task", "fitness", "scenario.goals", "flock.own")
+_GROUPS = ("hebbian", "compare", "change", "maze", "robot", "network", "optimizer", "task", "fitness", "physics")
+OPEN = (*_GROUPS, "scenario.goals", "flock.own")
 for _command, _schema in SCHEMAS.items():
     _node = OmegaConf.structured(_schema)
-    for _key in ("hebbian", "compare", "change", "optimizer", "task", "fitness"):
+    for _key in ("hebbian", "compare", "change", "network", "optimizer", "task", "fitness", "physics"):
         if _key in _node:
             OmegaConf.set_struct(_node[_key], False)  # Hydra takes any key below them, without a +
     if _schema is FlockConfig:

@@ -17,6 +17,7 @@ from epuckhebb.config.words import explain
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
+from epuckhebb.sim.wiring import LAYERS
 
 _STAND_IN = "oja"  # has no settings of its own, and cannot be taken for the paper's
 _OWN_SIGNAL = Signal.fitness.name
@@ -86,6 +87,8 @@ def without_own_code(values: Plain) -> Plain:
         part.clear()
         part.update(recorded=name, readings=readings)
     values["fitness"] = {"function": PAPER_FITNESS.name}
+    if ":" in str(_within(values, "network").get("wiring")):
+        values["network"] = {"wiring": LAYERS}  # a page has the neurons and synapses that were recorded
     for rule in rules:
         for key in [key for key in rule if key not in ("N", "sign", "name", "adaptation")]:
             del rule[key]

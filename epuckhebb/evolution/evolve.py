@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from epuckhebb.evolution.optimizer import CANDIDATES, CONFIRM, Algorithm
-from epuckhebb.evolution.search import Search, Told
+from epuckhebb.evolution.search import Results, Search
 from epuckhebb.evolution.training import UNVARIED, Training, World
 from epuckhebb.sim import random
 from epuckhebb.sim.arrays import Floats
@@ -43,8 +43,8 @@ class Generation:
 
     number: from 0. fitness: (individuals,). success: (individuals,) share of each one's lifetimes that ended at the
     goal. champion: (genes,) the fittest; after the last generation, the best of the optimizer's candidates.
-    champion_fitness: by which it was chosen. log: what the optimizer was told, of this generation, too. tables: what it
-    has to show, by name. robot_steps, seconds: cost.
+    champion_fitness: by which it was chosen. log: all results so far, for the optimizer. tables: what
+    it has to show, by name. robot_steps, seconds: cost.
     """
 
     number: int
@@ -52,7 +52,7 @@ class Generation:
     success: Floats
     champion: Floats
     champion_fitness: float
-    log: tuple[Told, ...]
+    log: tuple[Results, ...]
     tables: dict[str, "pd.DataFrame"]
     robot_steps: int
     seconds: float
@@ -69,15 +69,15 @@ def evolve(
     training: Training = UNVARIED,
     network: Network = PAPER_NETWORK,
     controller: Controller = GA_ALONE,
-    weights: Floats | None = None,
+    given: Floats | None = None,
 ) -> Iterator[Generation]:
     """Evolve controllers in a scenario; yields one record a generation.
 
     after: the last record of an unfinished evolution with the same arguments, to resume. training: the worlds in which
     fitness is measured. network: that of all individuals. controller: with a plasticity rule, individuals learn during
     evolution, and evolved parameters of the rule are part of the genome. Then all individuals of a generation have the
-    same starts and noise, and the champion is the best of three in fresh lifetimes, with any optimizer. weights: fixed
-    weights of a champion, (synapses,), if only the rule is evolved; None to evolve the weights too.
+    same starts and noise, and the champion is the best of three in fresh lifetimes, with any optimizer. given: the
+    genes of a champion's network, if only the rule is evolved; None to evolve the network, too.
 
     Raises:
         ValueError: network, robot and rule, or scenario and training, do not fit each other; nothing is evolved.
@@ -89,14 +89,14 @@ def evolve(
     learns = not isinstance(controller.rule, NoRule)
     shared = optimizer.common_random_numbers or learns
     evaluator = _Evaluator(optimizer, loops, scenario, lifetime, training, seed, network, controller, threads, shared)
-    plan = evolved_plan(network, controller.rule, given=weights is not None)
-    if weights is None and controller.rule.initial_weights is InitialWeights.random:
-        weights = np.zeros(network.synapses)
+    plan = evolved_plan(network, controller.rule, given=given is not None)
+    if given is None and controller.rule.initial_weights is InitialWeights.random:
+        given = np.zeros(network.synapses)
     search = Search(optimizer, plan, seed, () if after is None else after.log)
 
     def whole(genes: Floats) -> Floats:
         """Whole genomes, (individuals, genes), evolved and fixed parts."""
-        return genes if weights is None else np.hstack([np.tile(weights, (len(genes), 1)), genes])
+        return genes if given is None else np.hstack([np.tile(given, (len(genes), 1)), genes])
 
     for number in range(0 if after is None else after.number + 1, generations):
         began = time.perf_counter()
@@ -131,7 +131,7 @@ def evolve(
 def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> GenomePlan:
     """The parts of the genome that are evolved: all, or those of the rule alone.
 
-    given: whether the initial weights are given. Random ones are not evolved either.
+    given: whether the network is given. Random initial weights are not evolved either.
 
     Raises:
         ValueError: nothing is left to evolve.
@@ -139,14 +139,15 @@ def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> Genome
     plan = plan_of(network, type(rule))
     if not given and rule.initial_weights is InitialWeights.evolved:
         return plan
-    if not rule.evolved:
+    evolved = plan.of_rule if given else GenomePlan(plan.parts[1:])
+    if not evolved.parts:
         why = "the weights are given" if given else "the initial weights are random"
         has = "there is no rule" if isinstance(rule, NoRule) else f"rule {name_of(type(rule))} has nothing to evolve"
         raise ValueError(
             f"nothing would be evolved: {why}, and {has}; choose another rule, for example hebbian=modulated, or let "
             "the weights be evolved"
         )
-    return plan.of_rule
+    return evolved
 
 
 def memory_to_evolve(individuals: int, loops: int, genes: int) -> float:

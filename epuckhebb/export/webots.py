@@ -16,12 +16,12 @@ from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.config.stored import from_values, settings, without_own_code
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.fitness import HISTORY_MEAN, HISTORY_STEPS
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rule import InitialWeights
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED
+from epuckhebb.sim.wiring import LAYERS
 from epuckhebb.store import Genome, Run, load_genome, resolve_run, write_atomic
 
 _LIGHT_FULL_SCALE = 4095.0  # of Webots' e-puck in the dark, where our readings are 1
@@ -41,6 +41,10 @@ def webots(what: str, folder: Path) -> list[Path]:
         The files that were written, the controller first.
     """
     genome, config = _genome_and_config(what)
+    if genome.wiring != LAYERS:
+        raise ConfigError(
+            f"{what} has network.wiring={genome.wiring}; only network.wiring={LAYERS} can be taken to Webots"
+        )
     if (genome.robot, genome.network.inputs) != (EPUCK.name, EPUCK.inputs):
         own = f" with the sensors {genome.sensors}" if genome.sensors else ""
         raise ConfigError(f"{what} is for robot {genome.robot}{own}; only {EPUCK.name} as it is can be taken to Webots")
@@ -80,7 +84,7 @@ def _genome_and_config(what: str) -> tuple[Genome, EvaluateConfig]:
         config = from_values(
             hand.take_copy(without_own_code(settings(run.config_file)), run.path), EvaluateConfig, str(run.path)
         )
-        genome = load_genome(config.genome, config.world.experiment, config.layers)
+        genome = load_genome(config.genome, config.world.experiment, config.shape)
         if genome.sha256 != run.provenance["genome_sha256"]:
             raise ConfigError(f"genome={config.genome} is not the genome of {path}; its SHA-256 differs")
         return genome, config
@@ -124,4 +128,4 @@ def _rule(controller: Controller) -> dict[str, Any]:
             "(hebbian=none)"
         )
     settings = {key: value.name if isinstance(value, Enum) else value for key, value in asdict(rule).items()}
-    return {**settings, "history_steps": HISTORY_STEPS, "history_mean": HISTORY_MEAN}
+    return {**settings, "history_steps": rule.history.steps}

@@ -90,8 +90,8 @@ def samples(world: LiveWorld, since: int) -> tuple[bytes, int]:
     was.
 
     Three whole numbers come first: the first step, how many, and how many samples of weights. Then, for each robot,
-    the rows of 32-bit numbers (pose, inputs, motors, fitness, change signal, rate, weight change) and the rows of the
-    weights, as their change since the start of the lifetime.
+    the rows of 32-bit numbers (pose, inputs, activations of a wiring, motors, fitness, change signal, rate, weight
+    change) and the rows of the weights, as their change since the start of the lifetime.
     """
     oldest = world.steps - world.kept
     if since < oldest:
@@ -106,6 +106,7 @@ def samples(world: LiveWorld, since: int) -> tuple[bytes, int]:
         columns = (
             recorded.pose[some],
             recorded.sensors[some],
+            recorded.activations[some],
             recorded.motors[some],
             recorded.fitness[some, None],
             np.nan_to_num(recorded.change_signal[some, None]),

@@ -1,6 +1,6 @@
 // ---- What is recorded ----
 
-const WIDTHS = { x: 1, y: 1, heading: 1, sensors: INPUTS, left: 1, right: 1, fitness: 1, changeSignal: 1, rate: 1, weightChange: 1 };
+const WIDTHS = { x: 1, y: 1, heading: 1, sensors: INPUTS, activations: OWN, left: 1, right: 1, fitness: 1, changeSignal: 1, rate: 1, weightChange: 1 };
 const ROW = Object.values(WIDTHS).reduce((sum, width) => sum + width, 0);
 const FARTHEST = 3 * data.speed / 100 * data.interval;  // m that a robot can drive in a step; farther, it was put there
 const CHANGES = Math.ceil(data.kept / data.weightsEvery);

@@ -3,6 +3,7 @@
 import copy
 import functools
 import hashlib
+import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -14,7 +15,10 @@ from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate, memory_to_evaluate
 from epuckhebb.analysis.self_checks import findings
 from epuckhebb.config import hand, plugins
+from epuckhebb.config.build import check_library
+from epuckhebb.config.methods import typed_as
 from epuckhebb.config.overrides import alternatives, quoted, value_of
+from epuckhebb.config.parts import part_names
 from epuckhebb.config.schema import EvaluateConfig, dump, say_unusual
 from epuckhebb.runs import hydra
 from epuckhebb.runs.nominal import Remembered, missing_nominal, remembered_for, training_world
@@ -22,7 +26,7 @@ from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import say, saying_if_slow
 from epuckhebb.runtime.resources import Need, data_folder, require
-from epuckhebb.sim import own_fitness
+from epuckhebb.sim import own_fitness, wiring
 from epuckhebb.sim.adaptation.nominal import memory_to_measure_nominal
 from epuckhebb.sim.block import load_kernel
 from epuckhebb.sim.controller import GA_ALONE, Controller
@@ -35,7 +39,7 @@ from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.session import LostRobotError
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
-from epuckhebb.store import Genome, RunFolder, load_genome, traces_file
+from epuckhebb.store import Genome, RunFolder, check_wiring, load_genome, traces_file
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,7 +63,9 @@ class Prepared:
         if world.name == self.config.world.name:
             return self
         there = copy.copy(self.config)
-        there.world, there.lifetime = world, replace(self.config.lifetime, duration_s=world.paper_duration_s)
+        ours = self.config.world
+        there.world = replace(world, fitness=ours.fitness, physics=ours.physics)
+        there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
         return Prepared(config=there, genome=self.genome)
 
     def compile(self) -> None:
@@ -96,6 +102,8 @@ class Prepared:
         fitness, lifetime = config.world.fitness, replace(config.lifetime, record_every=0)
         own = [_identity(fitness, own_fitness.functions_of(fitness))]
         own += [_identity(one, [one.read]) for one in own_sensors(config.world.robot.sensors) if one.read]
+        if genome.network.wiring is not None:
+            own += [_identity(genome.network.wiring, wiring.functions_of(type(genome.network.wiring)))]
         everywhere = (genome.sha256, genome.network, config.world, lifetime, *own)
         memories = (genome.nominal_sha256, genome.self_memory_sha256)
         depends: dict[str, tuple[object, ...]] = {GA_ALONE.name: everywhere}
@@ -122,8 +130,9 @@ def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
     Raises:
         ConfigError: The genome cannot be read, is for another robot, task or rule, or memory is too small.
     """
+    check_library(config.world)
     if genome is None:
-        genome = load_genome(config.genome, config.world.experiment, config.layers)
+        genome = load_genome(config.genome, config.world.experiment, config.shape)
     _check_genome(genome, config)
     lifetimes, records = memory_to_evaluate(len(config.controllers), config.lifetime, config.repeats, genome.network)
     needed = [
@@ -154,29 +163,36 @@ def recorded_job(cfg: Any, report: Report = _no_report) -> None:
     evaluate_job(cfg, report)
 
 
-def with_robot(words: list[str], config_dir: str | None = None) -> list[str]:
-    """Overrides with the robot that their champion was evolved for, unless they name one.
+def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
+    """Overrides with the robot and the wiring that their champion was evolved for, unless they name one.
 
-    A robot that has no file, and champions of several robots, are left to `prepare`.
+    A robot that has no file, a wiring of the user's own, and champions of several are left to `prepare`.
     """
-    given = [word for word in words if word.startswith("genome=")]
-    if not given or any(word.lstrip("+~").startswith(("robot=", "robot.")) for word in words):
+    named = [word for word in words if word.startswith("genome=")]
+    if not named:
         return words
-    (named,) = alternatives(given[-1:]).values()
-    robots = {_robot_of(value_of(word)) for word in named}
-    robot = robots.pop()
+    (words_of,) = alternatives(named[-1:]).values()
+    genomes = [_loaded(value_of(word)) for word in words_of]
+    given = [word.lstrip("+~") for word in words]
+    robot, *others = {EPUCK.name if genome is None else genome.robot for genome in genomes}
     folders = [Path(folder) / "robot" for folder in (config_dir, data_folder("conf")) if folder]
-    if robots or robot == EPUCK.name or not any((folder / f"{robot}.yaml").is_file() for folder in folders):
+    is_known = robot != EPUCK.name and any((folder / f"{robot}.yaml").is_file() for folder in folders)
+    if is_known and not others and not any(word.startswith(("robot=", "robot.")) for word in given):
+        words = [*words, f"robot={quoted(robot)}"]
+    (called, settings), *several = {("", "") if one is None else (one.wiring, one.wiring_settings) for one in genomes}
+    keys = {word.partition("=")[0] for word in given}
+    if several or not settings or called not in part_names("wiring") or keys & {"network", "network.wiring"}:
         return words
-    return [*words, f"robot={quoted(robot)}"]
+    own = {f"network.{key}": value for key, value in json.loads(settings).items() if f"network.{key}" not in keys}
+    return [*words, f"network.wiring={called}", *typed_as(own)]
 
 
-def _robot_of(genome: str) -> str:
-    """The robot of a champion; the usual one if it cannot be read, which is reported later."""
+def _loaded(genome: str) -> Genome | None:
+    """A champion; None if it cannot be read, which is reported later."""
     try:
-        return load_genome(genome, next(iter(TRAINED))).robot
+        return load_genome(genome, next(iter(TRAINED)))
     except ConfigError:
-        return EPUCK.name
+        return None
 
 
 def check_sensors(genome: Genome, robot: Robot) -> None:
@@ -199,6 +215,7 @@ def _check_genome(genome: Genome, config: EvaluateConfig) -> None:
             f"{named} is for a network of layers {genome.network}, which {has} task={world.task.name}; "
             f"give task={genome.task or ONE_TRIAL.name}, or a champion that was evolved with task={world.task.name}"
         )
+    check_wiring(genome.wiring, config.shape, genome.name)
     check_sensors(genome, robot)
     if genome.robot != robot.name or genome.network.inputs != world.inputs:
         raise ConfigError(

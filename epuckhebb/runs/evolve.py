@@ -18,7 +18,7 @@ import yaml
 from numpy.typing import NDArray
 
 from epuckhebb.config import plugins
-from epuckhebb.config.build import network_for
+from epuckhebb.config.build import check_library, network_for
 from epuckhebb.config.schema import EvolveConfig, Plain, dump, say_unusual
 from epuckhebb.config.stored import from_values, settings
 from epuckhebb.evolution.evolve import Generation, evolve, memory_to_evolve
@@ -31,12 +31,23 @@ from epuckhebb.runtime.progress import Bar, say
 from epuckhebb.runtime.resources import Need, path_of, require, thread_count
 from epuckhebb.sim.adaptation.nominal import Nominal, memory_to_measure_nominal
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
-from epuckhebb.sim.genome import WEIGHTS, GenomePlan, plan_of
+from epuckhebb.sim.genome import GenomePlan, plan_of
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.own_sensor import reading_names
 from epuckhebb.sim.plasticity.rule import NoRule, name_of
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
-from epuckhebb.store import CHAMPION, CHECKPOINT, CONFIG, Genome, Run, RunFolder, champion_file, load_genome, provenance
+from epuckhebb.store import (
+    CHAMPION,
+    CHECKPOINT,
+    CONFIG,
+    Genome,
+    Run,
+    RunFolder,
+    champion_file,
+    check_wiring,
+    load_genome,
+    provenance,
+)
 from epuckhebb.store.checkpoint import Checkpoint
 
 RESUME = "resume="
@@ -60,13 +71,13 @@ class Prepared:
         config: The settings.
         network: The network that is evolved.
         plan: The parts of a champion's genes.
-        weights: The weights that all individuals are given, (synapses,); None if weights evolve.
+        given: The genes of the network that all individuals are given; None if these evolve.
     """
 
     config: EvolveConfig
     network: Network
     plan: GenomePlan
-    weights: NDArray[np.float64] | None
+    given: NDArray[np.float64] | None
 
     def compile(self) -> None:
         """Load or compile what the lifetimes need."""
@@ -85,15 +96,19 @@ class Prepared:
             training=config.training,
             network=self.network,
             controller=config.controller,
-            weights=self.weights,
+            given=self.given,
         )
+
+    def network_genes(self, champion: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The genes of a champion that are its network, without those of a rule."""
+        return self.plan.pick(champion, self.plan.of_network)
 
     def remember(self, champion: NDArray[np.float64], threads: int) -> tuple[Nominal | None, SelfMemory | None]:
         """What a champion remembers of its training world; nothing where its task has not one goal to compare with."""
         world = self.config.world
         if world.task.has_trials:
             return None, None
-        return remember_training_world(self.plan.split(champion)[WEIGHTS], world, threads, self.network)
+        return remember_training_world(self.network_genes(champion), world, threads, self.network)
 
     def champion(
         self,
@@ -132,11 +147,13 @@ def prepare(config: EvolveConfig, *, has_genome: bool = True) -> Prepared:
         ConfigError: The genome is for another robot or network, memory is too small, or the optimizer fails.
     """
     world, key, individuals = config.world, config.algorithm.key, config.algorithm.individuals
-    network = network_for(world, config.layers)
+    check_library(world)
+    network = network_for(world, config.shape)
     plan = plan_of(network, type(config.controller.rule))
-    weights = None
+    given = None
     if has_genome and config.genome is not None:
-        genome = load_genome(config.genome, world.experiment, config.layers)
+        genome = load_genome(config.genome, world.experiment, config.shape)
+        check_wiring(genome.wiring, config.shape, genome.name)
         check_sensors(genome, world.robot)
         if genome.robot != world.robot.name or genome.network != network:
             raise ConfigError(
@@ -144,7 +161,7 @@ def prepare(config: EvolveConfig, *, has_genome: bool = True) -> Prepared:
                 f"evolution is for robot {world.robot.name} and layers {network}. Give another genome, robot or "
                 "network.layers"
             )
-        weights = genome.weights
+        given = genome.network_genes
     generation = memory_to_evolve(individuals, config.schedule.loops, plan.genes)
     nominal = memory_to_measure_nominal(world.paper_duration_s, 1.0, network)
     require(
@@ -157,7 +174,7 @@ def prepare(config: EvolveConfig, *, has_genome: bool = True) -> Prepared:
         check_start(config.algorithm, config.plan, config.seed)
     except OptimizerError as error:
         raise ConfigError(str(error)) from error
-    return Prepared(config=config, network=network, plan=plan, weights=weights)
+    return Prepared(config=config, network=network, plan=plan, given=given)
 
 
 def new_run(path: Path, config: EvolveConfig, overrides: list[str], facts: dict[str, Any]) -> RunFolder:
@@ -252,9 +269,9 @@ def resume(arguments: list[str]) -> Path:
 
 def _check_weights(prepared: Prepared, after: Checkpoint | None, path: Path) -> None:
     """Refuse to resume with other given weights than those with which the evolution began."""
-    if after is None or prepared.weights is None:
+    if after is None or prepared.given is None:
         return
-    if not np.array_equal(prepared.plan.split(after.generation.champion)[WEIGHTS], prepared.weights):
+    if not np.array_equal(prepared.network_genes(after.generation.champion), prepared.given):
         raise ConfigError(f"genome={prepared.config.genome} does not hold the weights with which {path} began")
 
 
@@ -307,7 +324,7 @@ class EvolutionProgress(Bar):
         """Prepare to show so many generations; say nothing if `quiet`."""
         super().__init__("generation", generations, quiet=quiet, each=each)
         self._steps, self._seconds = 0, 0.0
-        self.update(self._task, description="compiling …")
+        self.bar.set_postfix_str("compiling …")
 
     def add(self, generation: Generation) -> None:
         """Show a generation that has just ended."""

@@ -45,7 +45,7 @@ def remembered_for(genome: Genome, config: EvaluateConfig, threads: int, report:
         ConfigError: The champion remembers another experiment, never arrived, or cannot check itself.
     """
     adaptations = [controller.adaptation for controller in config.controllers]
-    weights, network, gain = genome.weights, genome.network, config.lifetime.gain_rad_s
+    genes, network, gain = genome.network_genes, genome.network, config.lifetime.gain_rad_s
     nominal, checks = None, None
     if any(one.needs_nominal for one in adaptations):
         missing, known = missing_nominal(config, genome.nominal), genome.nominal
@@ -55,7 +55,7 @@ def remembered_for(genome: Genome, config: EvaluateConfig, threads: int, report:
             known,
             missing,
             report,
-            lambda one: measure_nominal(weights, one, gain, threads, network),
+            lambda one: measure_nominal(genes, one, gain, threads, network),
         )
         is_new = known is None or known.gain_rad_s != gain
         if is_new and "late" in {one.change_signal for one in adaptations} and np.isnan(nominal.time_to_goal_s).all():
@@ -72,7 +72,7 @@ def remembered_for(genome: Genome, config: EvaluateConfig, threads: int, report:
                 genome.self_memory,
                 missing,
                 report,
-                lambda one: _self_memory(run_in_training_world(weights, one, 1.0, threads, network), one),
+                lambda one: _self_memory(run_in_training_world(genes, one, 1.0, threads, network), one),
             )
             checks = self_checks(memory, config.world, config.lifetime.noise, repeats=config.repeats, seed=config.seed)
         except (ValueError, LostRobotError) as error:
@@ -125,14 +125,15 @@ def _remembered(
 
 def training_world(config: EvaluateConfig) -> Scenario:
     """The world in which controllers of this experiment are evolved, in the maze of the evaluation, for its robot."""
-    return names.training_world(config.world.experiment, config.scenario.name, config.maze, config.robot)
+    world, scenario = config.world, config.scenario.name
+    return names.training_world(world.experiment, scenario, config.maze, config.robot, world.physics)
 
 
 def remember_training_world(
-    weights: NDArray[np.float64], world: Scenario, threads: int, network: Network
+    genes: NDArray[np.float64], world: Scenario, threads: int, network: Network
 ) -> tuple[Nominal, SelfMemory | None]:
     """What a champion remembers of its training world; nothing for a self-check that its robot cannot do there."""
-    sides = run_in_training_world(weights, world, threads=threads, network=network)
+    sides = run_in_training_world(genes, world, threads=threads, network=network)
     return nominal_of(sides, world, 1.0), _self_memory(sides, world) if can_check_itself(world) else None
 
 

@@ -53,7 +53,7 @@ def rerun(path: Path) -> tuple[Path, str]:
     else:
         again = evolve.prepare(from_values(values, EvolveConfig, str(path)))
         again.compile()
-        if again.weights is not None and not np.array_equal(load_genome(str(path), "").weights, again.weights):
+        if again.given is not None and not np.array_equal(load_genome(str(path), "").network_genes, again.given):
             raise ConfigError(f"genome={again.config.genome} does not hold the weights with which {path} began")
         folder = evolve.new_run(new, again.config, facts["overrides"], more)
         evolve.evolve_into(folder, again, None, threads=thread_count(again.config.threads))

@@ -13,10 +13,10 @@
 
 import math
 from enum import IntEnum
+from typing import NamedTuple
 
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
-from epuckhebb.sim.robot import STEP_S
 
 
 class Signal(IntEnum):
@@ -29,10 +29,16 @@ class Signal(IntEnum):
     fitness = 4
 
 
-# `lifetime_mean` starts from a history of two lifetimes of 250 s at F = 0.50: the published program never resets its
-# running mean. The obstacle tables are reproduced with this history, and not without it.
-HISTORY_STEPS = 2 * 250 / STEP_S
-HISTORY_MEAN = 0.50
+class History(NamedTuple):
+    """What `lifetime_mean` starts from: so many steps, over which combined fitness without junction had this sum.
+
+    The published program never resets its running mean. The obstacle tables are reproduced with a history of two
+    lifetimes of 250 s at F = 0.50, and not without it.
+    """
+
+    steps: float
+    sum: float
+
 
 LIGHT_CODE_SENSORS = (8, 8)  # light and distance sensors of the robot that `light_code` is written for
 
@@ -96,18 +102,19 @@ def live_fitness(
     distance: float,
     trial_steps: float,
     undirected_sum: float,
+    history: History,
 ) -> float:
     """The live fitness F that scales plasticity at this step.
 
     behaviour: this step's combined fitness (the paper as written). final: its mean with the goal reward at this
     distance [m]. lifetime_mean: running mean of combined fitness without the junction term, `undirected_sum` over
-    `trial_steps`. light_code: see there. fitness: the value of the step by the user's own fitness, which the lifetime
-    puts in place of the result.
+    `trial_steps`, after a history. light_code: see there. fitness: the value of the step by the user's own fitness,
+    which the lifetime puts in place of the result.
     """
     if signal == _FINAL:
         return (behaviour + reward(distance)) / 2.0
     if signal == _LIFETIME_MEAN:
-        return (HISTORY_STEPS * HISTORY_MEAN + undirected_sum) / (HISTORY_STEPS + trial_steps)
+        return (history.sum + undirected_sum) / (history.steps + trial_steps)
     if signal == _LIGHT_CODE:
         return light_code(readings, left, right)
     return behaviour

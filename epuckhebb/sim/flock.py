@@ -18,7 +18,7 @@ from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import kernel
 from epuckhebb.sim.coupling import Coupling, Moment, changed, shuffled, transfer_entropy
 from epuckhebb.sim.maze import Pose
-from epuckhebb.sim.physics import MOTION, Handles, PymunkSpace, mover_of_all
+from epuckhebb.sim.physics.pymunk import MOTION, Handles, PymunkSpace, mover_of_all
 from epuckhebb.sim.random import Stream, key, normal, rng
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import EPUCK, STEP_S

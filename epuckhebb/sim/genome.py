@@ -1,4 +1,4 @@
-"""A genome in named parts: first the weights of the network, then evolved parameters of a rule."""
+"""A genome in named parts: the weights of the network, the parameters of its neurons, those of a plasticity rule."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,14 +10,16 @@ from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.rule import NoRule, Rule, evolved_by, evolved_sizes
 
 WEIGHTS = "weights"
+NEURON = "neuron."  # before the names of the parameters of neurons, in a wiring
 
 
 @dataclass(frozen=True)
 class Part:
     """Genes of one meaning.
 
-    name: `weights`, or that of a rule's parameter. size: number of genes. start: in the first generation they are
-    uniform in +-start. limit: they are clipped to +-limit; None for the optimizer's (`ga.gene_limit`).
+    name: `weights`, or that of a parameter of the neurons or of a rule. size: number of genes. start: in the first
+    generation they are uniform in +-start. limit: they are clipped to +-limit; None for the optimizer's
+    (`ga.gene_limit`).
     """
 
     name: str
@@ -65,17 +67,30 @@ class GenomePlan:
 
     @property
     def of_rule(self) -> "GenomePlan":
-        """The parts that are parameters of a rule: all but the weights."""
-        return GenomePlan(tuple(part for part in self.parts if part.name != WEIGHTS))
+        """The parts that are parameters of a rule: all but those of the network."""
+        return GenomePlan(tuple(part for part in self.parts if not _is_of_network(part)))
+
+    @property
+    def of_network(self) -> "GenomePlan":
+        """The parts that are the network: its weights, and the parameters of its neurons."""
+        return GenomePlan(tuple(part for part in self.parts if _is_of_network(part)))
 
     def text(self) -> str:
         """The parts in words, for example "234 weights"."""
         return ", ".join(f"{part.size} {part.name}" for part in self.parts)
 
 
+def _is_of_network(part: Part) -> bool:
+    return part.name == WEIGHTS or part.name.startswith(NEURON)
+
+
 def plan_of(network: Network, rule: type[Rule] = NoRule) -> GenomePlan:
     """The genome of a network, and of a rule whose parameters are evolved."""
     parts, evolved = [Part(WEIGHTS, network.synapses)], evolved_by(rule, network)
+    if network.wiring is not None:
+        for name, size in network.wiring.parameter_sizes().items():
+            own = network.wiring.evolved[name]
+            parts.append(Part(NEURON + name, size, own.start, own.limit))
     for name, size in evolved_sizes(rule, network).items():
         parts.append(Part(name, size, evolved[name].start, evolved[name].limit))
     return GenomePlan(tuple(parts))

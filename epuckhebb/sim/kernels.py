@@ -8,12 +8,13 @@ from epuckhebb.sim.compiled import kernel, with_parts
 from epuckhebb.sim.lifetime import decide, live, live_together, settle
 from epuckhebb.sim.network import Network, forward_pass
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness, score_of, scored
-from epuckhebb.sim.physics import mover, mover_of_all
+from epuckhebb.sim.physics.pymunk import PYMUNK, mover_of_all
 from epuckhebb.sim.plasticity.rule import NoRule, Rule
 from epuckhebb.sim.plasticity.update import modulation_of, update_of
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.senses import blinding, largest_distance_reading, senses
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
@@ -29,6 +30,7 @@ def kernel_of(
     more_faults: bool = False,
     task: Task = ONE_TRIAL,
     fitness: Fitness = PAPER_FITNESS,
+    physics: Physics = PYMUNK,
     together: bool = False,
 ) -> Any:
     """`live` with these parts, or `live_together`, compiled or from the cache.
@@ -40,9 +42,9 @@ def kernel_of(
         ValueError: the rule has unknown arguments, or network, robot, task and adaptation do not fit each other.
     """
     hooks = adaptation.hooks(adapted, robot, network.post[0])
-    place = (rule, hooks, network, robot, more_faults, type(task), scored(fitness), together)
+    place = (rule, hooks, network, robot, more_faults, type(task), scored(fitness), physics, together)
     if place not in _kernels:
-        _kernels[place] = _made(rule, hooks, network, robot, more_faults, task, scored(fitness), together)
+        _kernels[place] = _made(rule, hooks, network, robot, more_faults, task, scored(fitness), physics, together)
     return _kernels[place]
 
 
@@ -54,6 +56,7 @@ def _made(
     more_faults: bool,
     task: Task,
     fitness: type[Fitness],
+    physics: Physics,
     together: bool,
 ) -> Any:
     check_inputs(network, robot, task)
@@ -63,7 +66,7 @@ def _made(
         "HAS_TRIALS": task.has_trials,
         "HAS_SCORE": fitness.step is not None,
         "score": score_of(fitness),
-        "sense": senses(robot),
+        "sense": senses(robot, physics),
         "blind": blinding(robot),
         "nearest": largest_distance_reading(robot),
         "draw_noise": normal_numbers(robot.inputs),
@@ -73,7 +76,8 @@ def _made(
         **hooks._asdict(),
         **faults.hooks(robot, more_faults)._asdict(),
         **task.hooks(robot.inputs)._asdict(),
-        "move": mover(robot),
+        "move": physics.mover(robot),
+        "record_tilt": physics.record_tilt(),
         "move_all": mover_of_all(robot),
     }
     parts |= {"decide": with_parts(decide, **parts), "settle": with_parts(settle, **parts)}

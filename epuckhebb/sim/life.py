@@ -14,18 +14,22 @@ from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate, initial_a
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.faults import Faults, initial_past
+from epuckhebb.sim.fitness import History
 from epuckhebb.sim.goal_signal import SignalNumbers
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, Network
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
 from epuckhebb.sim.random import noise_workspace_size
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.senses import SenseWorkspace, sense_workspace
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import NO_TRIALS
 from epuckhebb.sim.vectors import whole
+from epuckhebb.sim.wiring import NO_NEURONS, Neurons
 
 _LONGEST_S = 1e9  # 31 years: more is surely a slip
 
@@ -112,12 +116,12 @@ class Workspace(NamedTuple):
     change: Floats
 
 
-def workspace_for(network: Network, robot: Robot) -> Workspace:
+def workspace_for(network: Network, robot: Robot, physics: Physics = PYMUNK) -> Workspace:
     """Workspace for this network and robot."""
     return Workspace(
-        senses=sense_workspace(robot),
+        senses=sense_workspace(robot, physics),
         noise=np.zeros(noise_workspace_size(robot.inputs)),
-        drive=np.empty(whole(max(network.post))),
+        drive=np.empty(network.neurons if network.wiring is not None else whole(max(network.post))),
         synapses=np.empty((3, network.synapses)),
         change=np.empty(weight_change_workspace(network)),
     )
@@ -129,7 +133,7 @@ class Genotype(NamedTuple):
     weights: (synapses,), the genes. synapse_state: (synapses,) records, the initial state of each synapse.
     coefficients: (names, synapses) from evolved parameters of the rule. modulatory: weights of its modulatory neuron,
     if any. lengths: (neurons,) of each neuron's incoming weights, if the rule keeps them. signs: (synapses,) of the
-    updates.
+    updates. neurons: of a wiring.
     """
 
     weights: Floats
@@ -138,14 +142,16 @@ class Genotype(NamedTuple):
     modulatory: Floats
     lengths: Floats
     signs: Floats
+    neurons: Neurons = NO_NEURONS
 
 
 class Life(NamedTuple):
-    """All that a lifetime carries from step to step, but for the pymunk space in which the robot stands.
+    """All that a lifetime carries from step to step, but for the space in which the robot stands.
 
     tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records. activation: (neurons,).
     adaptation: what it carries. trials: records of `epuckhebb.sim.task.TRIAL`, none where a lifetime is one trial.
-    score: one record, what its fitness stores. past: what late sensors and wheels need (`epuckhebb.sim.faults`).
+    score: one record, what its fitness stores. neurons: of a wiring; its state lasts as long as the lifetime. past:
+    what late sensors and wheels need (`epuckhebb.sim.faults`).
     """
 
     tally: NDArray[np.void]
@@ -155,6 +161,7 @@ class Life(NamedTuple):
     adaptation: AdaptationState
     trials: NDArray[np.void]
     score: NDArray[np.void]
+    neurons: Neurons
     workspace: Workspace
     past: Floats
 
@@ -162,7 +169,8 @@ class Life(NamedTuple):
 class Group(NamedTuple):
     """What robots in one space carry, first axis the robots: of `Life`, of `Genotype` (genes: its weights), and keys.
 
-    motion: (robots, 6), the view of the space's state. wheels: (robots, 4) and before: (robots, 2), workspace.
+    neurons, parameters: of a wiring. motion: (robots, 6), the view of the space's state. wheels: (robots, 4) and
+    before: (robots, 2), workspace.
     """
 
     tally: NDArray[np.void]
@@ -177,6 +185,8 @@ class Group(NamedTuple):
     lengths: Floats
     signs: Floats
     keys: NDArray[np.uint64]
+    neurons: NDArray[np.void]
+    parameters: Floats
     motion: Floats
     wheels: Floats
     before: Floats
@@ -201,7 +211,7 @@ def initial_life(
     """
     if genotype.weights.shape != (network.synapses,) or genotype.signs.shape != (network.synapses,):
         raise ValueError(
-            f"a network of layers {network} has {network.synapses} weights, got {genotype.weights.shape[0]} genes and "
+            f"a network {network} has {network.synapses} weights, got {genotype.weights.shape[0]} genes and "
             f"{genotype.signs.shape[0]} signs"
         )
     activation = np.zeros(network.neurons)
@@ -214,6 +224,7 @@ def initial_life(
         adaptation=initial_adaptation_state(robot) if adaptation is None else adaptation,
         trials=trials,
         score=fitness.initial_state(),
+        neurons=genotype.neurons._replace(state=genotype.neurons.state.copy()),
         workspace=workspace_for(network, robot) if workspace is None else workspace,
         past=initial_past(robot),
     )
@@ -240,13 +251,14 @@ class Trial(NamedTuple):
 class Plasticity(NamedTuple):
     """The settings of a rule and of an adaptation, as numbers.
 
-    rate: N at the wheel gain of this lifetime. floor, signal: of the live fitness. numbers: all settings of the rule.
-    gate: of the adaptation.
+    rate: N at the wheel gain of this lifetime. floor, signal, history: of the live fitness. numbers: all settings of
+    the rule. gate: of the adaptation.
     """
 
     rate: float
     floor: float
     signal: int
+    history: History
     numbers: tuple[float, ...]
     gate: Gate
 
@@ -256,7 +268,9 @@ class Samples(NamedTuple):
 
     time [s]; pose: x, y [m], heading [rad]; sensors: the network's inputs; motors: the 2 network outputs; fitness:
     live F; change_signal: nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|, that of homeostasis
-    included; weights: (samples, synapses), after the step's update, without the scale of homeostasis.
+    included; weights: (samples, synapses), after the step's update, without the scale of homeostasis; activations:
+    (samples, neurons) of those of a wiring, which weights and inputs alone do not give; none of layers; tilt: roll,
+    pitch [rad] and height above the floor [m], nothing in the plane.
     """
 
     time: Floats
@@ -268,9 +282,11 @@ class Samples(NamedTuple):
     rate: Floats
     weight_change: Floats
     weights: NDArray[np.float32]
+    activations: NDArray[np.float32]
+    tilt: Floats
 
 
-def empty_samples(count: int, network: Network) -> Samples:
+def empty_samples(count: int, network: Network, physics: Physics = PYMUNK) -> Samples:
     """Arrays for so many samples."""
 
     def numbers(*shape: int) -> Floats:
@@ -286,7 +302,14 @@ def empty_samples(count: int, network: Network) -> Samples:
         rate=numbers(),
         weight_change=numbers(),
         weights=np.zeros((count, network.synapses), np.float32),
+        activations=np.zeros((count, recorded_neurons(network)), np.float32),
+        tilt=numbers(physics.tilts),
     )
+
+
+def recorded_neurons(network: Network) -> int:
+    """How many activations are recorded: all neurons of a wiring, none of layers."""
+    return 0 if network.wiring is None else sum(network.layers[1:])
 
 
 def sample_bytes(network: Network) -> int:
@@ -303,6 +326,7 @@ def pad_samples(samples: Samples, life: Life, robot: Robot, record_every: int, p
     after = slice(-(-int(tally["step"]) // record_every), None)
     samples.time[after] = np.arange(len(samples.time))[after] * record_every * STEP_S
     samples.pose[after], samples.weights[after] = pose[:3], life.weights
+    samples.activations[after] = life.activation[len(life.activation) - samples.activations.shape[1] :]
     samples.sensors[after, : robot.inputs] = life.activation[: robot.inputs]  # and no reward
     samples.weight_change[after] = tally["weight_change"] + tally["scaling"]
 

@@ -9,24 +9,24 @@ any step and resumed bit-identically.
 import math
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from epuckhebb.sim import faults, fitness
 from epuckhebb.sim.adaptation import adaptation
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.life import Genotype, Group, Life, Samples, Setup, Trial
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, forward_pass
 from epuckhebb.sim.own_fitness import Fitness, score_of
-from epuckhebb.sim.physics import Handles, is_lost, mover, mover_of_all, pose
+from epuckhebb.sim.physics.pymunk import PYMUNK, mover, mover_of_all
 from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.plasticity.update import StepContext, effective_rate, modulation_of, update_of
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.robot import EPUCK, STEP_S
 from epuckhebb.sim.senses import blinding, largest_distance_reading, senses
 from epuckhebb.sim.sensors import NO_ROBOTS, Goal
+from epuckhebb.sim.space import Handles, is_lost, pose
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
+from epuckhebb.sim.wiring import Neurons
 
 OWN = int(fitness.Signal.fitness)
 CONTACT = 0.8  # a distance reading above this counts as contact, as in the published code
@@ -34,10 +34,11 @@ CONTACT = 0.8  # a distance reading above this counts as contact, as in the publ
 # The parts of a lifetime, as the paper's robot without plasticity has them; `kernel_of` puts others in their place.
 WHEELS, HAS_RULE, HAS_TRIALS, HAS_SCORE = PAPER_NETWORK.wheels, False, False, False
 score = score_of(Fitness)
-sense, blind, nearest = senses(EPUCK), blinding(EPUCK), largest_distance_reading(EPUCK)
+sense, blind, nearest = senses(EPUCK, PYMUNK), blinding(EPUCK), largest_distance_reading(EPUCK)
 draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
 move_all = mover_of_all(EPUCK)
 learn, modulate = update_of(NoRule, PAPER_NETWORK), modulation_of(NoRule, PAPER_NETWORK)
+record_tilt = PYMUNK.record_tilt()
 correct, scale, open_gate, explore, compensate, resets = adaptation.hooks(adaptation.Parts(), EPUCK)
 apply_sensor_faults, turn_wheels = faults.hooks(EPUCK, more=False)
 reward_input, to_goal, end_step = ONE_TRIAL.hooks(EPUCK.inputs)
@@ -51,7 +52,7 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
 
     for step in range(tally.step, until):
         cos, sin = math.cos(heading), math.sin(heading)
-        left, right = decide(life, setup, space.walls, NO_ROBOTS, x, y, heading, cos, sin, step)
+        left, right = decide(life, setup, space, NO_ROBOTS, x, y, heading, cos, sin, step)
 
         # Move.
         left, right = turn_wheels(trial.faults, tally, life.past, left, right, gain, setup.key, step)
@@ -70,7 +71,7 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
             tally.goal_distance = to_goal(trial, x, y)
 
 
-def live_together(group: Group, life: Life, setup: Setup, space: Handles, until: int) -> None:
+def live_together(group: Group, life: Life, setup: Setup, space: Any, until: int) -> None:
     """Run the lifetimes of the robots of a space until before step `until`, or until one is lost. group: updated.
 
     In a step all robots sense and decide, in their order, before any moves. life, setup: of any of them, for what all
@@ -88,6 +89,7 @@ def live_together(group: Group, life: Life, setup: Setup, space: Handles, until:
                 life.adaptation,
                 life.trials,
                 group.score[i],
+                Neurons(group.neurons[i], group.parameters[i], life.neurons.numbers, life.neurons.step_s),
                 life.workspace,
                 group.past[i],
             )
@@ -116,7 +118,7 @@ def live_together(group: Group, life: Life, setup: Setup, space: Handles, until:
             cos, sin = math.cos(heading), math.sin(heading)
             tally = one.tally[0]
             tally.goal_distance = to_goal(trial, x, y)
-            left, right = decide(one, own, space.walls, motion, x, y, heading, cos, sin, step)
+            left, right = decide(one, own, space, motion, x, y, heading, cos, sin, step)
             left, right = turn_wheels(trial.faults, tally, one.past, left, right, gain, own.key, step)
             wheels[i, 0], wheels[i, 1], wheels[i, 2], wheels[i, 3] = left, right, cos, sin
             group.before[i, 0], group.before[i, 1] = x, y
@@ -145,8 +147,8 @@ def settle(tally: Any, trial: Trial, x: float, y: float, new_x: float, new_y: fl
 def decide(
     life: Life,
     setup: Setup,
-    walls: NDArray[np.float64],
-    robots: NDArray[np.float64],
+    space: Handles,
+    robots: Floats,
     x: float,
     y: float,
     heading: float,
@@ -168,7 +170,7 @@ def decide(
         draw_noise(setup.key, step, workspace.noise)
     goal = Goal(trial.goal_x, trial.goal_y, tally.goal_distance)
     noise, noise_level = workspace.noise, setup.noise_level
-    sense(x, y, cos, sin, walls, setup.lit, noise, noise_level, workspace.senses, activation, goal, robots)
+    sense(x, y, cos, sin, space, setup.lit, noise, noise_level, workspace.senses, activation, goal, robots)
     apply_sensor_faults(activation, trial.faults, life.past, step)
     blind(activation, trial.faults.dead_sensors)
     correct(activation, corrections, life.adaptation.correcting)
@@ -176,7 +178,7 @@ def decide(
     reward_input(activation, tally.reward)
 
     # Act.
-    forward(weights, activation, workspace.drive)
+    forward(weights, activation, workspace.drive, life.neurons)
     left, right = activation[WHEELS], activation[WHEELS + 1]
 
     # Score.
@@ -190,7 +192,15 @@ def decide(
     tally.contacts += nearness > CONTACT
     trial_steps = step + 1.0 - tally.began
     live_fitness = fitness.live_fitness(
-        plasticity.signal, activation, left, right, behaviour, tally.goal_distance, trial_steps, tally.undirected_sum
+        plasticity.signal,
+        activation,
+        left,
+        right,
+        behaviour,
+        tally.goal_distance,
+        trial_steps,
+        tally.undirected_sum,
+        plasticity.history,
     )
 
     if HAS_SCORE:
@@ -229,6 +239,7 @@ def decide(
     tally.weight_change_sum += tally.weight_change + tally.scaling
     if setup.record_every > 0 and step % setup.record_every == 0:
         record(setup.samples, step // setup.record_every, step * STEP_S, x, y, heading, life, live_fitness, rate)
+        record_tilt(space, setup.samples.tilt, (step // setup.record_every) % setup.samples.time.shape[0])
 
     # Explore, and compensate for weak wheels.
     left, right = explore(plasticity.gate, tally, life.adaptation, activation, left, right, setup.gain)
@@ -277,3 +288,6 @@ def record(
     samples.rate[place], samples.weight_change[place] = rate, tally.weight_change + tally.scaling
     for k in range(synapses):
         samples.weights[place, k] = life.weights[k]
+    neurons = samples.activations.shape[1]
+    for j in range(neurons):
+        samples.activations[place, j] = life.activation[life.activation.shape[0] - neurons + j]

@@ -78,6 +78,7 @@ class Maze:
     have. niches: where random layouts put obstacles. start: of the robot. goals: of each side. goal_radius_m: the robot
     is at the goal when nearer than this. arms: of each side, the region in which the robot has turned the right way.
     arena_m: half side; a robot farther from the middle is lost.
+    wall_height_m: for three-dimensional physics.
 
     Raises:
         ValueError: a box has no size, two boxes have one name, or something lies outside.
@@ -93,11 +94,14 @@ class Maze:
     goal_radius_m: float = 0.05
     arms: Mapping[Side, Region]
     arena_m: float = 0.5
+    wall_height_m: float | None = None
 
     def __post_init__(self) -> None:
         """Validate the settings."""
         check_range(self, "maze", "arena_m", most=_LARGEST, above=True)
-        check_range(self, "maze", "goal_radius_m", above=True)
+        check_range(
+            self, "maze", "goal_radius_m", *(["wall_height_m"] if self.wall_height_m is not None else []), above=True
+        )
         twice = sorted(self.walls.keys() & self.obstacles.keys())
         if twice:
             raise ValueError(f"maze.walls and maze.obstacles must have different names, both have {', '.join(twice)}")
@@ -172,6 +176,7 @@ T_MAZE = Maze(
     goal_radius_m=0.05,  # as in the published code
     arms={"left": Region(right=-0.08, bottom=0.10), "right": Region(left=0.08, bottom=0.10)},
     arena_m=0.5,
+    wall_height_m=0.05,
 )
 
 

@@ -14,15 +14,17 @@ from functools import cached_property
 from itertools import accumulate, pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled, in_turn
 from epuckhebb.sim.vectors import WIDTH, alike, plus, read, times, whole, write
+from epuckhebb.sim.wired_pass import blocks_of, wired_pass
+from epuckhebb.sim.wiring import MOST_SYNAPSES, Neurons, Wiring
 
 WEIGHT_LIMIT = 2.0  # weights are loaded clipped to +-2, the bound of plasticity in the paper
 HIDDEN = (7, 5, 8, 4)  # the paper's hidden layers
 OUTPUTS = 2  # left wheel, right wheel
-_LARGEST = 100_000  # synapses; more is surely a typing error
 
 _STEPS_PER_UNIT = 32
 _TANH_IS_1 = 20.0  # from about 19 on, tanh is 1 to the last bit
@@ -34,25 +36,32 @@ class Network:
     """The shape of a network.
 
     layers: how many neurons each layer has, sensors first, the two wheels last. rewarded: whether the last input is a
-    reward (`epuckhebb.sim.task`).
+    reward (`epuckhebb.sim.task`). wiring: another than that of layers; then layers are the inputs and its groups.
 
     Raises:
-        ValueError: there are fewer than two layers, a layer is empty, or the last has not two neurons.
+        ValueError: there are fewer than two layers, a layer is empty, the last has not two neurons, or a synapse of a
+            wiring joins what is no neuron.
     """
 
     layers: tuple[int, ...] = (16, *HIDDEN, OUTPUTS)
     rewarded: bool = False
+    wiring: Wiring | None = None
 
     def __post_init__(self) -> None:
         """Validate the layers."""
         whole = all(isinstance(size, int) and size > 0 for size in self.layers)
-        if len(self.layers) < 2 or not whole or self.layers[-1] != OUTPUTS:
+        if self.wiring is not None and (len(self.layers) < 2 or not whole or self.layers[-1] < OUTPUTS):
+            raise ValueError(
+                f"wiring {self.wiring.name}: `sizes` must be positive whole numbers, the last of them {OUTPUTS} or "
+                f"more (left and right wheel), got {list(self.layers[1:])}"
+            )
+        if self.wiring is None and (len(self.layers) < 2 or not whole or self.layers[-1] != OUTPUTS):
             raise ValueError(
                 f"network.layers must be two or more positive whole numbers, the last of them {OUTPUTS} "
                 f"(left and right wheel), got {list(self.layers)}"
             )
-        if self.synapses > _LARGEST:
-            raise ValueError(f"network.layers = {list(self.layers)} has {self.synapses} weights; at most {_LARGEST}")
+        if self.synapses > MOST_SYNAPSES:
+            raise ValueError(f"network {self} has {self.synapses} weights or more; at most {MOST_SYNAPSES}")
 
     @cached_property
     def inputs(self) -> int:
@@ -91,11 +100,25 @@ class Network:
 
     @cached_property
     def connections(self) -> list[tuple[int, ...]]:
-        """Each layer of connections: its first presynaptic and postsynaptic neuron, its first synapse, its shape."""
+        """Each layer of connections: its first presynaptic and postsynaptic neuron, its first synapse, its shape.
+
+        Of a wiring, each block of synapses that join all of one row of neurons with all of another.
+        """
+        if self.wiring is not None:
+            return blocks_of(*self.joined, self.first_neuron)
         return [
             (self.first_neuron[k], self.first_neuron[k + 1], self.first_synapse[k], *shape)
             for k, shape in enumerate(self.shapes)
         ]
+
+    @cached_property
+    def joined(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The presynaptic and the postsynaptic neuron of each synapse, (synapses,) each."""
+        if self.wiring is not None:
+            return self.wiring.joined(self.inputs)
+        pre = [np.repeat(np.arange(n) + first, m) for first, _, _, n, m in self.connections]
+        post = [np.tile(np.arange(m) + first, n) for _, first, _, n, m in self.connections]
+        return np.concatenate(pre), np.concatenate(post)
 
     @cached_property
     def vectors(self) -> list[tuple[int, ...]]:
@@ -124,11 +147,11 @@ class Network:
     @cached_property
     def synapses(self) -> int:
         """How many weights it has; 234 in the paper."""
-        return sum(n * m for n, m in self.shapes)
+        return len(self.joined[0]) if self.wiring is not None else sum(n * m for n, m in self.shapes)
 
     def __str__(self) -> str:
-        """The layers, for example 16-7-5-8-4-2."""
-        return "-".join(map(str, self.layers))
+        """The layers, for example 16-7-5-8-4-2, and the wiring, if any."""
+        return "-".join(map(str, self.layers)) + ("" if self.wiring is None else f" ({self.wiring.name})")
 
 
 PAPER_NETWORK = Network()
@@ -160,24 +183,32 @@ def tanh(x: float) -> float:
     return math.copysign((tanh_a + tanh_d) / (1.0 + tanh_a * tanh_d), x)
 
 
-Pass = Callable[[Floats, Floats, Floats], None]
+Pass = Callable[..., None]
 
 
 def forward_pass(network: Network) -> Pass:
-    """The function `forward(weights, activation, drive)` that passes inputs through this network: y = tanh(x W).
+    """The function `forward(weights, activation, drive, neurons)` that passes inputs through: in layers, y = tanh(x W).
 
     weights: (synapses,). activation: (neurons,), inputs and bias given, the rest filled. drive: workspace, whole
-    vectors of four for the widest layer, a layer's x W. The sizes are constants in the machine code.
+    vectors of four for the widest layer, a layer's x W; of a wiring for all neurons. neurons: of a wiring. The sizes
+    are constants in the machine code.
     """
+    if network.wiring is not None:
+        return wired_pass(network.wiring, [*network.first_neuron[1:], network.neurons], network.joined, network.vectors)
     if isinstance(network, GivenOutputs):
         return _pass_given(network.wheels)
-    forward: Pass = in_turn(_fire, network.vectors, "weights, activation, drive")
+    fire = in_turn(_fire, network.vectors, "weights, activation, drive")
+
+    @compiled
+    def forward(weights: Floats, activation: Floats, drive: Floats, neurons: Neurons | None = None) -> None:
+        fire(weights, activation, drive)
+
     return forward
 
 
 def _pass_given(wheels: int) -> Pass:
     @compiled
-    def forward(weights: Floats, activation: Floats, drive: Floats) -> None:
+    def forward(weights: Floats, activation: Floats, drive: Floats, neurons: Neurons | None = None) -> None:
         activation[wheels], activation[wheels + 1] = weights[0], weights[1]
 
     return forward

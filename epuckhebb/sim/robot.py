@@ -8,11 +8,42 @@ anticlockwise from x. The robots of `conf/robot/` have the keys of `Robot` and o
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.sensors import DistanceSensors, LightSensors, RimSensors, SensorGroup, slices
 
 STEP_S = 0.032  # one control step: sensing, acting, learning and physics
+
+
+class Underside(NamedTuple):
+    """The box below a robot: its length along x, width along y, height, and the height of its middle [m]."""
+
+    length: float = 0.05
+    width: float = 0.04
+    height: float = 0.01
+    middle: float = 0.0051
+
+
+class Solid(NamedTuple):
+    """What a robot is in three dimensions; heights are above the floor [m], the values are the e-puck's.
+
+    mass_kg, inertia_kg_m2 (about x, y and z), centre_of_mass_m: of the body without its wheels. hull_m: bottom and top
+    of its cylinder. motor_torque_n_m: the most of each motor.
+    """
+
+    mass_kg: float = 0.15
+    inertia_kg_m2: tuple[float, ...] = (9.78585e-05, 8.64333e-05, 8.74869e-05)
+    centre_of_mass_m: float = 0.015
+    hull_m: tuple[float, float] = (0.0025, 0.0475)
+    underside: Underside = Underside()
+    wheel_mass_kg: float = 0.005
+    wheel_width_m: float = 0.005
+    motor_torque_n_m: float = 10.0
+    sensor_height_m: float = 0.033
+
+
+_E_PUCK_SOLID = Solid()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +52,8 @@ class Robot:
 
     radius_m, mass_kg, inertia_kg_m2 (about the vertical axis): of its disc. wheel_radius_m, axle_m (between the
     wheels), motor_limit_rad_s: of its drive. sensors: groups in the order of the network's inputs, light and distance
-    sensors included. Sensors of the same number in different groups share a place on the rim.
+    sensors included. Sensors of the same number in different groups share a place on the rim. solid: what
+    three-dimensional physics needs, None if unknown.
     """
 
     name: str = "epuck"
@@ -31,12 +63,26 @@ class Robot:
     wheel_radius_m: float = 0.020
     axle_m: float = 0.052
     motor_limit_rad_s: float = 6.28
+    solid: Solid | None = _E_PUCK_SOLID
     sensors: tuple[SensorGroup, ...] = (LightSensors(), DistanceSensors())
 
     def __post_init__(self) -> None:
         """Validate the settings."""
         sizes = ("radius_m", "mass_kg", "inertia_kg_m2", "wheel_radius_m", "axle_m", "motor_limit_rad_s")
         check_range(self, "robot", *sizes, above=True)
+        if self.solid is not None:
+            low, high = self.solid.hull_m
+            sizes_3d = (
+                *self.solid[:3:2],
+                *self.solid.inertia_kg_m2,
+                *self.solid.underside,
+                *self.solid[5:],
+                high - low,
+            )
+            if not (len(self.solid.inertia_kg_m2) == 3 and low >= 0 and all(0 < size < math.inf for size in sizes_3d)):
+                raise ValueError(
+                    "robot.solid must hold numbers above 0, three inertia_kg_m2, and hull_m from low to high"
+                )
         names = [group.name for group in self.sensors]
         if not {LightSensors.name, DistanceSensors.name} <= set(names) or len(set(names)) < len(names):
             raise ValueError(f"robot.sensors must be light, distance and perhaps others, each once, got {names}")

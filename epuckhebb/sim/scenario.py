@@ -14,13 +14,16 @@ from epuckhebb.sim.goal_signal import GoalSignal
 from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.maze import SIDES, T_MAZE, Box, Maze, Place, Pose, Side, boxes, edges
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.reachable import check_reachable
 from epuckhebb.sim.robot import EPUCK, STEP_S, Robot
 from epuckhebb.sim.sensors import InputGroup
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
+_PARTS = ("task", "fitness", "physics")  # with settings of their own
 EXPERIMENTS = ("light", "obstacles")
 TRAINED = {"light": "highlight", "obstacles": "base"}  # the scenario in which each one's controllers are evolved
 STEPS = ("sensor_levels", "sensor_delay_steps", "wheel_delay_steps")  # faults that are whole numbers
@@ -100,6 +103,7 @@ class Scenario:
     robot: Robot = EPUCK
     task: Task = ONE_TRIAL
     fitness: Fitness = PAPER_FITNESS
+    physics: Physics = PYMUNK
 
     def __post_init__(self) -> None:
         """Validate the settings."""
@@ -133,6 +137,7 @@ class Scenario:
         check_placed(self.placed, self.maze)
         if self.put is not None:
             check_put(self.put, self.maze, self.robot.radius_m, self.boxes)
+        self.physics.check(self)
         self._check_changes()
 
     def check(self) -> None:
@@ -263,7 +268,8 @@ class Scenario:
         for kind, mine, its in (("maze", self.maze, maze), ("robot", self.robot, robot)):
             if mine != its:
                 words.append(f"{kind}={mine.name}" + (" changed" if mine.name == its.name else ""))
-        for key, part, its_part in (("task", self.task, named.task), ("fitness", self.fitness, named.fitness)):
+        for key in _PARTS:
+            part, its_part = getattr(self, key), getattr(named, key)
             if part != its_part:
                 words.append(f"{key}={part.name}")
                 words += [
@@ -280,7 +286,7 @@ class Scenario:
                     if getattr(mine, part.name) != getattr(its, part.name)
                     and not (part.name == "intensity" and self.task.has_trials)  # off, as such a task demands
                 ]
-            elif field_.name in ("maze", "robot", "task", "fitness", "name"):
+            elif field_.name in ("maze", "robot", "name", *_PARTS):
                 continue
             elif field_.name == "goals" and mine != its:
                 words.append("goals=" + "/".join(f"{side}:{x:g},{y:g}" for side, (x, y) in self.goals_now.items()))

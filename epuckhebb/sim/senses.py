@@ -10,46 +10,47 @@ from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.robot import Robot
-from epuckhebb.sim.sensors import NO_GOAL, NO_ROBOTS, Goal, Place, RimSensors, Surroundings, put_rays
+from epuckhebb.sim.sensors import NO_GOAL, NO_ROBOTS, Goal, Place, RimSensors, Surroundings
+from epuckhebb.sim.space import Handles, Physics
 
 Sense = Callable[..., None]
 
 
 class SenseWorkspace(NamedTuple):
-    """Workspace of `sense`: rays (6, sensors) of each ring of places, and of each group a number for each sensor."""
+    """Workspace of `sense`: rays (numbers, sensors) of each ring of places; of each group a number for each sensor."""
 
     rays: tuple[Floats, ...]
     scratch: tuple[Floats, ...]
 
 
-def sense_workspace(robot: Robot) -> SenseWorkspace:
+def sense_workspace(robot: Robot, physics: Physics) -> SenseWorkspace:
     """Workspace for a robot of this kind."""
-    rays = tuple(np.empty((6, len(ring))) for ring in _rings(robot))
+    rays = tuple(np.empty((physics.ray_numbers, len(ring))) for ring in _rings(robot))
     return SenseWorkspace(rays, tuple(np.zeros(group.count) for group in robot.sensors))
 
 
-def senses(robot: Robot) -> Sense:
-    """The function `sense(x, y, cos, sin, walls, lit, noise, noise_level, workspace, readings, goal, robots)`.
+def senses(robot: Robot, physics: Physics) -> Sense:
+    """The function `sense(x, y, cos, sin, space, lit, noise, noise_level, workspace, readings, goal, robots)`.
 
-    It fills the readings, (inputs,), from the pose of the robot, the walls (boxes, 4), the lights, standard normal
+    It fills the readings, (inputs,), from the pose of the robot, its space, the lights, standard normal
     noise, one number for each input, the noise level, 1 for the sensors' own, the goal, and the robots in its space.
     """
     rings = _rings(robot)
-    parts: dict[str, Any] = {"put_rays": put_rays}
+    parts: dict[str, Any] = {"put_rays": physics.put_rays(robot)}
     put, look, read = [], [], []
     for k, ring in enumerate(rings):
         parts[f"ring_{k}"] = _in_frame(ring)
-        put.append(f"put_rays(x, y, cos, sin, ring_{k}, rays[{k}])")
+        put.append(f"put_rays(space, x, y, cos, sin, ring_{k}, rays[{k}])")
     for k, group in enumerate(robot.sensors):
         ring_of = rings.index(group.places) if isinstance(group, RimSensors) else 0
         own = f"around, rays[{ring_of}], scratch[{k}]"
-        parts[f"read_{k}"], parts[f"look_{k}"] = group.kernels(robot.inputs_of(group).start, robot.radius_m)
+        parts[f"read_{k}"], parts[f"look_{k}"] = physics.kernels(group, robot.inputs_of(group).start, robot.radius_m)
         look.append(f"look_{k}({own})")
         read.append(f"read_{k}({own}, readings)")
     # The calls are written out, because each group has its own functions. All groups look before any reads: a group
     # that reads right after its look waits for memory, and sensing takes 15 to 20 % longer.
     calls = ", ".join([*put, *look, *read])
-    feel = compiled(eval(f"lambda x, y, cos, sin, around, rays, scratch, readings: ({calls},)", parts))
+    feel = compiled(eval(f"lambda space, x, y, cos, sin, around, rays, scratch, readings: ({calls},)", parts))
 
     @compiled
     def sense(
@@ -57,7 +58,7 @@ def senses(robot: Robot) -> Sense:
         y: float,
         cos: float,
         sin: float,
-        walls: Floats,
+        space: Handles,
         lit: Lights,
         noise: Floats,
         noise_level: float,
@@ -66,8 +67,8 @@ def senses(robot: Robot) -> Sense:
         goal: Goal = NO_GOAL,
         robots: Floats = NO_ROBOTS,
     ) -> None:
-        around = Surroundings(x, y, cos, sin, walls, lit, noise, noise_level, goal, robots)
-        feel(x, y, cos, sin, around, workspace.rays, workspace.scratch, readings)
+        around = Surroundings(x, y, cos, sin, space.walls, lit, noise, noise_level, goal, robots)
+        feel(space, x, y, cos, sin, around, workspace.rays, workspace.scratch, readings)
 
     return sense
 

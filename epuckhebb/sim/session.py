@@ -20,7 +20,7 @@ from epuckhebb.sim.adaptation.self_check.corrections import Corrections, check_c
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compile_error
 from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.genome import WEIGHTS
+from epuckhebb.sim.genome import NEURON, WEIGHTS
 from epuckhebb.sim.life import (
     TALLY,
     CalibrationRecord,
@@ -52,6 +52,8 @@ from epuckhebb.sim.plasticity.weight_change import saturated_fraction
 from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.stage import Kind, Phase, Stage, have_more_faults, lights_of, trial_of
+from epuckhebb.sim.wired_pass import neuron_of
+from epuckhebb.sim.wiring import NO_NEURONS, WiringError
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
 _Tally = _namedtuple("_Tally", TALLY.names)  # a whole tally is read in the time that four of its fields take
@@ -65,7 +67,8 @@ class Individual:
     task's random numbers; individuals that are compared have the same, and so have both sides. start: None for the
     maze's. signs: of the plastic updates, (synapses,), None for the rule's sign; shuffled ones must be given. nominal:
     what an adaptation compares with. corrections: from a self-check, None for none. calibration: the manoeuvre before
-    its lifetime, if it is part of the lifetime. record: whether samples are recorded.
+    its lifetime, if it is part of the lifetime. record: whether samples are recorded. after: whose lifetime comes
+    before, where the live fitness carries its history.
     """
 
     genes: NDArray[np.float64]
@@ -80,6 +83,7 @@ class Individual:
     corrections: Corrections | None = None
     calibration: CalibrationRecord | None = None
     record: bool = False
+    after: "Individual | None" = None
 
 
 class LostRobotError(ArithmeticError):
@@ -113,7 +117,7 @@ class Session:
         self._phases = list(stage.phases)
         self._kind = kind = stage.kind_of(individual.controller, individual.network, stage.more_faults)
         self._first = first = self._phases[0].scenario
-        self.genotype = _genotype_of(individual, kind, first)
+        self.genotype = _genotype_of(individual, kind, first, self.lifetime.gain_rad_s)
         self._record_every = self.lifetime.record_every if individual.record else 0
         adaptation = kind.unused
         if adaptation is None or individual.corrections is not None:
@@ -127,11 +131,16 @@ class Session:
         if self._record_every:
             count = -(-self.lifetime.steps // self._record_every)
             count = count if most_samples is None else min(count, most_samples)
-            self.samples = empty_samples(count, individual.network)
+            self.samples = empty_samples(count, individual.network, first.physics)
         if individual.calibration is not None:
             count_calibration(
                 self.life, individual.calibration, self.lifetime.gain_rad_s, self._record_every, self.samples
             )
+        self._history = individual.controller.rule.history
+        if individual.after is not None:
+            before = Session(individual.after, world, self.lifetime, stage=stage)
+            before.step(self.lifetime.steps)
+            self._history = before.history
         self._start = first.maze.start if individual.start is None else individual.start
         self._space = self._phases[0].space
         self._space.place_robot(self._start)
@@ -141,6 +150,13 @@ class Session:
     def steps(self) -> int:
         """How many steps have been run."""
         return int(self._tally["step"])
+
+    @property
+    def history(self) -> fitness.History:
+        """The history of the live fitness so far."""
+        tally, before = self._tally, self._history
+        steps = float(tally["step"] - tally["began"])
+        return fitness.History(before.steps + steps, before.sum + float(tally["undirected_sum"]))
 
     @property
     def is_over(self) -> bool:
@@ -159,8 +175,9 @@ class Session:
             How many were run.
 
         Raises:
-            NotCompiledError: the rule, or the user's fitness, does not compile.
-            FitnessError, SensorError: the user's fitness gave no number, or a sensor none from 0 to 1.
+            NotCompiledError: the rule, or another part of the user's, does not compile.
+            FitnessError, SensorError, WiringError: the user's fitness or neurons gave no number, or a sensor none from
+                0 to 1.
             LostRobotError: a pose or a weight stopped being finite; the message says whose and when.
         """
         first = self.steps
@@ -177,9 +194,9 @@ class Session:
         time. A wall that would appear where the robot stands waits until it has left.
 
         Raises:
-            ValueError: the world has another robot, task or fitness.
+            ValueError: the world has another robot, task, fitness or physics.
         """
-        for kind in ("robot", "task", "fitness"):
+        for kind in ("robot", "task", "fitness", "physics"):
             new, old = getattr(world, kind), getattr(self.world, kind)
             if new != old:
                 raise ValueError(
@@ -196,7 +213,8 @@ class Session:
         self._enter_due()
         self._move_to_new_walls()
         readings = np.zeros(self.individual.network.inputs)
-        look_kernel(self.world.robot, self.world.task)(self.life, self.setup, self._space.handles, readings)
+        look = look_kernel(self.world.robot, self.world.task, self.world.physics)
+        look(self.life, self.setup, self._space.handles, readings)
         return readings
 
     def outcome(self, pose: Pose | None = None) -> Outcome:
@@ -261,7 +279,7 @@ class Session:
             self._tally["weight_change"] = 0.0
         self.setup = Setup(
             self.genotype,
-            kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate)),
+            kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate), history=self._history),
             kind.nominal if individual.nominal is None else individual.nominal,
             lights_of(self.world, lamp_on=lamp_on),
             trial_of(self.world, individual.side, self._start),
@@ -304,6 +322,12 @@ class Session:
             alone = compile_error(sensor.kernels(0, 0.0).read, *sensor.example(self.individual.network.inputs))
             if alone is not None and sensor.read is not None:
                 return explained(f"sensor {sensor.name}", sensor.read, alone)
+        wiring = self.individual.network.wiring
+        if wiring is not None and wiring.neuron is not None:
+            drive, life = np.zeros(self.individual.network.neurons), self.life
+            alone = compile_error(neuron_of(wiring), 0, 0, drive, life.activation, life.neurons)
+            if alone is not None:
+                return explained(f"wiring {wiring.name}", wiring.neuron, alone, "state")
         return explained(f"rule {rule.__name__}", rule.synapse, error, "synapse_state")
 
     def check(self) -> None:
@@ -318,6 +342,11 @@ class Session:
                 f"fitness {self.world.fitness.name}: `step` gave infinite or nan values on a {who.side} trial of "
                 f"scenario {self.world.name}; noticed at step {tally.step} of {self.lifetime.steps}"
             )
+        if who.network.wiring is not None and not np.isfinite(life.activation).all():
+            raise WiringError(
+                f"wiring {who.network.wiring.name}: `neuron` gave infinite or nan activations on a {who.side} trial of "
+                f"scenario {self.world.name}; noticed at step {tally.step} of {self.lifetime.steps}"
+            )
         finite = bool(np.isfinite(life.weights).all() and np.isfinite(life.synapse_state.view(np.float64)).all())
         finite = finite and math.isfinite(tally.weight_change_sum)
         sums = tally.behaviour_sum + tally.path_length + tally.goal_distance
@@ -330,10 +359,10 @@ class Session:
                 f"{where} the rule {type(who.controller.rule).__name__} made weights, their change, or what synapses "
                 f"keep, infinite or nan; noticed {when}"
             )
-        raise LostRobotError(f"{where} the robot's pose stopped being finite or left the arena {when}")
+        raise LostRobotError(f"{where} the robot's pose {self._space.lost} {when}")
 
 
-def _genotype_of(individual: Individual, kind: Kind, world: Scenario) -> Genotype:
+def _genotype_of(individual: Individual, kind: Kind, world: Scenario, gain_rad_s: float) -> Genotype:
     """What an individual starts with; a ValueError if its arguments do not fit each other."""
     if individual.nominal is not None:
         check_nominal(individual.nominal, world.robot.inputs)
@@ -352,6 +381,9 @@ def _genotype_of(individual: Individual, kind: Kind, world: Scenario) -> Genotyp
             -INITIAL_RANGE, INITIAL_RANGE, network.synapses
         )
     weights = initial_weights_of(inherited)
+    neurons, wiring = NO_NEURONS, network.wiring
+    if wiring is not None:
+        neurons = wiring.initial({name: parts[NEURON + name] for name in wiring.evolved}, gain_rad_s)
     return Genotype(
         weights,
         kind.synapse_state,
@@ -359,4 +391,5 @@ def _genotype_of(individual: Individual, kind: Kind, world: Scenario) -> Genotyp
         modulatory_weights(type(rule), parts, rule.reward),
         initial_lengths(type(rule), network, weights),
         of_updates,
+        neurons,
     )

@@ -1,4 +1,4 @@
-"""What lifetimes that run one after the other share: the world's phases, pymunk spaces, kernels and workspaces."""
+"""What lifetimes that run one after the other share: the world's phases, spaces, kernels and workspaces."""
 
 import math
 from collections.abc import Callable
@@ -19,12 +19,12 @@ from epuckhebb.sim.life import Lifetime, Plasticity, Samples, Trial, Workspace, 
 from epuckhebb.sim.light import Lights, lights
 from epuckhebb.sim.maze import Pose, Region, Side, added
 from epuckhebb.sim.network import Network
-from epuckhebb.sim.physics import PymunkSpace
 from epuckhebb.sim.plasticity.control import Sign, signs
 from epuckhebb.sim.plasticity.rule import Rule, initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.reachable import gap
 from epuckhebb.sim.scenario import AT_ONCE, Scenario
+from epuckhebb.sim.space import Space
 
 _NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task that has no correct side
 
@@ -34,10 +34,10 @@ class Phase(NamedTuple):
 
     step: int
     scenario: Scenario
-    space: PymunkSpace
+    space: Space
     walls: NDArray[np.float64]
 
-    def is_blocked(self, space: PymunkSpace) -> bool:
+    def is_blocked(self, space: Space) -> bool:
         """Whether the robot of another space stands where this phase has new walls."""
         x, y = space.handles.state[:2].tolist()
         return gap(x, y, added(space.handles.walls, self.walls)) < self.scenario.robot.radius_m
@@ -96,7 +96,7 @@ class Stage:
             walls = now.boxes
             last = phases[-1] if phases else before
             same = last and np.array_equal(last.walls, walls) and last.scenario.wall_friction == now.wall_friction
-            space = last.space if last and same else PymunkSpace(walls, now.robot, now.wall_friction)
+            space = last.space if last and same else now.physics.space(walls, now)
             has_begun = step < since and step > 0  # what was to happen at once has happened
             phases.append(Phase(step, replace(now, **AT_ONCE) if has_begun else now, space, walls))
         return phases
@@ -127,12 +127,14 @@ class Stage:
                 more_faults=more_faults,
                 task=self.world.task,
                 fitness=self.world.fitness,
+                physics=self.world.physics,
                 together=self._together,
             ),
             plasticity=Plasticity(
                 float(rule.N) * rule.gain_factor(self.lifetime.gain_rad_s) if own else 0.0,
                 float(rule.floor),
                 int(rule.signal),
+                rule.history,
                 tuple(numbers.values()),
                 gate_numbers(adaptation),
             ),
@@ -140,9 +142,9 @@ class Stage:
             synapse_state=initial_synapse_state(compiled_for, network),
             signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
             nominal=no_nominal(robot.inputs),
-            workspace=workspace_for(network, robot),
+            workspace=workspace_for(network, robot, self.world.physics),
             unused=None if adaptation.acts else initial_adaptation_state(robot),
-            no_samples=empty_samples(0, network),
+            no_samples=empty_samples(0, network, self.world.physics),
         )
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim.life import Group, Lifetime, Outcome
 from epuckhebb.sim.maze import Pose
-from epuckhebb.sim.physics import MOTION, PymunkSpace
+from epuckhebb.sim.physics.pymunk import MOTION, PYMUNK, PymunkSpace
 from epuckhebb.sim.reachable import gap
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual, Session
@@ -47,16 +47,18 @@ class Together:
         starts = [world.maze.start if one.start is None else one.start for one in individuals]
         _check_starts(starts, world.robot.radius_m, world.boxes, world.maze.arena_m)
         self._space.place_robot(*starts)
-        lives = [session.life for session in self._sessions]
+        initial = [session.life for session in self._sessions]
         genotypes = [session.genotype for session in self._sessions]
         self._group = Group(
-            **{name: _stacked([getattr(life, name) for life in lives]) for name in _OF_LIFE},
+            **{name: _stacked([getattr(life, name) for life in initial]) for name in _OF_LIFE},
             genes=_stacked([one.weights for one in genotypes]),
             coefficients=_stacked([one.coefficients for one in genotypes]),
             modulatory=_stacked([one.modulatory for one in genotypes]),
             lengths=_stacked([one.lengths for one in genotypes]),
             signs=_stacked([np.asarray(one.signs, float) for one in genotypes]),
             keys=np.array([one.key for one in individuals], np.uint64),
+            neurons=_stacked([life.neurons.state for life in initial]),
+            parameters=_stacked([life.neurons.parameters for life in initial]),
             motion=self._space.handles.state[: MOTION * count].reshape(count, MOTION),
             wheels=np.zeros((count, 4)),
             before=np.zeros((count, 2)),
@@ -116,6 +118,8 @@ def _check(individuals: Sequence[Individual], world: Scenario) -> None:
             raise ValueError(f"robots in one space must have the same {name}")
     if individuals[0].controller.adaptation.acts or any(one.calibration for one in individuals):
         raise ValueError("robots in one space cannot have an adaptation; give each a controller without one")
+    if world.physics != PYMUNK:
+        raise ValueError(f"robots in one space need physics={PYMUNK.name}, got {world.physics.name}")
     if len(world.phases) > 1 or world.task.has_trials:
         raise ValueError(f"robots in one space need a world that never changes, and one trial, got {world.name}")
 

@@ -14,7 +14,7 @@ from epuckhebb.store.folder import (
     check_folder_of_multirun,
     set_aside,
 )
-from epuckhebb.store.genome import Genome, champion_file, checked_genes, is_bundled, load_genome
+from epuckhebb.store.genome import Genome, champion_file, check_wiring, checked_genes, is_bundled, load_genome
 from epuckhebb.store.run import Run, below_runs, of_multirun, read_table, resolve_run
 from epuckhebb.store.traces import read_findings, read_traces, traces_arrays, traces_file
 
@@ -33,6 +33,7 @@ __all__ = [
     "below_runs",
     "champion_file",
     "check_folder_of_multirun",
+    "check_wiring",
     "checked_genes",
     "is_bundled",
     "load_genome",

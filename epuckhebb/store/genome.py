@@ -1,6 +1,7 @@
 """Writes and reads genomes: `champion.npz`, plain arrays, and the champions that come with the program."""
 
 import hashlib
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -19,6 +20,7 @@ from epuckhebb.sim.adaptation.self_check.memory import EFFECTS, SelfMemory
 from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.robot import EPUCK
+from epuckhebb.sim.wiring import LAYERS, Wiring, recorded_wiring
 from epuckhebb.store.disk import CHAMPION
 from epuckhebb.store.npz import MOST, Arrays, Shape, compressed, one_error
 from epuckhebb.store.run import Run
@@ -26,7 +28,8 @@ from epuckhebb.store.run import Run
 _NOMINAL = "memory_"  # how the names of the arrays of nominal statistics begin
 _SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
 _OF_SEED = re.compile(rf"{REFERENCE}_\d+")
-_TEXTS = ("robot", "experiment", "optimizer", "training", "rule", "task", "fitness_function", "sensors")
+_FACTS = ("rule", "task", "fitness_function", "sensors", "wiring_settings")  # of a champion, where there are such
+_TEXTS = ("robot", "experiment", "optimizer", "training", *_FACTS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +47,7 @@ class Genome:
         rule: The name of the plasticity rule with which it was evolved; "" without one, or if unknown.
         task: The name of the task for which it was evolved, if it is not the paper's.
         fitness_function: The name of the fitness that its evolution maximised, if it is not the paper's.
+        wiring_settings: Those of the wiring, as JSON; "" for layers.
         sensors: The readings of the robot's own sensors, by name, with `, ` between; "" without any.
         nominal: Statistics of the champion in its training world.
         self_memory: What its self-check compares with.
@@ -62,6 +66,7 @@ class Genome:
     task: str = ""
     fitness_function: str = ""
     sensors: str = ""
+    wiring_settings: str = ""
     nominal: Nominal | None = None
     self_memory: SelfMemory | None = None
 
@@ -69,6 +74,16 @@ class Genome:
     def weights(self) -> NDArray[np.float64]:
         """The genes that are weights, (synapses,)."""
         return self.plan.split(self.genes)[WEIGHTS]
+
+    @property
+    def network_genes(self) -> NDArray[np.float64]:
+        """The genes of the network: the weights, and the parameters of the neurons of a wiring."""
+        return self.plan.pick(self.genes, self.plan.of_network)
+
+    @property
+    def wiring(self) -> str:
+        """The name of the wiring of its network; `mlp` for layers."""
+        return LAYERS if self.network.wiring is None else self.network.wiring.name
 
     @property
     def sha256(self) -> str:
@@ -97,7 +112,7 @@ def _known(remembered: Nominal | SelfMemory) -> dict[str, Any]:
     return {name: value for name, value in asdict(remembered).items() if value is not None}
 
 
-def load_genome(where: str, experiment: str, layers: tuple[int, ...] | None = None) -> Genome:
+def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | None = None) -> Genome:
     """Load the genome that `genome=...` names.
 
     Args:
@@ -105,12 +120,12 @@ def load_genome(where: str, experiment: str, layers: tuple[int, ...] | None = No
             reference results), a run folder with a `champion.npz`, or a `.npz` or `.npy` file with as many numbers as
             the network has weights, 234 in the paper.
         experiment: The name of the experiment, `light` or `obstacles`.
-        layers: The layers of the network; None for those that the file names, or else the paper's.
+        shape: The layers of the network, or its wiring; None for what the file names, or else the paper's layers.
     """
     if where == REFERENCE:
-        return _read_genome(data_folder("runs/reference") / f"champion_{experiment}.npz", REFERENCE, layers)
+        return _read_genome(data_folder("runs/reference") / f"champion_{experiment}.npz", REFERENCE, shape)
     if _OF_SEED.fullmatch(where):
-        return _read_genome(_champion_of_seed(where, experiment), where, layers)
+        return _read_genome(_champion_of_seed(where, experiment), where, shape)
     path, name = path_of(where, "genome"), Path(where).stem
     allowed = f"give `{LATEST}`, a run folder of `epuckhebb evolve`, a .npz or .npy file, or `{REFERENCE}`"
     if path.is_dir():
@@ -119,7 +134,7 @@ def load_genome(where: str, experiment: str, layers: tuple[int, ...] | None = No
             raise ConfigError(f"genome={where} is a folder without a {CHAMPION}; {allowed}")
     if not path.is_file():
         raise ConfigError(f"genome={where} does not exist; {allowed}")
-    return _read_genome(path, name, layers)
+    return _read_genome(path, name, shape)
 
 
 def is_bundled(where: str) -> bool:
@@ -157,14 +172,32 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
         "optimizer": np.str_(genome.optimizer),
         "training": np.str_(genome.training),
     }
-    for name in ("rule", "task", "fitness_function", "sensors"):
+    for name in _FACTS:
         if text := getattr(genome, name):
             arrays[name] = np.str_(text)
             arrays |= {"rewarded": np.int64(genome.network.rewarded)} if name == "task" else {}
+    if genome.network.wiring is not None:
+        settings = json.dumps(asdict(genome.network.wiring), default=str)
+        arrays |= {**wiring_arrays(genome.network), "wiring_settings": np.str_(settings)}
     for prefix, remembered in ((_NOMINAL, genome.nominal), (_SELF_MEMORY, genome.self_memory)):
         if remembered is not None:
             arrays |= {prefix + key: np.asarray(value) for key, value in _known(remembered).items()}
     return compressed(arrays)
+
+
+def wiring_arrays(network: Network) -> dict[str, Any]:
+    """What a file says of the wiring of a network, for `network_from`; nothing of layers."""
+    if network.wiring is None:
+        return {}
+    return {"wiring": np.str_(network.wiring.name), "joined": np.array(network.joined)}
+
+
+def network_from(arrays: Arrays, layers: tuple[int, ...], *, rewarded: bool = False) -> Network:
+    """The network that a file is for. layers: those of the file, or others."""
+    if "wiring" not in arrays:
+        return Network(layers, rewarded)
+    pairs = arrays.take("joined", "iu", (2, None)).T.tolist()
+    return Network(layers, rewarded, recorded_wiring(arrays.text("wiring"), layers[1:], pairs))
 
 
 def _champion_of_seed(where: str, experiment: str) -> Path:
@@ -181,7 +214,7 @@ def _champion_of_seed(where: str, experiment: str) -> Path:
     return path
 
 
-def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genome:
+def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) -> Genome:
     with one_error(f"genome={path} cannot be read as .npz or .npy"):
         if path.stat().st_size > MOST:
             raise ValueError(f"it has {path.stat().st_size} bytes; at most {MOST} are read")
@@ -203,12 +236,14 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
                 f"genome={path} must hold one array or one named `genome`, it holds {sorted(arrays.names)[:20]}"
             )
         genes = arrays.take(key, "fiu")
-    if own is not None and layers is not None and own != layers:
-        raise ConfigError(f"genome={path} is of layers {list(own)}, and network.layers asks for {list(layers)}")
+    layers = None if isinstance(shape, Wiring) else shape
     try:
-        network = Network(own or layers or PAPER_NETWORK.layers, rewarded)
+        network = network_from(arrays, own or layers or PAPER_NETWORK.layers, rewarded=rewarded)
     except ValueError as error:
         raise ConfigError(f"genome={path}: {error}") from error
+    network = _of_shape(network, shape, path) if shape is not None else network
+    if own is not None and layers is not None and own != layers:
+        raise ConfigError(f"genome={path} is of layers {list(own)}, and network.layers asks for {list(layers)}")
     plan = plan_of(network)
     if parts is not None:
         plan = GenomePlan(parts)
@@ -226,6 +261,30 @@ def _read_genome(path: Path, name: str, layers: tuple[int, ...] | None) -> Genom
         self_memory=_self_memory(arrays, path, network.inputs),
         **texts,
     )
+
+
+def check_wiring(own: str, shape: tuple[int, ...] | Wiring | None, where: object) -> None:
+    """Refuse a genome of another wiring than the settings have. own: its name. where: the genome, for the message."""
+    asked = shape.name if isinstance(shape, Wiring) else LAYERS
+    if own != asked:
+        raise ConfigError(
+            f"genome={where} is for network.wiring={own}, and the settings have network.wiring={asked}; give "
+            f"network.wiring={own} (your own: network.wiring=FILE.py:{own}), or another champion"
+        )
+
+
+def _of_shape(network: Network, shape: tuple[int, ...] | Wiring, path: Path) -> Network:
+    """The network of a file with the wiring of the settings, which must join the same neurons."""
+    check_wiring(LAYERS if network.wiring is None else network.wiring.name, shape, path)
+    if not isinstance(shape, Wiring):
+        return network
+    given = Network((network.inputs, *shape.sizes), network.rewarded, shape)
+    if given.layers != network.layers or not np.array_equal(given.joined, network.joined):
+        raise ConfigError(
+            f"genome={path} is for a network {network} of {network.synapses} synapses; the settings below network make "
+            f"{given} of {given.synapses}, or join other neurons. Give the settings of its evolution"
+        )
+    return given
 
 
 def _nominal(arrays: Arrays, path: Path, inputs: int, lights: int) -> Nominal | None:

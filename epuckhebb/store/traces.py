@@ -11,9 +11,11 @@ from epuckhebb.sim.life import Samples, empty_samples
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.store.disk import TRACES
-from epuckhebb.store.genome import checked_genes
+from epuckhebb.store.genome import checked_genes, network_from, wiring_arrays
 from epuckhebb.store.npz import Arrays, compressed, one_error
 from epuckhebb.store.run import Run
+
+_TILT = "tilt"  # there is none where no robot tilts
 
 
 def traces_file(traces: Traces, weights: NDArray[np.float64], network: Network) -> bytes:
@@ -24,7 +26,9 @@ def traces_file(traces: Traces, weights: NDArray[np.float64], network: Network) 
 def traces_arrays(traces: Traces, weights: NDArray[np.float64], network: Network) -> dict[str, NDArray[Any]]:
     """Recorded lifetimes as arrays by name, with the weights and the network that they began with; `columns.TRACES`."""
     lifetimes = {"controller": np.array(traces.controller), "side": np.array(traces.side)}
-    return lifetimes | {"genome": weights, "layers": np.array(network.layers)} | traces.samples._asdict()
+    of_network = {"genome": weights, "layers": np.array(network.layers), **wiring_arrays(network)}
+    samples = {name: array for name, array in traces.samples._asdict().items() if 0 not in array.shape[2:]}
+    return lifetimes | of_network | samples
 
 
 def read_traces(run: Run, lifetimes: int, samples: int) -> tuple[Traces, NDArray[np.float64], Network]:
@@ -36,10 +40,14 @@ def read_traces(run: Run, lifetimes: int, samples: int) -> tuple[Traces, NDArray
         if not (run.path / TRACES).is_file():
             raise ValueError("there is no such file")
         arrays = Arrays(run.content(TRACES))
-        network = Network(arrays.layers() or PAPER_NETWORK.layers)
+        network = network_from(arrays, arrays.layers() or PAPER_NETWORK.layers)
         found = {}
         for name, empty in empty_samples(0, network)._asdict().items():
-            found[name] = arrays.take(name, "f", (lifetimes, samples, *empty.shape[1:]))
+            shape = (lifetimes, samples, *empty.shape[1:])
+            if name == _TILT and name in arrays:
+                found[name] = arrays.take(name, "f", (*shape[:2], None))
+            else:
+                found[name] = np.zeros(shape) if 0 in empty.shape[1:] else arrays.take(name, "f", shape)
             if name != "change_signal" and not np.isfinite(found[name]).all():
                 raise ValueError(f"{name} must hold finite numbers")
         controllers, sides = (arrays.take(name, "U", (lifetimes,)).tolist() for name in ("controller", "side"))

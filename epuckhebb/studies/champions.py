@@ -4,9 +4,9 @@ A job is named by all that its result depends on: its settings, the job of its c
 rules, the science.
 """
 
+import copy
 import functools
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,6 @@ from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, Plain, dump
 from epuckhebb.config.stored import from_values
 from epuckhebb.runs import evaluate, evolve, hydra
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.runtime.progress import say
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.scenario import TRAINED, Scenario
@@ -48,11 +47,11 @@ def job_of(overrides: list[str], config: Plain, *, champion: str = "", **more: A
 
 def identity(job: Plain) -> str:
     """The name of the run of a job."""
-    config, own = dict(job["config"]), plugins.own_files(job["config"])
+    config, own = copy.deepcopy(job["config"]), plugins.own_files(job["config"])
     for key in (*NO_EFFECT, "genome"):
         config.pop(key)
-    if own:  # wherever they are
-        config["hebbian"] = {**config["hebbian"], "rule": str(config["hebbian"]["rule"]).rpartition(":")[2]}
+    for part, key, _, name in list(plugins.references(config)):
+        part[key] = name  # wherever the file is
     worlds, config_dir = tuple(job.get("worlds", ())), job.get("config_dir")
     depends = {
         **{key: value for key, value in job.items() if key != "config_dir"},
@@ -98,21 +97,6 @@ def search_folders(config_dir: str | None) -> list[Path]:
 def worlds_digest(worlds: tuple[str, ...], config_dir: str | None) -> str:
     """A digest of worlds: equal for equal worlds."""
     return provenance.digest({name: repr(world_named(name, config_dir)) for name in worlds})
-
-
-def launch_in_turn(study: RunFolder, stages: Sequence[tuple[str, Sequence[Job]]], launcher: list[str]) -> None:
-    """Do the jobs that are missing, one stage after the other; what is done in each is named before it.
-
-    Raises:
-        JobFailedError: A job failed.
-    """
-    for what, jobs in stages:
-        todo = len(study_jobs.todo(study.path, jobs))
-        say(f"{what}: {len(jobs)} jobs, {len(jobs) - todo} done before, {todo} to do.")
-        outcome = study_jobs.launch(study, what, jobs, launcher, champion_job, fail_fast=False)
-        if outcome.failures:
-            (job, why), failed = outcome.failures[0], len(outcome.failures)
-            raise JobFailedError(f"{failed} of {len(jobs)} jobs to {what} failed; {job.run}: {why}")
 
 
 def champion_job(cfg: Any) -> None:

@@ -66,7 +66,7 @@ class Identities:
 
     def _depends_on(self, config: Plain, shared: EvaluateConfig) -> Plain:
         """What the results of a configuration depend on besides its settings."""
-        genome = self._load_genome(config["genome"], shared.world.experiment, shared.layers)
+        genome = self._load_genome(config["genome"], shared.world.experiment, shared.shape)
         prepare(shared, genome)
         adaptations = [controller.adaptation for controller in shared.controllers]
         return {

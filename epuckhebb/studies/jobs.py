@@ -21,7 +21,7 @@ from epuckhebb.config import overrides
 from epuckhebb.config.schema import Checked, Plain, dump
 from epuckhebb.runs import hydra
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.runtime.progress import counting
+from epuckhebb.runtime.progress import counting, say
 from epuckhebb.store import SCHEMA, UNFINISHED, OwnFile, Run, RunFolder, as_json, set_aside, write_atomic
 
 NO_EFFECT = ("threads", "figures")  # keys on which no result depends
@@ -110,8 +110,8 @@ def todo(folder: Path, jobs: Sequence[Job]) -> list[Job]:
     return [job for job in jobs if not Run(folder / job.run).is_whole]
 
 
-def for_hydra(command: str, arguments: Sequence[str]) -> list[str]:
-    """The arguments that are Hydra's own, with joblib for a launcher if they name none. A sweeper is refused."""
+def split(command: str, arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The arguments that are of the study, and those that are Hydra's; a sweeper is refused."""
     hydras = [argument for argument in arguments if argument.lstrip("+~").startswith(("hydra.", "hydra/"))]
     for argument in hydras:
         if argument.startswith(("hydra/sweeper", "hydra.sweeper", "hydra.sweep.subdir")):
@@ -119,16 +119,44 @@ def for_hydra(command: str, arguments: Sequence[str]) -> list[str]:
                 f"{argument}: `{command}` lists its jobs itself, and another sweeper has no use there; leave it out"
             )
     overrides.check_folders(hydras)
-    if not any(argument.startswith("hydra/launcher=") for argument in hydras):
-        hydras.insert(0, "hydra/launcher=joblib")
-    return hydras
+    return [argument for argument in arguments if argument not in hydras], hydras
 
 
-def folder_and_launcher(hydras: Sequence[str], usual: Path) -> tuple[Path, list[str]]:
-    """The folder of a study, the usual one unless Hydra's arguments name another, and those for the launcher."""
+def folder_and_launcher(hydras: Sequence[str], usual: Path, jobs: int) -> tuple[Path, list[str]]:
+    """The folder of a study, the usual one unless Hydra's arguments name another, and those for the launcher.
+
+    jobs: how many there are. One takes all cores in this process, unless a launcher is named; more run beside another.
+    """
     named = [overrides.value_of(argument) for argument in hydras if argument.startswith(overrides.SWEEP_DIR)]
     launcher = [argument for argument in hydras if not argument.startswith(overrides.SWEEP_DIR)]
+    if not any(argument.startswith("hydra/launcher=") for argument in launcher):
+        launcher.insert(0, f"hydra/launcher={'joblib' if jobs > 1 else 'basic'}")
     return Path(named[-1]) if named else usual, launcher
+
+
+def launch_in_turn(
+    study: RunFolder, stages: Sequence[tuple[str, Sequence[Job]]], launcher: list[str], do: Callable[[Any], None]
+) -> None:
+    """Do the jobs that are missing, one stage after the other; what is done in each is named before it.
+
+    Raises:
+        JobFailedError: A job failed.
+    """
+    for what, jobs in stages:
+        missing = len(todo(study.path, jobs))
+        say(f"{what}: {len(jobs)} jobs, {len(jobs) - missing} done before, {missing} to do.")
+        outcome = launch(study, what, jobs, launcher, do, fail_fast=False)
+        if outcome.failures:
+            (job, why), failed = outcome.failures[0], len(outcome.failures)
+            raise JobFailedError(f"{failed} of {len(jobs)} jobs to {what} failed; {job.run}: {why}")
+
+
+def write_report(study: RunFolder, page: str, shown: Mapping[str, bytes], title: str) -> None:
+    """Write the page of a study as Markdown and as HTML. shown: its pictures by the names of their files."""
+    from epuckhebb.analysis import report
+
+    study.write("report.md", page)
+    study.write("report.html", report.html(page, shown.__getitem__, title))
 
 
 def launch(

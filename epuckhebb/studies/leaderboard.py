@@ -8,13 +8,12 @@ tests, the seeds and the science.
 import pandas as pd
 
 from epuckhebb.analysis import leaderboard as board
-from epuckhebb.analysis import report
 from epuckhebb.analysis.reversal import limits
 from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.store import Run, RunFolder
-from epuckhebb.studies.champions import COST, launch_in_turn
-from epuckhebb.studies.jobs import open_study
+from epuckhebb.studies.champions import COST, champion_job
+from epuckhebb.studies.jobs import launch_in_turn, open_study, write_report
 from epuckhebb.studies.leaderboard_plan import Leaderboard
 
 _FIRST_REPORTED = 100  # settings were chosen on lower seeds
@@ -29,7 +28,7 @@ def leaderboard(planned: Leaderboard) -> None:
     """
     arguments, own = planned.arguments, planned.own_files
     with open_study(planned.folder, "leaderboard", planned.config, arguments, planned.jobs, own) as study:
-        launch_in_turn(study, planned.stages, planned.launcher)
+        launch_in_turn(study, planned.stages, planned.launcher, champion_job)
         _report(study, planned)
 
 
@@ -52,9 +51,7 @@ def _report(study: RunFolder, planned: Leaderboard) -> None:
     meanings = {entry.method.name: entry.method.description for entry in planned.entries}
     tests = {experiment: list(own) for experiment, own in planned.tests.items()}
     page = board.markdown(table, costs, meanings, tests, _provenance(planned))
-    study.write("report.md", page)
-    shown = small(picture)
-    study.write("report.html", report.html(page, lambda _: shown, "epuckhebb: leaderboard"))
+    write_report(study, page, {board.FIGURE: small(picture)}, "epuckhebb: leaderboard")
 
 
 def _provenance(planned: Leaderboard) -> str:

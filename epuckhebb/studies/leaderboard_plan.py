@@ -12,7 +12,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.store import provenance
 from epuckhebb.studies.champions import search_folders, worlds_digest
-from epuckhebb.studies.jobs import Job, folder_and_launcher, for_hydra
+from epuckhebb.studies.jobs import Job, folder_and_launcher, split
 from epuckhebb.studies.leaderboard_jobs import REVERSAL, Entry, Planner, tests_of
 
 EXPERIMENTS = (*TRAINED, REVERSAL)
@@ -84,9 +84,8 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
     if config_dir is not None:
         typed_words += ["--config-dir", config_dir]
         config_dir = str(Path(config_dir).absolute())
-    of_hydra = for_hydra("leaderboard", arguments)
-    own = [_as_list(argument) for argument in arguments if argument not in of_hydra]
-    config = compose.load(LeaderboardConfig, [*(QUICK if quick else ()), *own], config_dir)
+    own, of_hydra = split("leaderboard", arguments)
+    config = compose.load(LeaderboardConfig, [*(QUICK if quick else ()), *map(_as_list, own)], config_dir)
     folders = search_folders(config_dir)
     all_tests = tests_of(config.tests, config_dir)
     tests = {one: all_tests.get(one, {}) for one in experiments}
@@ -104,7 +103,7 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
     depends = [worlds_digest(tuple(tested), config_dir), config.first_seed, config.seed, config.repeats]
     depends += [config.reversal_repeats, provenance.science_version()]
     usual = Path("runs") / "leaderboard" / f"seed{config.first_seed}_{provenance.digest(depends)[:8]}"
-    folder, launcher = folder_and_launcher(of_hydra, usual)
+    folder, launcher = folder_and_launcher(of_hydra, usual, 2 * len(jobs))
     return Leaderboard(
         config=config,
         tests=tests,

@@ -5,7 +5,7 @@ The folder is named by the settings, so the same command resumes it; see `epuckh
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from epuckhebb.analysis.evaluate import memory_to_evaluate
 from epuckhebb.analysis.image import small
 from epuckhebb.analysis.tables import code
 from epuckhebb.config.compose import load
+from epuckhebb.config.parts import part_from
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, ReproduceConfig
 from epuckhebb.config.stored import from_values
 from epuckhebb.runs.evolve import prepare
@@ -27,8 +28,8 @@ from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.store import Genome, Run, RunFolder, load_genome, provenance
-from epuckhebb.studies.champions import in_training_world, job_of, launch_in_turn
-from epuckhebb.studies.jobs import Job, folder_and_launcher, for_hydra, open_study
+from epuckhebb.studies.champions import champion_job, in_training_world, job_of
+from epuckhebb.studies.jobs import Job, folder_and_launcher, launch_in_turn, open_study, split, write_report
 
 EXPERIMENTS = {"light": ("light",), "obstacles": ("obstacles",), "all": ("light", "obstacles")}
 QUICK = ("champions=3", "repeats=3", "rates=[0.000015,0.002]")
@@ -52,20 +53,17 @@ def reproduce(experiment: str, arguments: list[str], *, quick: bool) -> Path:
     """
     if experiment not in EXPERIMENTS:
         raise ConfigError(f"reproduce {experiment}: the experiment must be one of {', '.join(EXPERIMENTS)}")
-    of_hydra = for_hydra("reproduce", arguments)
-    own = [argument for argument in arguments if argument not in of_hydra]
+    own, of_hydra = split("reproduce", arguments)
     config, experiments = load(ReproduceConfig, [*(QUICK if quick else ()), *own]), EXPERIMENTS[experiment]
     require(list(_needs(config, experiments)))
     given = None if config.genome is None else _given(config.genome)
-    if given:  # one job for each experiment: threads take all cores
-        of_hydra = ["hydra/launcher=basic", *of_hydra[1:]] if of_hydra[0] not in arguments else of_hydra
     champions = [champion for one in experiments for champion in _planned(config, one, given)]
     evolutions, tests = [one.evolution for one in champions if one.evolution], [one.test for one in champions]
     stages = [(f"{what} champions", jobs) for what, jobs in (("evolve", evolutions), ("evaluate", tests)) if jobs]
-    folder, launcher = folder_and_launcher(of_hydra, _folder(experiment, config, given))
+    folder, launcher = folder_and_launcher(of_hydra, _folder(experiment, config, given), len(evolutions) + 1)
     words = [experiment, *(["--quick"] if quick else []), *arguments]
     with open_study(folder, "reproduce", config, words, [*evolutions, *tests]) as study:
-        launch_in_turn(study, stages, launcher)
+        launch_in_turn(study, stages, launcher, champion_job)
         _report(study, config, champions, given)
     return folder
 
@@ -94,7 +92,7 @@ def _given(where: str) -> Genome:
 
 def _planned(config: ReproduceConfig, experiment: str, given: Genome | None) -> Iterator[_Champion]:
     """The champions of an experiment, in the order of the tables."""
-    training, threads = TRAINED[experiment], {"threads": config.threads}
+    training, threads = TRAINED[experiment], {"threads": config.threads, "physics": config.physics}
     evolving = load(EvolveConfig, [f"scenario={training}"]).values | {"ga": config.values["ga"]} | threads
     testing = in_training_world(training).values | {"seed": config.seed, "repeats": config.repeats} | threads
     how: dict[str, Any] = {"worlds": reproduction.worlds(experiment), "experiment": experiment, "rates": config.rates}
@@ -133,13 +131,17 @@ def _report(study: RunFolder, config: ReproduceConfig, champions: list[_Champion
         if runs:
             histories[one] = [run.table("history.csv") for run in runs.values()]
     signals = {one: config.signal.of(one) for one in shown}
-    made = reproduction.figures_of(found, shown, signals, _world, histories, config.seed)
+
+    def world(scenario: str) -> tuple[Scenario, Lifetime]:
+        there = load(EvaluateConfig, [f"scenario={scenario}"])
+        return replace(there.world, physics=part_from("physics", config.physics, "physics")), there.lifetime
+
+    made = reproduction.figures_of(found, shown, signals, world, histories, config.seed)
     text = report.markdown(found, {name: caption for name, (caption, _) in made.items()})
     pictures = {name: small(png) for name, (_, png) in made.items()}
     for name, png in pictures.items():
         study.write(f"figures/{name}", png)
-    study.write("report.md", text)
-    study.write("report.html", report.html(text, pictures.__getitem__))
+    write_report(study, text, pictures, "epuckhebb: the paper's experiment, reproduced")
 
 
 def _findings(
@@ -160,13 +162,8 @@ def _findings(
         given=given is not None,
         repeats=config.repeats,
         provenance=f"Made by `epuckhebb reproduce`: {who}; {config.repeats} repeats of every condition "
-        f"(seed {config.seed}); live fitness: {config.signal.value}.",
+        f"(seed {config.seed}); live fitness: {config.signal.value}; physics: {config.physics['kind']}.",
     )
     for name, table in tables.items():
         study.write(f"{name}.csv", table)
     return found
-
-
-def _world(scenario: str) -> tuple[Scenario, Lifetime]:
-    config = load(EvaluateConfig, [f"scenario={scenario}"])
-    return config.world, config.lifetime

@@ -25,7 +25,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.progress import say
 from epuckhebb.store import Run, RunFolder, as_bytes, provenance, read_table, write_atomic
 from epuckhebb.studies import identity
-from epuckhebb.studies.jobs import Job, Outcome, folder_and_launcher, for_hydra, launch, one_job, open_study
+from epuckhebb.studies.jobs import Job, Outcome, folder_and_launcher, launch, one_job, open_study, split
 
 
 def evaluate_job(cfg: Any) -> None:
@@ -55,14 +55,14 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     Raises:
         ConfigError: There is no such sweep, or a key, a value or the genome cannot be used.
     """
-    of_hydra = for_hydra("sweep", arguments)
+    own, of_hydra = split("sweep", arguments)
     words.check_words("evaluate", arguments, config_dir, several=True)
     named = [f"experiment={name}"]
     params = compose.swept([*named, *of_hydra], config_dir)
     if not params:
         raise ConfigError(f"experiment={name} has no hydra.sweeper.params: it is one job, for `epuckhebb evaluate`")
     swept = [f"{key}={values}" for key, values in params.items()]
-    choices = alternatives([*swept, *(argument for argument in arguments if argument not in of_hydra)])
+    choices = alternatives([*swept, *own])
     listed: dict[str, Job] = {}
     again: list[Job] = []
     identities = identity.Identities()
@@ -76,7 +76,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
         say(repeated(len(again), again[0].settings, listed[again[0].run].settings))
     settings = provenance.digest([identity.settings(job.config) for job in jobs])
     usual = Path("runs") / "sweep" / f"{name}_{settings[:8]}"
-    folder, launcher = folder_and_launcher(of_hydra, usual)
+    folder, launcher = folder_and_launcher(of_hydra, usual, len(jobs))
     words_typed = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]
     return Sweep(name=name, jobs=jobs, folder=folder, arguments=words_typed, launcher=launcher)
 

@@ -181,6 +181,18 @@ class Adaptation:
         return self.needs_nominal or self.self_check
 
     @property
+    def knowledge(self) -> tuple[str, ...]:
+        """What it is given or what was written by hand, beside its senses."""
+        uses_goal = self.change_signal in ("late", "shortfall") or self.stay is not Stay.none
+        uses = {
+            "clock": self.change_signal in ("late", "shortfall"),
+            "goal signal": self.is_gated and uses_goal and not self.recognise,
+            "sensor model": self.self_check or self.recognise,
+            "hand-written": self.follows_walls or self.recognise,
+        }
+        return tuple(kind for kind, used in uses.items() if used)
+
+    @property
     def follows_walls(self) -> bool:
         """Whether the robot follows walls while the gate is open."""
         return self.exploration is not Exploration.motor_noise

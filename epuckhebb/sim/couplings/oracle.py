@@ -1,4 +1,4 @@
-"""The oracle: from the break on, nobody listens to the robot that broke. It is told which, as no robot can be."""
+"""The oracle: after the break nobody listens to the robot that broke. It is given that number; no robot senses it."""
 
 from dataclasses import dataclass
 

@@ -4,17 +4,20 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim import own_class
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.fitness import Signal
+from epuckhebb.sim.evolved import Evolved
+from epuckhebb.sim.fitness import History, Signal
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.ranges import check_range
+from epuckhebb.sim.robot import STEP_S
+from epuckhebb.sim.wiring import LAYERS
 
 QUANTITIES = (
     "correlation",
@@ -33,22 +36,6 @@ TAKEN = (*QUANTITIES, "weights")  # names that no evolved parameter may have; `w
 MODULATOR, REWARD = "modulator", "reward"
 INITIAL_RANGE = 0.1  # of random initial weights, as in Najarro & Risi 2020
 _LARGEST_WEIGHT = 1e6  # a neuron is saturated from a drive of 20 on
-
-
-class Evolved(NamedTuple):
-    """A parameter of a rule that is evolved with the weights.
-
-    per: one for the whole `network`, for each `layer` of connections, for each `synapse`, or for each `neuron`, sensors
-    and bias included; or this number of values for the whole network. `modulator`: the weights of a modulatory neuron,
-    one from each neuron of the layer before the wheels, and its bias, last. `reward`: its weight from the reward input.
-    start: genes of the first generation are uniform in +-start. limit: genes are clipped to +-limit. value: a function
-    that turns the genes into the parameter; None where they are it.
-    """
-
-    per: str | int = "network"
-    start: float = 1.0
-    limit: float = 1.0
-    value: Callable[[Floats], Floats] | None = None
 
 
 class InitialWeights(Enum):
@@ -72,8 +59,10 @@ class Rule:
     N: base rate, 0 for a robot that does not learn. N_gain_rad_s: wheel gain at which N holds; at another gain N is
     proportional to it, so that a robot learns as much on each metre; 0 if N holds at any gain, as in the paper. floor:
     the least factor on N, when fitness is low. w_max: bound of the weights. signal: the live fitness that scales the
-    rate. sign: of the updates, `hebbian` or a control. initial_weights: `evolved` or `random`. reward: how a modulatory
-    neuron receives a reward, as `given` or, as a control, `inverted`.
+    rate. history_s, history_mean: of `signal=lifetime_mean`, the time and the mean that it starts from;
+    carries_history: whether a right lifetime starts from where the left one ended. sign: of the updates, `hebbian` or a
+    control. initial_weights: `evolved` or `random`. reward: how a modulatory neuron receives a reward, as `given` or,
+    as a control, `inverted`.
 
     A subclass has a static method `synapse`, compiled by numba, which returns the direction of a weight's change. The
     program multiplies it by N_e, adds it to the weight and clips that to +-w_max. The arguments of `synapse` are any of
@@ -108,6 +97,9 @@ class Rule:
     floor: float = 0.2
     w_max: float = 2.0
     signal: Signal = Signal.behaviour
+    history_s: float = 500.0
+    history_mean: float = 0.5
+    carries_history: bool = False
     sign: Sign = Sign.hebbian
     initial_weights: InitialWeights = InitialWeights.evolved
     reward: Reward = Reward.given
@@ -122,12 +114,25 @@ class Rule:
         for name, value in self.numbers().items():
             if not math.isfinite(value):
                 raise ValueError(f"hebbian.{name} must be a finite number, got {value}")
-        check_range(self, "hebbian", "N", "N_gain_rad_s", "floor")
+        check_range(self, "hebbian", "N", "N_gain_rad_s", "floor", "history_s")
+        check_range(self, "hebbian", "history_mean", most=1)
+        of_history = ("history_s", "history_mean", "carries_history")
+        changed = next((name for name in of_history if getattr(self, name) != getattr(Rule, name)), None)
+        if changed and self.signal is not Signal.lifetime_mean:
+            raise ValueError(
+                f"hebbian.{changed} does nothing with hebbian.signal={self.signal.name}; give signal=lifetime_mean"
+            )
         check_range(self, "hebbian", "w_max", most=_LARGEST_WEIGHT, above=True)
         if self.reward is not Reward.given and not receives_reward(type(self)):
             raise ValueError(
                 f"hebbian.reward={self.reward.name} does nothing with rule {name_of(type(self))}, which gets no reward"
             )
+
+    @property
+    def history(self) -> History:
+        """What the live fitness starts from, unless it is carried."""
+        steps = float(self.history_s) / STEP_S
+        return History(steps, steps * float(self.history_mean))
 
     @staticmethod
     def synapse(*_: Any) -> float:
@@ -231,8 +236,9 @@ def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
     """How many genes each evolved parameter of a rule takes.
 
     Raises:
-        ValueError: one has an unknown `per`, or the name of something else.
+        ValueError: one has an unknown `per`, or the name of something else, or the rule needs layers and has none.
     """
+    check_layers(rule, network)
     per = {
         "network": 1,
         "layer": len(network.post),
@@ -256,6 +262,21 @@ def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
     }
 
 
+def check_layers(rule: type[Rule], network: Network) -> None:
+    """Refuse a rule that works layer by layer for a network without layers; a ValueError."""
+    if network.wiring is None:
+        return
+    needs = [name for name, evolved in evolved_by(rule, network).items() if evolved.per == "layer"]
+    why = "keeps the lengths of incoming weights" if rule.keeps_lengths else ""
+    why = f"has {needs[0]} for each layer" if needs else why
+    why = "has a modulatory neuron, which receives the layer before the wheels" if is_modulated(rule) else why
+    if why:
+        raise ValueError(
+            f"rule {name_of(rule)} {why}, and network.wiring={network.wiring.name} has no layers; give another rule, "
+            f"or network.wiring={LAYERS}"
+        )
+
+
 def coefficients(rule: type[Rule], network: Network, genes: Mapping[str, Floats]) -> Floats:
     """The coefficients of every synapse, (names, synapses), from the values of the evolved parameters by name."""
     names = coefficient_names(rule)
@@ -267,7 +288,7 @@ def coefficients(rule: type[Rule], network: Network, genes: Mapping[str, Floats]
         if evolved.per == "layer":
             parameters[name] = np.repeat(genes[name], [n * m for n, m in network.shapes])
         elif evolved.per == "neuron":
-            pre, post = neurons_of(network)
+            pre, post = network.joined
             parameters |= {f"{name}_pre": genes[name][pre], f"{name}_post": genes[name][post]}
         elif isinstance(evolved.per, int):
             parameters[name] = np.repeat(genes[name][:, None], network.synapses, axis=1)
@@ -277,13 +298,6 @@ def coefficients(rule: type[Rule], network: Network, genes: Mapping[str, Floats]
     for row, name in zip(spread, names, strict=True):
         row[:] = expressed[name]
     return spread
-
-
-def neurons_of(network: Network) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The presynaptic and the postsynaptic neuron of each synapse, (synapses,) each."""
-    pre = [np.repeat(np.arange(n) + first, m) for first, _, _, n, m in network.connections]
-    post = [np.tile(np.arange(m) + first, n) for _, first, _, n, m in network.connections]
-    return np.concatenate(pre), np.concatenate(post)
 
 
 def modulatory_weights(rule: type[Rule], genes: Mapping[str, Floats], reward: Reward = Reward.given) -> Floats:

@@ -27,6 +27,7 @@ from epuckhebb.sim.plasticity.rule import (
 )
 from epuckhebb.sim.plasticity.weight_change import total_of, weight_change
 from epuckhebb.sim.vectors import WIDTH, alike, read, times, write
+from epuckhebb.sim.wired_pass import MOST_BLOCKS
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
 PRE, POST, CORRELATION = range(3)  # rows of the workspace of an update
@@ -67,6 +68,8 @@ _SINGLES: dict[int, Any] = {  # of one and one
 def _filled(network: Network, quantity: int) -> Fill:
     """The function that writes x_j, x_i or their product for every synapse into its row of the workspace."""
     four, single = _FOURS[quantity], _SINGLES[quantity]
+    if network.wiring is not None and len(network.connections) > MOST_BLOCKS:
+        return _filled_one_by_one(network, quantity)
 
     def fill_layer(
         pre: int,
@@ -86,6 +89,18 @@ def _filled(network: Network, quantity: int) -> Fill:
                 row[first + i * outputs + j] = single(activation, pre + i, post + j)
 
     fill: Fill = in_turn(fill_layer, network.vectors, "activation, room")
+    return fill
+
+
+def _filled_one_by_one(network: Network, quantity: int) -> Fill:
+    """The same for synapses in any order."""
+    (senders, receivers), count, single = network.joined, network.synapses, _SINGLES[quantity]
+
+    @compiled
+    def fill(activation: NDArray[np.float64], room: NDArray[np.float64]) -> None:
+        for k in range(count):
+            room[quantity, k] = single(activation, senders[k], receivers[k])
+
     return fill
 
 

@@ -25,7 +25,7 @@ from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.fitness import distance_to
 from epuckhebb.sim.maze import Place, Pose, Side
-from epuckhebb.sim.physics import Handles, put_back
+from epuckhebb.sim.physics.pymunk import Handles, put_back
 from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S

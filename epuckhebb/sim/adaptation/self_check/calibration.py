@@ -18,12 +18,13 @@ from epuckhebb.sim.life import TALLY, CalibrationRecord, Lifetime, Trial, Worksp
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Pose, Side, boxes
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
-from epuckhebb.sim.physics import Handles, PymunkSpace, mover, pose
+from epuckhebb.sim.physics.pymunk import PYMUNK, mover
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.reachable import gap
 from epuckhebb.sim.robot import EPUCK, STEP_S, Robot
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.senses import blinding, senses
+from epuckhebb.sim.space import Handles, Physics, pose
 from epuckhebb.sim.stage import lights_of, trial_of
 
 _QUARTER = 10  # steps at full speed in which an e-puck turns by 89 degrees
@@ -43,7 +44,7 @@ STEPS = _steps()  # (124, 2) of the left and the right wheel, in shares of the m
 
 
 # The parts of the manoeuvre, as the paper's robot has them; `_kernel_of` puts those of another in their place.
-sense, blind, draw_noise, move = senses(EPUCK), blinding(EPUCK), normal_numbers(EPUCK.inputs), mover(EPUCK)
+sense, blind, draw_noise, move = senses(EPUCK, PYMUNK), blinding(EPUCK), normal_numbers(EPUCK.inputs), mover(EPUCK)
 apply_sensor_faults, turn_wheels = faults.hooks(EPUCK, more=False)
 
 
@@ -71,7 +72,7 @@ def drive(
         if noise_level > 0.0:
             draw_noise(key, step, workspace.noise)
         readings = calibration.readings[step]
-        sense(x, y, cos, sin, space.walls, lit, workspace.noise, noise_level, workspace.senses, readings)
+        sense(x, y, cos, sin, space, lit, workspace.noise, noise_level, workspace.senses, readings)
         apply_sensor_faults(readings, trial.faults, past, step)
         blind(readings, trial.faults.dead_sensors)
         left, right = calibration.speeds[step, 0], calibration.speeds[step, 1]
@@ -83,14 +84,14 @@ def drive(
 
 
 @cache
-def _kernel_of(robot: Robot, more_faults: bool) -> Any:
+def _kernel_of(robot: Robot, physics: Physics, more_faults: bool) -> Any:
     apply_sensor_faults, turn_wheels = faults.hooks(robot, more_faults)
     return kernel(
         drive,
-        sense=senses(robot),
+        sense=senses(robot, physics),
         blind=blinding(robot),
         draw_noise=normal_numbers(robot.inputs),
-        move=mover(robot),
+        move=physics.mover(robot),
         apply_sensor_faults=apply_sensor_faults,
         turn_wheels=turn_wheels,
     )
@@ -106,7 +107,7 @@ def calibrate(
     """
     robot = world.robot
     placed = boxes(world.maze, world.obstacles, world.layout) if walls else np.empty((0, 4))
-    space = PymunkSpace(placed, robot, world.wall_friction)
+    space = world.physics.space(placed, world)
     space.place_robot(world.maze.start if start is None else start)
     calibration = CalibrationRecord(
         poses=np.zeros((len(STEPS) + 1, 3)),
@@ -114,13 +115,13 @@ def calibrate(
         readings=np.zeros((len(STEPS), robot.inputs)),
     )
     trial = trial_of(world, side)
-    _kernel_of(robot, trial.faults.more)(
+    _kernel_of(robot, world.physics, trial.faults.more)(
         space.handles,
         lights_of(world, lamp_on=side == "right"),
         trial,
         float(noise),
         key,
-        workspace_for(Network((robot.inputs, *HIDDEN, OUTPUTS)), robot),
+        workspace_for(Network((robot.inputs, *HIDDEN, OUTPUTS)), robot, world.physics),
         np.zeros(1, TALLY),
         calibration,
         faults.initial_past(robot),

@@ -11,8 +11,9 @@ divide the weights of a layer by the largest after each update; here all are cli
 from dataclasses import dataclass
 from typing import ClassVar
 
+from epuckhebb.sim.evolved import Evolved
 from epuckhebb.sim.plasticity.four_terms import FourTerms
-from epuckhebb.sim.plasticity.rule import Evolved, InitialWeights
+from epuckhebb.sim.plasticity.rule import InitialWeights
 
 _EACH = Evolved("synapse", start=1.0, limit=2.0)
 

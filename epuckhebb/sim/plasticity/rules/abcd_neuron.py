@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from epuckhebb.sim.arrays import Floats
+from epuckhebb.sim.evolved import Evolved
 from epuckhebb.sim.plasticity.four_terms import FourTerms
-from epuckhebb.sim.plasticity.rule import Evolved
 
 _EACH = Evolved("neuron", start=1.0, limit=2.0)
 

@@ -10,8 +10,8 @@ synapses easily drives all of them to their bounds.
 from dataclasses import dataclass
 from typing import ClassVar
 
+from epuckhebb.sim.evolved import Evolved
 from epuckhebb.sim.plasticity.four_terms import FourTerms
-from epuckhebb.sim.plasticity.rule import Evolved
 
 _EACH = Evolved("layer", start=1.0, limit=2.0)
 

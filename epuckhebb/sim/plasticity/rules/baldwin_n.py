@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.plasticity.rule import Evolved, Rule
+from epuckhebb.sim.evolved import Evolved
+from epuckhebb.sim.plasticity.rule import Rule
 from epuckhebb.sim.ranges import check_range
 
 

@@ -20,7 +20,8 @@ from typing import ClassVar
 import numpy as np
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.plasticity.rule import Evolved, Rule
+from epuckhebb.sim.evolved import Evolved
+from epuckhebb.sim.plasticity.rule import Rule
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,8 @@ from typing import ClassVar
 import numpy as np
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.plasticity.rule import MODULATOR, REWARD, Evolved, Rule
+from epuckhebb.sim.evolved import Evolved
+from epuckhebb.sim.plasticity.rule import MODULATOR, REWARD, Rule
 
 _ONE = Evolved("network", start=0.5, limit=2.0)
 

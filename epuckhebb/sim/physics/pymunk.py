@@ -1,4 +1,4 @@
-"""The physical world: a pymunk space with walls and robots, stepped from compiled code. The only file with pymunk.
+"""The physics of the plane: a pymunk space with walls and robots, stepped by machine code. All of pymunk is here.
 
 A lifetime takes thousands of steps, and a call from Python costs more than the physics. So pymunk builds the space
 through its public interface, and the compiled lifetime calls the same C functions that pymunk's own `Space.step` and
@@ -14,9 +14,9 @@ a robot that touches two walls at once: pymunk solves their contacts in an order
 (`docs/inside.md`). Either order is right, and ours is the same in every run.
 """
 
-import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
 import llvmlite.binding
 import numpy as np
@@ -29,6 +29,7 @@ from pymunk.batch import BodyFields
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.maze import Pose
 from epuckhebb.sim.robot import STEP_S, Robot
+from epuckhebb.sim.space import Move, Physics, Space
 
 COLLISION_SLOP = 1e-4  # m; pymunk's default, 0.1, is larger than the robot
 ITERATIONS = 10  # of the contact solver, pymunk's default
@@ -92,7 +93,7 @@ class _Exchange:
         self.values = np.frombuffer(ffi.buffer(self._floats), np.float64)
 
 
-class PymunkSpace:
+class PymunkSpace(Space):
     """Walls and robots. The space is built once; `place_robot` starts each lifetime without traces of the last.
 
     boxes: (boxes, 4) left, right, bottom, top edge of each wall [m]. wall_friction: coefficient of friction between
@@ -119,7 +120,7 @@ class PymunkSpace:
         motion = BodyFields.POSITION | BodyFields.ANGLE | BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY
         room = MOTION * (count + 1) + _SPARE  # the body that holds the walls has a row, too
         self._exchanges = state, push = _Exchange(motion, room), _Exchange(BodyFields.FORCE | BodyFields.TORQUE, room)
-        self.handles = Handles(
+        self._handles = Handles(
             state=state.values,
             walls=boxes,
             space=_address(self._space._space),
@@ -133,6 +134,11 @@ class PymunkSpace:
             push_count=push.count,
             push=push.values,
         )
+
+    @property
+    def handles(self) -> Handles:
+        """See `Space`."""
+        return self._handles
 
     def place_robot(self, *poses: Pose) -> None:
         """Take each robot out of the space and put it in again at its pose, at rest.
@@ -166,12 +172,6 @@ class PymunkSpace:
 
 
 @compiled
-def pose(space: Handles) -> tuple[float, float, float]:
-    """The robot's x, y [m] and heading [rad]."""
-    return space.state[_X], space.state[_Y], space.state[_HEADING]
-
-
-@compiled
 def put_back(space: Handles, x: float, y: float, heading: float) -> None:
     """Put the robot at a place, at rest, during its lifetime, as `PymunkSpace.place_robot` does before it."""
     state = space.state
@@ -183,9 +183,6 @@ def put_back(space: Handles, x: float, y: float, heading: float) -> None:
     space.state_count[0] = 0
     _for_each_body(space.space, space.put, space.state_data)
     _add_disc(space.space, space.disc)
-
-
-Move = Callable[[Handles, float, float, float, float], None]
 
 
 def mover(robot: Robot) -> Move:
@@ -292,7 +289,19 @@ def _is_clear(x: float, y: float, walls: NDArray[np.float64], near: float) -> bo
     return True
 
 
-@compiled
-def is_lost(x: float, y: float, heading: float, arena: float) -> bool:
-    """Whether a pose is not finite or outside the arena [m]; pymunk reports neither."""
-    return not (abs(x) < arena and abs(y) < arena and math.isfinite(heading))
+@dataclass(frozen=True, kw_only=True)
+class Pymunk(Physics):
+    """Rigid bodies in the plane, which has no settings."""
+
+    name: ClassVar[str] = "pymunk"
+
+    def space(self, walls: NDArray[np.float64], world: Any) -> PymunkSpace:
+        """See `Physics`."""
+        return PymunkSpace(walls, world.robot, world.wall_friction)
+
+    def mover(self, robot: Robot) -> Move:
+        """See `Physics`."""
+        return mover(robot)
+
+
+PYMUNK = Pymunk()

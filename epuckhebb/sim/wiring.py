@@ -1,0 +1,194 @@
+"""A wiring: which neurons synapses join, what a neuron stores, what of it evolves, and how it responds.
+
+Layers of tanh neurons, the paper's network, have no wiring (`epuckhebb.sim.network`). `epuckhebb.sim.wired_pass` makes
+machine code of one.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.sim import own_class
+from epuckhebb.sim.arrays import Floats
+from epuckhebb.sim.evolved import Evolved
+from epuckhebb.sim.robot import STEP_S
+
+MOST_SYNAPSES = 100_000  # more is surely a typing error
+LAYERS = "mlp"  # what a network without a wiring is called
+OF_NEURON = {  # the arguments that `neuron` may have besides its evolved parameters, and how the kernel has them
+    "drive": "drive[j]",
+    "before": "activation[j]",
+    "number": "j - first",
+    "state": "neurons.state[j - first]",
+    "step_s": "neurons.step_s",
+    "by": "by",
+}
+_PER = ("network", "neuron")
+
+
+class WiringError(ValueError):
+    """The neurons of a wiring gave no numbers; the message says which."""
+
+
+class Neurons(NamedTuple):
+    """What the neurons of a wiring have. state: (neurons,) records, what each stores, which changes in a lifetime.
+
+    parameters: (names, neurons), the evolved ones. numbers: the settings. step_s: how long a step is for them [s].
+    """
+
+    state: NDArray[np.void]
+    parameters: Floats
+    numbers: tuple[float, ...] = ()
+    step_s: float = STEP_S
+
+
+NO_NEURONS = Neurons(np.zeros(0, [("nothing", np.float64)]), np.zeros((0, 0)))  # of layers
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wiring:
+    """Neurons and the synapses that join them; subclasses add settings as fields, and a static method `neuron`.
+
+    sizes: how many neurons each group has. In a step, all neurons of a group receive their drives, and then respond.
+    The groups take turns. The last two neurons of the last group drive the wheels. `synapses` joins neurons. `neuron`,
+    compiled by numba, gives the activation of a neuron; those of the wheels are clipped to -1 and 1. Its arguments are
+    any of these names, in any order:
+
+        drive        the sum over its synapses of weight times presynaptic activation
+        before       its activation in the step before; 0 at first
+        number       of this neuron, from 0
+        state        the numbers named in the class attribute `state`, to be read and set
+        step_s       how long a step is for the neurons, s
+        by           the settings
+        (a name in `evolved`: that parameter of this neuron)
+
+    state: name -> initial value, of what each neuron stores during a lifetime. evolved: name -> `Evolved`, one for the
+    `network` or one for each `neuron`.
+    """
+
+    state: ClassVar[Mapping[str, float]] = {}
+    evolved: ClassVar[Mapping[str, Evolved]] = {}
+    neuron: ClassVar[Callable[..., float] | None] = None
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """How many neurons each group has; a subclass defines it."""
+        raise TypeError("a wiring needs `sizes`")
+
+    def synapses(self, inputs: int) -> Iterable[tuple[int, int]]:  # noqa: ARG002
+        """The presynaptic and the postsynaptic neuron of each synapse, in the order of the genes.
+
+        Inputs are numbered from 0. The constant 1 is number `inputs`, and the neurons follow.
+        """
+        raise TypeError("a wiring needs a method `synapses`")
+
+    def step_s(self, gain_rad_s: float) -> float:  # noqa: ARG002  # others need it
+        """How long a control step is for the neurons [s] at a wheel gain [rad/s]."""
+        return STEP_S
+
+    @property
+    def name(self) -> str:
+        """What it is called: as its file, if it is one of the program, or else as its class."""
+        package, _, module = type(self).__module__.rpartition(".")
+        return module if package == f"{__package__}.wirings" else type(self).__name__
+
+    @classmethod
+    def settings(cls) -> tuple[str, ...]:
+        """The names of the settings that are numbers, in the order in which a kernel has them."""
+        return own_class.number_settings(cls)
+
+    @classmethod
+    def arguments(cls) -> tuple[str, ...]:
+        """The names of the arguments of `neuron`, in its order; a ValueError if one is unknown."""
+        assert cls.neuron is not None  # `check_class` has looked
+        records = {"by": cls.settings(), "state": tuple(cls.state)}
+        return own_class.arguments(f"wiring {cls.__name__}", cls.neuron, [*OF_NEURON, *cls.evolved], records)
+
+    def parameter_sizes(self) -> dict[str, int]:
+        """How many genes each evolved parameter takes."""
+        per = dict(zip(_PER, (1, sum(self.sizes)), strict=True))
+        return {name: per[str(evolved.per)] for name, evolved in self.evolved.items()}
+
+    def initial(self, genes: Mapping[str, Floats], gain_rad_s: float) -> Neurons:
+        """The neurons before the first step. genes: those of each evolved parameter, by name. gain_rad_s: of wheels.
+
+        Raises:
+            ValueError: a value that is made of genes has another shape, or is not finite.
+        """
+        count = sum(self.sizes)
+        names, values = list(self.state) or ["nothing"], tuple(self.state.values()) or (0.0,)
+        state = np.full(count, np.array(values, [(name, np.float64) for name in names]))
+        parameters = np.empty((len(self.evolved), count))
+        for row, (name, evolved) in zip(parameters, self.evolved.items(), strict=True):
+            value = genes[name] if evolved.value is None else np.asarray(evolved.value(genes[name]))
+            if value.shape not in (genes[name].shape, ()) or not np.isfinite(value).all():
+                raise WiringError(
+                    f"wiring {self.name}: `value` of {name} must give {genes[name].size} finite numbers, got {value}"
+                )
+            row[:] = value
+        numbers = tuple(float(getattr(self, name)) for name in self.settings())
+        return Neurons(state, parameters, numbers, float(self.step_s(gain_rad_s)))
+
+    def joined(self, inputs: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The presynaptic and the postsynaptic neuron of each synapse, (synapses,) each.
+
+        Raises:
+            ValueError: there is no synapse, or one joins what is no neuron.
+        """
+        end = inputs + 1 + sum(self.sizes)
+        pairs = [tuple(pair) for pair in islice(self.synapses(inputs), MOST_SYNAPSES + 1)]
+        for pair in pairs:
+            if len(pair) != 2 or not all(isinstance(number, int | np.integer) for number in pair):
+                raise ValueError(f"wiring {self.name}: a synapse must be two whole numbers, (pre, post), got {pair}")
+            if not (0 <= pair[0] < end and inputs < pair[1] < end):
+                raise ValueError(
+                    f"wiring {self.name}: synapse {pair} joins a neuron that is not there; with {inputs} inputs a "
+                    f"presynaptic one is 0 to {end - 1}, a postsynaptic one {inputs + 1} to {end - 1}"
+                )
+        if not pairs:
+            raise ValueError(f"wiring {self.name}: `synapses` gives none")
+        pre, post = np.array(pairs, np.int64).T
+        return np.ascontiguousarray(pre), np.ascontiguousarray(post)
+
+
+def check_class(kind: type[Wiring]) -> None:
+    """Check the method `neuron` of a wiring, and what it evolves.
+
+    Raises:
+        ValueError: it is missing, has unknown arguments, or draws random numbers; or a parameter is evolved otherwise.
+    """
+    what = f"wiring {kind.__name__}"
+    if kind.neuron is None:
+        raise ValueError(f"{what} has no static method `neuron`, which gives a neuron's activation")
+    own_class.check_fields(what, kind)
+    for name, evolved in kind.evolved.items():
+        if not isinstance(evolved, Evolved) or evolved.per not in _PER:
+            raise ValueError(f"{what}: {name} must be Evolved(per=...), one of {', '.join(_PER)}, got {evolved}")
+        if name in OF_NEURON:
+            raise ValueError(f"{what}: an evolved parameter cannot be called {name}, which means something else")
+    kind.arguments()
+    for function in functions_of(kind):
+        own_class.check_repeatable(what, function)
+
+
+def functions_of(kind: type[Wiring]) -> tuple[Callable[..., Any], ...]:
+    """The functions of a wiring: how a neuron responds, who is joined, and how parameters are made of genes."""
+    makers = (evolved.value for evolved in kind.evolved.values() if evolved.value is not None)
+    return tuple(function for function in (kind.neuron, kind.synapses, kind.step_s, *makers) if function is not None)
+
+
+def recorded_wiring(name: str, sizes: Sequence[int], pairs: Iterable[Sequence[int]]) -> Wiring:
+    """What stands for a wiring where a champion or a recorded run is read: its name and synapses; it cannot run."""
+    known = [(int(pre), int(post)) for pre, post in pairs]
+    kind: Any = type(name, (Wiring,), {"sizes": tuple(sizes), "synapses": lambda _, __: known})
+    wiring: Wiring = kind()
+    return wiring
+
+
+def is_recorded(wiring: Wiring | None) -> bool:
+    """Whether a wiring is only what was recorded of one, so that nothing can run."""
+    return wiring is not None and wiring.neuron is None

@@ -1,0 +1,157 @@
+"""Physics in three dimensions, beside an independent program in C++, a golden file, and the physics of the plane."""
+
+import io
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from epuckhebb.config.compose import load
+from epuckhebb.config.schema import EvaluateConfig
+from epuckhebb.gym import TMaze
+from epuckhebb.runs.evaluate import prepare
+from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim import libode
+from epuckhebb.sim.block import live_block
+from epuckhebb.sim.life import Lifetime
+from epuckhebb.sim.session import Individual, LostRobotError, Session
+from epuckhebb.store.genome import load_genome
+
+try:
+    libode.library()
+    MISSING = ""
+except ValueError as error:
+    MISSING = str(error)
+needs_ode = pytest.mark.skipif(bool(MISSING), reason=MISSING)
+
+# Of a program in C++ with the same library and its own maze, sensors and network: time to the goal [s], path [m], final
+# distance [m], mean weight change, without noise, for genomes of data/genomes.npz. Its path has the third dimension.
+IN_CPP = {
+    (0, "base", "left", False): (79.84, 0.8783, 0.0295, 0.0),
+    (0, "4obstacles", "right", True): (math.nan, 0.6439, 0.2258, 3.0336),
+    (1, "base", "left", True): (math.nan, 0.5298, 0.3671, 3.0824),
+    (1, "4obstacles", "left", True): (187.136, 0.9095, 0.0294, 3.1090),
+    (3, "2obstacles", "right", True): (50.08, 0.9031, 0.0327, 2.0899),
+    (4, "highlight", "right", False): (88.832, 0.8837, 0.0327, 0.0),
+    (4, "lowlight", "left", True): (62.496, 0.8810, 0.0295, 296.4620),
+    (5, "lowlight", "right", False): (math.nan, 0.3168, 0.6360, 0.0),
+}
+
+
+def config(*overrides):
+    return load(EvaluateConfig, ["physics=ode", *overrides])
+
+
+def individual(genes, side="left", key=1, controllers=(), record=True):
+    own = {"controller": controllers[0]} if controllers else {}
+    return Individual(genes=genes, side=side, key=np.uint64(key), record=record, **own)
+
+
+@needs_ode
+@pytest.mark.parametrize("case", IN_CPP, ids=str)
+def test_a_lifetime_is_that_of_an_independent_program(case, genomes):
+    number, scenario, side, plastic = case
+    signal = "lifetime_mean" if number < 4 else "light_code"
+    asked = config(f"scenario={scenario}", f"hebbian.signal={signal}")
+    who = individual(genomes[number], side, controllers=asked.controllers if plastic else (), record=False)
+    session = Session(who, asked.world, Lifetime(duration_s=asked.lifetime.duration_s, noise=0.0))
+    session.step(session.lifetime.steps)
+    found, expected = session.outcome(), IN_CPP[case]
+    measured = found.time_to_goal, found.path_length, found.final_distance, found.weight_change_mean
+    assert measured == pytest.approx(expected, rel=0.008, abs=1e-3, nan_ok=True)
+
+
+@needs_ode
+def test_a_lifetime_of_a_bundled_champion_is_as_ever(golden):
+    asked, genome = config("scenario=2obstacles", "hebbian.N=0.002"), load_genome("reference", "obstacles")
+    lifetime = Lifetime(duration_s=60, gain_rad_s=4, record_every=125)
+    both = [individual(genome.genes, side, controllers=asked.controllers) for side in ("left", "right")]
+    rows = []
+    for side, (outcome, samples) in zip(("left", "right"), live_block(both, asked.world, lifetime), strict=True):
+        for time, pose, tilt in zip(samples.time, samples.pose, samples.tilt, strict=True):
+            rows.append([side, *(round(number, 6) for number in (time, *pose, *tilt)), math.nan])
+        rows.append([side, 60.0, *[math.nan] * 6, round(outcome.fitness, 6)])
+    text = io.StringIO()
+    columns = ["side", "time", "x", "y", "heading", "roll", "pitch", "height", "fitness"]
+    pd.DataFrame(rows, columns=columns).to_csv(text, index=False)
+    golden("ode.csv", text.getvalue())
+
+
+@needs_ode
+def test_it_is_bit_identical_on_any_number_of_threads_and_in_pieces(genomes):
+    asked, lifetime = config("scenario=4obstacles"), Lifetime(duration_s=20, gain_rad_s=4, record_every=5)
+    robots = [individual(genomes[key % 4], key=key, controllers=asked.controllers) for key in range(8)]
+    alone = live_block(robots, asked.world, lifetime)
+    for (outcome, samples), (other, others) in zip(
+        alone, live_block(robots, asked.world, lifetime, threads=4), strict=True
+    ):
+        assert np.array_equal(outcome, other, equal_nan=True)
+        assert np.array_equal(samples.pose, others.pose)
+        assert np.array_equal(samples.tilt, others.tilt)
+    session = Session(robots[5], asked.world, lifetime)
+    while not session.is_over:
+        session.step(7)
+    assert np.array_equal(session.outcome(), alone[5][0], equal_nan=True)
+
+
+@needs_ode
+def test_a_world_may_change_meanwhile(genomes):
+    changes = "scenario.changes=[{at_s: 4, obstacles: 4, light: 1.0}]"
+    asked, lifetime = config("scenario=base", changes), Lifetime(duration_s=8, gain_rad_s=4, record_every=1)
+    before = live_block([individual(genomes[3])], config("scenario=base").world, lifetime)[0][1]
+    after = live_block([individual(genomes[3])], asked.world, lifetime)[0][1]
+    assert np.array_equal(before.pose[:125], after.pose[:125])
+    assert np.abs(np.diff(after.pose[:, :2], axis=0)).max() < 0.004  # it goes on from where it is
+    assert not np.array_equal(before.sensors[125:], after.sensors[125:])
+
+
+@needs_ode
+def test_a_robot_that_falls_over_ends_its_lifetime_with_a_reason(genomes):
+    asked = config("physics.put_down=[1,0,0,1.2]")
+    with pytest.raises(LostRobotError, match="not upright on the floor any more"):
+        live_block([individual(genomes[0])], asked.world, Lifetime(duration_s=2))
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["robot.solid=null"], "robot.solid"),
+        (["robot.solid.mass_kg=0"], "robot.solid"),
+        (["robot.solid.hull_m=[0.04,0.01]"], "robot.solid"),
+        (["maze.wall_height_m=null"], "maze.wall_height_m"),
+        (["maze.wall_height_m=0"], "maze.wall_height_m"),
+        (["scenario.wall_friction=0.1"], "scenario.wall_friction"),
+        (["task=reversal"], "task=reversal"),
+        (["physics.friction=-1"], "physics.friction"),
+        (["physics.put_down=[0,0,0,1]"], "physics.put_down"),
+        (["physics.sun=3"], "physics.sun"),
+    ],
+    ids=str,
+)
+def test_what_three_dimensions_lack_is_refused(words, named):
+    with pytest.raises(ConfigError, match=named):
+        config(*words)
+
+
+def test_without_the_library_one_message_names_the_package(monkeypatch):
+    monkeypatch.setattr(libode, "_NAMES", ("libode_of_nobody.so",))
+    libode.library.cache_clear()
+    try:
+        with pytest.raises(ConfigError, match="apt-get install libode8"):
+            prepare(config())
+    finally:
+        libode.library.cache_clear()
+
+
+@needs_ode
+def test_a_pinned_robot_turns_in_the_plane_and_stays_in_three_dimensions():
+    turned = {}
+    for physics in ("pymunk", "ode"):
+        env = TMaze("base", overrides=[f"physics={physics}", "lifetime.noise=0"])
+        env.reset(options={"side": "left", "key": 1})
+        for step in range(900):  # ahead to the far wall, then obliquely against it
+            env.step(np.array([1.0, 1.0] if step < 250 else [0.9, 0.6]))
+        turned[physics] = abs(math.degrees(env.session.pose.heading) - 90)
+    assert turned["pymunk"] > 540
+    assert turned["ode"] < 1
