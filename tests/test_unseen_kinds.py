@@ -88,7 +88,8 @@ def test_what_each_knows_and_rescues(generated, over_all):
         for name in ORDER:
             row = row_of(over_all, experiment, name)
             given = ", ".join(["senses", *known[name]])
-            rows.append([experiment, f"`{name.partition(' ')[0]}`", given, *rescue.counts(row), rescue.in_training(row)])
+            counts = rescue.counts(row)
+            rows.append([experiment, f"`{name.partition(' ')[0]}`", given, *counts, rescue.in_training(row)])
     head = ["experiment", "adaptation", "knowledge", rescue.RESCUED, rescue.HARMED, rescue.IN_TRAINING]
     generated(PAGE, "methods", markdown_table(head, rows))
 

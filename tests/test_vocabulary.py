@@ -97,7 +97,10 @@ NAMES = {  # of functions, classes, arguments and fields: what to say instead
     "show_what_can_be_shown": "replace_unencodable",
     "who": "individual",
 }
-MAY_TELL = "epuckhebb/evolution/optimizer"  # `ask` and `tell` are the words of every library of optimizers
+MAY_TELL = (
+    "epuckhebb/evolution/",
+    "examples/own_optimizer/",
+)  # `ask` and `tell` are the words of every library of optimizers
 MOST_WORDS = 25
 
 
