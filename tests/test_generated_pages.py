@@ -20,8 +20,9 @@ from epuckhebb.config.conf import groups
 from epuckhebb.config.words import keys_below
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.sim.life import empty_samples
-from epuckhebb.sim.network import PAPER_NETWORK
+from epuckhebb.sim.network import Network
 from epuckhebb.sim.physics.ode import Ode
+from epuckhebb.sim.wirings.elman import Elman
 from epuckhebb.store.columns import CHAMPION, TABLES, TRACES
 from epuckhebb.store.genome import champion_file, load_genome
 from epuckhebb.store.traces import traces_file
@@ -134,12 +135,13 @@ def test_the_tables_of_the_reference_results_are_told(table):
 
 
 def test_every_array_of_the_traces_is_told_with_its_shape():
-    one = empty_samples(5, PAPER_NETWORK, Ode())
+    network = Network((16, *Elman().sizes), wiring=Elman())
+    one = empty_samples(5, network, Ode())
     samples = type(one)(*(np.stack([array] * 4) for array in one))
     traces = Traces(controller=["GA"] * 4, side=["left"] * 4, samples=samples)
-    with np.load(io.BytesIO(traces_file(traces, np.zeros(234), PAPER_NETWORK))) as written:
+    with np.load(io.BytesIO(traces_file(traces, np.zeros(216), network))) as written:
         assert set(written) == set(TRACES)
-        sizes = {"lifetimes": 4, "samples": 5, "inputs": 16, "synapses": 234, "layers": 6}
+        sizes = {"lifetimes": 4, "samples": 5, "inputs": 16, "synapses": 216, "layers": 3, "neurons": 10}
         for name, array in TRACES.items():
             assert written[name].shape == tuple(sizes.get(size, size) for size in array.shape), name
 
@@ -152,5 +154,16 @@ def test_every_array_of_a_champion_is_told():
         assert all(
             any(fnmatch(name, told) for name in written)
             for told in CHAMPION
-            if told not in ("self_*", "rule", "task", "rewarded", "fitness_function", "sensors")
+            if told
+            not in (
+                "self_*",
+                "rule",
+                "task",
+                "rewarded",
+                "fitness_function",
+                "sensors",
+                "wiring",
+                "joined",
+                "wiring_settings",
+            )
         )

@@ -39,7 +39,10 @@ METHODS = {
     "learns": f"evolve: {{hebbian: modulated, {EVOLVED}}}\nmatched_control: tiny",
     "only_rule": f"champions_of: tiny\nevolve: {{hebbian: modulated, {EVOLVED}}}",
     "oja_over": "champions_of: tiny\nevaluate: {hebbian: oja, hebbian.N: 0.001}",
+    "wired": f"evolve: {{network.wiring: elman, {EVOLVED}}}\nmatched_control: tiny",
+    "oja_on_wired": "champions_of: wired\nevaluate: {hebbian: oja, hebbian.N: 0.001}",
     # what is refused
+    "two_parts": f"evolve: {{network.wiring: elman, {LARGER}}}\nmatched_control: tiny",
     "over_plastic": "champions_of: learns\nevaluate: {hebbian: oja}",
     "no_numbers": f"champions_of: tiny\nevolve: {{hebbian: oja, {EVOLVED}}}",
     "in_a_test": f"evolve: {{scenario: 4obstacles, {EVOLVED}}}",
@@ -370,8 +373,20 @@ def test_every_method_of_the_program_can_be_planned_and_says_what_it_is(here):
     assert all(method.description for method in methods)
     kinds = {entry.method.name: entry.row.kind for entry in planned.entries}
     assert (kinds["ga"], kinds["evolve_and_merge"], kinds["best"]) == ("plain", "evolved", "post_hoc")
+    controls = {entry.method.name: entry.row.matched_control for entry in planned.entries}
+    assert (kinds["ctrnn"], controls["ctrnn"], controls["elman"]) == ("plain", "ga", "ga")
     assert len(planned.tests["obstacles"]) == 8 + 29
     assert len({job.run for job in planned.jobs}) == len(planned.jobs)
+    assert list(here.iterdir()) == []
+
+
+def test_champions_are_tested_with_the_network_that_they_evolved_with(conf, here):
+    words = ["tests=[few]", "champions=1", "methods=oja_on_wired"]
+    planned = leaderboard_plan.plan("obstacles", words, config_dir=str(conf))
+    names = [entry.method.name for entry in planned.entries]
+    assert names == ["tiny", "wired", "oja_on_wired"]
+    networks = [[job.config["config"]["network"] for job in entry.tests.values()] for entry in planned.entries]
+    assert networks == [[{"wiring": "mlp", "layers": None}], *([{"wiring": "elman", "hidden": 8}],) * 2]
     assert list(here.iterdir()) == []
 
 
@@ -502,6 +517,7 @@ BAD = {
     "trained in a test": (["methods=in_a_test"], ["can be 4obstacles", "one of the tests' own"]),
     "trained in a light of a test": (["methods=light_of_a_test"], ["can be base_half", "one of the tests' own"]),
     "another matched control": (["methods=other_twin"], ["matched_control=tiny has another optimizer"]),
+    "two other parts": (["methods=two_parts"], ["matched_control=tiny differs in optimizer and network", "alone"]),
     "a plastic matched control": (["methods=plastic_twin"], ["matched_control=learns has plasticity itself"]),
     "no matched control": (["methods=no_twin"], ["matched_control is missing"]),
     "a wrong key": (["methods=wrong_key"], ["wrong_key.yaml: evolves is not a key of a method", "evolve"]),

@@ -9,6 +9,7 @@ import pytest
 
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import EvaluateConfig
+from epuckhebb.gym import TMaze
 from epuckhebb.runs.evaluate import prepare
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim import libode
@@ -141,3 +142,16 @@ def test_without_the_library_one_message_names_the_package(monkeypatch):
             prepare(config())
     finally:
         libode.library.cache_clear()
+
+
+@needs_ode
+def test_a_pinned_robot_turns_in_the_plane_and_stays_in_three_dimensions():
+    turned = {}
+    for physics in ("pymunk", "ode"):
+        env = TMaze("base", overrides=[f"physics={physics}", "lifetime.noise=0"])
+        env.reset(options={"side": "left", "key": 1})
+        for step in range(900):  # ahead to the far wall, then obliquely against it
+            env.step(np.array([1.0, 1.0] if step < 250 else [0.9, 0.6]))
+        turned[physics] = abs(math.degrees(env.session.pose.heading) - 90)
+    assert turned["pymunk"] > 540
+    assert turned["ode"] < 1

@@ -285,6 +285,7 @@ def test_the_python_of_the_parts_page_runs(checkout, monkeypatch):
         ("own_fitness/my_fitness", ("docs/parts.md",)),
         ("own_sensor/my_sensors", ("docs/parts.md",)),
         ("own_optimizer/my_optimizer", ("docs/parts.md",)),
+        ("own_controller/my_neurons", ("docs/parts.md",)),
     ],
 )
 def test_a_class_of_the_parts_page_is_that_of_the_example_and_short(example, pages):

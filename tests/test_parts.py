@@ -13,7 +13,7 @@ from cases import call, done, first_of, refused
 import epuckhebb
 from epuckhebb.config.compose import composed
 from epuckhebb.config.parts import part_class
-from epuckhebb.runs.evaluate import with_robot
+from epuckhebb.runs.evaluate import as_evolved
 from epuckhebb.sim import session
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
@@ -331,9 +331,9 @@ def test_the_robot_follows_from_the_champion_unless_it_is_named(here):
         (["genome=nowhere.npz"], ""),
         (["seed=3"], ""),
     ):
-        assert with_robot(words, "conf") == [*words, *([f"robot={robot}"] if robot else [])]
+        assert as_evolved(words, "conf") == [*words, *([f"robot={robot}"] if robot else [])]
     for named in ("robot=epuck", "robot.radius_m=0.04"):
-        assert with_robot(["genome=lidar.npz", named]) == ["genome=lidar.npz", named]
+        assert as_evolved(["genome=lidar.npz", named]) == ["genome=lidar.npz", named]
     assert "robot:\n  name: epuck_lidar" in done("evaluate", "genome=lidar.npz", "--cfg=job").stdout
     with pytest.raises(ValueError, match="robot epuck_lidar has 8 and 24"):
         epuckhebb.evaluate("lidar.npz", hebbian={"signal": "light_code"}, progress=False)

@@ -134,7 +134,7 @@ def _below(node: yaml.MappingNode, prefix: str, schema: Any, lines: list[str], *
             continue
         kind = kinds.get(key.value)
         inner = value.value if isinstance(value, yaml.MappingNode) else []
-        if deep and inner and is_dataclass(kind):
+        if deep and inner and (is_dataclass(kind) or typing.get_origin(kind) is dict):
             within = kind if is_dataclass(kind) else None
             yield from _below(value, f"{prefix}{key.value}.", within, lines, deep=deep)
             continue

@@ -32,8 +32,8 @@ class Method:
         evolve: Settings of `epuckhebb evolve` by key: of its champions, or of the rule alone that they then get; empty
             if nothing is evolved.
         evaluate: Settings of `epuckhebb evaluate` by key: what is added to the champions of `champions_of`.
-        matched_control: The method that is the same but has no plasticity; for a method that takes another's
-            champions, that other.
+        matched_control: The method that is the same but has no plasticity; for a method without plasticity, the one
+            that has another network, fitness or optimizer. For a method that takes another's champions, that other.
         description: What it is.
     """
 

@@ -63,7 +63,9 @@ class Prepared:
         if world.name == self.config.world.name:
             return self
         there = copy.copy(self.config)
-        there.world, there.lifetime = world, replace(self.config.lifetime, duration_s=world.paper_duration_s)
+        ours = self.config.world
+        there.world = replace(world, fitness=ours.fitness, physics=ours.physics)
+        there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
         return Prepared(config=there, genome=self.genome)
 
     def compile(self) -> None:

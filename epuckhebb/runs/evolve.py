@@ -324,7 +324,7 @@ class EvolutionProgress(Bar):
         """Prepare to show so many generations; say nothing if `quiet`."""
         super().__init__("generation", generations, quiet=quiet, each=each)
         self._steps, self._seconds = 0, 0.0
-        self.update(self._task, description="compiling …")
+        self.bar.set_postfix_str("compiling …")
 
     def add(self, generation: Generation) -> None:
         """Show a generation that has just ended."""

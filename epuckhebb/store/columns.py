@@ -253,6 +253,13 @@ _COMPARISON: Columns = {
     "q75": number_or_empty("their upper quartile"),
     "n": number("champions that have this number"),
 }
+_REPEATS: Columns = {
+    **{name: column for name, column in _COMPARISON.items() if name not in ("median", "q25", "q75")},
+    "n": number("repeats that have this number"),
+    "low": number_or_empty("2.5 % of the repeats lie below this"),
+    "high": number_or_empty("97.5 % of the repeats lie below this"),
+    "percentile": number_or_empty("share of the repeats below the paper's number, %"),
+}
 _METHOD: Columns = {
     "experiment": _CONDITION["experiment"],
     "method": text("a name of `conf/methods.yaml`, or of a rule of the user's own"),
@@ -397,7 +404,7 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
     "flock.csv": ("Of `flock`: a row for each condition and coupling, over the runs.", _OVER_RUNS),
     "curves.csv": ("Of `flock`: a row for each minute, in the usual condition.", _CURVES),
     "minutes.csv": (
-        "Of the usual condition of `flock`: the same for each run.",
+        "Of each condition of `flock`: the same for each run.",
         {
             **dict(list(_CURVES.items())[:2]),
             "seed": _RUNS["seed"],
@@ -407,7 +414,14 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
     ),
     "estimator.csv": ("Of `flock`: a row for each known case.", _ESTIMATOR),
     "comparison.csv": ("Of `reproduce`: a row for each number of the paper's tables.", _COMPARISON),
+    "repeats.csv": (
+        "Of `reproduce genome=FILE`: a row for each number of the paper's tables, over all repeats.",
+        _REPEATS,
+    ),
 }
+
+
+_JOINED = Array((2, "synapses"), "", "beside `wiring`: the presynaptic and postsynaptic neuron of each synapse")
 
 
 def _sample(unit: str, meaning: str, axes: tuple[str | int, ...] = ()) -> Array:
@@ -419,6 +433,8 @@ TRACES: Mapping[str, Array] = {
     "side": Array(("lifetimes",), "", "`left` or `right`"),
     "genome": Array(("synapses",), "", "the initial weights"),
     "layers": Array(("layers",), "", "how many neurons each layer has, sensors first, wheels last"),
+    "wiring": Array((), "", "the name of the wiring, unless the network is layers"),
+    "joined": _JOINED,
     "time": _sample("s", "since the start of the lifetime"),
     "pose": _sample("m, m, rad", "x (to the right), y (ahead at the start), heading, anticlockwise from x", (3,)),
     "sensors": _sample("0 to 1", "network inputs, light first (1 is dark), then distance (1 is touching)", ("inputs",)),
@@ -429,11 +445,15 @@ TRACES: Mapping[str, Array] = {
     "weight_change": _sample("", "sum of abs(W - W_gene) over all weights"),
     "tilt": _sample("rad, rad, m", "roll, pitch and height above the floor, with `physics=ode` alone", (3,)),
     "weights": _sample("", "all weights, layer by layer, a row for each presynaptic neuron", ("synapses",)),
+    "activations": _sample("", "beside `wiring`: activations of its neurons, those behind the bias", ("neurons",)),
 }
 
 CHAMPION: Mapping[str, Array] = {
-    "genome": Array(("genes",), "", "all genes: the weights, layer by layer, then the evolved parameters of a rule"),
+    "genome": Array(("genes",), "", "all genes: the weights, layer by layer, then parameters of neurons and of a rule"),
     "layers": Array(("layers",), "", "how many neurons each layer has"),
+    "wiring": Array((), "", "the name of the wiring, unless the network is layers"),
+    "joined": _JOINED,
+    "wiring_settings": Array((), "", "beside `wiring`: its settings as JSON"),
     "parts": Array(("parts",), "", "the names of the parts of the genome"),
     "part_sizes": Array(("parts",), "", "how many genes each has"),
     "fitness": Array((), "", "what it was chosen by"),

@@ -4,6 +4,7 @@ A job is named by all that its result depends on: its settings, the job of its c
 rules, the science.
 """
 
+import copy
 import functools
 import time
 from dataclasses import replace
@@ -46,11 +47,11 @@ def job_of(overrides: list[str], config: Plain, *, champion: str = "", **more: A
 
 def identity(job: Plain) -> str:
     """The name of the run of a job."""
-    config, own = dict(job["config"]), plugins.own_files(job["config"])
+    config, own = copy.deepcopy(job["config"]), plugins.own_files(job["config"])
     for key in (*NO_EFFECT, "genome"):
         config.pop(key)
-    if own:  # wherever they are
-        config["hebbian"] = {**config["hebbian"], "rule": str(config["hebbian"]["rule"]).rpartition(":")[2]}
+    for part, key, _, name in list(plugins.references(config)):
+        part[key] = name  # wherever the file is
     worlds, config_dir = tuple(job.get("worlds", ())), job.get("config_dir")
     depends = {
         **{key: value for key, value in job.items() if key != "config_dir"},

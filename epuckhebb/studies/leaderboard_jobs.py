@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis.leaderboard import EVOLVED, PLAIN, POST_HOC, Row
-from epuckhebb.config import compose
+from epuckhebb.config import compose, plugins
 from epuckhebb.config.build import check_wheel_gain, network_for
 from epuckhebb.config.methods import REVERSAL_TASK, Method, typed_as
 from epuckhebb.config.overrides import alternatives
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, LeaderboardConfig, Plain
 from epuckhebb.runs import evaluate, evolve
 from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.own_fitness import PAPER_FITNESS
 from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.task import Task
@@ -23,6 +24,7 @@ from epuckhebb.studies.jobs import Job
 
 REVERSAL = board.REVERSAL
 _NAMES = re.compile(r"[^\[\],\s'\"]+")  # in a value of a sweep, one or a list of them
+_PARTS = ("network", "fitness")  # groups of settings with which champions are tested as they evolved
 _OF_RULES = ("merges", "merge_every")  # settings of optimizers that concern nothing but rules
 
 
@@ -95,23 +97,21 @@ class Planner:
             world = [] if "scenario" in method.evolve else [f"scenario={self._training_world}"]
             given = ["genome=given"] if method.champions_of else []
             config = compose.load(EvolveConfig, [*world, *method.overrides("evolve"), *given], self._config_dir)
-            self._check(method, config)
+            self._check(config)
             settings = config.values
             champions = {seed: self._evolution(method, settings, over, seed) for seed in self._seeds}
             tested = dict(in_training_world(self._training_world, self._task, self._config_dir).values)
-            tested["hebbian"] = settings["hebbian"]
+            tested |= {group: settings[group] for group in ("hebbian", *_PARTS)}
         else:
-            tested = self._post_hoc(method)
+            tested = self._post_hoc(method, over)
         tested |= {"seed": self._config.seed, "repeats": self._repeats}
         is_plain = config is not None and isinstance(config.controller.rule, NoRule)
-        if is_plain and (method.champions_of or method.matched_control):
-            raise ConfigError(
-                "it has no plasticity: it adds nothing and needs no control; leave out champions_of and matched_control"
-            )
+        if is_plain and method.champions_of:
+            raise ConfigError("it has no plasticity: it adds nothing to champions; leave out champions_of")
         if not is_plain and not method.compared_with:
             raise ConfigError("matched_control is missing: name the method that is the same without plasticity")
         if method.matched_control and config is not None:
-            _check_control(config, self._entries[method.matched_control])
+            _check_control(config, self._entries[method.matched_control], is_plain=is_plain)
         evolved = config or (over.config if over else None)
         assert evolved is not None  # a method evolves, or takes another's champions
         row = Row(
@@ -131,7 +131,7 @@ class Planner:
             task=evolved.world.task,
         )
 
-    def _check(self, method: Method, config: EvolveConfig) -> None:
+    def _check(self, config: EvolveConfig) -> None:
         """Refuse methods that cannot be evolved here, and training in a test world."""
         for name, world in self._tests.items():
             if board.can_be(config.world, config.training, world):
@@ -141,19 +141,21 @@ class Planner:
                     "it elsewhere, or leave these tests out"
                 )
         prepared = evolve.prepare(config, has_genome=False)
-        if "hebbian.rule" in method.evolve:
+        if plugins.own_files(config.values):
             prepared.compile()
 
-    def _post_hoc(self, method: Method) -> Plain:
+    def _post_hoc(self, method: Method, over: Entry | None) -> Plain:
         """How champions are tested with what is added after evolution."""
-        words = evaluation_in(self._training_world, *method.overrides("evaluate"))
+        evolved = over.config.values if over and over.config else {}
+        parts = {f"{group}.{key}": value for group in _PARTS for key, value in evolved.get(group, {}).items()}
+        words = evaluation_in(self._training_world, *typed_as(parts), *method.overrides("evaluate"))
         config = compose.load(EvaluateConfig, words, self._config_dir)
         for name, world in self._tests.items():
             try:
                 check_wheel_gain(replace(config.lifetime, duration_s=world.paper_duration_s), world)
             except ValueError as error:
                 raise ConfigError(f"{name}: {error}") from error
-        if "hebbian.rule" in method.evaluate:
+        if plugins.own_files(config.values):
             evaluate.compile_for(config.controllers, network_for(config.world, config.shape), config.world)
         return dict(config.values)
 
@@ -166,22 +168,35 @@ class Planner:
         return job_of(words, config, champion=champion, worlds=worlds, config_dir=self._config_dir)
 
 
-def _check_control(config: EvolveConfig, matched_control: Entry) -> None:
-    """Refuse a matched control that differs in more than plasticity."""
+def _check_control(config: EvolveConfig, matched_control: Entry, *, is_plain: bool) -> None:
+    """Refuse a matched control that differs in more than plasticity; of a method without it, in more than one part."""
     other = matched_control.config
     if matched_control.row.kind != PLAIN or other is None:
         raise ConfigError(f"matched_control={matched_control.method.name} has plasticity itself; give a method without")
     ours, theirs = _but_for_plasticity(config), _but_for_plasticity(other)
-    for what, value in ours.items():
-        if value != theirs[what]:
-            raise ConfigError(
-                f"matched_control={matched_control.method.name} has another {what}; a matched control "
-                "differs in plasticity alone, or plasticity would be credited with what that does"
-            )
+    differ = [what for what, value in ours.items() if value != theirs[what]]
+    if is_plain and (len(differ) != 1 or differ[0] not in (*_PARTS, "optimizer")):
+        raise ConfigError(
+            f"it has no plasticity, and matched_control={matched_control.method.name} differs in "
+            f"{' and '.join(differ) or 'nothing'}; such a method needs no control, or one that differs in one of "
+            f"{', '.join(_PARTS)} and optimizer alone"
+        )
+    if differ and not is_plain:
+        raise ConfigError(
+            f"matched_control={matched_control.method.name} has another {differ[0]}; a matched control "
+            "differs in plasticity alone, or plasticity would be credited with what that does"
+        )
 
 
 def _but_for_plasticity(config: EvolveConfig) -> dict[str, object]:
     """How something is evolved; of the optimizer only settings that concern any evolution."""
     settings = {name: value for name, value in vars(config.algorithm).items() if name not in _OF_RULES}
     optimizer = type(config.algorithm), settings
-    return {"optimizer": optimizer, "training": config.training, "scenario": config.world, "lifetime": config.lifetime}
+    return {
+        "optimizer": optimizer,
+        "training": config.training,
+        "scenario": replace(config.world, fitness=PAPER_FITNESS),
+        "lifetime": config.lifetime,
+        "fitness": config.world.fitness,
+        "network": config.shape,
+    }
