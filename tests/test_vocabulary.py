@@ -65,7 +65,6 @@ ALLOWED = {  # what looks like one of these words, and why it stands
     r"[Ss]table-[Bb]aselines3": "the name of a library",
     r"home_base_201": "a name in the committed tables of the reference run",
     r"(reference/)?baseline/\w*": "a folder of the reference run",
-    r"[Ss]table-[Bb]aselines3": "a library",
     r"<!-- .*? -->": "a mark around a generated part of a page",
 }
 NAMES = {  # of functions, classes, arguments and fields: what to say instead
