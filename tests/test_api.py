@@ -47,8 +47,8 @@ def test_a_result_has_tables_traces_a_picture_and_a_page(here):
     assert list(result.table.columns.get_level_values(0).unique()) == ["GA", "Hebbian", "wrong"]
     assert "Time-to-Goal" in result._repr_html_()
     assert "Time-to-Goal" in repr(result)
-    of_wirings = {"wiring", "joined", "activations"}
-    assert set(result.traces) == set(columns.TRACES) - of_wirings
+    of_others = {"wiring", "joined", "activations", "tilt"}  # of networks with a wiring, and of three dimensions
+    assert set(result.traces) == set(columns.TRACES) - of_others
     assert result.traces["pose"].shape == (6, 20, 3)
     assert result.findings is None
     with Image.open(io.BytesIO(result.plot()._repr_png_())) as picture:
