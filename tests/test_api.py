@@ -76,7 +76,7 @@ def test_a_sweep_shows_its_progress_after_a_quiet_call(capfd, monkeypatch):
     monkeypatch.setattr(progress, "_LINE_S", 0.0)
     progress.be_quiet(True)
     epuckhebb.sweep(over={"seed": [3]}, lifetime={"duration_s": 0.064}, repeats=1)
-    assert "1/1  seed=3" in capfd.readouterr().err
+    assert "job 0/1  seed=3" in capfd.readouterr().err
 
 
 def test_an_evolution_is_a_champion_and_its_history(capfd):

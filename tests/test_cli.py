@@ -126,7 +126,7 @@ def test_interrupting_evolve_leaves_a_whole_checkpoint(here, monkeypatch):
     assert json.loads((run / "status.json").read_text())["state"] == "interrupted"
     with np.load(run / "checkpoint.npz") as checkpoint:
         assert checkpoint["generation"] == 1
-        assert checkpoint["told"].shape == (2 * 6,)
+        assert checkpoint["results"].shape == (2 * 6,)
 
 
 @pytest.mark.parametrize("command", get_command(app).commands)

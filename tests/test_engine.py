@@ -1,6 +1,7 @@
 """The engine of studies: what is missing is done, in order, by one process at a time, and its end is written down."""
 
 import json
+import re
 import time
 
 import pytest
@@ -8,8 +9,9 @@ import pytest
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import ReproduceConfig
 from epuckhebb.runtime import errors, progress
+from epuckhebb.runtime.console import Terminal
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.runtime.progress import Bar, be_quiet, counting
+from epuckhebb.runtime.progress import Bar, be_quiet, counting, say
 from epuckhebb.store import disk
 from epuckhebb.studies.jobs import open_study
 
@@ -107,13 +109,18 @@ def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work
     assert left == [".mine.tmp", f"{working}/.half.1.tmp", "unfinished/of_someone_else/.half.1.tmp"]
 
 
-def test_the_bar_shows_how_much_is_done(monkeypatch):
+@pytest.mark.parametrize("notebook", [True, False])
+def test_the_bar_shows_how_much_is_done(notebook, monkeypatch, capsys):
     be_quiet(False)
-    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setattr(Terminal, "is_watched", not notebook)
+    monkeypatch.setattr(progress, "_in_notebook", lambda: notebook)
     with Bar("generation", 10) as bar:
         bar.show(4, "best 0.5")
-        (shown,) = bar.tasks
-    assert (shown.completed, shown.total, shown.description) == (4, 10, "best 0.5")
+        say("a note")
+        bar.show(5, "best 0.6")
+    lines = [line.split("\r")[-1].strip() for line in capsys.readouterr().err.split("\n")]
+    assert lines[0] == "a note"  # it stands above the bar, not in it
+    assert re.fullmatch(r"generation 5/10 \S+ *, best 0\.6  \d\d:\d\d", lines[1])
 
 
 @pytest.fixture

@@ -100,7 +100,7 @@ def test_three_generations_and_three_more_equal_six():
     for one, other in zip(whole[3:], resumed, strict=True):
         np.testing.assert_array_equal(one.fitness, other.fitness)
         np.testing.assert_array_equal(one.champion, other.champion)
-        assert [told.asked for told in one.log] == [told.asked for told in other.log]
+        assert [results.digest for results in one.log] == [results.digest for results in other.log]
 
 
 @pytest.mark.thorough

@@ -9,6 +9,7 @@ import sys
 import webbrowser
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cases import call, done
 from typer.main import get_command
@@ -67,7 +68,7 @@ def brief(command, words, seconds=64):
     if command != "evolve":
         shorter = [word.replace("SECONDS", str(seconds)) for word in whole]
         return [*shorter, *(["lifetime.record_every=250"] if "--open" in words else [])]
-    other = any(word.startswith("optimizer=") for word in words)
+    other = any(word.startswith(("optimizer=", "optimizer.algorithm=")) for word in words)
     return [*whole, *(["optimizer.generations=1"] if other else BRIEF_GA)]
 
 
@@ -112,6 +113,7 @@ def folder(tmp_path_factory):
     (folder / "my_conf" / "method").mkdir()
     for name, text in zip(("mine", "after", "fixed"), blocks(ROOT / "docs" / "leaderboard.md", "yaml"), strict=True):
         (folder / "my_conf" / "method" / f"{name}.yaml").write_text(text)
+    np.save(folder / "genome.npy", epuckhebb.load())
     done("evolve", *brief("evolve", []), f"hydra.run.dir={folder}/runs/evolve/RUN")
     for name in ("0", "1"):
         shutil.copytree(folder / "runs" / "evolve" / "RUN", folder / "evolved" / name)
@@ -282,6 +284,7 @@ def test_the_python_of_the_parts_page_runs(checkout, monkeypatch):
         ("own_rule/my_rules", ("docs/parts.md", "README.md")),
         ("own_fitness/my_fitness", ("docs/parts.md",)),
         ("own_sensor/my_sensors", ("docs/parts.md",)),
+        ("own_optimizer/my_optimizer", ("docs/parts.md",)),
         ("own_controller/my_neurons", ("docs/parts.md",)),
     ],
 )

@@ -114,7 +114,7 @@ def test_what_only_figures_and_many_jobs_need_is_not_loaded_before_the_table():
     failed = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True, check=False)
     assert failed.returncode == 1, failed.stderr
     assert "Success" in failed.stdout
-    assert "matplotlib" in failed.stderr
+    assert "halted; None in sys.modules" in failed.stderr
     before = contents("run")
     assert done("evaluate", *QUICK, "hydra.run.dir=again").exit_code == 0
     assert before["table.csv"] == contents("again")["table.csv"]

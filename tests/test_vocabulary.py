@@ -62,6 +62,7 @@ AVOID = {
 ALLOWED = {  # what looks like one of these words, and why it stands
     r"/home/\w+": "a folder",
     r"Path\.home\(\)|XDG_CACHE_HOME": "names of others",
+    r"[Ss]table-[Bb]aselines3": "the name of a library",
     r"home_base_201": "a name in the committed tables of the reference run",
     r"(reference/)?baseline/\w*": "a folder of the reference run",
     r"<!-- .*? -->": "a mark around a generated part of a page",
@@ -97,7 +98,10 @@ NAMES = {  # of functions, classes, arguments and fields: what to say instead
     "show_what_can_be_shown": "replace_unencodable",
     "who": "individual",
 }
-MAY_TELL = "epuckhebb/evolution/optimizer"  # `ask` and `tell` are the words of every library of optimizers
+MAY_TELL = (
+    "epuckhebb/evolution/",
+    "examples/own_optimizer/",
+)  # `ask` and `tell` are the words of every library of optimizers
 MOST_WORDS = 25
 
 

@@ -203,10 +203,10 @@ def sweep_table(table: pd.DataFrame) -> str:
         loudness, knowers, range_m, breaks = condition
         cells = own.set_index("coupling").to_dict("index")
         rows.append(
-            [str(breaks), f"{loudness:g}", f"{knowers}", f"{range_m:g}"]
+            [str(breaks), f"{loudness:g}", f"{knowers}", f"{range_m:g}", f"{own.runs.iloc[0]}"]
             + [_with_interval(cells[name], "long_after", 2) for name in names]
         )
-    return markdown_table(["breaks", "loudness", "knowers", "range (m)", *map(_name, names)], rows)
+    return markdown_table(["breaks", "loudness", "knowers", "range (m)", "n", *map(_name, names)], rows)
 
 
 def estimator_table(checks: pd.DataFrame) -> str:
@@ -237,7 +237,10 @@ def page(table: pd.DataFrame, checks: pd.DataFrame, made: str, figures: Sequence
 
 def _with_interval(row: dict[str, float], name: str, digits: int = 3) -> str:
     low, high = row[f"{name}_low"], row[f"{name}_high"]
-    return f"{row[name]:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+    if np.isnan(row[name]):  # the weight to the broken robot where none breaks
+        return "–"
+    form = f"{'+' if name == 'difference' else ''}.{digits}f"
+    return f"{row[name]:{form}} [{low:{form}}, {high:{form}}]"
 
 
 def _name(coupling: object) -> str:

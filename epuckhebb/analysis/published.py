@@ -66,6 +66,23 @@ def compare(published: pd.DataFrame, each: pd.DataFrame, showcase: Mapping[str, 
     return pd.DataFrame(rows)
 
 
+def with_repeats(comparison: pd.DataFrame, lifetimes: pd.DataFrame) -> pd.DataFrame:
+    """The numbers of one genome with the distribution over its repeats: how many, 95 % of them, the paper's percentile.
+
+    comparison: of `compare`, rows without a published number are left out. lifetimes: a row each. The percentile is the
+    share of repeats below the paper's number, those equal to it by half [%].
+    """
+    rows = []
+    for _, cell in comparison[comparison.published.notna()].iterrows():
+        rate = 0.0 if cell.controller == GA else PAPER_N[cell.experiment]
+        here = lifetimes[(lifetimes[["experiment", *CELL]] == cell[["experiment", *CELL]]).all(axis=1)]
+        values = here[rate == here.N][cell.metric].dropna().to_numpy(float)
+        low, high = np.quantile(values, [0.025, 0.975]) if len(values) else (np.nan, np.nan)
+        below = (values < cell.published).mean() + (values == cell.published).mean() / 2 if len(values) else np.nan
+        rows.append({**cell, "n": len(values), "low": low, "high": high, "percentile": 100 * below})
+    return pd.DataFrame(rows)
+
+
 def to_markdown(comparison: pd.DataFrame, *, of_all: bool) -> str:
     """A table in the paper's layout; each cell `ours (paper)`, or for all champions `median [quartiles] (paper)`."""
     columns = comparison[CELL].drop_duplicates()

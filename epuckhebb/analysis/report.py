@@ -153,7 +153,10 @@ def _tables(found: Findings) -> str:
         parts.append(f"### {group.title.iloc[0]}\n")
         if found.given:
             parts += [f"Genome {code(name)}.\n", published.to_markdown(group, of_all=False)]
-            parts += ["\nRelative deviation from the published value:\n", _deviations(group)]
+            parts += [
+                "\nDeviation from the published value, and where that lies among the repeats:\n",
+                _deviations(group),
+            ]
             continue
         parts += [
             f"Showcase: {code(name)}, mean of its repeats. {_SHOWCASE} It agrees in {agreeing} of the {cells} cells of "
@@ -170,9 +173,11 @@ def _deviations(group: pd.DataFrame) -> str:
     rows = [
         [row.scenario, f"{row.controller} {row.side}", row.metric, f"{row.published:g}", f"{row.ours:.4f}"]
         + ["–" if np.isnan(row.relative_deviation) else f"{100 * row.relative_deviation:+.1f} %"]
+        + [f"[{row.low:.4f}, {row.high:.4f}]", "–" if np.isnan(row.percentile) else f"{row.percentile:.0f}", f"{row.n}"]
         for row in known.itertuples()
     ]
-    return markdown_table(["scenario", "controller", "metric", "paper", "ours", "deviation"], rows)
+    head = ["scenario", "controller", "metric", "paper", "ours", "deviation", "95 % of repeats", "paper's percentile"]
+    return markdown_table([*head, "repeats"], rows)
 
 
 def _at_paper_rates(table: pd.DataFrame) -> pd.DataFrame:

@@ -54,8 +54,12 @@ def findings_of(
         "retention": findings.retention(each),
         "dose_response": findings.dose_response(each),
     }
+    own = {"comparison": comparison.drop(columns="title")}
+    if facts["given"]:
+        comparison = published.with_repeats(comparison, metrics)
+        own["repeats"] = comparison.drop(columns=["title", "median", "q25", "q75"])
     found = report.Findings(**tables, comparison=comparison, showcase=showcase, **facts)
-    return found, {"metrics": metrics, "trials": each, **tables, "comparison": comparison.drop(columns="title")}
+    return found, {"metrics": metrics, "trials": each, **tables, **own}
 
 
 def figures_of(

@@ -111,7 +111,7 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
     Args:
         overrides: Settings as on the command line, for example "seed=7".
         config_dir: A folder with YAML files of your own.
-        progress: Whether to show how far it is on standard error; without a terminal a line in half a minute.
+        progress: Whether to show how far it is: a bar, or a line in half a minute where none can be shown.
         keys: Settings as keywords: `seed=7`, `scenario="highlight"`, `ga=GA(population=20)`.
 
     Returns:
@@ -178,7 +178,7 @@ def sweep(
         over: For each key its values, for example `{"scenario": ["base", "lowlight"], "hebbian.N": [0.0002, 0.002]}`;
             it must be given. `genome`, `seed` and objects, as `{"hebbian": [Hebbian(N=0.001), MyRule(N=0.001)]}`, too.
         config_dir: As for `evaluate`.
-        progress: Whether to show how far it is on standard error; without a terminal a line in half a minute.
+        progress: Whether to show how far it is: a bar, or a line in half a minute where none can be shown.
         keys: Settings that all have in common; the same `seed` gives the same numbers.
 
     Returns:

@@ -18,7 +18,9 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
 
 OURS = [data_folder("conf")]
-MAZE = "override /maze@_global_.maze"  # in the defaults of a scenario that has a maze of its own
+BROUGHT = {  # in the defaults of a scenario that has a maze or a physics of its own
+    group: f"override /{group}@_global_.{group}" for group in ("maze", "physics")
+}
 
 
 class Choice(NamedTuple):
@@ -78,7 +80,7 @@ def found_by_hydra(group: str, name: str, folders: Sequence[Path]) -> DictConfig
     change = choice_of(group, name, folders) if group == "change" else None
     if change is None:
         return None
-    defaults = _with_maze(change.settings).pop("defaults")
+    defaults = _with_groups(change.settings).pop("defaults")
     return OmegaConf.create({"defaults": defaults, "scenario": change.settings, "change": {name: None}})
 
 
@@ -120,13 +122,13 @@ def _changed_scenario(name: str, folders: Sequence[Path]) -> DictConfig | None:
                 raise ConfigError(f"scenario={name}: {set_by[key]} and {change} both change {key}; give one of the two")
             set_by[key] = change
         settings.merge_with(found.settings)
-    return _with_maze(settings, scenario, "_self_")
+    return _with_groups(settings, scenario, "_self_")
 
 
-def _with_maze(settings: DictConfig, *defaults: str) -> DictConfig:
-    """Settings of a scenario in which the maze that they name stands among the defaults, as Hydra wants it."""
-    maze = settings.pop("maze", None)
-    settings.defaults = [*defaults, *([] if maze is None else [{MAZE: maze}])]
+def _with_groups(settings: DictConfig, *defaults: str) -> DictConfig:
+    """Settings of a scenario in which maze and physics, if they name one, are among the defaults, as Hydra wants it."""
+    named = {key: settings.pop(group, None) for group, key in BROUGHT.items()}
+    settings.defaults = [*defaults, *({key: name} for key, name in named.items() if name is not None)]
     return settings
 
 

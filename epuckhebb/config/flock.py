@@ -11,6 +11,7 @@ from epuckhebb.sim.coupling import Coupling
 from epuckhebb.sim.couplings.frozen import Frozen
 from epuckhebb.sim.couplings.oracle import Oracle
 from epuckhebb.sim.flock import Flock
+from epuckhebb.sim.ranges import check_range
 
 ALL, FROZEN, ORACLE = "all", "frozen", "oracle"
 _INFLUENCE, _FITNESS = "transfer_entropy", "live_fitness"
@@ -27,6 +28,13 @@ class Row(NamedTuple):
     other: bool = False
 
 
+class Condition(NamedTuple):
+    """Flocks that differ in what breaks alone, and how many seeds each runs with."""
+
+    flocks: list[Flock]
+    repeats: int
+
+
 @dataclass(kw_only=True)
 class Sweep:
     """Values of a sweep; see `conf/flock/all.yaml`."""
@@ -34,6 +42,7 @@ class Sweep:
     loudness: list[float] = field(default_factory=list)
     knowers: list[int] = field(default_factory=list)
     range_m: list[float] = field(default_factory=list)
+    repeats: int = 20
 
 
 @dataclass(kw_only=True)
@@ -57,13 +66,15 @@ class FlockKeys:
     sweep: Sweep = field(default_factory=Sweep)
 
 
-def check(keys: FlockKeys, seed: int, repeats: int, threads: int) -> tuple[list[Row], list[list[Flock]]]:
-    """The rows of the tables, and for each condition of the sweep, the usual one first, its flocks: one a break.
+def check(keys: FlockKeys, seed: int, repeats: int, threads: int) -> tuple[list[Row], list[Condition]]:
+    """The rows of the tables, and the conditions of the sweep, the usual one first.
 
     Raises:
         ValueError: a value is outside its range; ConfigError, which is one: the coupling is unknown.
     """
     check_counts({"seed": seed, "repeats": repeats, "threads": threads})
+    check_range(keys.sweep, "flock.sweep", "repeats", least=1)
+    check_range(keys.sweep, "flock.sweep", "repeats", least=1)
     names = [keys.breaks] if isinstance(keys.breaks, str) else keys.breaks
     if not isinstance(names, list) or not names or len(set(map(str, names))) < len(names):
         raise ValueError(f"flock.breaks must be none, stranger, knower, or a list of different ones, got {keys.breaks}")
@@ -74,7 +85,10 @@ def check(keys: FlockKeys, seed: int, repeats: int, threads: int) -> tuple[list[
         cells.append({**usual, "loudness": loudness, "knowers": knowers})
     cells += [{**usual, "range_m": range_m} for range_m in keys.sweep.range_m]
     different = [cell for place, cell in enumerate(cells) if cell not in cells[:place]]
-    return _rows(keys), [[Flock(breaks=name, **shared, **cell) for name in names] for cell in different]
+    return _rows(keys), [
+        Condition([Flock(breaks=name, **shared, **cell) for name in names], keys.sweep.repeats if number else repeats)
+        for number, cell in enumerate(different)
+    ]
 
 
 def _rows(keys: FlockKeys) -> list[Row]:

@@ -10,7 +10,7 @@ import functools
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from omegaconf import DictConfig, ListConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config.build import scenario_from
-from epuckhebb.config.choices import MAZE, OURS, choice_names, choice_of, known_choice
+from epuckhebb.config.choices import BROUGHT, OURS, choice_names, choice_of, known_choice
 from epuckhebb.config.overrides import literal
 from epuckhebb.config.parts import NONE, PAPER, part_class
 from epuckhebb.config.parts_from_yaml import maze_from
@@ -31,6 +31,7 @@ from epuckhebb.sim.maze import T_MAZE
 from epuckhebb.sim.plasticity.rule import Rule
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
+from epuckhebb.sim.space import Physics
 from epuckhebb.sim.wiring import LAYERS
 
 _GROUPS = ("maze", "robot", "scenario", "hebbian", "training")
@@ -217,7 +218,7 @@ def _changed(cfg: DictConfig, name: str, folders: Sequence[Path]) -> str:
     original = world_of(name, robot, folders, maze)
     task = plain(cfg.task) if "task" in cfg else None
     world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task, plain(cfg.fitness), plain(cfg.physics))
-    brought = _maze_brought(name, folders)
+    brought = _of_scenario("maze", name, folders)
     return "" if original is None else world.changed_from(original, maze_from(brought) if brought else T_MAZE, EPUCK)
 
 
@@ -252,37 +253,41 @@ def world_of(
     found = choice_of("scenario", name, folders)
     if found is None:
         return None
-    maze = maze or _maze_brought(name, folders) or _usual_maze()
-    return _world(name, *map(json.dumps, (OmegaConf.to_container(found.settings), maze, robot)))
+    maze = maze or _of_scenario("maze", name, folders) or _usual_maze()
+    physics = _of_scenario("physics", name, folders)
+    return _world(name, *map(json.dumps, (OmegaConf.to_container(found.settings), maze, robot, physics)))
 
 
 @functools.lru_cache(maxsize=256)
 def _world(name: str, *texts: str) -> Scenario:
-    """A scenario of the settings of its file, of a maze and of a robot; jobs of a sweep ask for the same few again."""
-    found, maze, robot = map(json.loads, texts)
+    """A scenario of the settings of its file, of a maze, a robot and a physics; jobs of a sweep ask for few."""
+    found, maze, robot, physics = map(json.loads, texts)
     schema = OmegaConf.structured(ScenarioConfig(name=name))
     whole = OmegaConf.create({"maze": maze, "scenario": OmegaConf.merge(schema, found)})
-    return scenario_from(OmegaConf.to_object(whole.scenario), maze, robot)
+    return scenario_from(OmegaConf.to_object(whole.scenario), maze, robot, physics=physics)
 
 
-def training_world(experiment: str, scenario: str, maze: dict[str, Any], robot: dict[str, Any]) -> Scenario:
+def training_world(
+    experiment: str, scenario: str, maze: dict[str, Any], robot: dict[str, Any], physics: Physics
+) -> Scenario:
     """The world in which controllers of an experiment are evolved, for a robot in the maze of another world.
 
-    If that scenario brings its maze, as a change, training is in the usual one.
+    If that scenario brings its maze or its physics, as a change, training is in the usual one.
     """
-    brought = _maze_brought(scenario, OURS)
+    brought = _of_scenario("maze", scenario, OURS)
     if brought is not None and maze_from(brought) == maze_from(maze):
         maze = _usual_maze()
     world = world_of(TRAINED[experiment], robot, maze=maze)
     assert world is not None  # the program has these files
-    return world
+    return world if _of_scenario("physics", scenario, OURS) else replace(world, physics=physics)
 
 
-def _maze_brought(scenario: str, folders: Sequence[Path]) -> dict[str, Any] | None:
-    """The settings of the maze that a scenario puts in place of the usual one."""
+def _of_scenario(group: str, scenario: str, folders: Sequence[Path]) -> dict[str, Any] | None:
+    """The settings of the maze, or of the physics, that a scenario puts in place of the usual one."""
     found = choice_of("scenario", scenario, folders)
-    maze = choice_of("maze", found.brings[MAZE], folders) if found and MAZE in found.brings else None
-    return plain(maze.settings) if maze else None
+    named = found.brings.get(BROUGHT[group]) if found else None
+    brought = choice_of(group, named, folders) if named else None
+    return plain(brought.settings) if brought else None
 
 
 def _usual_maze() -> dict[str, Any]:

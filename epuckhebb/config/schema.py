@@ -262,6 +262,7 @@ class ReproduceConfig(Checked):
     genome: str | None = None
     threads: int = 0
     ga: GA = field(default_factory=GA)
+    physics: dict[str, Any] = field(default_factory=lambda: {"kind": PYMUNK.name})
 
     def __post_init__(self) -> None:
         """Validate the settings."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from epuckhebb.evolution.optimizer import CANDIDATES, CONFIRM, Algorithm
-from epuckhebb.evolution.search import Search, Told
+from epuckhebb.evolution.search import Results, Search
 from epuckhebb.evolution.training import UNVARIED, Training, World
 from epuckhebb.sim import random
 from epuckhebb.sim.arrays import Floats
@@ -43,8 +43,8 @@ class Generation:
 
     number: from 0. fitness: (individuals,). success: (individuals,) share of each one's lifetimes that ended at the
     goal. champion: (genes,) the fittest; after the last generation, the best of the optimizer's candidates.
-    champion_fitness: by which it was chosen. log: what the optimizer was told, of this generation, too. tables: what it
-    has to show, by name. robot_steps, seconds: cost.
+    champion_fitness: by which it was chosen. log: all results so far, for the optimizer. tables: what
+    it has to show, by name. robot_steps, seconds: cost.
     """
 
     number: int
@@ -52,7 +52,7 @@ class Generation:
     success: Floats
     champion: Floats
     champion_fitness: float
-    log: tuple[Told, ...]
+    log: tuple[Results, ...]
     tables: dict[str, "pd.DataFrame"]
     robot_steps: int
     seconds: float

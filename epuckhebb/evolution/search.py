@@ -1,6 +1,6 @@
-"""A search with an optimizer: what it asks is checked, and all that it is told is kept, to resume from.
+"""A search with an optimizer: what it asks is checked, and all results that it receives are logged, to resume from.
 
-An optimizer need not know how to store itself. To resume, a new copy of it is asked and told the same again, and a
+An optimizer need not know how to store itself. To resume, a new copy of it receives the same results again, and a
 digest shows whether it asks for the same genomes as before.
 """
 
@@ -30,20 +30,20 @@ class OptimizerError(ValueError):
     """An optimizer failed, or asked for what is no genome; the message says which, and what it asked."""
 
 
-class Told(NamedTuple):
-    """What an optimizer was told of a generation.
+class Results(NamedTuple):
+    """The results of a generation, as an optimizer receives them.
 
-    asked: a digest of the genomes that it had asked for. fitness: (individuals,). measures: what else it wants to know,
-    by name, (individuals, loops, sides) each.
+    digest: of the genomes that it had asked for. fitness: (individuals,). measures: what else it wants to know, by
+    name, (individuals, loops, sides) each.
     """
 
-    asked: str
+    digest: str
     fitness: Floats
     measures: Mapping[str, Floats]
 
 
 def measures_of(optimizer: Algorithm) -> tuple[str, ...]:
-    """The fields of an outcome that an optimizer wants to be told, by the names of the arguments of its `tell`.
+    """The fields of an outcome that an optimizer wants to know: the arguments of its `tell`, but for the fitness.
 
     Raises:
         ValueError: an argument is unknown.
@@ -55,29 +55,29 @@ def measures_of(optimizer: Algorithm) -> tuple[str, ...]:
 class Search:
     """A search in progress.
 
-    log: what the optimizer was told of each generation, all that is needed to resume.
+    log: the results of each generation so far, all that is needed to resume. measures: as `measures_of` has them.
     """
 
-    def __init__(self, optimizer: Algorithm, plan: GenomePlan, seed: int, log: Sequence[Told] = ()) -> None:
-        """Start a copy of an optimizer for the genes of a plan, and tell it what is logged.
+    def __init__(self, optimizer: Algorithm, plan: GenomePlan, seed: int, log: Sequence[Results] = ()) -> None:
+        """Start a copy of an optimizer for the genes of a plan, and give it the results that are logged.
 
         Raises:
             ValueError: what is logged is of another search.
             OptimizerError: the optimizer failed, or asks for other genomes than those that are logged.
         """
-        self.log: tuple[Told, ...] = ()
+        self.log: tuple[Results, ...] = ()
         self._settings, self._plan = optimizer, plan
         self._optimizer = replace(optimizer)  # type: ignore[type-var]  # all are dataclasses
         self.measures = measures_of(optimizer)
         self._do("start", plan, seed)
-        for number, told in enumerate(log):
+        for number, results in enumerate(log):
             self.ask()
-            if self._digest != told.asked:
+            if self._digest != results.digest:
                 raise OptimizerError(
                     f"optimizer {optimizer.name} asks for other genomes than before in generation {number}: it depends "
-                    "on more than its seed and what it was told, or a library or the machine is another"
+                    "on more than its seed and the results, or a library or the machine is another"
                 )
-            self.tell(told.fitness, told.measures)
+            self.tell(results.fitness, results.measures)
 
     def ask(self) -> Floats:
         """The genomes of the next generation, (individuals, genes)."""
@@ -90,14 +90,14 @@ class Search:
         return self._population
 
     def tell(self, fitness: Floats, measures: Mapping[str, Floats]) -> None:
-        """Tell how well they did. measures: the values of `measures`, by name."""
+        """Give the optimizer their results. measures: the values of `measures`, by name."""
         if any(len(values) != len(self._population) for values in (fitness, *measures.values())):
             raise ValueError(f"it holds the fitness of {len(fitness)} individuals, not of {len(self._population)}")
         given = {_FITNESS: fitness, **measures}
         names = inspect.signature(self._optimizer.tell).parameters
         self._do("tell", **{name: given[name].copy() for name in names})  # which the optimizer may change
         self._fittest = self._population[[np.argmax(fitness)]]
-        self.log = (*self.log, Told(self._digest, fitness, measures))
+        self.log = (*self.log, Results(self._digest, fitness, measures))
 
     def candidates(self) -> Floats:
         """Candidates for the champion after this generation, (candidates, genes)."""

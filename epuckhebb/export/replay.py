@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.progress import track
 
 from epuckhebb.analysis import movie, replay
 from epuckhebb.analysis.evaluate import Traces
@@ -16,8 +15,8 @@ from epuckhebb.config import hand
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.config.stored import from_values, settings, without_own_code
 from epuckhebb.runs.evaluate import caption
-from epuckhebb.runtime.console import Terminal
 from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime.progress import track
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import Network
 from epuckhebb.store import Run, read_findings, read_traces, write_atomic
@@ -85,7 +84,7 @@ def write_page(recorded: Recording, target: Path) -> None:
 
 def write_movie(recorded: Recording, target: Path, make: Callable[..., bytes]) -> None:
     """Write a recording as `make` does it, `movie.gif` or `movie.mp4`; the progress is shown on standard error."""
-    show = functools.partial(track, description=target.name, console=Terminal(stderr=True))
+    show = functools.partial(track, target.name)
     write(target, make(recorded.traces, recorded.config.world, recorded.title, show))
 
 

@@ -125,7 +125,8 @@ def _remembered(
 
 def training_world(config: EvaluateConfig) -> Scenario:
     """The world in which controllers of this experiment are evolved, in the maze of the evaluation, for its robot."""
-    return names.training_world(config.world.experiment, config.scenario.name, config.maze, config.robot)
+    world, scenario = config.world, config.scenario.name
+    return names.training_world(world.experiment, scenario, config.maze, config.robot, world.physics)
 
 
 def remember_training_world(

@@ -124,8 +124,7 @@ def interrupted(left_behind: str) -> str:
 def _leave() -> None:
     try:
         left_behind = [close() for close in list(open_folders)]
-        show_cursor = "\x1b[?25h" if sys.stderr.isatty() else ""  # a live progress bar hides it
-        sys.stderr.write(f"{show_cursor}\nError: {interrupted(next(filter(None, left_behind), ''))}\n")
+        sys.stderr.write(f"\nError: {interrupted(next(filter(None, left_behind), ''))}\n")
         sys.stderr.flush()
     finally:
         os._exit(INTERRUPTED)

@@ -1,12 +1,13 @@
-"""What is shown on standard error while the program works: a live bar on a terminal, plain lines elsewhere."""
+"""What is shown on standard error while the program works: a bar, or plain lines where none can be shown."""
 
 import os
+import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from typing import Any, Self
 
 from epuckhebb.runtime.console import Terminal
 
@@ -16,6 +17,7 @@ _SLOW_S = 2.0  # after which something takes longer than usual
 _EVERY_S = 0.5  # between looks at how many jobs are done
 _LINE_S = 30.0  # between lines, where there is not one for each step
 _FEW = 20  # jobs, of which each gets a line
+_LOOK = "{desc} {n_fmt}/{total_fmt} {bar:20}{postfix}  {remaining}"  # of a bar
 
 
 def be_quiet(quiet: bool) -> None:
@@ -30,8 +32,10 @@ def is_quiet() -> bool:
 
 def say(note: str) -> None:
     """Print a note on standard error, unless this call is quiet."""
+    above = sys.modules["tqdm"].tqdm.external_write_mode(sys.stderr) if "tqdm" in sys.modules else nullcontext()
     if not is_quiet():
-        Terminal(stderr=True).print(note, markup=False, soft_wrap=True)
+        with above:
+            Terminal(stderr=True).print(note, markup=False, soft_wrap=True)
 
 
 def say_once(note: str) -> None:
@@ -54,33 +58,71 @@ def saying_if_slow(note: str) -> Iterator[None]:
         timer.cancel()
 
 
-class Bar(Progress):
-    """A bar of so many steps on a terminal, which a context manager leaves tidy; plain lines elsewhere.
+class Bar:
+    """A bar of so many steps on a terminal or in a notebook, which a context manager closes; plain lines elsewhere.
 
-    Of lines there is one for each step; if not `each`, at most one in half a minute, so that a notebook keeps short.
+    Of lines there is one for each step; if not `each`, at most one in half a minute.
     """
 
     def __init__(self, what: str, total: int, *, quiet: bool = False, each: bool = True) -> None:
-        console = Terminal(stderr=True)
+        console, notebook = Terminal(stderr=True), _in_notebook()
+        shown = console.is_watched or notebook
         quiet = quiet or is_quiet()
-        columns = TextColumn(what), MofNCompleteColumn(), BarColumn(bar_width=20), TextColumn("{task.description}")
-        disable = quiet or not console.is_watched
-        super().__init__(*columns, TimeRemainingColumn(compact=True), console=console, disable=disable)
-        self._plain = None if console.is_watched or quiet else console
+        look = {"desc": what, "bar_format": _LOOK, "file": sys.stderr, "disable": quiet or not shown}
+        self.bar = _tqdm(notebook)(total=total, **look)
+        self._plain = None if shown or quiet else console
         self._what, self._each, self._line = what, each, time.monotonic()
         self._first: tuple[float, int] | None = None  # when the first step was shown, and which
-        self._total, self._task = total, self.add_task("", total=total)
+        self._total = total
+
+    def __enter__(self) -> Self:
+        """The bar itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the bar as it is, and the cursor below it."""
+        self.bar.close()
 
     def show(self, done: int, text: str, *, news: bool = True) -> None:
         """Show how many steps are done, and a text beside the bar. news: whether one has ended since the last call."""
-        self.update(self._task, completed=done, description=text)
         now = time.monotonic()
-        began, before = self._first = self._first or (now, done)
+        if self._first is None:
+            self._first = now, done
+            self.bar.initial = done  # the time that is left follows from the steps of this call
+        self.bar.n = done
+        self.bar.set_postfix_str(text)
+        began, before = self._first
         if self._plain is not None and ((self._each and news) or now - self._line >= _LINE_S):
             self._line = now
             seconds, steps = now - began, done - before
             left = f"{seconds / steps * (self._total - done):.0f} s left" if steps and news else ""
             self._plain.print("  ".join(filter(None, (f"{self._what} {done}/{self._total}", text, left))))
+
+
+def _in_notebook() -> bool:
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    return shell is not None and "IPKernelApp" in shell.config
+
+
+def _tqdm(notebook: bool) -> Any:
+    """The class of bars: of tqdm, in a notebook a widget if it can be one. It starts no process and no thread."""
+    from tqdm import tqdm
+
+    if notebook:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # without ipywidgets the bar is text
+            from tqdm.auto import tqdm
+    tqdm.monitor_interval = 0
+    tqdm.set_lock(threading.RLock())
+    return tqdm
+
+
+def track(what: str, moments: Sequence[float]) -> Iterator[float]:
+    """The moments one after the other, beside a bar."""
+    with Bar(what, len(moments), each=False) as bar:
+        for number, moment in enumerate(moments):
+            yield moment
+            bar.show(number + 1, "")
 
 
 @contextmanager

@@ -10,21 +10,21 @@ import numpy as np
 import pandas as pd
 
 from epuckhebb.evolution.evolve import Generation, history_row
-from epuckhebb.evolution.search import Search, Told
+from epuckhebb.evolution.search import Results, Search
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store.disk import CHECKPOINT
 from epuckhebb.store.npz import Arrays, one_error
 from epuckhebb.store.run import Run, read_table
 
-_MEASURE = "told_of_"  # before the names of what an optimizer was told beside the fitness
+_MEASURE = "results_"  # before the names of what an optimizer receives beside the fitness
 
 
 @dataclass(frozen=True)
 class Checkpoint:
     """The state of an evolution between two generations, from which all other files of the run can be written.
 
-    It holds the last whole generation, all that the optimizer was told, and `history.csv` up to it as text, so that
-    its bytes stay the same.
+    It holds the last whole generation, the results of all generations for the optimizer, and `history.csv` up to it as
+    text, so that its bytes stay the same.
     """
 
     generation: Generation
@@ -40,7 +40,7 @@ class Checkpoint:
     def as_bytes(self, settings: str) -> bytes:
         """The content of `checkpoint.npz`; `settings` is a digest of those that make it this evolution."""
         last = self.generation
-        measures = {name: [told.measures[name] for told in last.log] for name in last.log[0].measures}
+        measures = {name: [results.measures[name] for results in last.log] for name in last.log[0].measures}
         arrays: dict[str, Any] = {
             "settings": np.str_(settings),
             "generation": np.int64(last.number),
@@ -49,9 +49,9 @@ class Checkpoint:
             "champion": last.champion,
             "champion_fitness": np.float64(last.champion_fitness),
             "history": np.str_(self.history),
-            "asked": np.array([told.asked for told in last.log]),
-            "individuals": np.array([len(told.fitness) for told in last.log]),
-            "told": np.concatenate([told.fitness for told in last.log]),
+            "digests": np.array([results.digest for results in last.log]),
+            "individuals": np.array([len(results.fitness) for results in last.log]),
+            "results": np.concatenate([results.fitness for results in last.log]),
         } | {_MEASURE + name: np.concatenate(values) for name, values in measures.items()}
         buffer = io.BytesIO()
         np.savez(buffer, **arrays)
@@ -59,7 +59,7 @@ class Checkpoint:
 
     @classmethod
     def read(
-        cls, run: Path, genes: int, resume: Callable[[Sequence[Told]], Search], settings: str
+        cls, run: Path, genes: int, resume: Callable[[Sequence[Results]], Search], settings: str
     ) -> "Checkpoint | None":
         """Read the checkpoint in a run folder; None if its first generation never ended.
 
@@ -100,22 +100,22 @@ class Checkpoint:
                 if not np.isfinite(getattr(generation, name)).all():
                     raise ValueError(f"{name} must hold finite numbers")
             if {len(read_table(history.encode(), run, "history.csv")), len(search.log)} != {generation.number + 1}:
-                raise ValueError(f"its history, or what was told, is not of {generation.number + 1} generations")
+                raise ValueError(f"its history, or its log, is not of {generation.number + 1} generations")
         return cls(generation, history)
 
 
-def _log(arrays: Arrays) -> list[Told]:
-    """What the optimizer was told, generation by generation."""
+def _log(arrays: Arrays) -> list[Results]:
+    """The results of each generation."""
     ends = np.cumsum(arrays.take("individuals", "iu", (None,)))[:-1]
-    fitness = arrays.take("told", "f", (None,))
+    fitness = arrays.take("results", "f", (None,))
     measures = {
         name.removeprefix(_MEASURE): np.split(arrays.take(name, "f", (len(fitness), None, None)), ends)
         for name in arrays.names
         if name.startswith(_MEASURE)
     }
     return [
-        Told(str(asked), values, {name: parts[number] for name, parts in measures.items()})
-        for number, (asked, values) in enumerate(
-            zip(arrays.take("asked", "U", (None,)), np.split(fitness, ends), strict=True)
+        Results(str(digest), values, {name: parts[number] for name, parts in measures.items()})
+        for number, (digest, values) in enumerate(
+            zip(arrays.take("digests", "U", (None,)), np.split(fitness, ends), strict=True)
         )
     ]

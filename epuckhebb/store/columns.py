@@ -253,6 +253,13 @@ _COMPARISON: Columns = {
     "q75": number_or_empty("their upper quartile"),
     "n": number("champions that have this number"),
 }
+_REPEATS: Columns = {
+    **{name: column for name, column in _COMPARISON.items() if name not in ("median", "q25", "q75")},
+    "n": number("repeats that have this number"),
+    "low": number_or_empty("2.5 % of the repeats lie below this"),
+    "high": number_or_empty("97.5 % of the repeats lie below this"),
+    "percentile": number_or_empty("share of the repeats below the paper's number, %"),
+}
 _METHOD: Columns = {
     "experiment": _CONDITION["experiment"],
     "method": text("a name of `conf/methods.yaml`, or of a rule of the user's own"),
@@ -397,7 +404,7 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
     "flock.csv": ("Of `flock`: a row for each condition and coupling, over the runs.", _OVER_RUNS),
     "curves.csv": ("Of `flock`: a row for each minute, in the usual condition.", _CURVES),
     "minutes.csv": (
-        "Of the usual condition of `flock`: the same for each run.",
+        "Of each condition of `flock`: the same for each run.",
         {
             **dict(list(_CURVES.items())[:2]),
             "seed": _RUNS["seed"],
@@ -407,6 +414,10 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
     ),
     "estimator.csv": ("Of `flock`: a row for each known case.", _ESTIMATOR),
     "comparison.csv": ("Of `reproduce`: a row for each number of the paper's tables.", _COMPARISON),
+    "repeats.csv": (
+        "Of `reproduce genome=FILE`: a row for each number of the paper's tables, over all repeats.",
+        _REPEATS,
+    ),
 }
 
 

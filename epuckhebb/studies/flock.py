@@ -33,7 +33,7 @@ QUICK = (
     "repeats=4",
     "flock.duration_s=1200",
     "flock.at_s=600",
-    "flock.sweep={loudness: [], knowers: [], range_m: []}",
+    "flock.sweep={loudness: [], knowers: [], range_m: [], repeats: 4}",
 )
 _NOT_SHOWN = ("(shuffled)", "oracle")  # in the picture of couplings, and in a replay
 
@@ -49,7 +49,8 @@ def flock(arguments: list[str], *, quick: bool, config_dir: str | None = None) -
     """
     own, of_hydra = jobs.split("flock", arguments)
     config = load(FlockConfig, [*(QUICK if quick else ()), *own], config_dir)
-    _run_all([(row, shorter(config.cells[0][0]), config.seed) for row in config.rows], 1)  # what cannot be, at once
+    smoke_test = shorter(config.cells[0].flocks[0])
+    _run_all([(row, smoke_test, config.seed) for row in config.rows], 1)  # a coupling that gives no weights ends here
     planned = [_job(config.values, number) for number in range(len(config.cells))]
     name = f"{config.flock.coupling.rpartition(':')[2]}_seed{config.seed}"
     digest = provenance.digest([job.run for job in planned])[:8]
@@ -73,16 +74,17 @@ def _job(values: Plain, number: int) -> Job:
 
 
 def _identity(job: Plain) -> str:
-    """The name of the run of a job."""
-    values = {key: value for key, value in job["config"].items() if key not in jobs.NO_EFFECT}
+    """The name of the run of a job, from what it depends on: other conditions of the sweep leave it as it is."""
+    config = from_values(job["config"], FlockConfig, "a job of flock")
+    rows = [(row.name, repr(row.coupling), row.other) for row in config.rows]
     own = [file.digest for file in plugins.own_files(job["config"]).values()]  # wherever they are
-    values["flock"] = {**values["flock"], "coupling": values["flock"]["coupling"].rpartition(":")[2]}
-    return f"flock_{provenance.digest([values, job['cell'], own, provenance.science_version()])[:12]}"
+    depends = [rows, repr(config.cells[job["cell"]]), config.seed, own, provenance.science_version()]
+    return f"flock_{provenance.digest(depends)[:12]}"
 
 
 def shown(config: FlockConfig) -> tuple[Flock, dict[str, Record]]:
     """The first flock of the usual condition, with the last kind of break, once with each coupling but the controls."""
-    first, rows = config.cells[0][-1], [row for row in config.rows if not row.name.endswith(_NOT_SHOWN)]
+    first, rows = config.cells[0].flocks[-1], [row for row in config.rows if not row.name.endswith(_NOT_SHOWN)]
     records = _run_all([(row, first, config.seed) for row in rows], thread_count(config.threads))
     return first, {row.name: record for row, record in zip(rows, records, strict=True)}
 
@@ -117,14 +119,14 @@ def _run_all(wanted: Sequence[tuple[Row, Flock, int]], threads: int) -> list[Rec
 
 
 def _work(path: Path, job: Plain, facts: dict[str, Any]) -> None:
-    """Run all flocks of a condition; of the usual one the cosine by minute is written, too."""
+    """Run all flocks of a condition."""
     config = from_values(job["config"]["config"], FlockConfig, f"job {path}")
-    number, threads = job["config"]["cell"], hydra.threads_of_job(config.threads)
-    seeds = range(config.seed, config.seed + config.repeats)
+    condition, threads = config.cells[job["config"]["cell"]], hydra.threads_of_job(config.threads)
+    seeds = range(config.seed, config.seed + condition.repeats)
     rows, minutes = [], []
     own = plugins.own_files(config.values)
     with RunFolder.new(path, "flock", dump(config), job["overrides"], {"seed": config.seed, **facts}, own) as folder:
-        for flock, row in product(config.cells[number], config.rows):
+        for flock, row in product(condition.flocks, config.rows):
             here = {"breaks": flock.breaks, "coupling": row.name}
             found = {"loudness": flock.loudness, "knowers": flock.knowers, "range_m": flock.range_m, **here}
             for seed, record in zip(seeds, _run_all([(row, flock, seed) for seed in seeds], threads), strict=True):
@@ -132,8 +134,7 @@ def _work(path: Path, job: Plain, facts: dict[str, Any]) -> None:
                 for minute, cosine in enumerate(tables.by_minute(flock, record)):
                     minutes.append({**here, "seed": seed, "minute": minute + 0.5, "cosine": cosine})
         folder.write("runs.csv", pd.DataFrame(rows))
-        if number == 0:
-            folder.write("minutes.csv", pd.DataFrame(minutes))
+        folder.write("minutes.csv", pd.DataFrame(minutes))
 
 
 def _report(folder: RunFolder, config: FlockConfig, done: list[Run]) -> None:
@@ -156,9 +157,9 @@ def _report(folder: RunFolder, config: FlockConfig, done: list[Run]) -> None:
         drawn["sweep.png"] = flock_figure.sweep(table)
     few = "**A smoke test: so few flocks say nothing about a coupling.** " if config.repeats < 8 else ""
     made = (
-        f"{few}Made by `epuckhebb flock`: {config.flock.robots} robots, {config.repeats} flocks of each condition, "
-        f"seeds {config.seed} to {config.seed + config.repeats - 1}; {first.duration_s / 60:g} minutes, and the "
-        f"break after {first.at_s / 60:g}."
+        f"{few}Made by `epuckhebb flock`: {config.flock.robots} robots, {config.repeats} flocks of the usual "
+        f"condition, seeds {config.seed} to {config.seed + config.repeats - 1}; {first.duration_s / 60:g} minutes, and "
+        f"the break after {first.at_s / 60:g}."
     )
     pictures = {name: image(figure) for name, figure in drawn.items()}
     page = tables.page(table, checks, made, list(pictures))

@@ -5,7 +5,7 @@ The folder is named by the settings, so the same command resumes it; see `epuckh
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from epuckhebb.analysis.evaluate import memory_to_evaluate
 from epuckhebb.analysis.image import small
 from epuckhebb.analysis.tables import code
 from epuckhebb.config.compose import load
+from epuckhebb.config.parts import part_from
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, ReproduceConfig
 from epuckhebb.config.stored import from_values
 from epuckhebb.runs.evolve import prepare
@@ -91,7 +92,7 @@ def _given(where: str) -> Genome:
 
 def _planned(config: ReproduceConfig, experiment: str, given: Genome | None) -> Iterator[_Champion]:
     """The champions of an experiment, in the order of the tables."""
-    training, threads = TRAINED[experiment], {"threads": config.threads}
+    training, threads = TRAINED[experiment], {"threads": config.threads, "physics": config.physics}
     evolving = load(EvolveConfig, [f"scenario={training}"]).values | {"ga": config.values["ga"]} | threads
     testing = in_training_world(training).values | {"seed": config.seed, "repeats": config.repeats} | threads
     how: dict[str, Any] = {"worlds": reproduction.worlds(experiment), "experiment": experiment, "rates": config.rates}
@@ -130,7 +131,12 @@ def _report(study: RunFolder, config: ReproduceConfig, champions: list[_Champion
         if runs:
             histories[one] = [run.table("history.csv") for run in runs.values()]
     signals = {one: config.signal.of(one) for one in shown}
-    made = reproduction.figures_of(found, shown, signals, _world, histories, config.seed)
+
+    def world(scenario: str) -> tuple[Scenario, Lifetime]:
+        there = load(EvaluateConfig, [f"scenario={scenario}"])
+        return replace(there.world, physics=part_from("physics", config.physics, "physics")), there.lifetime
+
+    made = reproduction.figures_of(found, shown, signals, world, histories, config.seed)
     text = report.markdown(found, {name: caption for name, (caption, _) in made.items()})
     pictures = {name: small(png) for name, (_, png) in made.items()}
     for name, png in pictures.items():
@@ -156,13 +162,8 @@ def _findings(
         given=given is not None,
         repeats=config.repeats,
         provenance=f"Made by `epuckhebb reproduce`: {who}; {config.repeats} repeats of every condition "
-        f"(seed {config.seed}); live fitness: {config.signal.value}.",
+        f"(seed {config.seed}); live fitness: {config.signal.value}; physics: {config.physics['kind']}.",
     )
     for name, table in tables.items():
         study.write(f"{name}.csv", table)
     return found
-
-
-def _world(scenario: str) -> tuple[Scenario, Lifetime]:
-    config = load(EvaluateConfig, [f"scenario={scenario}"])
-    return config.world, config.lifetime

@@ -16,7 +16,7 @@ mpl.use("agg")
 import matplotlib.pyplot as plt
 
 GOAL = 0.36  # m, x of the goal on the right; that on the left is at -GOAL
-HALF = 0.45  # m, the range of the archive
+HALF = 0.4  # m, the range of the archive
 
 
 def draw(archive, cells, file):
@@ -27,13 +27,14 @@ def draw(archive, cells, file):
     image = axes.imshow(fitness.T, origin="lower", extent=[-HALF, HALF, -HALF, HALF], cmap="viridis")
     for on, off, text in (
         (GOAL, -GOAL, "both goals"),
-        (-GOAL, GOAL, "neither"),
+        (-GOAL, GOAL, "no goal"),
         (GOAL, GOAL, "always right"),
         (-GOAL, -GOAL, "always left"),
     ):
         axes.plot(on, off, "s", markersize=14, markerfacecolor="none", markeredgecolor="crimson")
-        axes.annotate(text, (on, off), (0, 11 if off > 0 else -18), textcoords="offset points", ha="center", size=9)
-    axes.set(xlabel="final x with the lamp on [m]", ylabel="final x with the lamp off [m]")
+        axes.text(on, np.copysign(HALF + 0.02, off), text, ha="center", va="center", size=9)
+    limits = (-HALF - 0.05, HALF + 0.05)
+    axes.set(xlim=limits, ylim=limits, xlabel="final x with the lamp on [m]", ylabel="final x with the lamp off [m]")
     axes.set_title(f"{len(archive)} of {cells * cells} cells; best fitness {archive.objective.max():.3f}", size=10)
     figure.colorbar(image, label="fitness")
     figure.savefig(file, dpi=120)

@@ -1,7 +1,6 @@
 """Rules of a user's that import files beside them, which change, go and move between runs, under all sorts of names."""
 
 import importlib
-import json
 import random
 import shutil
 import sys
@@ -9,7 +8,6 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from cases import contents
 from contract import type_in
 
 from epuckhebb.config import plugins
@@ -101,34 +99,9 @@ class User:
             (self.folder / name).parent.mkdir(exist_ok=True)
             (self.folder / name).write_text(content)
 
-    def change(self):
-        """Change the number, wherever it is."""
-        self.number = self.chance.choice([number for number in (0.1, 0.25, 0.5) if number != self.number])
-        self.write()
-
     @property
     def named(self):
         return f"{self.folder}/{self.rule}:Mine"
-
-
-def known_as(user):
-    """The name of the one job of a sweep."""
-    words = ["sweep", "obstacles", "scenario=base", f"hebbian.rule={user.named}", *SHORT[:-1], "--dry-run", "--json"]
-    (job,) = json.loads(type_anew(*words).stdout)["jobs"]
-    return job["run"]
-
-
-@pytest.mark.parametrize("chance", range(20), indirect=True)
-def test_a_job_is_known_by_its_rule_and_all_that_it_imports(chance, tmp_path):
-    kind = chance.choice([kind for kind in KINDS if kind != "data"])  # what a rule reads, nobody can know
-    user = User(tmp_path / "user_of_rules", chance, kind)
-    before = known_as(user)
-    assert known_as(user) == before
-    own = contents(user.folder)
-    user.change()
-    assert known_as(user) != before, f"{own}\n{contents(user.folder)}"
-    user.write(inline=True)
-    assert known_as(user) != before
 
 
 def lives(run):
@@ -166,28 +139,3 @@ def test_a_helper_that_has_changed_counts_and_a_run_can_be_repeated_without_it(k
     if kind != "data":
         result = type_anew("rerun", first, "-q")
         assert result.exit_code == 0, f"{how}: {result.output}"
-
-
-@pytest.mark.parametrize("part", range(4))
-def test_two_rules_with_one_file_name(part, chance, tmp_path):
-    """Beside each other in one run, with helpers of one name too."""
-    users = [User(tmp_path / f"user_of_rules_{name}", chance, "constant") for name in "ab"]
-    one, other = users
-    other.rule, other.deep, other.inner = one.rule, one.deep, one.inner
-    other.helper = one.helper if part % 2 == 0 else "other"  # of one name: then only the helpers differ
-    one.number, other.number = 0.1, 0.5
-    for user in users:
-        user.write()
-    compare = [f"compare.{name}={{rule: '{user.named}', N: 0.01}}" for name, user in zip("ab", users, strict=True)]
-    result = type_anew("evaluate", *compare, *SHORT, "hydra.run.dir=both")
-    if result.exit_code:  # two helpers of one name cannot both be imported; then it is said
-        assert one.helper in result.stderr or one.inner in result.stderr, result.output
-        return
-    metrics = pd.read_csv("both/metrics.csv").set_index(["controller", "side"])
-    for user, name in zip(users, "ab", strict=True):
-        words = [f"compare.{name}={{rule: '{user.named}', N: 0.01}}", *SHORT, f"hydra.run.dir={name}"]
-        assert type_anew("evaluate", *words).exit_code == 0
-        alone = pd.read_csv(f"{name}/metrics.csv").set_index(["controller", "side"])
-        pd.testing.assert_frame_equal(metrics.loc[[name]], alone.loc[[name]])
-    shutil.rmtree(one.folder)
-    assert type_anew("rerun", "both", "-q").exit_code == 0

@@ -2,14 +2,11 @@
 
 import shutil
 
-import numpy as np
 import pytest
 import yaml
 from cases import contents
 from contract import half_written, type_in
 
-from epuckhebb.config.conf import groups
-from epuckhebb.config.stored import settings
 from epuckhebb.runtime.errors import USAGE
 from epuckhebb.runtime.resources import data_folder
 
@@ -150,35 +147,3 @@ def test_damaged_files_of_a_user(chance, tmp_path, monkeypatch):
             shutil.rmtree(around)
     print(counts)
     assert not failures, f"{len(failures)} of {CASES // 3}; what was damaged is in {tmp_path}\n" + "\n\n".join(failures)
-
-
-def numbers(text):
-    """The keys of a file that are plain numbers, with their lines."""
-    for line in text.splitlines(keepends=True):
-        key, colon, value = line.partition(":")
-        value = value.partition("#")[0].strip()
-        if colon and not key.startswith((" ", "#", "-")) and value.replace(".", "", 1).isdigit():
-            yield key, float(value), line
-
-
-@pytest.mark.parametrize("chance", range(10), indirect=True)
-@pytest.mark.usefixtures("here")
-def test_a_file_with_a_name_of_ours_is_the_users(chance, tmp_path):
-    """A copied and edited file counts, and the run says so."""
-    group = chance.choice(["scenario", "hebbian", "maze"])
-    files = sorted((data_folder("conf") / group).glob("*.yaml"))
-    own = [file for file in files if file.stem in groups("evaluate")[group]]
-    file = chance.choice([file for file in own if list(numbers(file.read_text(encoding="utf-8")))])
-    text = file.read_text(encoding="utf-8")
-    key, value, line = chance.choice(list(numbers(text)))
-    mine = tmp_path / "own" / group / file.name
-    mine.parent.mkdir(parents=True)
-    new = value * 1.01 if value != int(value) else value + 1
-    mine.write_text(text.replace(line, f"{key}: {new:g}\n"), encoding="utf-8")
-    result = type_in("evaluate", f"{group}={file.stem}", *SHORT[:-1], "--config-dir", "own", "hydra.run.dir=run")
-    if result.exit_code == USAGE:  # the number cannot be this one; then it was read
-        assert group in result.stderr, result.output
-        return
-    assert result.exit_code == 0, result.output
-    assert np.isclose(settings(tmp_path / "run" / ".hydra" / "config.yaml")[group][key], new), f"{file}: {key}={new}"
-    assert file.name in result.output or str(mine.parent.parent.name) in result.output, result.output

@@ -186,6 +186,7 @@ class Adaptation:
         uses_goal = self.change_signal in ("late", "shortfall") or self.stay is not Stay.none
         uses = {
             "clock": self.change_signal in ("late", "shortfall"),
+            "correct side": self.change_signal in ("late", "shortfall"),
             "goal signal": self.is_gated and uses_goal and not self.recognise,
             "sensor model": self.self_check or self.recognise,
             "hand-written": self.follows_walls or self.recognise,
