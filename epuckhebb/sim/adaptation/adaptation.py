@@ -137,7 +137,7 @@ class Adaptation:
                 )
 
     def _check_goal(self) -> None:
-        """Check how the robot finds out that it is at its goal, and what it does there."""
+        """Check by what the robot recognises its goal, and what it does there."""
         if not self.start_by_s > 0:
             raise ValueError(f"adaptation.start_by_s must be more than 0, inf for never, got {self.start_by_s}")
         wanted = PlasticWhen.recognised if self.recognise else PlasticWhen.goal_signal
