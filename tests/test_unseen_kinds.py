@@ -31,6 +31,11 @@ ORDER = (
     *("stay", FIND, HALT, LEARN, "hand_written"),
     *(RECOGNISE_HALT, RECOGNISE, "hand_written_recognises"),
 )
+OF_CONTROLS = {  # their gate never closes, or never opens: they use no clock
+    "stay": ("goal signal", "hand-written"),
+    "hand_written": ("goal signal", "hand-written"),
+    "hand_written_recognises": ("sensor model", "hand-written"),
+}
 FAULTS = {
     "": "exact",
     "signal_late": "1 s late",
@@ -59,7 +64,7 @@ def row_of(table, experiment, controller):
 def knowledge():
     """What each controller of the study is given or has by hand."""
     controllers = typed(composed("evaluate", ["experiment=unseen_kinds"]), EvaluateConfig).controllers
-    return {one.name: one.adaptation.knowledge for one in controllers}
+    return {one.name: one.adaptation.knowledge for one in controllers} | OF_CONTROLS
 
 
 def paired(by_champion, experiment, one, other, part="rescued", whole="broken"):

@@ -78,7 +78,6 @@ NAMES = {  # of functions, classes, arguments and fields: what to say instead
     "unborn": "dummy",
     "misread": "apply_sensor_faults",
     "judge": "end_step",
-    "stay": "pad_samples",
     "Danced": "CalibrationRecord",
     "asked": "prepare",
     "fit": "check_genome",

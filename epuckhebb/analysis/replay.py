@@ -277,6 +277,9 @@ def _embedded(samples: Samples, initial: NDArray[np.float32], every: int) -> dic
         "changeSignal": np.nan_to_num(samples.change_signal),
         "rate": samples.rate,
         "weightChange": samples.weight_change,
+        "believedHeading": samples.belief[:, 0],
+        "believedLamp": samples.belief[:, 1],
+        "recognised": samples.belief[:, 2],
         "change": samples.weights - initial,
     }
     if samples.activations.size:

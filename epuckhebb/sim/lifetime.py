@@ -11,6 +11,7 @@ from typing import Any
 
 from epuckhebb.sim import faults, fitness
 from epuckhebb.sim.adaptation import adaptation
+from epuckhebb.sim.adaptation.recognise.compass import LIT
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiled import compiled
 from epuckhebb.sim.life import Genotype, Group, Life, Samples, Setup, Trial
@@ -288,6 +289,10 @@ def record(
     samples.rate[place], samples.weight_change[place] = rate, tally.weight_change + tally.scaling
     for k in range(synapses):
         samples.weights[place, k] = life.weights[k]
+    believed = life.adaptation.place.now[0]
+    samples.belief[place, 0] = believed.heading
+    samples.belief[place, 1] = 1.0 if believed.lamp >= LIT else 0.0
+    samples.belief[place, 2] = believed.here
     neurons = samples.activations.shape[1]
     for j in range(neurons):
         samples.activations[place, j] = life.activation[life.activation.shape[0] - neurons + j]

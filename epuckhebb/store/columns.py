@@ -444,6 +444,11 @@ TRACES: Mapping[str, Array] = {
     "rate": _sample("per step", "effective rate N_e"),
     "weight_change": _sample("", "sum of abs(W - W_gene) over all weights"),
     "tilt": _sample("rad, rad, m", "roll, pitch and height above the floor, with `physics=ode` alone", (3,)),
+    "belief": _sample(
+        "rad, 0 or 1, 0 or 1",
+        "of recognition: heading since the start, whether the lamp counts as lit, whether the goal is recognised",
+        (3,),
+    ),
     "weights": _sample("", "all weights, layer by layer, a row for each presynaptic neuron", ("synapses",)),
     "activations": _sample("", "beside `wiring`: activations of its neurons, those behind the bias", ("neurons",)),
 }

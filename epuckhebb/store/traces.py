@@ -15,6 +15,7 @@ from epuckhebb.store.genome import checked_genes, network_from, wiring_arrays
 from epuckhebb.store.npz import Arrays, compressed, one_error
 from epuckhebb.store.run import Run
 
+_BELIEF = "belief"  # there is none in runs before recognition
 _TILT = "tilt"  # there is none where no robot tilts
 
 
@@ -44,7 +45,9 @@ def read_traces(run: Run, lifetimes: int, samples: int) -> tuple[Traces, NDArray
         found = {}
         for name, empty in empty_samples(0, network)._asdict().items():
             shape = (lifetimes, samples, *empty.shape[1:])
-            if name == _TILT and name in arrays:
+            if name == _BELIEF and name not in arrays:
+                found[name] = np.zeros(shape)
+            elif name == _TILT and name in arrays:
                 found[name] = arrays.take(name, "f", (*shape[:2], None))
             else:
                 found[name] = np.zeros(shape) if 0 in empty.shape[1:] else arrays.take(name, "f", shape)

@@ -137,7 +137,7 @@ class Adaptation:
                 )
 
     def _check_goal(self) -> None:
-        """Check how the robot knows its goal, and what it does there."""
+        """Check by what the robot recognises its goal, and what it does there."""
         if not self.start_by_s > 0:
             raise ValueError(f"adaptation.start_by_s must be more than 0, inf for never, got {self.start_by_s}")
         wanted = PlasticWhen.recognised if self.recognise else PlasticWhen.goal_signal
@@ -186,6 +186,7 @@ class Adaptation:
         uses_goal = self.change_signal in ("late", "shortfall") or self.stay is not Stay.none
         uses = {
             "clock": self.change_signal in ("late", "shortfall"),
+            "correct side": self.change_signal in ("late", "shortfall"),
             "goal signal": self.is_gated and uses_goal and not self.recognise,
             "sensor model": self.self_check or self.recognise,
             "hand-written": self.follows_walls or self.recognise,

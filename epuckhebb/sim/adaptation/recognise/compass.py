@@ -85,7 +85,7 @@ def compass(robot: Robot) -> tuple[Callable[..., None], Callable[..., None]]:
             now.bearing = bearing
 
     @compiled
-    def fit(now: Any, dark: Floats, readings: Floats, nominal: NominalOfSide) -> None:
+    def fit_sun(now: Any, dark: Floats, readings: Floats, nominal: NominalOfSide) -> None:
         present, usual = math.log(now.level), math.log(nominal.sun_level)
         least, shift, log_level = 1e9, 0.0, present
         for k in range(_SHIFTS.shape[0]):
@@ -122,6 +122,6 @@ def compass(robot: Robot) -> tuple[Callable[..., None], Callable[..., None]]:
         if step == _LOOK_STEPS:
             find_sun(now, dark, bright, nominal)
         if step % EVERY == 0 and not math.isnan(now.bearing):
-            fit(now, dark, readings, nominal)
+            fit_sun(now, dark, readings, nominal)
 
     return turn, look
