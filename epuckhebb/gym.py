@@ -162,6 +162,7 @@ def policy_from_genome(genes: Floats, network: Network = PAPER_NETWORK) -> Calla
 
     genes: (synapses,). network: that of these genes.
     """
+    _check_layers(network)
     weights = initial_weights_of(np.asarray(genes, np.float64))
     if weights.shape != (network.synapses,):
         raise ConfigError(f"a network of layers {network} has {network.synapses} weights, got shape {weights.shape}")
@@ -175,6 +176,12 @@ def policy_from_genome(genes: Floats, network: Network = PAPER_NETWORK) -> Calla
         return activation[network.wheels :].copy()
 
     return policy
+
+
+def _check_layers(network: Network) -> None:
+    """Refuse a network whose neurons may remember; a policy is a function of the observation alone."""
+    if network.wiring is not None:
+        raise ConfigError(f"a policy has layers, and the network is {network}")
 
 
 forward = forward_pass(PAPER_NETWORK)
@@ -194,6 +201,7 @@ def genome_from_policy(weights: Sequence[Any], bias: Any, network: Network = PAP
     Raises:
         ValueError: the shapes are others, or a weight lies outside +-2, to which the program would clip it.
     """
+    _check_layers(network)
     layers = [np.asarray(one, np.float64).T for one in weights]
     first = np.asarray(bias, np.float64)
     shapes = [(network.inputs, network.post[0]), *network.shapes[1:]]

@@ -47,8 +47,8 @@ def test_a_result_has_tables_traces_a_picture_and_a_page(here):
     assert list(result.table.columns.get_level_values(0).unique()) == ["GA", "Hebbian", "wrong"]
     assert "Time-to-Goal" in result._repr_html_()
     assert "Time-to-Goal" in repr(result)
-    of_wirings = {"wiring", "joined", "activations"}
-    assert set(result.traces) == set(columns.TRACES) - of_wirings
+    of_others = {"wiring", "joined", "activations", "tilt"}  # of networks with a wiring, and of three dimensions
+    assert set(result.traces) == set(columns.TRACES) - of_others
     assert result.traces["pose"].shape == (6, 20, 3)
     assert result.findings is None
     with Image.open(io.BytesIO(result.plot()._repr_png_())) as picture:
@@ -76,7 +76,7 @@ def test_a_sweep_shows_its_progress_after_a_quiet_call(capfd, monkeypatch):
     monkeypatch.setattr(progress, "_LINE_S", 0.0)
     progress.be_quiet(True)
     epuckhebb.sweep(over={"seed": [3]}, lifetime={"duration_s": 0.064}, repeats=1)
-    assert "1/1  seed=3" in capfd.readouterr().err
+    assert "job 0/1  seed=3" in capfd.readouterr().err
 
 
 def test_an_evolution_is_a_champion_and_its_history(capfd):

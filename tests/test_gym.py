@@ -12,9 +12,10 @@ import epuckhebb
 from epuckhebb import Lifetime
 from epuckhebb.gym import ID, TMaze, evaluation_key, genome_from_policy, policy_from_genome
 from epuckhebb.sim.block import live_block
-from epuckhebb.sim.network import PAPER_NETWORK, by_layer
+from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual, Session
+from epuckhebb.sim.wirings.elman import Elman
 
 SHORT = ("lifetime.duration_s=5",)
 
@@ -136,6 +137,9 @@ def test_a_policy_as_a_genome_and_back():
         genome_from_policy([2 * np.sign(weight) * 2 for weight in weights], layers[0][-1])
     with pytest.raises(ValueError, match="has 234 weights, got shape"):
         policy_from_genome(genes[1:])
+    wired = Network((16, *Elman().sizes), wiring=Elman())
+    with pytest.raises(ValueError, match=r"a policy has layers, and the network is 16-8-2 \(elman\)"):
+        policy_from_genome(genes, wired)
 
 
 def test_bad_input_is_refused():

@@ -130,6 +130,19 @@ def test_what_is_damaged_or_cannot_be_kept_is_made(kept, made):
     assert len(made) == 5
 
 
+def test_a_plug_in_that_hydra_has_loaded_twice_is_no_obstacle(kept, monkeypatch):
+    """As in a worker of joblib: its classes are not those that their names stand for, so nothing of them is kept."""
+    words = ["hydra/launcher=joblib"]
+    known = composed("evaluate", words)
+    (file,) = kept.iterdir()
+    file.unlink()
+    plug_in = sys.modules["hydra_plugins.hydra_joblib_launcher.config"]
+    monkeypatch.setattr(plug_in, "JobLibLauncherConf", type("JobLibLauncherConf", (), {}))
+    monkeypatch.setattr(hydra_cache, "_versions", hydra_cache._versions.__wrapped__)
+    assert composed("evaluate", words) == known
+    assert list(kept.iterdir()) == []
+
+
 def test_an_interpolation_in_a_list_of_defaults_is_resolved(tmp_path):
     for name, text in [("experiment/mine", "defaults: [{/extra: '${experiment}'}]"), ("extra/mine", "repeats: 3")]:
         file = tmp_path / f"{name}.yaml"

@@ -9,13 +9,18 @@ import pytest
 
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import EvaluateConfig
+from epuckhebb.export.replay import recording, write_page
 from epuckhebb.gym import TMaze
+from epuckhebb.live.world import LiveWorld
 from epuckhebb.runs.evaluate import prepare
+from epuckhebb.runs.nominal import training_world
+from epuckhebb.runs.rerun import rerun
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim import libode
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.session import Individual, LostRobotError, Session
+from epuckhebb.store import Run
 from epuckhebb.store.genome import load_genome
 
 try:
@@ -155,3 +160,35 @@ def test_a_pinned_robot_turns_in_the_plane_and_stays_in_three_dimensions():
         turned[physics] = abs(math.degrees(env.session.pose.heading) - 90)
     assert turned["pymunk"] > 540
     assert turned["ode"] < 1
+
+
+@needs_ode
+def test_a_life_changed_by_hand_is_kept_with_roll_and_pitch_and_repeats(here):
+    world = LiveWorld(["physics=ode", "scenario=4obstacles", "hebbian.N=0.0005"], "left")
+    for wish in (
+        {"light": 1.0},
+        {"placed": [[0.0, 0.0, 0.03, 0.04]]},
+        {"put": [0.007, -0.1, 1.0]},
+        {"right_wheel": 0.5},
+    ):
+        world.wish(wish)
+        world.run(40)
+    saved = world.save(world.record())
+    assert saved.same
+    run = Run(here / saved.run)
+    with np.load(io.BytesIO(run.content("traces.npz"))) as arrays:
+        assert arrays["tilt"].shape == (*arrays["pose"].shape[:2], 3)
+        assert np.abs(arrays["tilt"]).max() > 0
+    again, difference = rerun(run.path)
+    assert difference == ""
+    write_page(recording(again), here / "replay.html")
+
+
+@needs_ode
+def test_an_adaptation_is_added_in_three_dimensions_to_what_a_champion_knows_of_the_plane():
+    asked = load(EvaluateConfig, ["scenario=base", "change=[3d]", "adaptation=best", "hebbian=none", "repeats=1"])
+    assert asked.world.name == "base_3d"
+    assert training_world(asked).physics.name == "pymunk"
+    prepared = prepare(asked)
+    rows, _ = prepared.run(prepared.remember(1), 1)
+    assert {row["controller"] for row in rows} == {"GA", "best"}

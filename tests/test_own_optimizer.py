@@ -30,6 +30,7 @@ OWN = "optimizer.algorithm=my_optimizer.py:CmaMe"
 SMALL = ["optimizer.population=6", "optimizer.emitters=2", "optimizer.cells=5", "optimizer.confirm=2", "-q"]
 SMALL += ["lifetime.duration_s=2", "scenario.paper_duration_s=10", "threads=1"]
 RESULTS = ("history.csv", "champion.npz", "archive.csv")
+PLAN = plan_of(PAPER_NETWORK)
 SHORT = ["lifetime.duration_s=2", "repeats=1"]
 
 
@@ -66,6 +67,15 @@ def test_an_evolution_by_it_is_resumed_to_the_same_bytes(copy):
         file.write("\n# another\n")
     said = refused("evolve", "resume=again", "optimizer.generations=5")
     assert "my_optimizer.py, or a file that it imports, is not" in said
+
+
+@pytest.mark.usefixtures("copy")
+def test_it_is_resumed_to_the_same_genomes_after_its_emitters_have_restarted():
+    own = part_class("optimizer", "my_optimizer.py:CmaMe", "optimizer")(cells=5)
+    rng, search = np.random.default_rng(1), Search(own, PLAN, 1)
+    for _ in range(60):
+        search.tell(rng.random(len(search.ask())), {"x": rng.uniform(-0.4, 0.4, (30, 1, 2))})
+    assert Search(own, PLAN, 1, search.log).ask().tobytes() == search.ask().tobytes()
 
 
 @pytest.mark.thorough
@@ -144,7 +154,7 @@ class Climber(Optimizer):
 def test_it_is_told_how_each_lifetime_ended_and_its_candidate_is_confirmed():
     life = Lifetime(duration_s=6, gain_rad_s=4)
     *_, last = evolve(climber(loops=2), Scenario(), life, seed=5)
-    search = Search(climber(loops=2), plan_of(PAPER_NETWORK), 5, last.log)
+    search = Search(climber(loops=2), PLAN, 5, last.log)
     for number, (asked, x, success, fitness) in enumerate(search._optimizer.told):
         assert x.shape == success.shape == (3, 2, 2)
         np.testing.assert_array_equal(fitness, last.log[number].fitness)
@@ -231,7 +241,7 @@ def bad(here):
 @pytest.mark.parametrize(
     ("words", "texts"),
     [
-        (["climber"], ["must be one of ga, open_es, sep_cma_es, or an optimizer of your own, FILE.py:NAME"]),
+        (["climber"], ["must be one of ga, open_es, sep_cma_es, an optimizer of your own, FILE.py:NAME"]),
         (["nowhere.py:Fine"], ["nowhere.py:Fine: there is no file"]),
         (["bad.py:Fin"], ["has no optimizer Fin", "Did you mean Fine?"]),
         (["bad.py:NotOne"], ["has no optimizer NotOne", "subclass of epuckhebb.Optimizer"]),

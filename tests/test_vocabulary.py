@@ -62,6 +62,7 @@ AVOID = {
 ALLOWED = {  # what looks like one of these words, and why it stands
     r"/home/\w+": "a folder",
     r"Path\.home\(\)|XDG_CACHE_HOME": "names of others",
+    r"[Ss]table-[Bb]aselines3": "the name of a library",
     r"home_base_201": "a name in the committed tables of the reference run",
     r"(reference/)?baseline/\w*": "a folder of the reference run",
     r"<!-- .*? -->": "a mark around a generated part of a page",

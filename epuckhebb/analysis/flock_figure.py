@@ -124,7 +124,7 @@ def sweep(table: pd.DataFrame) -> Figure:
             )  # fmt: skip
         labels = [f"{row.loudness:g}\n{row.knowers}\n{row.range_m:g}" for row in conditions.itertuples()]
         axes.set_xticks(range(len(conditions)), labels)
-        axes.set(title=_TITLES[breaks], ylabel="long after the break", ylim=(-0.45, 1.05))
+        axes.set(title=_TITLES[breaks], ylabel="long after the break", ylim=(-0.7, 1.05))
         axes.grid(axis="y", color="#dddddd", linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
         last = axes

@@ -154,7 +154,7 @@ def _tables(found: Findings) -> str:
         if found.given:
             parts += [f"Genome {code(name)}.\n", published.to_markdown(group, of_all=False)]
             parts += [
-                "\nDeviation from the published value, and where that lies among the repeats:\n",
+                "\nRelative deviation from the published value, and where that is among the repeats:\n",
                 _deviations(group),
             ]
             continue

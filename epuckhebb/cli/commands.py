@@ -112,7 +112,7 @@ def replay(
     ] = None,
     open_page: Open = False,
 ) -> None:
-    """A page, or a film, to watch an evaluation's lifetimes, or a flock."""
+    """A page, or a film, to watch lifetimes or a flock."""
     from epuckhebb.analysis import movie
     from epuckhebb.export.replay import recording, require_video, write, write_movie, write_page
     from epuckhebb.store import Run as Folder

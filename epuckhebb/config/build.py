@@ -65,9 +65,9 @@ def rule_from(settings: Mapping[str, Any], key: str) -> Rule:
 def optimizer_from(settings: Mapping[str, Any], ga: Algorithm | None) -> Algorithm:
     """The optimizer that a part of the configuration describes. ga: the genetic algorithm; None for another one."""
     if settings.get("algorithm") != GENETIC:
+        optimizer: Algorithm = part_from("optimizer", settings, "optimizer")
         if ga is not None:
             raise not_its_settings(str(settings.get("algorithm")))
-        optimizer: Algorithm = part_from("optimizer", settings, "optimizer")
         try:
             measures_of(optimizer)
         except ValueError as error:

@@ -10,6 +10,7 @@ found by the other overrides, by the content of every file on the search path, a
 
 import functools
 import hashlib
+import io
 import itertools
 import os
 import pickle
@@ -140,7 +141,7 @@ def keep_compositions() -> None:
             return whole(overrides)
         words = parsed(overrides)
         values = [word for word in words if _is_value(config_name, word)]
-        others = [str(word.input_line) for word in words if word not in values]
+        others = sorted(str(word.input_line) for word in words if word not in values)
         cfg = _kept(hashlib.sha256(repr((state, config_name, others)).encode()).hexdigest(), lambda: whole(others))
         try:
             for word in values:
@@ -189,7 +190,17 @@ def _versions() -> bytes:
     """What the program, Hydra and its plug-ins are in this process; and the schemas that all of them have declared."""
     installed = sorted(file.name for file in Path(hydra.__file__).parents[1].glob("*.dist-info"))
     ours = [file.read_bytes() for file in sorted(Path(__file__).parent.glob("*.py"))]
-    return repr((sys.version, sys.platform, installed, ours, pickle.dumps(ConfigStore.instance().repo))).encode()
+    declared = io.BytesIO()
+    _ClassesByName(declared).dump(ConfigStore.instance().repo)
+    return repr((sys.version, sys.platform, installed, ours, declared.getvalue())).encode()
+
+
+class _ClassesByName(pickle.Pickler):
+    """Writes a class as its name: in the worker of a launcher, Hydra has loaded plug-ins twice, and so classes too."""
+
+    def reducer_override(self, value: object) -> Any:
+        """See pickle."""
+        return (repr, (f"{value.__module__}.{value.__qualname__}",)) if isinstance(value, type) else NotImplemented
 
 
 def _kept(key: str, make: Callable[[], DictConfig]) -> DictConfig:
@@ -205,8 +216,8 @@ def _kept(key: str, make: Callable[[], DictConfig]) -> DictConfig:
     except (OSError, RuntimeError):  # RuntimeError: no folder of the user is known
         return make()
     made = make()
-    content = pickle.dumps(made)
-    with suppress(OSError):
+    with suppress(OSError, pickle.PicklingError):  # in such a worker, where a class is not what its name says
+        content = pickle.dumps(made)
         folder.mkdir(parents=True, exist_ok=True)
         known = list(folder.iterdir())
         for file in known if len(known) >= _MOST_KEPT else ():

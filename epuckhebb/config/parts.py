@@ -13,7 +13,7 @@ from typing import Any
 from epuckhebb.config.plugins import class_named
 from epuckhebb.config.values import part_settings
 from epuckhebb.evolution import optimizers
-from epuckhebb.evolution.optimizer import Algorithm, check_optimizer
+from epuckhebb.evolution.optimizer import Algorithm, Optimizer, check_optimizer
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim import coupling, couplings, own_fitness, physics, tasks, wiring, wirings
 from epuckhebb.sim.coupling import Coupling
@@ -34,7 +34,8 @@ class _Kind:
     """A kind of part.
 
     which: its key that names the class. base: of all its classes. package: where the program's are. usual: the
-    classes that are there besides, by their names. check: of a user's class; None where they can bring none.
+    classes that are there besides, by their names. check: of a user's class; None where they can bring none. own: the
+    base of a user's class, if that is another.
     """
 
     which: str
@@ -42,6 +43,7 @@ class _Kind:
     package: ModuleType | None = None
     usual: Mapping[str, type] | None = None
     check: Callable[[Any], object] | None = None
+    own: type | None = None
 
     @property
     def names(self) -> list[str]:
@@ -62,7 +64,7 @@ _KINDS = {
     "fitness": _Kind("function", Fitness, usual={PAPER: Fitness}, check=own_fitness.check_class),
     "wiring": _Kind("wiring", Wiring, wirings, {LAYERS: Layers}, wiring.check_class),
     "coupling": _Kind("coupling", Coupling, couplings, check=coupling.check_class),
-    "optimizer": _Kind("algorithm", Algorithm, optimizers, check=check_optimizer),
+    "optimizer": _Kind("algorithm", Algorithm, optimizers, check=check_optimizer, own=Optimizer),
     "task": _Kind("kind", Task, tasks),
     "physics": _Kind("kind", Physics, physics),
     "sensor": _Kind("sensor", Sensor, check=lambda _: None),
@@ -78,14 +80,15 @@ def part_class(kind: str, name: Any, key: str) -> type[Any]:
     """The class of a part by its name. key: what stands before the name in the configuration, for messages."""
     of, key = _KINDS[kind], f"{key}.{_KINDS[kind].which}"
     if of.check and ":" in str(name):
-        found: type[Any] = class_named(name, of.base, key)
+        found: type[Any] = class_named(name, of.own or of.base, key)
         try:
             of.check(found)
         except ValueError as error:
             raise ConfigError(f"{key}={name}: {error}") from error
         return found
     if name not in of.names:
-        known = [NONE] * (kind == "rule") + of.names + [f"a {kind} of your own, FILE.py:NAME"] * bool(of.check)
+        own = f"{'an' if kind == 'optimizer' else 'a'} {kind} of your own, FILE.py:NAME"
+        known = [NONE] * (kind == "rule") + of.names + [own] * bool(of.check)
         raise ConfigError(f"{key} must be one of {', '.join(known)}, got {name!r}")
     if of.usual and name in of.usual:
         return of.usual[name]

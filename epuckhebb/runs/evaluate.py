@@ -149,18 +149,21 @@ def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
 
 def evaluate_job(cfg: Any, report: Report = _no_report) -> None:
     """Do one job of Hydra's: evaluate into its folder. cfg: as Hydra composed it. report: as in `evaluate_into`."""
-    with hydra.job_folder() as path:
-        config, facts = hydra.checked(cfg, EvaluateConfig), {"command_line": hydra.job_command("evaluate")}
-        threads = hydra.threads_of_job(config.threads)
-        evaluate_into(path, config, hydra.job_overrides(), facts, threads=threads, report=report)
+    with hydra.job_of("evaluate", cfg) as job:
+        _evaluate(job, report)
+
+
+def _evaluate(job: hydra.Job, report: Report) -> None:
+    threads = hydra.threads_of_job(job.config.threads)
+    evaluate_into(job.path, job.config, job.overrides, job.facts, threads=threads, report=report)
 
 
 def recorded_job(cfg: Any, report: Report = _no_report) -> None:
     """Do one job of Hydra's that must record its lifetimes. The arguments are those of `evaluate_job`."""
-    if not cfg.lifetime.record_every:
-        with hydra.job_folder():
+    with hydra.job_of("evaluate", cfg) as job:
+        if not job.config.lifetime.record_every:
             raise ConfigError("--open shows what was recorded; give lifetime.record_every=8, or leave it out")
-    evaluate_job(cfg, report)
+        _evaluate(job, report)
 
 
 def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:

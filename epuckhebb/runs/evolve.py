@@ -55,11 +55,11 @@ RESUME = "resume="
 
 def evolve_job(cfg: Any) -> None:
     """Do one job of Hydra's: evolve into its folder. cfg: as Hydra composed it."""
-    with hydra.job_folder() as path:
-        config = hydra.checked(cfg, EvolveConfig)
+    with hydra.job_of("evolve", cfg) as job:
+        config = job.config
         prepared = prepare(config)
         prepared.compile()
-        run = new_run(path, config, hydra.job_overrides(), {"command_line": hydra.job_command("evolve")})
+        run = new_run(job.path, config, job.overrides, job.facts)
     evolve_into(run, prepared, None, threads=hydra.threads_of_job(config.threads), quiet=hydra.in_multirun())
 
 

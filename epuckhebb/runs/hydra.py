@@ -9,7 +9,7 @@ from contextlib import contextmanager, nullcontext, redirect_stderr, suppress
 from datetime import datetime
 from pathlib import Path
 from secrets import token_hex
-from typing import Any, TextIO, cast
+from typing import Any, NamedTuple, TextIO, cast
 
 import hydra
 from hydra._internal.hydra import Hydra
@@ -26,7 +26,7 @@ from epuckhebb.config.compose import IS_HYDRA_1_4, STAMP, VERSION_BASE, folders_
 from epuckhebb.config.hydra_cache import USERS, users_first
 from epuckhebb.config.names import resolve_names
 from epuckhebb.config.overrides import SWEEP_DIR, alternatives, check_folders, quoted, value_of, with_names_compared
-from epuckhebb.config.schema import SCHEMAS, Config, typed
+from epuckhebb.config.schema import SCHEMAS, typed
 from epuckhebb.config.words import explain
 from epuckhebb.runtime.errors import ConfigError, JobFailedError, exit_with_parent
 from epuckhebb.runtime.resources import data_folder, path_of, thread_count
@@ -37,10 +37,13 @@ _CHECKED_IN_FULL = 20  # a longer list of values is checked at its two ends
 _HYDRAS_WORDS = "Error executing job with overrides"  # before what a job raised
 
 
-def checked(cfg: DictConfig, schema: type[Config]) -> Config:
-    """The configuration of the job that Hydra runs, with all names in it; see `epuckhebb.config.names`."""
-    runtime = HydraConfig.get().runtime
-    return typed(resolve_names(cfg, runtime.choices, folders_of(runtime)), schema)
+class Job(NamedTuple):
+    """A job of Hydra's: its folder, configuration and overrides, and the command line that does it alone."""
+
+    path: Path
+    config: Any
+    overrides: list[str]
+    facts: dict[str, Any]
 
 
 def output_folder() -> Path:
@@ -162,11 +165,20 @@ def new_stamp() -> str:
 
 
 @contextmanager
-def job_folder() -> Iterator[Path]:
-    """The folder that Hydra has made for this job; if the job is refused, it is removed unless files are in it."""
-    path = output_folder()
+def job_of(command: str, cfg: DictConfig) -> Iterator[Job]:
+    """The job at work, checked, with all names in its settings; if it is refused, its folder is removed if it is empty.
+
+    cfg: as Hydra composed it; see `epuckhebb.config.names`.
+    """
+    path, runtime = output_folder(), HydraConfig.get().runtime
     try:
-        yield path
+        config: Any = typed(resolve_names(cfg, runtime.choices, folders_of(runtime)), SCHEMAS[command])
+        overrides = list(unresolved(HydraConfig.get().overrides.task))
+        words, sources = ["epuckhebb", command, *overrides], unresolved(runtime)["config_sources"]
+        found = next((Path(one["path"]) for one in sources if one["provider"] == USERS and one["path"]), None)
+        if found is not None:
+            words += ["--config-dir", str(found.relative_to(Path.cwd()) if found.is_relative_to(Path.cwd()) else found)]
+        yield Job(path, config, overrides, {"command_line": words})
     except ConfigError:
         with suppress(OSError):  # something is in it
             for folder in (path, *path.parents):
@@ -174,22 +186,6 @@ def job_folder() -> Iterator[Path]:
                     break
                 folder.rmdir()
         raise
-
-
-def job_overrides() -> list[str]:
-    """The overrides of this job, as they would be typed."""
-    return list(unresolved(HydraConfig.get().overrides.task))
-
-
-def job_command(command: str) -> list[str]:
-    """A command line that does this job alone, typed in the current folder."""
-    sources = unresolved(HydraConfig.get().runtime)["config_sources"]
-    found = next((Path(source["path"]) for source in sources if source["provider"] == USERS and source["path"]), None)
-    words = ["epuckhebb", command, *job_overrides()]
-    if found is None:
-        return words
-    folder = found.relative_to(Path.cwd()) if found.is_relative_to(Path.cwd()) else found
-    return [*words, "--config-dir", str(folder)]
 
 
 def in_multirun() -> bool:

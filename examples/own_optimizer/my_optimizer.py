@@ -21,11 +21,12 @@ class CmaMe(Optimizer):
     def start(self, plan, seed):
         """An empty archive, and emitters around random genomes; all random numbers come from the seed."""
         rng, self._limits = np.random.default_rng(seed), self.limits(plan)
-        self._archive = GridArchive(solution_dim=plan.genes, dims=[self.cells] * 2, ranges=[(-0.4, 0.4)] * 2)
+        own_seed, *seeds = rng.integers(2**31, size=1 + self.emitters).tolist()
+        shape = {"solution_dim": plan.genes, "dims": [self.cells] * 2, "ranges": [(-0.4, 0.4)] * 2}
+        self._archive = GridArchive(**shape, seed=own_seed)  # an emitter that restarts draws from it
         how = {"sigma0": self.sigma, "es": "sep_cma_es", "batch_size": self.population // self.emitters}
-        starts, seeds = rng.uniform(-1, 1, (self.emitters, plan.genes)), rng.integers(2**31, size=self.emitters)
-        pairs = zip(starts, seeds.tolist(), strict=True)
-        emitters = [EvolutionStrategyEmitter(self._archive, x0=x0, seed=own, **how) for x0, own in pairs]
+        starts = zip(rng.uniform(-1, 1, (self.emitters, plan.genes)), seeds, strict=True)
+        emitters = [EvolutionStrategyEmitter(self._archive, x0=x0, seed=number, **how) for x0, number in starts]
         self._scheduler = Scheduler(self._archive, emitters)
 
     def ask(self):
