@@ -93,14 +93,14 @@ FINDINGS = [  # sentence, table, what is counted, of what, the row
     ),
     (
         "Given the goal signal, a robot can search for the goal, and a plastic rule [learns to stay there]"
-        "(docs/unseen_kinds.md) as well as a halt written by hand. In twenty more changes of that experiment it rescues "
-        "nine in ten",
+        "(docs/unseen_kinds.md) as well as a halt written by hand. In twenty more changes of that experiment it "
+        "rescues nine in ten",
         *("unseen_kinds/rescue_over_all", "rescued", "broken"),
         {"experiment": "light", "controller": "find_and_learn_to_stay (anti)"},
     ),
     (
-        "Ten robots [learn whom to listen to](docs/flock.md), and one of two that know the way breaks. Couplings by live "
-        "fitness keep the flock on course, couplings by influence never do",
+        "Ten robots [learn whom to listen to](docs/flock.md), and one of two that know the way breaks. Couplings by "
+        "live fitness keep the flock on course, couplings by influence never do",
         *("flock/flock", "good", "runs", {**USUAL_FLOCK, "breaks": "knower", "coupling": "live_fitness"}),
     ),
     (
