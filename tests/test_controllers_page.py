@@ -64,5 +64,10 @@ def test_the_page_shows_the_table_of_champions(generated):
             assert sorted(rows.seed.unique()) == seeds
             assert set(rows.trials) == {10}
             lines.append(cells(experiment, wiring, rows, layers))
+    differences = [cell for line in lines for cell in line[-2:] if cell != "–"]
+    assert min(float(cell.partition("p = ")[2]) for cell in differences) > 0.05  # as the page says
+    solved = {(line[0], line[1]): int(line[3]) for line in lines}
+    assert solved["light", "`ctrnn`"] == 0
+    assert all(solved[one, "`mlp`"] > solved[one, f"`{other}`"] for one in TRAINED for other in ("ctrnn", "elman"))
     text = f"Seeds {', '.join(map(str, seeds))}.\n\n{markdown_table(HEAD, lines)}\n"
     generated(ROOT / "docs" / "controllers.md", "wirings", text)
