@@ -64,10 +64,11 @@ def test_the_page_shows_the_table_of_champions(generated):
             assert sorted(rows.seed.unique()) == seeds
             assert set(rows.trials) == {10}
             lines.append(cells(experiment, wiring, rows, layers))
-    differences = [cell for line in lines for cell in line[-2:] if cell != "–"]
-    assert min(float(cell.partition("p = ")[2]) for cell in differences) > 0.05  # as the page says
+    # What the page says of them: Holm's method begins with the smallest.
+    found = sorted(float(cell.partition("p = ")[2]) for line in lines for cell in line[-2:] if cell != "–")
+    assert (len(found), sum(p < 0.05 for p in found), 14 * found[0] > 0.05) == (14, 3, True)
     solved = {(line[0], line[1]): int(line[3]) for line in lines}
-    assert solved["light", "`ctrnn`"] == 0
+    assert solved["light", "`ctrnn`"] == 1
     assert all(solved[one, "`mlp`"] > solved[one, f"`{other}`"] for one in TRAINED for other in ("ctrnn", "elman"))
     text = f"Seeds {', '.join(map(str, seeds))}.\n\n{markdown_table(HEAD, lines)}\n"
     generated(ROOT / "docs" / "controllers.md", "wirings", text)
