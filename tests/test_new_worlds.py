@@ -14,6 +14,7 @@ from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.maze import SIDES
+from epuckhebb.sim.physics.pymunk import PYMUNK
 
 CONF = [data_folder("conf")]
 OTHER_LIGHT = {"base": 1, "highlight": 0.1}
@@ -137,7 +138,7 @@ def test_another_maze_takes_precedence_over_that_of_a_scenario():
         ("base_narrow", "t_maze_wide", "t_maze_wide"),
         ("base", "t_maze_90", "t_maze_90"),
     ):
-        assert training_world("light", name, part("maze", maze), part("robot", "epuck")).maze.name == base
+        assert training_world("light", name, part("maze", maze), part("robot", "epuck"), PYMUNK).maze.name == base
 
 
 @BASES

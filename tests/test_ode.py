@@ -2,11 +2,14 @@
 
 import io
 import math
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from epuckhebb.analysis import rescue
+from epuckhebb.analysis.tables import markdown_table
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.export.replay import recording, write_page
@@ -23,6 +26,7 @@ from epuckhebb.sim.session import Individual, LostRobotError, Session
 from epuckhebb.store import Run
 from epuckhebb.store.genome import load_genome
 
+ROOT = Path(__file__).parents[1]
 try:
     libode.library()
     MISSING = ""
@@ -192,3 +196,15 @@ def test_an_adaptation_is_added_in_three_dimensions_to_what_a_champion_knows_of_
     prepared = prepare(asked)
     rows, _ = prepared.run(prepared.remember(1), 1)
     assert {row["controller"] for row in rows} == {"GA", "best"}
+
+
+def test_the_page_has_what_the_gap_breaks_rescues_and_harms(generated):
+    table = pd.read_csv(ROOT / "runs" / "reference" / "gap" / "rescue_and_harm.csv")
+    alone = table[table.scenario.isin(["base_3d", "highlight_3d"])]
+    broken = [
+        f"{one.broken} of {one.solved} in {one.scenario}" for one in alone.drop_duplicates("scenario").itertuples()
+    ]
+    rows = [[one.scenario, rescue.label(one.controller, one.N), *rescue.counts(one)] for one in alone.itertuples()]
+    head = ["world", "controller", rescue.RESCUED, rescue.HARMED]
+    text = f"Of the trials solved in training, three dimensions break {' and '.join(broken)}.\n\n"
+    generated(ROOT / "docs" / "ode.md", "gap", text + markdown_table(head, rows))

@@ -28,6 +28,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import path_of
 from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.maze import T_MAZE
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.rule import Rule
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
@@ -268,7 +269,7 @@ def _world(name: str, *texts: str) -> Scenario:
 
 
 def training_world(
-    experiment: str, scenario: str, maze: dict[str, Any], robot: dict[str, Any], physics: Physics
+    experiment: str, scenario: str, maze: dict[str, Any], robot: dict[str, Any], physics: Physics = PYMUNK
 ) -> Scenario:
     """The world in which controllers of an experiment are evolved, for a robot in the maze of another world.
 
