@@ -25,6 +25,7 @@ from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.session import Individual, LostRobotError, Session
 from epuckhebb.store import Run
 from epuckhebb.store.genome import load_genome
+from epuckhebb.studies.champions import world_named
 
 ROOT = Path(__file__).parents[1]
 try:
@@ -186,6 +187,19 @@ def test_a_life_changed_by_hand_is_kept_with_roll_and_pitch_and_repeats(here):
     again, difference = rerun(run.path)
     assert difference == ""
     write_page(recording(again), here / "replay.html")
+
+
+@needs_ode
+def test_a_test_world_of_a_study_has_its_own_physics_or_that_of_the_study():
+    of_plane, of_ode = (prepare(load(EvaluateConfig, words)) for words in ([], ["physics=ode"]))
+    for prepared, name, physics in (
+        (of_plane, "base_3d", "ode"),
+        (of_plane, "4obstacles", "pymunk"),
+        (of_ode, "4obstacles", "ode"),
+    ):
+        there = prepared.in_world(world_named(name, None)).config
+        assert there.world.physics.name == physics
+        assert training_world(there).physics.name == prepared.config.world.physics.name
 
 
 @needs_ode

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis.self_checks import Checks, self_checks
 from epuckhebb.config import names
+from epuckhebb.config.parts import part_from
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.nominal import (
@@ -125,8 +126,8 @@ def _remembered(
 
 def training_world(config: EvaluateConfig) -> Scenario:
     """The world in which controllers of this experiment are evolved, in the maze of the evaluation, for its robot."""
-    world, scenario = config.world, config.scenario.name
-    return names.training_world(world.experiment, scenario, config.maze, config.robot, world.physics)
+    scenario, physics = config.scenario.name, part_from("physics", config.physics, "physics")  # not that of a test
+    return names.training_world(config.world.experiment, scenario, config.maze, config.robot, physics)
 
 
 def remember_training_world(
