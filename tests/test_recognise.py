@@ -10,8 +10,9 @@ from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.sim.adaptation.nominal import measure_nominal
 from epuckhebb.sim.adaptation.recognise.compass import LIT
+from epuckhebb.sim.adaptation.self_check.calibration import calibrate
 from epuckhebb.sim.light import SUN_IRRADIANCE, SUN_X, SUN_Y
-from epuckhebb.sim.maze import SIDES
+from epuckhebb.sim.maze import SIDES, Pose
 from epuckhebb.sim.random import Stream, key
 from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.sim.session import Individual, Session
@@ -107,3 +108,26 @@ MOST = {
     "recognised away from the goal": 0.002,
 }
 LEAST = {"lamp, right at the end": 0.98, "at the goal in the end, recognised": 0.98}
+
+
+@pytest.mark.thorough
+def test_recognition_begins_after_a_calibration_that_counts():
+    settings, genome = config(TRAINED["light"]), load_genome("reference_4", "light")
+    main = settings.controllers[0]
+    both = replace(main.adaptation, self_check=True, calibration_counts=True)
+    calibration = calibrate(settings.world, "left", np.uint64(5))
+    nominal = measure_nominal(genome.weights, settings.world).of("left")
+    individual = Individual(
+        genes=genome.genes,
+        side="left",
+        key=np.uint64(5),
+        controller=replace(main, adaptation=both),
+        nominal=nominal,
+        calibration=calibration,
+        start=Pose(*calibration.poses[-1].tolist()),
+    )
+    session = Session(individual, settings.world, replace(settings.lifetime, record_every=0))
+    session.step(200)
+    believed = session.life.adaptation.place.now[0]
+    assert believed["level"] == pytest.approx(nominal.sun_level, rel=0.3)
+    assert believed["heading"] + math.pi / 2 == pytest.approx(session.pose.heading, abs=0.1)
