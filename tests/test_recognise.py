@@ -8,6 +8,8 @@ import pytest
 
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
+from epuckhebb.runs.nominal import remembered_for
+from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.nominal import measure_nominal
 from epuckhebb.sim.adaptation.recognise.compass import LIT
 from epuckhebb.sim.adaptation.self_check.calibration import calibrate
@@ -131,3 +133,10 @@ def test_recognition_begins_after_a_calibration_that_counts():
     believed = session.life.adaptation.place.now[0]
     assert believed["level"] == pytest.approx(nominal.sun_level, rel=0.3)
     assert believed["heading"] + math.pi / 2 == pytest.approx(session.pose.heading, abs=0.1)
+
+
+def test_a_champion_that_came_near_no_wall_recognises_nothing():
+    settings, genome = config(TRAINED["light"]), load_genome("reference_4", "light")
+    nominal = replace(genome.nominal, gain_rad_s=settings.lifetime.gain_rad_s, sun=np.ones(3), echo=np.zeros((2, 0)))
+    with pytest.raises(ConfigError, match="needs echoes of walls to remember"):
+        remembered_for(replace(genome, nominal=nominal), settings, 1, print)
