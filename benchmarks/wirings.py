@@ -1,11 +1,11 @@
 """Tests champions of layers, CTRNN and Elman networks in the paper's worlds.
 
-It writes benchmarks/wirings.csv, of the seeds of which all champions are there.
+It writes a table (that of the page is benchmarks/wirings.csv) of the seeds whose champions are all there.
 
-The champions come of one command, in any number of folders, which are the arguments:
+The champions come of one command, in any number of folders, which follow the table as arguments:
 
     epuckhebb evolve -m "seed=range(401,413)" network.wiring=mlp,ctrnn,elman scenario=base,highlight hydra.sweep.dir=DIR
-    python benchmarks/wirings.py DIR
+    python benchmarks/wirings.py wirings.csv DIR
 """
 
 import sys
@@ -19,7 +19,6 @@ import epuckhebb
 WORLDS = {"base": ("base", "2obstacles", "4obstacles"), "highlight": ("highlight", "lowlight")}
 REPEATS = 10
 HELD = "ctrnn, held"  # its time constants hold at any wheel gain
-TABLE = Path(__file__).with_suffix(".csv")
 KEYS = ["experiment", "wiring", "seed", "scenario", "controller", "side"]
 
 
@@ -40,11 +39,12 @@ def rows_of(run: Path) -> pd.DataFrame:
 
 
 if __name__ == "__main__":
-    champions = [file.parent for folder in sys.argv[1:] for file in sorted(Path(folder).glob("*/champion.npz"))]
+    table_of, *folders = sys.argv[1:]
+    champions = [file.parent for folder in folders for file in sorted(Path(folder).glob("*/champion.npz"))]
     finished = [run for run in champions if '"state": "finished"' in (run / "status.json").read_text(encoding="utf-8")]
     table = pd.concat(map(rows_of, finished)).sort_values(KEYS)
     complete = table.groupby("seed").wiring.transform("nunique") == 4
     both = table.groupby(["seed", "wiring"]).experiment.transform("nunique") == 2
     table = table[complete & both.groupby(table.seed).transform("all")]
-    table.to_csv(TABLE, index=False)
-    print(f"{TABLE}: seeds {', '.join(map(str, sorted(table.seed.unique())))}")
+    table.to_csv(table_of, index=False)
+    print(f"{table_of}: seeds {', '.join(map(str, sorted(table.seed.unique())))}")

@@ -12,6 +12,7 @@ from cases import done, first_of, refused
 
 import epuckhebb
 from epuckhebb.analysis import reversal, reversal_figure
+from epuckhebb.analysis.image import image
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.sim.block import live_block
 from epuckhebb.sim.controller import GA_ALONE, Controller
@@ -299,5 +300,5 @@ def test_the_figure_and_table_of_no_switch_and_of_ties():
     table = reversal.table(metrics, trials, Reversal(), 1)
     assert table.rewarded_share.tolist() == [0.5, 0.5, 0.8625]
     assert table.low[0] < 0.5 < table.high[0]
-    assert reversal_figure.figure(table, trials, "a title").startswith(b"\x89PNG")
+    assert image(reversal_figure.figure(table, trials, "a title")).startswith(b"\x89PNG")
     assert "| optimum | 0.863 |" in reversal.to_markdown(table)

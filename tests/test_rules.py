@@ -136,7 +136,11 @@ def test_a_rule_is_compiled_once_and_then_comes_from_disk(monkeypatch, tmp_path)
     genes, seen = np.random.default_rng(0).uniform(-1, 1, network.synapses), []
     for _ in range(2):
         made, weights = kernel(one_update, learn=update_of(Simple, network)), genes.copy()
-        nothing, ones, numbers = np.empty((0, network.synapses)), np.ones(network.synapses), (1.0, 0.0, 0.2, 2.0)
+        nothing, ones, numbers = (
+            np.empty((0, network.synapses)),
+            np.ones(network.synapses),
+            tuple(Simple().numbers().values()),
+        )
         room = np.empty((3, network.synapses)), np.empty(weight_change_workspace(network))
         state, now = initial_synapse_state(Simple, network), StepContext(0.5, np.uint64(1), 0)
         made(weights, state, genes, nothing, np.ones(network.neurons), 0.5, now, np.empty(0), ones, numbers, *room)

@@ -219,8 +219,13 @@ def _changed(cfg: DictConfig, name: str, folders: Sequence[Path]) -> str:
     original = world_of(name, robot, folders, maze)
     task = plain(cfg.task) if "task" in cfg else None
     world = scenario_from(OmegaConf.to_object(cfg.scenario), maze, robot, task, plain(cfg.fitness), plain(cfg.physics))
+    if original is None:
+        return ""
     brought = _of_scenario("maze", name, folders)
-    return "" if original is None else world.changed_from(original, maze_from(brought) if brought else T_MAZE, EPUCK)
+    usual = maze_from(brought) if brought else T_MAZE
+    if cfg.scenario.start is not None:  # it takes the place of the start that the maze has
+        usual = replace(usual, start=world.maze.start)
+    return world.changed_from(original, usual, EPUCK)
 
 
 def _changed_lifetime(cfg: DictConfig, chosen: Mapping[str, str], folders: Sequence[Path]) -> Iterator[str]:

@@ -309,7 +309,7 @@ def _change(values: Plain, path: Path, changes: list[str], changeable: tuple[str
         if key not in changeable:
             raise ConfigError(
                 f"{change} cannot be given with {RESUME}: the evolution is resumed with the settings in "
-                f"{path}/.hydra/config.yaml; only {' and '.join(changeable)} may be changed"
+                f"{path}/.hydra/config.yaml; only these may be changed: {', '.join(changeable)}"
             )
         group, _, last = key.rpartition(".")
         try:

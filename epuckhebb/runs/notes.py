@@ -41,10 +41,10 @@ def showcase(genome: Genome, scenario: str = "", rate: float = 0.0) -> str:
     n = max(int(row["n"]) for row in known)
     here = {(row["scenario"], row["controller"], float(row["N"])): row["gained"] for row in known}
     cell = (scenario, HEBBIAN, rate)
-    pattern = "chosen because it shows the paper's pattern"
+    pattern = "chosen because it shows the paper's pattern in the paper's worlds"
     if cell in here:
         pattern = f"{here[cell]} of {n} champions fail in {scenario} without plasticity and succeed with N = {rate:g}"
-    return f"A showcase: {pattern}. All of them: -m genome={REFERENCE}_1,...,{REFERENCE}_{n}"
+    return f"A showcase: {pattern}. To run all {n}: epuckhebb evaluate -m genome={REFERENCE}_1,...,{REFERENCE}_{n}"
 
 
 @functools.cache

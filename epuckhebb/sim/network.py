@@ -61,7 +61,8 @@ class Network:
                 f"(left and right wheel), got {list(self.layers)}"
             )
         if self.synapses > MOST_SYNAPSES:
-            raise ValueError(f"network {self} has {self.synapses} weights or more; at most {MOST_SYNAPSES}")
+            which = "network.layers" if self.wiring is None else f"network.wiring={self.wiring.name}"
+            raise ValueError(f"{which}: network {self} has {self.synapses} weights or more; at most {MOST_SYNAPSES}")
 
     @cached_property
     def inputs(self) -> int:

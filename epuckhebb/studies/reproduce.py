@@ -153,7 +153,9 @@ def _findings(
     if given:
         who = f"genome {code(given.name)} (SHA-256 {given.sha256[:16]}…)"
     count = 1 if given else config.champions
-    paper: Mapping[str, Any] = yaml.safe_load((data_folder("conf") / "paper" / "tables.yaml").read_text("utf-8"))
+    paper: Mapping[str, Any] = yaml.safe_load(
+        (data_folder("conf") / "paper" / "tables.yaml").read_text(encoding="utf-8")
+    )
     found, tables = reproduction.findings_of(
         pd.concat([Run(study.path / one.test.run).table("metrics.csv") for one in champions], ignore_index=True),
         paper,
