@@ -25,6 +25,7 @@ from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.session import Individual, LostRobotError, Session
 from epuckhebb.store import Run
 from epuckhebb.store.genome import load_genome
+from epuckhebb.studies.champions import world_named
 
 ROOT = Path(__file__).parents[1]
 try:
@@ -196,6 +197,13 @@ def test_an_adaptation_is_added_in_three_dimensions_to_what_a_champion_knows_of_
     prepared = prepare(asked)
     rows, _ = prepared.run(prepared.remember(1), 1)
     assert {row["controller"] for row in rows} == {"GA", "best"}
+
+
+@needs_ode
+def test_a_champion_is_tested_in_the_physics_that_a_test_world_brings():
+    there = prepare(load(EvaluateConfig, ["scenario=base", "hebbian=none"])).in_world(world_named("base_3d", None))
+    assert there.config.world.physics.name == "ode"
+    assert training_world(there.config).physics.name == "pymunk"
 
 
 def test_the_page_has_what_the_gap_breaks_rescues_and_harms(generated):

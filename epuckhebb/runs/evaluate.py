@@ -33,6 +33,7 @@ from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.digest import UnknownPartError, digest
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.own_sensor import own_sensors, reading_names
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, evolved_sizes, functions_of, name_of
 from epuckhebb.sim.robot import EPUCK, Robot
 from epuckhebb.sim.scenario import TRAINED, Scenario
@@ -64,7 +65,8 @@ class Prepared:
             return self
         there = copy.copy(self.config)
         ours = self.config.world
-        there.world = replace(world, fitness=ours.fitness, physics=ours.physics)
+        physics = ours.physics if world.physics == PYMUNK else world.physics  # a world may bring its own
+        there.world = replace(world, fitness=ours.fitness, physics=physics)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
         return Prepared(config=there, genome=self.genome)
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis.self_checks import Checks, self_checks
 from epuckhebb.config import names
+from epuckhebb.config.parts import part_from
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.nominal import (
@@ -131,7 +132,8 @@ def _remembered(
 def training_world(config: EvaluateConfig) -> Scenario:
     """The world in which controllers of this experiment are evolved, in the maze of the evaluation, for its robot."""
     world, scenario = config.world, config.scenario.name
-    return names.training_world(world.experiment, scenario, config.maze, config.robot, world.physics)
+    physics = part_from("physics", config.physics, "physics")  # not that of a test world
+    return names.training_world(world.experiment, scenario, config.maze, config.robot, physics)
 
 
 def remember_training_world(

@@ -15,6 +15,7 @@ import pandas as pd
 
 from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.config import compose, plugins
+from epuckhebb.config.build import check_library
 from epuckhebb.config.names import world_of
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, Plain, dump
 from epuckhebb.config.stored import from_values
@@ -74,6 +75,7 @@ def world_named(name: str, config_dir: str | None) -> Scenario:
         raise ConfigError(f"scenario {name}: {error}") from error
     if world is None:
         raise ConfigError(f"there is no scenario {name} in {' or '.join(map(str, search_folders(config_dir)))}")
+    check_library(world)
     return replace(world, name=name)
 
 
