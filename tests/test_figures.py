@@ -23,6 +23,7 @@ from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.scenario import Scenario
+from epuckhebb.sim.wirings.elman import Elman
 
 ROOM = Maze(  # a room of 0.6 m by 0.4 m, off the middle, with a wall far away that nobody can get to
     name="room",
@@ -226,9 +227,13 @@ def test_titles_of_controllers(name, title):
     assert figures.controller_title(name) == title
 
 
-@pytest.mark.parametrize("layers", [(16, 7, 5, 8, 4, 2), (32, 7, 5, 8, 4, 2), (4, 2), (3, 40, 2)])
-def test_network_of_any_layers(drawn, layers):
-    network = Network(layers)
+@pytest.mark.parametrize(
+    ("layers", "wiring"),
+    [((16, 7, 5, 8, 4, 2), None), ((32, 7, 5, 8, 4, 2), None), ((4, 2), None), ((3, 40, 2), None)]
+    + [((4, 3, 2), Elman(hidden=3))],
+)
+def test_network_of_any_layers(drawn, layers, wiring):
+    network = Network(layers, wiring=wiring)
     genes = np.random.default_rng(1).uniform(-1, 1, network.synapses + 3)  # three more, of a rule
     samples = empty_samples(2, network)
     samples.weights[-1] = genes[: network.synapses]

@@ -11,6 +11,7 @@ from omegaconf import OmegaConf
 from epuckhebb.config import choices, compose, hydra_cache
 from epuckhebb.config.compose import _composed, composed
 from epuckhebb.config.schema import SCHEMAS
+from epuckhebb.runtime.resources import data_folder
 
 ASKED = [
     ("evaluate", []),
@@ -19,6 +20,8 @@ ASKED = [
     ("evaluate", ["hydra/launcher=joblib", "hydra.launcher.n_jobs=7", "hydra.job_logging.root=4", "hydra.run.dir=a"]),
     ("evaluate", ["adaptation=best", "maze=double_t", "robot=epuck_lidar", "task=reversal", "task.trials=12"]),
     ("evaluate", ["experiment=adaptive", "~hebbian.sign", "+hebbian.mine=3"]),
+    ("evaluate", ["scenario=highlight", "scenario=base", "change.a={light: 0.3}", "change={a: {light: 0.4}}"]),
+    ("evaluate", ["scenario=base", "scenario=highlight", "change={a: {light: 0.4}}", "change.a={light: 0.3}"]),
     ("evaluate", ["seed=3", "hydra.run.dir='${hydra.job.override_dirname}'"]),
     ("evaluate", ["change=[slip_left]", "change.mine={light: 0.3}", "scenario.light=0.5"]),
     ("evolve", ["optimizer=open_es", "optimizer.population=8", "training=varied"]),
@@ -149,3 +152,15 @@ def test_an_interpolation_in_a_list_of_defaults_is_resolved(tmp_path):
         file.parent.mkdir()
         file.write_text(f"# @package _global_\n{text}\n")
     assert composed("evaluate", ["experiment=mine"], str(tmp_path)).repeats == 3
+
+
+@pytest.mark.usefixtures("kept")
+def test_files_of_a_search_path_in_a_file_are_read_each_time(tmp_path):
+    usual, more = (data_folder("conf") / "evaluate.yaml").read_text(encoding="utf-8"), tmp_path / "more"
+    assert "\nhydra:\n" in usual
+    whole = usual.replace("\nhydra:\n", f"\nhydra:\n  searchpath: ['file://{more}']\n")
+    (tmp_path / "evaluate.yaml").write_text(whole, encoding="utf-8")
+    (more / "scenario").mkdir(parents=True)
+    for light in (0.4, 0.3):
+        (more / "scenario" / "mine.yaml").write_text(f"defaults: [base, _self_]\nlight: {light}\n", encoding="utf-8")
+        assert composed("evaluate", ["scenario=mine"], str(tmp_path)).scenario.light == light

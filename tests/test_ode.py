@@ -190,6 +190,19 @@ def test_a_life_changed_by_hand_is_kept_with_roll_and_pitch_and_repeats(here):
 
 
 @needs_ode
+def test_a_test_world_of_a_study_has_its_own_physics_or_that_of_the_study():
+    of_plane, of_ode = (prepare(load(EvaluateConfig, words)) for words in ([], ["physics=ode"]))
+    for prepared, name, physics in (
+        (of_plane, "base_3d", "ode"),
+        (of_plane, "4obstacles", "pymunk"),
+        (of_ode, "4obstacles", "ode"),
+    ):
+        there = prepared.in_world(world_named(name, None)).config
+        assert there.world.physics.name == physics
+        assert training_world(there).physics.name == prepared.config.world.physics.name
+
+
+@needs_ode
 def test_an_adaptation_is_added_in_three_dimensions_to_what_a_champion_knows_of_the_plane():
     asked = load(EvaluateConfig, ["scenario=base", "change=[3d]", "adaptation=best", "hebbian=none", "repeats=1"])
     assert asked.world.name == "base_3d"
@@ -197,13 +210,6 @@ def test_an_adaptation_is_added_in_three_dimensions_to_what_a_champion_knows_of_
     prepared = prepare(asked)
     rows, _ = prepared.run(prepared.remember(1), 1)
     assert {row["controller"] for row in rows} == {"GA", "best"}
-
-
-@needs_ode
-def test_a_champion_is_tested_in_the_physics_that_a_test_world_brings():
-    there = prepare(load(EvaluateConfig, ["scenario=base", "hebbian=none"])).in_world(world_named("base_3d", None))
-    assert there.config.world.physics.name == "ode"
-    assert training_world(there.config).physics.name == "pymunk"
 
 
 def test_the_page_has_what_the_gap_breaks_rescues_and_harms(generated):

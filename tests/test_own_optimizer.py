@@ -93,6 +93,8 @@ def test_runs_by_it_are_shown_replayed_and_rerun_without_the_file(copy):
     (copy / "my_optimizer.py").unlink()
     assert "Evolved by CmaMe, in training worlds unvaried" in done("show", "evolved").stdout
     done("replay", "evaluated")
+    done("figure", "evolved", "learning", "--format", "svg")
+    assert "CmaMe" in (copy / "evolved" / "figures" / "learning.svg").read_text(encoding="utf-8")
     for run in ("evaluated", "evolved"):
         assert "bit-identical" in done("rerun", run).stdout
     (file,) = Run(copy / "evolved").provenance["own_code"]

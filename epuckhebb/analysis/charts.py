@@ -20,7 +20,7 @@ from epuckhebb.analysis import leaderboard, rescue
 from epuckhebb.analysis.figures import SIDE_COLOUR, plain
 from epuckhebb.sim.controller import CONTROLS, GA
 from epuckhebb.sim.life import Samples
-from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer, initial_weights_of
+from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.sim.robot import EPUCK, Robot
 
 _WEIGHT_CHANGE = "weight change\n(mean of sum |W − W_gene|)"
@@ -349,12 +349,7 @@ def _heights(count: int, most: int) -> NDArray[np.float64]:
 
 def _synapse_ends(network: Network) -> NDArray[np.float64]:
     """Both ends of each connection in the drawing, (synapses, 2 ends, x and y)."""
-    most = max(network.inputs + 1, *network.post)
-    of_layers = []
-    for layer, places in enumerate(by_layer(network, np.zeros(network.synapses))):
-        pre, post = (_heights(count, most) for count in places.shape)
-        ends = np.empty((*places.shape, 2, 2))
-        ends[..., 0, 0], ends[..., 1, 0] = layer, layer + 1
-        ends[..., 0, 1], ends[..., 1, 1] = pre[:, None], post[None, :]
-        of_layers.append(ends.reshape(-1, 2, 2))
-    return np.concatenate(of_layers)
+    rows = (network.inputs + 1, *network.post)
+    places = np.array([(x, y) for x, count in enumerate(rows) for y in _heights(count, max(rows))])
+    pre, post = network.joined
+    return np.stack([places[pre], places[post]], axis=1)

@@ -74,7 +74,6 @@ def check(keys: FlockKeys, seed: int, repeats: int, threads: int) -> tuple[list[
     """
     check_counts({"seed": seed, "repeats": repeats, "threads": threads})
     check_range(keys.sweep, "flock.sweep", "repeats", least=1)
-    check_range(keys.sweep, "flock.sweep", "repeats", least=1)
     names = [keys.breaks] if isinstance(keys.breaks, str) else keys.breaks
     if not isinstance(names, list) or not names or len(set(map(str, names))) < len(names):
         raise ValueError(f"flock.breaks must be none, stranger, knower, or a list of different ones, got {keys.breaks}")

@@ -49,7 +49,7 @@ USERS = "command-line"  # who brings the user's folder, as Hydra names it for it
 OWN_SCHEME = "epuckhebb"  # of that folder, and of what is no file
 _CHANGES = "change"  # the group of changes
 _VALUES_OF_HYDRA = ("hydra.run.dir", "hydra.sweep.dir")
-_APART = re.compile(r"[+~]|hydra\.searchpath=")  # of these the order counts, or they add to the search path
+_APART = re.compile(r"[+~]")  # of these the order counts
 _MOST_FILES = 1000  # of a user's folder; of more, nothing is kept
 _MOST_KEPT = 300  # files; all are removed then
 _CHECKSUM = 32  # bytes
@@ -141,7 +141,7 @@ def keep_compositions() -> None:
             return whole(overrides)
         words = parsed(overrides)
         values = [word for word in words if _is_value(config_name, word)]
-        others = sorted(str(word.input_line) for word in words if word not in values)
+        others = [str(word.input_line) for word in words if word not in values]  # in order: the last of a group counts
         cfg = _kept(hashlib.sha256(repr((state, config_name, others)).encode()).hexdigest(), lambda: whole(others))
         try:
             for word in values:
@@ -164,7 +164,8 @@ def _is_value(command: str, word: Override) -> bool:
     plain = str(word.input_line).startswith(f"{key}=") and word.package is None and not word.is_sweep_override()
     if key.partition(".")[0] == "hydra":
         return plain and key in _VALUES_OF_HYDRA
-    return plain and ("." in key or (key in known_keys(command) and key not in groups(command)))
+    of_keys = "." in key or isinstance(word.value(), dict)  # a group is given settings, not a choice
+    return plain and (of_keys or (key in known_keys(command) and key not in groups(command)))
 
 
 def _state(loader: ConfigLoaderImpl) -> str | None:
@@ -216,6 +217,8 @@ def _kept(key: str, make: Callable[[], DictConfig]) -> DictConfig:
     except (OSError, RuntimeError):  # RuntimeError: no folder of the user is known
         return make()
     made = make()
+    if made.hydra.searchpath or made.hydra.job.env_copy:  # it depends on other files, or on the environment
+        return made
     with suppress(OSError, pickle.PicklingError):  # in such a worker, where a class is not what its name says
         content = pickle.dumps(made)
         folder.mkdir(parents=True, exist_ok=True)

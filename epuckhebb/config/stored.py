@@ -20,6 +20,7 @@ from epuckhebb.sim.own_fitness import PAPER_FITNESS
 from epuckhebb.sim.wiring import LAYERS
 
 _STAND_IN = "oja"  # has no settings of its own, and cannot be taken for the paper's
+_OPTIMIZER = "sep_cma_es"  # fits any training; stands for one of the user's
 _OWN_SIGNAL = Signal.fitness.name
 
 
@@ -89,6 +90,8 @@ def without_own_code(values: Plain) -> Plain:
     values["fitness"] = {"function": PAPER_FITNESS.name}
     if ":" in str(_within(values, "network").get("wiring")):
         values["network"] = {"wiring": LAYERS}  # a page has the neurons and synapses that were recorded
+    if ":" in str(_within(values, "optimizer").get("algorithm")):
+        values["optimizer"] = {"algorithm": _OPTIMIZER}
     for rule in rules:
         for key in [key for key in rule if key not in ("N", "sign", "name", "adaptation")]:
             del rule[key]

@@ -18,7 +18,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.life import Samples
 from epuckhebb.sim.tasks.reversal import Reversal
-from epuckhebb.store import Run, write_atomic
+from epuckhebb.store import Run, load_genome, write_atomic
 
 _LEAST_SHARE, _MOST_MM = 0.5, 1000.0  # of a figure's own width, below which its letters overlap; of any figure
 
@@ -61,7 +61,8 @@ def _reversal(run: Run) -> Figure:
 
 
 def _learning(run: Run) -> Figure:
-    return of_runs.learning(_config(run, EvolveConfig), run.table("history.csv"))
+    optimizer = load_genome(str(run.path), "").optimizer  # the settings may name one of the user's, which is not loaded
+    return of_runs.learning(_config(run, EvolveConfig), optimizer, run.table("history.csv"))
 
 
 def _dose_response(run: Run) -> Figure:

@@ -60,12 +60,15 @@ class Prepared:
     genome: Genome
 
     def in_world(self, world: Scenario) -> "Prepared":
-        """The same evaluation in another world of its experiment, for as long as lifetimes last there."""
+        """The same evaluation in another world of its experiment, for as long as lifetimes last there.
+
+        The physics is that of the world if this brings one, as `base_3d` does.
+        """
         if world.name == self.config.world.name:
             return self
         there = copy.copy(self.config)
         ours = self.config.world
-        physics = ours.physics if world.physics == PYMUNK else world.physics  # a world may bring its own
+        physics = ours.physics if world.physics == PYMUNK else world.physics
         there.world = replace(world, fitness=ours.fitness, physics=physics)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
         return Prepared(config=there, genome=self.genome)

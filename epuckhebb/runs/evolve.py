@@ -216,7 +216,8 @@ def evolve_into(
             from epuckhebb.runs import figures  # matplotlib takes a while to load
 
             history = pd.read_csv(io.StringIO(after.history))
-            run.write(f"figures/learning.{kind}", figures.file_of("learning", kind, config, history))
+            drawn = figures.file_of("learning", kind, config, config.algorithm.name, history)
+            run.write(f"figures/learning.{kind}", drawn)
 
 
 def _write_generation(run: RunFolder, state: Checkpoint, prepared: Prepared) -> None:

@@ -25,7 +25,7 @@ def reversal(config: EvaluateConfig, genome: str, shares: pd.DataFrame, trials: 
     return reversal_figure.figure(shares, trials, title)
 
 
-def learning(config: EvolveConfig, history: pd.DataFrame) -> Figure:
-    """Fitness over the generations of an evolution."""
-    title = f"{config.world.name}, seed {config.seed}, {config.algorithm.name}"
+def learning(config: EvolveConfig, optimizer: str, history: pd.DataFrame) -> Figure:
+    """Fitness over the generations of an evolution. optimizer: its name."""
+    title = f"{config.world.name}, seed {config.seed}, {optimizer}"
     return charts.learning_curves({title: [history]})

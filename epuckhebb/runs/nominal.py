@@ -131,9 +131,8 @@ def _remembered(
 
 def training_world(config: EvaluateConfig) -> Scenario:
     """The world in which controllers of this experiment are evolved, in the maze of the evaluation, for its robot."""
-    world, scenario = config.world, config.scenario.name
-    physics = part_from("physics", config.physics, "physics")  # not that of a test world
-    return names.training_world(world.experiment, scenario, config.maze, config.robot, physics)
+    scenario, physics = config.scenario.name, part_from("physics", config.physics, "physics")  # not that of a test
+    return names.training_world(config.world.experiment, scenario, config.maze, config.robot, physics)
 
 
 def remember_training_world(
