@@ -82,6 +82,7 @@ evolve optimizer=sep_cma_es ga=as_coded                 | optimizer.population
 evolve optimizer.algorithm=sep_cma_es                   | optimizer=ga
 evolve optimizer.population=20                          | optimizer.population
 evolve hebbian=paper genome=reference                   | nothing would be evolved
+evolve hebbian=carried                                  | hebbian.carries_history
 evolve genome=reference                                 | nothing would be evolved
 evolve hebbian=modulated hebbian.reward=inverted        | hebbian.reward
 evolve hebbian=abcd hebbian.reward=inverted             | rule abcd

@@ -212,6 +212,11 @@ class EvolveConfig(WorldConfig):
         self.controller = controller_from(self.hebbian, Adaptation())
         check_signal(self.controller, self.world)
         check_task(self.controller, self.world.task)
+        if self.controller.rule.carries_history:
+            raise ValueError(
+                "hebbian.carries_history=true is for `epuckhebb evaluate`; in evolution no lifetime follows another: "
+                "give hebbian.carries_history=false"
+            )
         self.algorithm = optimizer_from(self.optimizer, self.ga)
         self.schedule = self.algorithm.schedule(self.training, self.lifetime)
         self.training.check(self.world, self.lifetime, self.schedule.loops)
