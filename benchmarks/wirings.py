@@ -1,6 +1,6 @@
 """Tests champions of layers, CTRNN and Elman networks in the paper's worlds.
 
-It writes runs/reference/wirings/champions.csv, of the seeds of which all champions are there.
+It writes benchmarks/wirings.csv, of the seeds of which all champions are there.
 
 The champions come of one command, in any number of folders, which are the arguments:
 
@@ -19,7 +19,7 @@ import epuckhebb
 WORLDS = {"base": ("base", "2obstacles", "4obstacles"), "highlight": ("highlight", "lowlight")}
 REPEATS = 10
 HELD = "ctrnn, held"  # its time constants hold at any wheel gain
-TABLE = Path(__file__).parents[1] / "runs" / "reference" / "wirings" / "champions.csv"
+TABLE = Path(__file__).with_suffix(".csv")
 KEYS = ["experiment", "wiring", "seed", "scenario", "controller", "side"]
 
 
@@ -46,6 +46,5 @@ if __name__ == "__main__":
     complete = table.groupby("seed").wiring.transform("nunique") == 4
     both = table.groupby(["seed", "wiring"]).experiment.transform("nunique") == 2
     table = table[complete & both.groupby(table.seed).transform("all")]
-    TABLE.parent.mkdir(parents=True, exist_ok=True)
     table.to_csv(TABLE, index=False)
     print(f"{TABLE}: seeds {', '.join(map(str, sorted(table.seed.unique())))}")

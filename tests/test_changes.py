@@ -152,7 +152,7 @@ def test_changes_agree_with_the_oracle(genomes, beside_the_oracle):
         {"at_s": 9.0, "obstacles": 4, "left_wheel": 0.8},
         {"at_s": 12.0, "goals": {"right": (0.2, 0.16)}, "dead_sensors": []},
         {"at_s": 15.0, "mass_ratio": 4.0, "right_slip": 0.5},
-        {"at_s": 18.0, "mass_ratio": 1.0, "distance_gain": 1.3},
+        {"at_s": 18.0, "mass_ratio": 1.0, "distance_gain": 1.3, "sensor_delay_steps": 20, "wheel_delay_steps": 5},
         {"at_s": 20.0, "obstacles": 2, "layout": 4, "light": 0.2},
     )
     outcome, *_ = beside_the_oracle(genomes[1], "right", world, LEARNING, seconds=40)

@@ -1,4 +1,4 @@
-"""The page of recurrent controllers shows what is in runs/reference/wirings/champions.csv."""
+"""The page of recurrent controllers shows what is in benchmarks/wirings.csv."""
 
 from pathlib import Path
 
@@ -54,7 +54,7 @@ def cells(experiment, wiring, rows, layers):
 
 
 def test_the_page_shows_the_table_of_champions(generated):
-    table = pd.read_csv(ROOT / "runs" / "reference" / "wirings" / "champions.csv")
+    table = pd.read_csv(ROOT / "benchmarks" / "wirings.csv")
     lines, seeds = [], sorted(table.seed.unique())
     for experiment in TRAINED:
         own = table[table.experiment == experiment]

@@ -8,10 +8,13 @@ import pytest
 
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
+from epuckhebb.runs.nominal import remembered_for
+from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.nominal import measure_nominal
 from epuckhebb.sim.adaptation.recognise.compass import LIT
+from epuckhebb.sim.adaptation.self_check.calibration import calibrate
 from epuckhebb.sim.light import SUN_IRRADIANCE, SUN_X, SUN_Y
-from epuckhebb.sim.maze import SIDES
+from epuckhebb.sim.maze import SIDES, Pose
 from epuckhebb.sim.random import Stream, key
 from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.sim.session import Individual, Session
@@ -107,3 +110,33 @@ MOST = {
     "recognised away from the goal": 0.002,
 }
 LEAST = {"lamp, right at the end": 0.98, "at the goal in the end, recognised": 0.98}
+
+
+@pytest.mark.thorough
+def test_recognition_begins_after_a_calibration_that_counts():
+    settings, genome = config(TRAINED["light"]), load_genome("reference_4", "light")
+    main = settings.controllers[0]
+    both = replace(main.adaptation, self_check=True, calibration_counts=True)
+    calibration = calibrate(settings.world, "left", np.uint64(5))
+    nominal = measure_nominal(genome.weights, settings.world).of("left")
+    individual = Individual(
+        genes=genome.genes,
+        side="left",
+        key=np.uint64(5),
+        controller=replace(main, adaptation=both),
+        nominal=nominal,
+        calibration=calibration,
+        start=Pose(*calibration.poses[-1].tolist()),
+    )
+    session = Session(individual, settings.world, replace(settings.lifetime, record_every=0))
+    session.step(200)
+    believed = session.life.adaptation.place.now[0]
+    assert believed["level"] == pytest.approx(nominal.sun_level, rel=0.3)
+    assert believed["heading"] + math.pi / 2 == pytest.approx(session.pose.heading, abs=0.1)
+
+
+def test_a_champion_that_came_near_no_wall_recognises_nothing():
+    settings, genome = config(TRAINED["light"]), load_genome("reference_4", "light")
+    nominal = replace(genome.nominal, gain_rad_s=settings.lifetime.gain_rad_s, sun=np.ones(3), echo=np.zeros((2, 0)))
+    with pytest.raises(ConfigError, match="needs echoes of walls to remember"):
+        remembered_for(replace(genome, nominal=nominal), settings, 1, print)

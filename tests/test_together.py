@@ -138,12 +138,16 @@ def test_distance_sensors_see_other_robots_as_discs():
         ({"starts": [Pose(0, 0, 0), Pose(0.98, 0, 0)]}, "robot 1 of 2 does not fit"),
         ({"adaptation": Adaptation(change_signal="late")}, "cannot have an adaptation"),
         ({"changes": ({"at_s": 1.0, "light": 1.0},)}, "never changes"),
+        ({"record": True}, "are not recorded"),
+        ({"after": individuals([Pose(0, 0, 0)])[0]}, "carry no history"),
         ({"task": Reversal(), "lamp": Lamp(intensity=0.0)}, "one trial"),
     ],
-    ids=["count", "overlap", "wall", "adaptation", "changes", "trials"],
+    ids=["count", "overlap", "wall", "adaptation", "changes", "record", "after", "trials"],
 )
 def test_what_does_not_work_together_is_refused(change, message):
     starts = change.pop("starts", in_arena(change.pop("count", 3)))
     controller = Controller(name="x", rule=Paper(N=0.002), adaptation=change.pop("adaptation", Adaptation()))
+    own = {name: change.pop(name) for name in ("record", "after") if name in change}
+    robots = [replace(one, **own) for one in individuals(starts, controller)]
     with pytest.raises(ValueError, match=message):
-        Together(individuals(starts, controller), Scenario(maze=ARENA, **change))
+        Together(robots, Scenario(maze=ARENA, **change))

@@ -43,7 +43,7 @@ def remembered_for(genome: Genome, config: EvaluateConfig, threads: int, report:
     It is in the champion's file, or is measured in the training world again; then `report` is given a sentence.
 
     Raises:
-        ConfigError: The champion remembers another experiment, never arrived, or cannot check itself.
+        ConfigError: The champion remembers another experiment, arrived nowhere, met no wall, or cannot check itself.
     """
     adaptations = [controller.adaptation for controller in config.controllers]
     genes, network, gain = genome.network_genes, genome.network, config.lifetime.gain_rad_s
@@ -63,6 +63,11 @@ def remembered_for(genome: Genome, config: EvaluateConfig, threads: int, report:
             raise ConfigError(
                 f"adaptation.change_signal=late needs a time to the goal to remember, and genome={genome.name} reached "
                 f"neither goal in {nominal.scenario}; give a champion that does, or change_signal=novelty or shortfall"
+            )
+        if any(one.recognise for one in adaptations) and not nominal.has_facts:
+            raise ConfigError(
+                f"adaptation.recognise=true needs echoes of walls to remember, and genome={genome.name} came near "
+                f"none in {nominal.scenario}; give another maze, or adaptation.recognise=false"
             )
     if any(one.self_check for one in adaptations):
         missing = "has no memory for a self-check" if genome.self_memory is None else ""

@@ -133,9 +133,9 @@ def _miscalibrated(robot: Robot) -> Callable[..., None]:
         if faults.levels > 0:
             for i in range(inputs):
                 readings[i] = math.floor(readings[i] * (faults.levels - 1.0) + 0.5) / (faults.levels - 1.0)
+        for i in range(inputs):  # kept always: a delay may begin during the lifetime
+            now[i] = readings[i]
         if faults.sensor_delay > 0:
-            for i in range(inputs):
-                now[i] = readings[i]
             then = past[max(0, step - faults.sensor_delay) % past.shape[0]]
             for i in range(inputs):
                 readings[i] = then[i]
@@ -147,10 +147,10 @@ def _miscalibrated(robot: Robot) -> Callable[..., None]:
 def _slow_and_slipping(
     faults: Faults, tally: Any, past: Floats, left: float, right: float, gain: float, key: np.uint64, step: int
 ) -> tuple[float, float]:
+    commands, now = past.shape[1] - 2, past[step % past.shape[0]]
+    now[commands], now[commands + 1] = left, right
     if faults.wheel_delay > 0:
-        commands = past.shape[1] - 2
-        now, then = past[step % past.shape[0]], past[max(0, step - faults.wheel_delay) % past.shape[0]]
-        now[commands], now[commands + 1] = left, right
+        then = past[max(0, step - faults.wheel_delay) % past.shape[0]]
         left, right = (then[commands], then[commands + 1]) if step >= faults.wheel_delay else (0.0, 0.0)
     left = gain * faults.left_wheel * left * grip(faults.left_slip, key, step, 0)
     right = gain * faults.right_wheel * right * grip(faults.right_slip, key, step, 1)

@@ -75,8 +75,8 @@ def goal_signal(
     if signal.chance > 0:
         return step >= uniform(key, _START) * signal.chance
     here = distance < radius * signal.radius_ratio
+    past[step % past.shape[0]] = here
     if signal.delay > 0:
-        past[step % past.shape[0]] = here
         here = step >= signal.delay and past[(step - signal.delay) % past.shape[0]]
     if signal.false_share > 0.0 and uniform(key, _SPELLS + step // SPELL) < signal.false_share:
         here = not here

@@ -359,12 +359,13 @@ class CalibrationRecord(NamedTuple):
     """The calibration manoeuvre of a robot before its lifetime.
 
     poses: (steps + 1, 3) x, y [m], heading [rad]. speeds: (steps, 2) commanded wheel speeds [rad/s]. readings: (steps,
-    inputs) sensor readings.
+    inputs) sensor readings. past: what late sensors and wheels need, with commands in rad/s (`epuckhebb.sim.faults`).
     """
 
     poses: Floats
     speeds: Floats
     readings: Floats
+    past: Floats
 
 
 def count_calibration(
@@ -379,6 +380,8 @@ def count_calibration(
     tally["step"], tally["away_s"] = steps, steps * STEP_S
     tally["path_length"] = np.hypot(*np.diff(calibration.poses[:, :2], axis=0).T).sum()
     life.adaptation.recent[:inputs] = calibration.readings[-1]
+    life.past[:] = calibration.past
+    life.past[:, inputs:] /= gain
     if record_every:
         recorded = np.arange(0, steps, record_every)
         places = slice(0, len(recorded))

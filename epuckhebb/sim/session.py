@@ -36,7 +36,7 @@ from epuckhebb.sim.life import (
 )
 from epuckhebb.sim.look import look_kernel
 from epuckhebb.sim.maze import Pose, Side
-from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
+from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.sim.not_compiled import NotCompiledError, explained
 from epuckhebb.sim.own_fitness import FitnessError, example_arguments, facts_of, score_of
 from epuckhebb.sim.own_sensor import Sensor, own_sensors
@@ -205,6 +205,8 @@ class Session:
         self._phases = self._stage.phases_of(world, self.steps, self._phase)
         who, more_faults = self.individual, have_more_faults(self._phases)
         live = self._stage.kind_of(who.controller, who.network, more_faults).live
+        if live is not self._kind.live:  # a kernel without delays has kept no readings: those before count as the last
+            self.life.past[:] = np.append(self.life.activation[: world.robot.inputs], self.life.activation[-OUTPUTS:])
         self._kind = self._kind._replace(live=live)
         self._enter(self._phases.pop(0))
 

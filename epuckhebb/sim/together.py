@@ -33,7 +33,7 @@ class Together:
 
     Raises:
         ValueError: they differ in more, overlap, or do not fit the maze; or they have an adaptation, the world changes,
-            or its task has many trials, which do not work together.
+            its task has many trials, or one is recorded or carries history, which do not work together.
     """
 
     def __init__(self, individuals: Sequence[Individual], world: Scenario, lifetime: Lifetime | None = None) -> None:
@@ -116,11 +116,13 @@ def _check(individuals: Sequence[Individual], world: Scenario) -> None:
     for name in _SHARED:
         if any(getattr(one, name) != getattr(individuals[0], name) for one in individuals):
             raise ValueError(f"robots in one space must have the same {name}")
+    if any(one.record or one.after is not None for one in individuals):
+        raise ValueError("robots in one space are not recorded, and carry no history; give record=False, after=None")
     if individuals[0].controller.adaptation.acts or any(one.calibration for one in individuals):
         raise ValueError("robots in one space cannot have an adaptation; give each a controller without one")
     if world.physics != PYMUNK:
         raise ValueError(f"robots in one space need physics={PYMUNK.name}, got {world.physics.name}")
-    if len(world.phases) > 1 or world.task.has_trials:
+    if len(world.phases) > 1 or world.task.has_trials or world.put is not None:
         raise ValueError(f"robots in one space need a world that never changes, and one trial, got {world.name}")
 
 

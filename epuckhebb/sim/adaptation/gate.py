@@ -78,7 +78,7 @@ def gates(
     ) -> float:
         update_recent(state.recent, readings, fitness, step)
         if recognises:
-            at_goal = is_here(state.place, readings, nominal, step)
+            at_goal = is_here(state.place, readings, nominal)
         else:
             at_goal = goal_signal(trial.signal, tally.goal_distance, trial.goal_radius, state.signal, key, step)
         tally.arrived = tally.arrived or at_goal
@@ -108,5 +108,5 @@ def gates(
 
 
 @compiled
-def _never(place: Any, readings: Floats, nominal: NominalOfSide, step: int) -> bool:
+def _never(place: Any, readings: Floats, nominal: NominalOfSide) -> bool:
     return False

@@ -28,7 +28,8 @@ _STRAIGHT, _OPEN = math.radians(12.0), math.radians(160.0)
 
 NOW = np.dtype(
     [
-        ("heading", np.float64),  # rad since the start, anticlockwise
+        ("step", np.int64),  # from the start of recognition: a calibration may come before
+        ("heading", np.float64),  # rad since then, anticlockwise
         ("turning", np.float64),  # rad in the next step
         ("left", np.float64),  # commanded speed of the left wheel, rad/s
         ("right", np.float64),
@@ -90,7 +91,7 @@ def check_recognition(robot: Robot) -> None:
 
 
 def recognition(robot: Robot) -> Callable[..., bool]:
-    """The function `recognised(place, readings, nominal, step)` of a robot: whether it believes to be at its goal.
+    """The function `recognised(place, readings, nominal)` of a robot: whether it believes to be at its goal.
 
     Raises:
         ValueError: the robot lacks the sensors.
@@ -117,11 +118,13 @@ def recognition(robot: Robot) -> Callable[..., bool]:
         return wrong
 
     @compiled
-    def recognised(place: PlaceState, readings: Floats, nominal: NominalOfSide, step: int) -> bool:
+    def recognised(place: PlaceState, readings: Floats, nominal: NominalOfSide) -> bool:
         now = place.now[0]
+        step = now.step
         turn(now)
         look(now, place.dark, place.bright, readings, nominal, step)
         feel(now, place.echo, place.floor, place.wall, place.seen, readings, nominal, step)
+        now.step += 1
         lit = now.lamp >= LIT
         end = LEFT if lit == (nominal.lamp_side > 0.0) else RIGHT
         now.steady = now.steady + 1.0 if looks_like_the_end(place.wall, place.seen, end) else 0.0

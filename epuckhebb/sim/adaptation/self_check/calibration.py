@@ -45,7 +45,7 @@ STEPS = _steps()  # (124, 2) of the left and the right wheel, in shares of the m
 
 # The parts of the manoeuvre, as the paper's robot has them; `_kernel_of` puts those of another in their place.
 sense, blind, draw_noise, move = senses(EPUCK, PYMUNK), blinding(EPUCK), normal_numbers(EPUCK.inputs), mover(EPUCK)
-apply_sensor_faults, turn_wheels = faults.hooks(EPUCK, more=False)
+apply_sensor_faults, turn_wheels = faults.hooks(EPUCK, more=True)
 
 
 def drive(
@@ -57,14 +57,12 @@ def drive(
     workspace: Workspace,
     tallies: NDArray[np.void],
     calibration: CalibrationRecord,
-    past: Floats,
 ) -> None:
     """Drive the manoeuvre with the robot that stands in `space`, sensing and moving as in a lifetime.
 
     key: of the sensor noise. tallies: one record of `TALLY`. calibration: its speeds are commanded, the rest is filled.
-    past: as `faults.initial_past`.
     """
-    tally = tallies[0]
+    tally, past = tallies[0], calibration.past
     x, y, heading = pose(space)
     for step in range(calibration.speeds.shape[0]):
         calibration.poses[step, 0], calibration.poses[step, 1], calibration.poses[step, 2] = x, y, heading
@@ -84,8 +82,8 @@ def drive(
 
 
 @cache
-def _kernel_of(robot: Robot, physics: Physics, more_faults: bool) -> Any:
-    apply_sensor_faults, turn_wheels = faults.hooks(robot, more_faults)
+def _kernel_of(robot: Robot, physics: Physics) -> Any:
+    apply_sensor_faults, turn_wheels = faults.hooks(robot, more=True)
     return kernel(
         drive,
         sense=senses(robot, physics),
@@ -113,9 +111,10 @@ def calibrate(
         poses=np.zeros((len(STEPS) + 1, 3)),
         speeds=robot.motor_limit_rad_s * STEPS,
         readings=np.zeros((len(STEPS), robot.inputs)),
+        past=faults.initial_past(robot),
     )
     trial = trial_of(world, side)
-    _kernel_of(robot, world.physics, trial.faults.more)(
+    _kernel_of(robot, world.physics)(
         space.handles,
         lights_of(world, lamp_on=side == "right"),
         trial,
@@ -124,7 +123,6 @@ def calibrate(
         workspace_for(Network((robot.inputs, *HIDDEN, OUTPUTS)), robot, world.physics),
         np.zeros(1, TALLY),
         calibration,
-        faults.initial_past(robot),
     )
     return calibration
 
