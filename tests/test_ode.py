@@ -25,6 +25,7 @@ from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.session import Individual, LostRobotError, Session
 from epuckhebb.store import Run
 from epuckhebb.store.genome import load_genome
+from epuckhebb.studies import leaderboard_plan
 from epuckhebb.studies.champions import world_named
 
 ROOT = Path(__file__).parents[1]
@@ -200,6 +201,14 @@ def test_a_test_world_of_a_study_has_its_own_physics_or_that_of_the_study():
         there = prepared.in_world(world_named(name, None)).config
         assert there.world.physics.name == physics
         assert training_world(there).physics.name == prepared.config.world.physics.name
+
+
+@needs_ode
+def test_a_method_that_evolves_in_three_dimensions_is_tested_there(tmp_path):
+    (tmp_path / "method").mkdir()
+    (tmp_path / "method" / "deep.yaml").write_text("evolve: {physics: ode, optimizer: ga}\n", encoding="utf-8")
+    planned = leaderboard_plan.plan("obstacles", ["methods=deep", "champions=1"], config_dir=str(tmp_path))
+    assert [job.config["config"]["physics"]["kind"] for job in planned.jobs] == ["ode", "ode"]
 
 
 @needs_ode

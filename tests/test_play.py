@@ -504,8 +504,8 @@ def test_from_python(here):
         live.close()
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.1", int(port)))
-    for wrong in ({"side": "up"}, {"scenario": "nowhere"}, {"genome": "none.npz"}):
-        with pytest.raises(ValueError, match=r"side|nowhere|none\.npz"):
+    for wrong in ({"side": "up"}, {"scenario": "nowhere"}, {"genome": "none.npz"}, {"genome": "latest"}):
+        with pytest.raises(ValueError, match=r"side|nowhere|none\.npz|no run of `epuckhebb evolve`"):
             epuckhebb.play(**wrong)
     assert list(here.iterdir()) == []
 

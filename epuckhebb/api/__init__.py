@@ -157,8 +157,8 @@ def play(
     """
     if side not in SIDES:
         raise ConfigError(f"side must be {' or '.join(SIDES)}, got {side!r}")
-    folder = _folder(config_dir)
-    words = as_evolved([f"genome={quoted(str(genome))}", *overrides_of(overrides, keys)], folder)
+    folder, path = _folder(config_dir), resolve_run(genome, "evolve") if str(genome) == LATEST else genome
+    words = as_evolved([f"genome={quoted(str(path))}", *overrides_of(overrides, keys)], folder)
     return Live(Play(words, "right" if side == "right" else "left", folder))
 
 

@@ -33,7 +33,7 @@ class Method:
             if nothing is evolved.
         evaluate: Settings of `epuckhebb evaluate` by key: what is added to the champions of `champions_of`.
         matched_control: The method that is the same but has no plasticity; for a method without plasticity, the one
-            that has another network, fitness or optimizer. For a method that takes another's champions, that other.
+            that has another network, fitness, physics or optimizer. For one that takes another's champions, that other.
         description: What it is.
     """
 

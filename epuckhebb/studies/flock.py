@@ -78,7 +78,8 @@ def _identity(job: Plain) -> str:
     config = from_values(job["config"], FlockConfig, "a job of flock")
     rows = [(row.name, repr(row.coupling), row.other) for row in config.rows]
     own = [file.digest for file in plugins.own_files(job["config"]).values()]  # wherever they are
-    depends = [rows, repr(config.cells[job["cell"]]), config.seed, own, provenance.science_version()]
+    program = provenance.science_version(), provenance.versions(provenance.NUMERIC)
+    depends = [rows, repr(config.cells[job["cell"]]), config.seed, own, *program]
     return f"flock_{provenance.digest(depends)[:12]}"
 
 

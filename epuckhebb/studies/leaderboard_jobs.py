@@ -16,6 +16,7 @@ from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, LeaderboardCon
 from epuckhebb.runs import evaluate, evolve
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.task import Task
@@ -24,7 +25,7 @@ from epuckhebb.studies.jobs import Job
 
 REVERSAL = board.REVERSAL
 _NAMES = re.compile(r"[^\[\],\s'\"]+")  # in a value of a sweep, one or a list of them
-_PARTS = ("network", "fitness")  # groups of settings with which champions are tested as they evolved
+_PARTS = ("network", "fitness", "physics")  # groups of settings with which champions are tested as they evolved
 _OF_RULES = ("merges", "merge_every")  # settings of optimizers that concern nothing but rules
 
 
@@ -195,8 +196,9 @@ def _but_for_plasticity(config: EvolveConfig) -> dict[str, object]:
     return {
         "optimizer": optimizer,
         "training": config.training,
-        "scenario": replace(config.world, fitness=PAPER_FITNESS),
+        "scenario": replace(config.world, fitness=PAPER_FITNESS, physics=PYMUNK),
         "lifetime": config.lifetime,
         "fitness": config.world.fitness,
         "network": config.shape,
+        "physics": config.world.physics,
     }
