@@ -88,7 +88,7 @@ FINDINGS = [  # sentence, table, what is counted, of what, the row
         *("rescue_and_harm", "rescued", "broken", IN_LIGHT | {"scenario": "lowlight"}),
     ),
     (
-        "The same rule harms most trials of the light experiment, although nothing has changed",
+        "The same rule harms most trials in the training world of the light experiment, where nothing has changed",
         *("rescue_and_harm", "harmed", "intact", IN_LIGHT | {"scenario": "highlight"}),
     ),
     (
@@ -99,8 +99,8 @@ FINDINGS = [  # sentence, table, what is counted, of what, the row
         {"experiment": "light", "controller": "find_and_learn_to_stay (anti)"},
     ),
     (
-        "Ten robots [learn whom to listen to](docs/flock.md), and one of two that know the way breaks. Couplings by "
-        "live fitness keep the flock on course, couplings by influence never do",
+        "Ten robots [learn whom to listen to](docs/flock.md), until one that knows the way breaks. Couplings by live "
+        "fitness keep the flock on course, couplings by transfer entropy never do",
         *("flock/flock", "good", "runs", {**USUAL_FLOCK, "breaks": "knower", "coupling": "live_fitness"}),
     ),
     (

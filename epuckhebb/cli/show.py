@@ -1,5 +1,7 @@
 """Prints what a run or a folder of runs holds, in the terminal or as JSON."""
 
+import re
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store import CONFIG, Run, below_runs, load_genome, of_multirun, resolve_run
 
 _LATEST = 10  # runs that are listed when none is named
+_NEEDED = re.compile(r"(hebbian|network|physics|robot)[.=]")  # settings without which a champion is not what it was
 _CHANGED = {"light": "lowlight", "obstacles": "4obstacles"}  # a changed world of each experiment
 _MANY = 6  # files of a folder that are counted and not named
 
@@ -66,7 +69,9 @@ def _print_next_steps(run: Path, console: Console) -> None:
     else:
         changed = _CHANGED[champion.nominal.experiment if champion.nominal else "obstacles"]
         print_line(console, "What it remembers of its training world: epuckhebb show latest")
-        print_line(console, f"To evaluate it in a changed world: epuckhebb evaluate genome=latest scenario={changed}")
+        needed = [word for word in Run(run).provenance["overrides"] if _NEEDED.match(word)]
+        words = " ".join(["genome=latest", f"scenario={changed}", *map(shlex.quote, needed)])
+        print_line(console, f"To evaluate it in a changed world: epuckhebb evaluate {words}")
 
 
 def _print_multirun(finished: list[Path], console: Console, *, each: bool) -> None:
