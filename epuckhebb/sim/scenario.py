@@ -265,7 +265,7 @@ class Scenario:
     def changed_from(self, named: "Scenario", maze: Maze = T_MAZE, robot: Robot = EPUCK) -> str:
         """What differs from another scenario in this maze with this robot, as overrides; empty if nothing."""
         words = []
-        if self.maze.start != named.maze.start:
+        if self.maze != named.maze and self.maze == replace(named.maze, start=self.maze.start):
             x, y, heading = self.maze.start
             words.append(f"start={x:g}/{y:g}/{math.degrees(heading):g}")
             maze = replace(maze, start=self.maze.start)
