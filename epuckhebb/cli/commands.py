@@ -253,10 +253,7 @@ def flock(
 
 @app.command(cls=ConfiguredCommand)
 def sweep(
-    name: Annotated[
-        str,
-        typer.Argument(metavar="NAME", hidden=True, autocompletion=completion.complete_sweep),
-    ],
+    name: Annotated[str, typer.Argument(metavar="NAME", hidden=True, autocompletion=completion.complete_sweep)],
     overrides: Overrides = None,
     dry_run: DryRun = False,
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Start no job after one has failed.")] = False,

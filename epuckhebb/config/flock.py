@@ -50,19 +50,19 @@ class FlockKeys:
     """The keys of group flock; see `epuckhebb.sim.flock.Flock` and `epuckhebb.sim.coupling.Coupling`."""
 
     coupling: str = ALL
-    N: float = 0.3
-    decay: float = 0.03
+    N: float = Coupling.N
+    decay: float = Coupling.decay
     own: dict[str, Any] = field(default_factory=dict)
     shuffled: bool = True
-    robots: int = 10
-    knowers: int = 2
-    breaks: Any = "none"
-    at_s: float = 1200.0
-    duration_s: float = 2400.0
-    loudness: float = 2.5
-    noise: float = 0.3
-    range_m: float = 2.0
-    spacing_m: float = 0.16
+    robots: int = Flock.robots
+    knowers: int = Flock.knowers
+    breaks: Any = Flock.breaks
+    at_s: float = Flock.at_s
+    duration_s: float = Flock.duration_s
+    loudness: float = Flock.loudness
+    noise: float = Flock.noise
+    range_m: float = Flock.range_m
+    spacing_m: float = Flock.spacing_m
     sweep: Sweep = field(default_factory=Sweep)
 
 

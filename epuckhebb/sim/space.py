@@ -18,16 +18,15 @@ from epuckhebb.sim.sensors import Kernels, SensorGroup, put_rays
 
 
 class Handles(Protocol):
-    """What compiled code needs of a space; each physics adds its own.
-
-    state: first x, y [m] and heading [rad] of the robot. walls: (boxes, 4) left, right, bottom, top edge [m].
-    """
+    """What compiled code needs of a space; each physics adds its own."""
 
     @property
-    def state(self) -> Floats: ...  # noqa: D102
+    def state(self) -> Floats:
+        """First x, y [m] and heading [rad] of the robot."""
 
     @property
-    def walls(self) -> Floats: ...  # noqa: D102
+    def walls(self) -> Floats:
+        """(boxes, 4) left, right, bottom, top edge [m]."""
 
 
 class Space(ABC):

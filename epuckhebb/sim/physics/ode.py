@@ -290,11 +290,9 @@ class Ode(Physics):
         top, centre = robot.solid.hull_m[1], robot.solid.centre_of_mass_m
         wheel = math.hypot(robot.axle_m / 2 + robot.solid.wheel_width_m / 2, robot.wheel_radius_m)
         under = math.hypot(robot.solid.underside.length, robot.solid.underside.width) / 2
-        reach = (
-            np.array([wheel, robot.radius_m, under, wheel]) + _MARGIN_M
-        )  # of each part, as far as it gets from the middle
+        reach = np.array([wheel, robot.radius_m, under, wheel]) + _MARGIN_M  # how far each part gets from the middle
 
-        @compiled
+        @compiled  # the plane needs the heading
         def move(space: Handles, cos: float, sin: float, left: float, right: float) -> None:  # noqa: ARG001
             state, turned = space.state, space.turned
             if not (math.isfinite(left) and math.isfinite(right)):
@@ -332,7 +330,7 @@ class Ode(Physics):
         assert robot.solid is not None  # `check` has looked
         height = robot.solid.sensor_height_m
 
-        @compiled
+        @compiled  # the plane needs the heading
         def put(space: Handles, x: float, y: float, cos: float, sin: float, places: Floats, rays: Floats) -> None:  # noqa: ARG001
             turned = space.turned
             for i in range(places.shape[1]):
@@ -355,7 +353,7 @@ class Ode(Physics):
             return group.kernels(first, radius_m)
         count, lamp_height, sun_up = group.count, self.lamp_m, self.sun_up
 
-        @compiled
+        @compiled  # other groups need the scratch
         def read(around: Surroundings, rays: Floats, scratch: Floats, readings: Floats) -> None:  # noqa: ARG001
             lit, noise = around.lit, around.noise
             for i in range(count):
