@@ -481,6 +481,8 @@ def test_the_reference_table_comes_of_the_rows_of_champions(folder):
             kind=row.kind,
             matched_control=row.matched_control,
             evolved_parameters=int(row.evolved_parameters),
+            knowledge=row.knowledge,
+            knowledge_class=row.knowledge_class,
         )
         for row in told.itertuples()
     ]

@@ -27,15 +27,11 @@ CONTROLS = {
     "learn_five_times": "N five times as high",
     HALT: "none: a halt, written by hand",
 }
-ORDER = (
-    *("stay", FIND, HALT, LEARN, "hand_written"),
-    *(RECOGNISE_HALT, RECOGNISE, "hand_written_recognises"),
+ORDER = (  # by class of knowledge
+    *("stay", FIND, HALT, LEARN),
+    *("self_check", "careful_self_check", "best", "careful_best", RECOGNISE_HALT, RECOGNISE),
+    *("hand_written", "hand_written_recognises"),
 )
-OF_CONTROLS = {  # their gate never closes, or never opens: they use no clock
-    "stay": ("goal signal", "hand-written"),
-    "hand_written": ("goal signal", "hand-written"),
-    "hand_written_recognises": ("sensor model", "hand-written"),
-}
 FAULTS = {
     "": "exact",
     "signal_late": "1 s late",
@@ -64,7 +60,7 @@ def row_of(table, experiment, controller):
 def knowledge():
     """What each controller of the study is given or has by hand."""
     controllers = typed(composed("evaluate", ["experiment=unseen_kinds"]), EvaluateConfig).controllers
-    return {one.name: one.adaptation.knowledge for one in controllers} | OF_CONTROLS
+    return {one.name: one.knowledge for one in controllers}
 
 
 def paired(by_champion, experiment, one, other, part="rescued", whole="broken"):
@@ -87,7 +83,7 @@ def test_what_each_knows_and_rescues(generated, over_all):
     for experiment in TRAINED:
         for name in ORDER:
             row = row_of(over_all, experiment, name)
-            given = ", ".join(["senses", *known[name]])
+            given = ", ".join(known[name])
             counts = rescue.counts(row)
             rows.append([experiment, f"`{name.partition(' ')[0]}`", given, *counts, rescue.in_training(row)])
     head = ["experiment", "adaptation", "knowledge", rescue.RESCUED, rescue.HARMED, rescue.IN_TRAINING]

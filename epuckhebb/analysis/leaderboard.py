@@ -18,7 +18,7 @@ from epuckhebb.analysis.reversal import limits
 from epuckhebb.analysis.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson
 from epuckhebb.analysis.tables import code, markdown_table
 from epuckhebb.evolution.training import Training
-from epuckhebb.sim.controller import GA
+from epuckhebb.sim.controller import CLASSES, GA
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.tasks.reversal import Reversal
 
@@ -26,6 +26,7 @@ FIGURE = "leaderboard.png"
 REVERSAL = "reversal"  # the experiment that is not one of the paper's
 PLAIN, EVOLVED, POST_HOC = "plain", "evolved", "post_hoc"  # the kinds of methods
 KINDS = {PLAIN: "no plasticity", EVOLVED: "plasticity during evolution", POST_HOC: "added after evolution"}
+_OF_ROW = ("experiment", "method", "kind", "knowledge_class", "knowledge", "matched_control")
 _NO_WORLD = ("name", "experiment", "paper_N", "paper_duration_s")  # fields of a scenario that change no lifetime
 
 
@@ -38,6 +39,8 @@ class Row:
     kind: str  # one of `KINDS`
     matched_control: str  # the method that it is compared with; empty for plain ones
     evolved_parameters: int
+    knowledge: str = "senses"  # what it uses, with commas between
+    knowledge_class: str = CLASSES[0]
 
 
 def can_be(trained: Scenario, training: Training, world: Scenario) -> bool:
@@ -104,7 +107,7 @@ def of_learner(metrics: pd.DataFrame, task: Reversal) -> tuple[dict[str, int | N
 
 
 def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
-    """The leaderboard: a row for each method and experiment, in order of success.
+    """The leaderboard: a row for each method and experiment, by class of knowledge, then in order of success.
 
     champions: a row for each, with its method and the columns of `of_champion` or `of_learner`.
     """
@@ -116,7 +119,7 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
         trials, successes = own.trials.to_numpy(np.int64), own.successes.to_numpy(np.int64)
         found.append(
             {
-                **{name: getattr(row, name) for name in ("experiment", "method", "kind", "matched_control")},
+                **{name: getattr(row, name) for name in _OF_ROW},
                 "champions": len(own),
                 "solved": len(solves),
                 "solved_low": solved_low,
@@ -133,8 +136,11 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
                 "robot_steps": int(own.robot_steps.mean()),
             }
         )
-    order = ["experiment", "success"]
-    return pd.DataFrame(found).sort_values(order, ascending=[True, False], kind="stable", ignore_index=True)
+    board = pd.DataFrame(found)
+    board["place"] = board.knowledge_class.map(CLASSES.index)
+    order = ["experiment", "place", "success"]
+    board = board.sort_values(order, ascending=[True, True, False], kind="stable", ignore_index=True)
+    return board.drop(columns="place")
 
 
 def _success_of(champions: pd.DataFrame, name: str) -> dict[str, float]:
@@ -174,6 +180,7 @@ def cells(row: Any) -> list[str]:
     return [
         code(row.method),
         row.kind,
+        row.knowledge,
         f"{row.solved} of {row.champions}",
         f"**{rescue.share(row.success, row.success_low, row.success_high)}**",
         rescue.share(row.retention, row.retention_low, row.retention_high),
@@ -197,7 +204,7 @@ def head(experiment: str) -> list[str]:
     else:
         success, controls = ["solves both sides in training", "success over the test worlds", "retention"], ["rule off"]
     return [
-        *("method", "kind", *success, "best champion", "difference to the matched control", *controls),
+        *("method", "kind", "knowledge", *success, "best champion", "difference to the matched control", *controls),
         *("evolved parameters", "million robot-steps"),
     ]
 

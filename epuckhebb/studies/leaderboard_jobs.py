@@ -15,6 +15,7 @@ from epuckhebb.config.overrides import alternatives
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, LeaderboardConfig, Plain
 from epuckhebb.runs import evaluate, evolve
 from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
 from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.rule import NoRule
@@ -103,8 +104,10 @@ class Planner:
             champions = {seed: self._evolution(method, settings, over, seed) for seed in self._seeds}
             tested = dict(in_training_world(self._training_world, self._task, self._config_dir).values)
             tested |= {group: settings[group] for group in ("hebbian", *_PARTS)}
+            controller = config.controller
         else:
-            tested = self._post_hoc(method, over)
+            evaluation = self._post_hoc(method, over)
+            tested, controller = dict(evaluation.values), next(iter(evaluation.controllers), GA_ALONE)
         tested |= {"seed": self._config.seed, "repeats": self._repeats}
         is_plain = config is not None and isinstance(config.controller.rule, NoRule)
         if is_plain and method.champions_of:
@@ -121,6 +124,8 @@ class Planner:
             kind=PLAIN if is_plain else EVOLVED if method.evolve else POST_HOC,
             matched_control=method.compared_with,
             evolved_parameters=evolved.plan.genes,
+            knowledge=", ".join(controller.knowledge),
+            knowledge_class=controller.knowledge_class,
         )
         return Entry(
             method=method,
@@ -145,7 +150,7 @@ class Planner:
         if plugins.own_files(config.values):
             prepared.compile()
 
-    def _post_hoc(self, method: Method, over: Entry | None) -> Plain:
+    def _post_hoc(self, method: Method, over: Entry | None) -> EvaluateConfig:
         """How champions are tested with what is added after evolution."""
         evolved = over.config.values if over and over.config else {}
         parts = {f"{group}.{key}": value for group in _PARTS for key, value in evolved.get(group, {}).items()}
@@ -158,7 +163,7 @@ class Planner:
                 raise ConfigError(f"{name}: {error}") from error
         if plugins.own_files(config.values):
             evaluate.compile_for(config.controllers, network_for(config.world, config.shape), config.world)
-        return dict(config.values)
+        return config
 
     def _evolution(self, method: Method, config: Plain, over: Entry | None, seed: int) -> Job:
         words = [*method.overrides("evolve"), f"seed={seed}"]
