@@ -310,6 +310,7 @@ _CHAMPIONS: Columns = {
 }
 _WORLDS: Columns = {
     **_METHOD,
+    "tests": text_or_empty("the sweep that it belongs to; empty in `reversal`"),
     "scenario": text("a test world"),
     "trials": number("champions times sides"),
     "successes": number("of them: more than half of the repeats succeed"),

@@ -64,6 +64,11 @@ def tests_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, dict[st
     return tests
 
 
+def sweep_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, str]:
+    """The first sweep that has a test world, by the name of the world."""
+    return {name: sweep for sweep in reversed(sweeps) for name in _swept(sweep, config_dir)}
+
+
 class Planner:
     """Makes the entries of an experiment, each after those that it needs."""
 
