@@ -13,7 +13,7 @@ from epuckhebb.analysis.replay import fixed_facts, world_facts
 from epuckhebb.config.conf import groups
 from epuckhebb.live.engine import SPEEDS, Engine
 from epuckhebb.live.world import LiveWorld
-from epuckhebb.sim.by_hand import MOST_BLOCKS
+from epuckhebb.sim.changes import MOST_BLOCKS
 from epuckhebb.sim.maze import boxes
 from epuckhebb.sim.robot import STEP_S
 

@@ -1,4 +1,4 @@
-"""The records of a lifetime: its settings, what it begins with, what it carries, what is recorded, and its outcome.
+"""The records of a lifetime: its settings, what it begins with, and what it carries from step to step.
 
 `epuckhebb.sim.lifetime` has the equations, which read and write these records.
 """
@@ -13,22 +13,23 @@ from numpy.typing import NDArray
 from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate, initial_adaptation_state
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
+from epuckhebb.sim.compiling.simd import whole
 from epuckhebb.sim.faults import Faults, initial_past
 from epuckhebb.sim.fitness import History
 from epuckhebb.sim.goal_signal import SignalNumbers
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
-from epuckhebb.sim.network import OUTPUTS, Network
+from epuckhebb.sim.network import Network
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
 from epuckhebb.sim.physics.pymunk import PYMUNK
+from epuckhebb.sim.physics_engine import Physics
 from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
 from epuckhebb.sim.random import noise_workspace_size
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S, Robot
+from epuckhebb.sim.samples import Samples
 from epuckhebb.sim.senses import SenseWorkspace, sense_workspace
-from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import NO_TRIALS
-from epuckhebb.sim.vectors import whole
 from epuckhebb.sim.wiring import NO_NEURONS, Neurons
 
 _LONGEST_S = 1e9  # 31 years: more is surely a slip
@@ -263,77 +264,6 @@ class Plasticity(NamedTuple):
     gate: Gate
 
 
-class Samples(NamedTuple):
-    """What is recorded of a lifetime, every so many steps; first axis: samples.
-
-    time [s]; pose: x, y [m], heading [rad]; sensors: the network's inputs; motors: the 2 network outputs; fitness:
-    live F; change_signal: nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|, that of homeostasis
-    included; weights: (samples, synapses), after the step's update, without the scale of homeostasis; activations:
-    (samples, neurons) of those of a wiring, which weights and inputs alone do not give; none of layers; tilt: roll,
-    pitch [rad] and height above the floor [m], nothing in the plane; belief: of recognition, the heading since the
-    start [rad], whether the lamp counts as lit, whether the goal is recognised; 0 without it.
-    """
-
-    time: Floats
-    pose: Floats
-    sensors: Floats
-    motors: Floats
-    fitness: Floats
-    change_signal: Floats
-    rate: Floats
-    weight_change: Floats
-    weights: NDArray[np.float32]
-    activations: NDArray[np.float32]
-    tilt: Floats
-    belief: Floats
-
-
-def empty_samples(count: int, network: Network, physics: Physics = PYMUNK) -> Samples:
-    """Arrays for so many samples."""
-
-    def numbers(*shape: int) -> Floats:
-        return np.zeros((count, *shape))
-
-    return Samples(
-        time=numbers(),
-        pose=numbers(3),
-        sensors=numbers(network.inputs),
-        motors=numbers(OUTPUTS),
-        fitness=numbers(),
-        change_signal=np.full(count, np.nan),
-        rate=numbers(),
-        weight_change=numbers(),
-        weights=np.zeros((count, network.synapses), np.float32),
-        activations=np.zeros((count, recorded_neurons(network)), np.float32),
-        tilt=numbers(physics.tilts),
-        belief=numbers(3),
-    )
-
-
-def recorded_neurons(network: Network) -> int:
-    """How many activations are recorded: all neurons of a wiring, none of layers."""
-    return 0 if network.wiring is None else sum(network.layers[1:])
-
-
-def sample_bytes(network: Network) -> int:
-    """How many bytes of memory a sample takes."""
-    return sum(array.nbytes for array in empty_samples(1, network))
-
-
-def pad_samples(samples: Samples, life: Life, robot: Robot, record_every: int, pose: Floats) -> None:
-    """Fill the samples after an early end of a lifetime: the robot stays where it was.
-
-    record_every: as in `live`. pose: x, y [m], heading [rad] at the end.
-    """
-    tally = life.tally[0]
-    after = slice(-(-int(tally["step"]) // record_every), None)
-    samples.time[after] = np.arange(len(samples.time))[after] * record_every * STEP_S
-    samples.pose[after], samples.weights[after] = pose[:3], life.weights
-    samples.activations[after] = life.activation[len(life.activation) - samples.activations.shape[1] :]
-    samples.sensors[after, : robot.inputs] = life.activation[: robot.inputs]  # and no reward
-    samples.weight_change[after] = tally["weight_change"] + tally["scaling"]
-
-
 class Setup(NamedTuple):
     """What stays the same while a lifetime runs in one world.
 
@@ -391,59 +321,15 @@ def count_calibration(
         samples.weights[places] = life.weights
 
 
-class Outcome(NamedTuple):
-    """The metrics of a lifetime.
+def pad_samples(samples: Samples, life: Life, robot: Robot, record_every: int, pose: Floats) -> None:
+    """Fill the samples after an early end of a lifetime: the robot stays where it was.
 
-    time_to_goal: s, first time within 5 cm of the goal, nan if never. path_length: m. final_distance: m from the goal.
-    behaviour: mean combined fitness over the steps. reward: goal reward at the end. weight_change_mean,
-    weight_change_final: sum over weights of |W - W_gene|. contact_fraction: share of steps with a distance reading
-    above 0.8. success: whether the robot was within 5 cm of its goal at the last step. fitness: how well it did its
-    task; the paper's final fitness unless that is another. steps: done. saturated_fraction: share of the final weights
-    at their bound. x, y: m, where the robot is at the end.
+    record_every: as in `live`. pose: x, y [m], heading [rad] at the end.
     """
-
-    time_to_goal: float
-    path_length: float
-    final_distance: float
-    behaviour: float
-    reward: float
-    weight_change_mean: float
-    weight_change_final: float
-    contact_fraction: float
-    success: bool
-    fitness: float
-    steps: int
-    saturated_fraction: float
-    x: float
-    y: float
-
-    def with_fitness(self, fitness: float) -> "Outcome":
-        """The same metrics with another fitness."""
-        return self._replace(fitness=fitness)
-
-    @property
-    def trials(self) -> NDArray[np.void]:
-        """The trials of the lifetime, records of `epuckhebb.sim.task.TRIAL`; none where it is one."""
-        return NO_TRIALS
-
-
-class OutcomeOfTrials(Outcome):
-    """The metrics of a lifetime of many trials."""
-
-    _trials: NDArray[np.void]
-
-    @property
-    def trials(self) -> NDArray[np.void]:
-        """See `Outcome`."""
-        return self._trials
-
-    def with_fitness(self, fitness: float) -> "Outcome":
-        """See `Outcome`."""
-        return self.of(self._replace(fitness=fitness), self._trials)
-
-    @classmethod
-    def of(cls, outcome: Outcome, trials: NDArray[np.void]) -> "OutcomeOfTrials":
-        """The metrics of the whole lifetime, with its trials."""
-        made = cls(*outcome)
-        made._trials = trials
-        return made
+    tally = life.tally[0]
+    after = slice(-(-int(tally["step"]) // record_every), None)
+    samples.time[after] = np.arange(len(samples.time))[after] * record_every * STEP_S
+    samples.pose[after], samples.weights[after] = pose[:3], life.weights
+    samples.activations[after] = life.activation[len(life.activation) - samples.activations.shape[1] :]
+    samples.sensors[after, : robot.inputs] = life.activation[: robot.inputs]  # and no reward
+    samples.weight_change[after] = tally["weight_change"] + tally["scaling"]

@@ -1,9 +1,9 @@
 """A lifetime: sense, act, score, learn, move, every 32 ms, from the genome's weights to its end.
 
 `live` is the whole of it for one robot, compiled. The names in capitals and the functions that are not of this file are
-its parts: `epuckhebb.sim.kernels` puts those of the robot, the network, the plasticity rule, the adaptation and the
-task in their place. All that a lifetime carries is in one record (`epuckhebb.sim.life.Life`), so it can be paused at
-any step and resumed bit-identically.
+its parts: `epuckhebb.sim.lifetime_kernel` puts those of the robot, the network, the plasticity rule, the adaptation and
+the task in their place. All that a lifetime carries is in one record (`epuckhebb.sim.life.Life`). So it can be paused
+at any step, and resumed bit-identically.
 """
 
 import math
@@ -13,19 +13,20 @@ from epuckhebb.sim import faults, fitness
 from epuckhebb.sim.adaptation import adaptation
 from epuckhebb.sim.adaptation.recognise.compass import LIT
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
-from epuckhebb.sim.life import Genotype, Group, Life, Samples, Setup, Trial
+from epuckhebb.sim.compiling.kernel import compiled
+from epuckhebb.sim.life import Genotype, Group, Life, Setup, Trial
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, forward_pass
 from epuckhebb.sim.own_fitness import Fitness, score_of
 from epuckhebb.sim.physics.pymunk import PYMUNK, mover, mover_of_all
+from epuckhebb.sim.physics_engine import Handles, is_lost, pose
 from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.plasticity.update import StepContext, effective_rate, modulation_of, update_of
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.robot import EPUCK, STEP_S
+from epuckhebb.sim.samples import Samples
 from epuckhebb.sim.senses import blinding, largest_distance_reading, senses
 from epuckhebb.sim.sensors import NO_ROBOTS, Goal
-from epuckhebb.sim.space import Handles, is_lost, pose
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 from epuckhebb.sim.wiring import Neurons
 
@@ -72,7 +73,7 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
             tally.goal_distance = to_goal(trial, x, y)
 
 
-def live_together(group: Group, life: Life, setup: Setup, space: Any, until: int) -> None:
+def live_group(group: Group, life: Life, setup: Setup, space: Any, until: int) -> None:
     """Run the lifetimes of the robots of a space until before step `until`, or until one is lost. group: updated.
 
     In a step all robots sense and decide, in their order, before any moves. life, setup: of any of them, for what all

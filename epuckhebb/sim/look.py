@@ -5,14 +5,14 @@ from typing import Any
 
 from epuckhebb.sim import faults
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import kernel
+from epuckhebb.sim.compiling.kernel import kernel
 from epuckhebb.sim.life import Life, Setup
 from epuckhebb.sim.physics.pymunk import PYMUNK
+from epuckhebb.sim.physics_engine import Handles, Physics, pose
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.robot import EPUCK, Robot
 from epuckhebb.sim.senses import blinding, senses
 from epuckhebb.sim.sensors import Goal
-from epuckhebb.sim.space import Handles, Physics, pose
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 

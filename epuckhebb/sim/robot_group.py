@@ -13,19 +13,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.life import Group, Lifetime, Outcome
+from epuckhebb.sim.life import Group, Lifetime
 from epuckhebb.sim.maze import Pose
+from epuckhebb.sim.outcome import Outcome
 from epuckhebb.sim.physics.pymunk import MOTION, PYMUNK, PymunkSpace
 from epuckhebb.sim.reachable import gap
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual, Session
-from epuckhebb.sim.stage import Stage
+from epuckhebb.sim.simulator import Simulator
 
 _SHARED = ("side", "controller", "network")  # of an individual: one lamp, one kernel and one rate for all
 _OF_LIFE = ("tally", "weights", "synapse_state", "activation", "score", "past")
 
 
-class Together:
+class RobotGroup:
     """Lifetimes of several robots in one space, run with `step`.
 
     individuals: two or more, in an order that is part of the result, each with its own `start` and `key`. They have the
@@ -39,10 +40,10 @@ class Together:
     def __init__(self, individuals: Sequence[Individual], world: Scenario, lifetime: Lifetime | None = None) -> None:
         _check(individuals, world)
         self.lifetime = Lifetime() if lifetime is None else lifetime
-        stage = Stage(world, self.lifetime, together=True)
-        self._sessions = [Session(one, world, self.lifetime, stage=stage) for one in individuals]
+        simulator = Simulator(world, self.lifetime, in_group=True)
+        self._sessions = [Session(one, world, self.lifetime, simulator=simulator) for one in individuals]
         first, count = self._sessions[0], len(individuals)
-        self._live = stage.kind_of(individuals[0].controller, individuals[0].network, stage.more_faults).live
+        self._live = simulator.kind_of(individuals[0].controller, individuals[0].network, simulator.more_faults).live
         self._space = PymunkSpace(world.boxes, world.robot, world.wall_friction, count)
         starts = [world.maze.start if one.start is None else one.start for one in individuals]
         _check_starts(starts, world.robot.radius_m, world.boxes, world.maze.arena_m)

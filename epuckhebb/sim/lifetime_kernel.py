@@ -4,17 +4,17 @@ from typing import Any
 
 from epuckhebb.sim import faults
 from epuckhebb.sim.adaptation import adaptation
-from epuckhebb.sim.compiled import kernel, with_parts
-from epuckhebb.sim.lifetime import decide, live, live_together, settle
+from epuckhebb.sim.compiling.kernel import kernel, with_parts
+from epuckhebb.sim.lifetime import decide, live, live_group, settle
 from epuckhebb.sim.network import Network, forward_pass
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness, score_of, scored
 from epuckhebb.sim.physics.pymunk import PYMUNK, mover_of_all
+from epuckhebb.sim.physics_engine import Physics
 from epuckhebb.sim.plasticity.rule import NoRule, Rule
 from epuckhebb.sim.plasticity.update import modulation_of, update_of
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.senses import blinding, largest_distance_reading, senses
-from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
@@ -31,9 +31,9 @@ def kernel_of(
     task: Task = ONE_TRIAL,
     fitness: Fitness = PAPER_FITNESS,
     physics: Physics = PYMUNK,
-    together: bool = False,
+    in_group: bool = False,
 ) -> Any:
-    """`live` with these parts, or `live_together`, compiled or from the cache.
+    """`live` with these parts, or `live_group`, compiled or from the cache.
 
     adapted: which functions the adaptation has. more_faults: whether there are other faults than dead sensors and weak
     wheels. task, fitness: only their kinds matter.
@@ -42,9 +42,9 @@ def kernel_of(
         ValueError: the rule has unknown arguments, or network, robot, task and adaptation do not fit each other.
     """
     hooks = adaptation.hooks(adapted, robot, network.post[0])
-    place = (rule, hooks, network, robot, more_faults, type(task), scored(fitness), physics, together)
+    place = (rule, hooks, network, robot, more_faults, type(task), scored(fitness), physics, in_group)
     if place not in _kernels:
-        _kernels[place] = _made(rule, hooks, network, robot, more_faults, task, scored(fitness), physics, together)
+        _kernels[place] = _made(rule, hooks, network, robot, more_faults, task, scored(fitness), physics, in_group)
     return _kernels[place]
 
 
@@ -57,7 +57,7 @@ def _made(
     task: Task,
     fitness: type[Fitness],
     physics: Physics,
-    together: bool,
+    in_group: bool,
 ) -> Any:
     check_inputs(network, robot, task)
     parts = {
@@ -81,7 +81,7 @@ def _made(
         "move_all": mover_of_all(robot),
     }
     parts |= {"decide": with_parts(decide, **parts), "settle": with_parts(settle, **parts)}
-    return kernel(live_together if together else live, **parts)
+    return kernel(live_group if in_group else live, **parts)
 
 
 def check_inputs(network: Network, robot: Robot, task: Task) -> None:

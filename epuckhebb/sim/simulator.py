@@ -14,17 +14,18 @@ from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.faults import Faults, lag_of
 from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
 from epuckhebb.sim.genome import GenomePlan, plan_of
-from epuckhebb.sim.kernels import kernel_of
-from epuckhebb.sim.life import Lifetime, Plasticity, Samples, Trial, Workspace, empty_samples, workspace_for
+from epuckhebb.sim.life import Lifetime, Plasticity, Trial, Workspace, workspace_for
+from epuckhebb.sim.lifetime_kernel import kernel_of
 from epuckhebb.sim.light import Lights, lights
 from epuckhebb.sim.maze import Pose, Region, Side, added
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.physics_engine import Space
 from epuckhebb.sim.plasticity.control import Sign, signs
 from epuckhebb.sim.plasticity.rule import Rule, initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.reachable import gap
+from epuckhebb.sim.samples import Samples, empty_samples
 from epuckhebb.sim.scenario import AT_ONCE, Scenario
-from epuckhebb.sim.space import Space
 
 _NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task that has no correct side
 
@@ -60,18 +61,18 @@ class Kind(NamedTuple):
     no_samples: Samples
 
 
-class Stage:
+class Simulator:
     """What lifetimes that run one after the other share: the world's spaces, kernels and workspaces.
 
     fallback_rule: individuals without a rule share its kernel, with N = 0. The results are bit-identical, and there is
-    one kernel less to compile. together: whether the lifetimes share a space.
+    one kernel less to compile. in_group: whether the lifetimes share a space.
 
     Raises:
         ValueError: the wheel gain is above the limit of the robot's motors.
     """
 
     def __init__(
-        self, world: Scenario, lifetime: Lifetime, fallback_rule: type[Rule] = Paper, *, together: bool = False
+        self, world: Scenario, lifetime: Lifetime, fallback_rule: type[Rule] = Paper, *, in_group: bool = False
     ) -> None:
         robot = world.robot
         if lifetime.gain_rad_s > robot.motor_limit_rad_s:
@@ -79,7 +80,7 @@ class Stage:
                 f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of "
                 f"robot {robot.name}, got {lifetime.gain_rad_s}"
             )
-        self.world, self.lifetime, self._fallback_rule, self._together = world, lifetime, fallback_rule, together
+        self.world, self.lifetime, self._fallback_rule, self._in_group = world, lifetime, fallback_rule, in_group
         self.phases = self.phases_of(world)
         self.more_faults = have_more_faults(self.phases)
         self._kinds: dict[tuple[int, int, bool], Kind] = {}
@@ -128,7 +129,7 @@ class Stage:
                 task=self.world.task,
                 fitness=self.world.fitness,
                 physics=self.world.physics,
-                together=self._together,
+                in_group=self._in_group,
             ),
             plasticity=Plasticity(
                 float(rule.N) * rule.gain_factor(self.lifetime.gain_rad_s) if own else 0.0,
