@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate, initial_adaptation_state
+from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.compiling.simd import whole
 from epuckhebb.sim.faults import Faults, initial_past
 from epuckhebb.sim.fitness import History
@@ -20,7 +21,7 @@ from epuckhebb.sim.goal_signal import SignalNumbers
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
 from epuckhebb.sim.network import Network
-from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
+from epuckhebb.sim.own_fitness import Fitness
 from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.physics_engine import Physics
 from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
@@ -29,7 +30,6 @@ from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S, Robot
 from epuckhebb.sim.samples import Samples
 from epuckhebb.sim.senses import SenseWorkspace, sense_workspace
-from epuckhebb.sim.task import NO_TRIALS
 from epuckhebb.sim.wiring import NO_NEURONS, Neurons
 
 _LONGEST_S = 1e9  # 31 years: more is surely a slip
@@ -149,12 +149,14 @@ class Genotype(NamedTuple):
 class Life(NamedTuple):
     """All that a lifetime carries from step to step, but for the space in which the robot stands.
 
-    tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records. activation: (neurons,).
-    adaptation: what it carries. trials: records of `epuckhebb.sim.task.TRIAL`, none where a lifetime is one trial.
-    score: one record, what its fitness stores. neurons: of a wiring; its state lasts as long as the lifetime. past:
-    what late sensors and wheels need (`epuckhebb.sim.faults`).
+    key: of all noise. tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records.
+    activation: (neurons,). adaptation: what it carries. trials: records of `epuckhebb.sim.task.TRIAL`, none where a
+    lifetime is one trial. score: one record, what its fitness stores. neurons: of a wiring; its state lasts as long as
+    the lifetime. past: what late sensors and wheels need (`epuckhebb.sim.faults`).
     """
 
+    genotype: Genotype
+    key: np.uint64
     tally: NDArray[np.void]
     weights: Floats
     synapse_state: NDArray[np.void]
@@ -167,67 +169,65 @@ class Life(NamedTuple):
     past: Floats
 
 
-class Group(NamedTuple):
-    """What robots in one space carry, first axis the robots: of `Life`, of `Genotype` (genes: its weights), and keys.
+def initial_life(
+    genotype: Genotype,
+    key: np.uint64,
+    network: Network,
+    robot: Robot,
+    workspace: Workspace,
+    adaptation: AdaptationState,
+    trials: NDArray[np.void],
+    fitness: Fitness,
+) -> Life:
+    """A lifetime before its first step. workspace, adaptation: arrays to use. fitness: by which it is scored."""
+    activation = np.zeros(network.neurons)
+    activation[network.bias] = 1.0
+    neurons = genotype.neurons._replace(state=genotype.neurons.state.copy())
+    return Life(
+        *(genotype, key, _INITIAL_TALLY.copy(), genotype.weights.copy(), genotype.synapse_state.copy(), activation),
+        *(adaptation, trials, fitness.initial_state(), neurons, workspace, initial_past(robot)),
+    )
 
-    neurons, parameters: of a wiring. motion: (robots, 6), the view of the space's state. wheels: (robots, 4) and
-    before: (robots, 2), workspace.
+
+class Group(NamedTuple):
+    """What robots in one space carry, first axis of arrays the robots.
+
+    lives: a `Life`, in which adaptation, trials and workspace are those of one robot. motion: (robots, 6), the view of
+    the space's state. wheels: (robots, 4) and before: (robots, 2), workspace.
     """
 
-    tally: NDArray[np.void]
-    weights: Floats
-    synapse_state: NDArray[np.void]
-    activation: Floats
-    score: NDArray[np.void]
-    past: Floats
-    genes: Floats
-    coefficients: Floats
-    modulatory: Floats
-    lengths: Floats
-    signs: Floats
+    lives: Life
     keys: NDArray[np.uint64]
-    neurons: NDArray[np.void]
-    parameters: Floats
     motion: Floats
     wheels: Floats
     before: Floats
 
 
-def initial_life(
-    genotype: Genotype,
-    network: Network,
-    robot: Robot,
-    workspace: Workspace | None = None,
-    adaptation: AdaptationState | None = None,
-    trials: NDArray[np.void] = NO_TRIALS,
-    fitness: Fitness = PAPER_FITNESS,
-) -> Life:
-    """A lifetime before its first step.
-
-    workspace, adaptation: arrays to use; None for new ones, without corrections. trials: those of its task.
-    fitness: by which it is scored.
-
-    Raises:
-        ValueError: the genes are not as many as the network has weights.
-    """
-    if genotype.weights.shape != (network.synapses,) or genotype.signs.shape != (network.synapses,):
-        raise ValueError(
-            f"a network {network} has {network.synapses} weights, got {genotype.weights.shape[0]} genes and "
-            f"{genotype.signs.shape[0]} signs"
-        )
-    activation = np.zeros(network.neurons)
-    activation[network.bias] = 1.0
+@compiled
+def life_of(group: Group, i: int) -> Life:
+    """The lifetime of one robot of a group."""
+    lives, genes, neurons = group.lives, group.lives.genotype, group.lives.neurons
     return Life(
-        tally=_INITIAL_TALLY.copy(),
-        weights=genotype.weights.copy(),
-        synapse_state=genotype.synapse_state.copy(),
-        activation=activation,
-        adaptation=initial_adaptation_state(robot) if adaptation is None else adaptation,
-        trials=trials,
-        score=fitness.initial_state(),
-        neurons=genotype.neurons._replace(state=genotype.neurons.state.copy()),
-        workspace=workspace_for(network, robot) if workspace is None else workspace,
-        past=initial_past(robot),
+        Genotype(
+            genes.weights[i],
+            genes.synapse_state[i],
+            genes.coefficients[i],
+            genes.modulatory[i],
+            genes.lengths[i],
+            genes.signs[i],
+            genes.neurons,
+        ),
+        group.keys[i],
+        lives.tally[i],
+        lives.weights[i],
+        lives.synapse_state[i],
+        lives.activation[i],
+        lives.adaptation,
+        lives.trials,
+        lives.score[i],
+        Neurons(neurons.state[i], neurons.parameters[i], neurons.numbers, neurons.step_s),
+        lives.workspace,
+        lives.past[i],
     )
 
 
@@ -267,12 +267,11 @@ class Plasticity(NamedTuple):
 class Setup(NamedTuple):
     """What stays the same while a lifetime runs in one world.
 
-    nominal: what an adaptation compares with. lit: the lights. gain: wheel speed [rad/s] of a network output of 1.
-    fitness: the settings of the fitness, as numbers.
-    noise_level: 1 for the sensors' own noise. key: of that noise. record_every: steps between two samples, 0 for none.
+    nominal: what an adaptation compares with. lit: the lights. fitness: the settings of the fitness, as numbers. gain:
+    wheel speed [rad/s] of a network output of 1. noise_level: 1 for the sensors' own noise. record_every: steps between
+    two samples, 0 for none.
     """
 
-    genotype: Genotype
     plasticity: Plasticity
     nominal: NominalOfSide
     lit: Lights
@@ -280,7 +279,6 @@ class Setup(NamedTuple):
     fitness: tuple[float, ...]
     gain: float
     noise_level: float
-    key: np.uint64
     record_every: int
     samples: Samples
 

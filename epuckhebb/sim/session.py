@@ -27,13 +27,14 @@ from epuckhebb.sim.life import (
     TALLY,
     CalibrationRecord,
     Genotype,
+    Life,
     Lifetime,
     Setup,
     count_calibration,
     initial_life,
     pad_samples,
 )
-from epuckhebb.sim.look import look_kernel
+from epuckhebb.sim.lifetime import look, reset_to_genes
 from epuckhebb.sim.maze import Pose, Side
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.sim.outcome import Outcome, OutcomeOfTrials
@@ -114,16 +115,18 @@ class Session:
         self.individual, self.lifetime = individual, Lifetime() if lifetime is None else lifetime
         self._simulator = simulator = Simulator(world, self.lifetime) if simulator is None else simulator
         self._phases = list(simulator.phases)
-        self._kind = kind = simulator.kind_of(individual.controller, individual.network, simulator.more_faults)
+        self._more_faults = simulator.more_faults
+        self._kind = kind = simulator.kind_of(individual.controller, individual.network, self._more_faults)
         self._first = first = self._phases[0].scenario
-        self.genotype = _genotype_of(individual, kind, first, self.lifetime.gain_rad_s)
+        genotype = _genotype_of(individual, kind, first, self.lifetime.gain_rad_s)
         self._record_every = self.lifetime.record_every if individual.record else 0
         adaptation = kind.unused
         if adaptation is None or individual.corrections is not None:
             adaptation = initial_adaptation_state(first.robot, individual.corrections)
         trials = first.task.initial_trials(individual.side, individual.task_key)
         self.life = initial_life(
-            self.genotype, individual.network, first.robot, kind.workspace, adaptation, trials, world.fitness
+            *(genotype, individual.key, individual.network, first.robot, kind.workspace, adaptation, trials),
+            world.fitness,
         )
         self._tally = self.life.tally[0]  # a view of the record
         self.samples = kind.no_samples
@@ -202,8 +205,8 @@ class Session:
                     f"a world may change during a lifetime, its {kind} may not: got {new.name} for {old.name}"
                 )
         self._phases = self._simulator.phases_of(world, self.steps, self._phase)
-        who, more_faults = self.individual, have_more_faults(self._phases)
-        live = self._simulator.kind_of(who.controller, who.network, more_faults).live
+        who, self._more_faults = self.individual, have_more_faults(self._phases)
+        live = self._simulator.kind_of(who.controller, who.network, self._more_faults).live
         if live is not self._kind.live:  # a kernel without delays has kept no readings: those before count as the last
             self.life.past[:] = np.append(self.life.activation[: world.robot.inputs], self.life.activation[-OUTPUTS:])
         self._kind = self._kind._replace(live=live)
@@ -214,8 +217,9 @@ class Session:
         self._enter_due()
         self._move_to_new_walls()
         readings = np.zeros(self.individual.network.inputs)
-        look = look_kernel(self.world.robot, self.world.task, self.world.physics)
-        look(self.life, self.setup, self._space.handles, readings)
+        who = self.individual
+        kernel = self._simulator.kernel(look, who.controller, who.network, self._more_faults)
+        kernel(self.life, self.setup, self._space.handles, readings)
         return readings
 
     def outcome(self, pose: Pose | None = None) -> Outcome:
@@ -245,10 +249,9 @@ class Session:
         own = world.fitness.of_lifetime(facts_of(outcome), self.life.score)
         return outcome.with_fitness(own)
 
-    def share(self, **arrays: Any) -> None:
-        """Carry on in these arrays, of the names of `Life`: those of robots in one space lie behind one another."""
-        self.life = self.life._replace(**arrays)
-        self._tally = self.life.tally[0]
+    def carry_on(self, life: Life) -> None:
+        """Carry on in these arrays: those of robots in one space lie behind one another."""
+        self.life, self._tally = life, life.tally[0]
 
     def _read_tally(self) -> Any:
         return _Tally._make(self._tally.item())
@@ -276,10 +279,8 @@ class Session:
             self._space = phase.space  # there is room for it among the new walls
             self._space.place_robot(self.world.put)
         if self.world.reset:
-            self.life.weights[:], self.life.synapse_state[:] = self.genotype.weights, self.genotype.synapse_state
-            self._tally["weight_change"] = 0.0
+            reset_to_genes(self.life)
         self.setup = Setup(
-            self.genotype,
             kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate), history=self._history),
             kind.nominal if individual.nominal is None else individual.nominal,
             lights_of(self.world, lamp_on=lamp_on),
@@ -287,7 +288,6 @@ class Session:
             self.world.fitness.numbers(),
             float(lifetime.gain_rad_s),
             float(lifetime.noise),
-            individual.key,
             self._record_every,
             self.samples,
         )
