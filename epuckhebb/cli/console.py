@@ -1,5 +1,6 @@
 """Where the program prints: standard output and standard error, whatever they can show and whether or not one reads."""
 
+import re
 import sys
 import textwrap
 import traceback
@@ -7,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from io import TextIOWrapper
 
 from rich import box
+from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -62,9 +64,20 @@ def print_table(
         text: The number of leading columns with text, which may break into lines. The others hold figures: they end at
             the right, and stay whole where the text has room beside them.
     """
-    cells = [[Text(str(cell)) for cell in row] for row in rows]
-    widths = [max([_HEADING, *(row[k].cell_len for row in cells)]) for k in range(len(headings))]
+    written = [[str(cell) for cell in row] for row in rows]
+    widths = [
+        max([_HEADING if k >= text else len(heading), *(cell_len(row[k]) for row in written)])
+        for k, heading in enumerate(headings)
+    ]
     whole = console.width - sum(width + _GAP for width in widths[text:]) >= text * _LEAST
+
+    def taken(most: int) -> int:
+        return sum(_GAP + (width if whole and k >= text else min(width, most)) for k, width in enumerate(widths)) - _GAP
+
+    most = next((one for one in range(console.width, _LEAST, -1) if taken(one) <= console.width), _LEAST)
+    # rich makes no column wider than this; a longer name breaks after a sign within it
+    name = re.compile(rf"(?=\S{{{most + 1}}})\S{{1,{most - 1}}}[_=/,](?=\S)")
+    written = [[name.sub(r"\g<0>\n", cell) for cell in row] for row in written]
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
     for number, heading in enumerate(headings):
         if number < text:
@@ -72,8 +85,8 @@ def print_table(
         else:
             lines = textwrap.wrap(heading, widths[number], break_long_words=False)
             table.add_column(Text("\n".join(lines)), justify="right", no_wrap=whole, overflow="fold")
-    for row in cells:
-        table.add_row(*row)
+    for row in written:
+        table.add_row(*map(Text, row))
     if title:
         console.print(Text(title, style="bold"))
     console.print(table)

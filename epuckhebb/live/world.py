@@ -15,8 +15,8 @@ from epuckhebb.config import EvaluateConfig, hand, load, quoted, say_unusual
 from epuckhebb.runs import compile_for, evaluate_into, hydra, prepare_evaluation
 from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.controller import GA_ALONE
-from epuckhebb.sim.life import Outcome
 from epuckhebb.sim.maze import Side, added
+from epuckhebb.sim.outcome import Outcome
 from epuckhebb.sim.reachable import gap
 from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario, step_of
