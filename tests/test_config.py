@@ -10,9 +10,9 @@ from hydra._internal.hydra import Hydra
 
 from epuckhebb.cli.options import with_genomes_named
 from epuckhebb.config.compose import combinations, composed
-from epuckhebb.config.conf import groups
 from epuckhebb.config.overrides import alternatives
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
+from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.resources import data_folder
 
 SCHEMA = {"evaluate": EvaluateConfig, "evolve": EvolveConfig}
