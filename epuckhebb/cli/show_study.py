@@ -8,8 +8,7 @@ from rich.console import Console
 from rich.text import Text
 
 from epuckhebb.analysis import rescue
-from epuckhebb.runs.notes import showcase
-from epuckhebb.runtime.console import print_line, print_table
+from epuckhebb.cli.console import print_line, print_table
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.scenario import EXPERIMENTS
@@ -85,7 +84,8 @@ def print_leaderboard(path: Path, console: Console) -> None:
                 "" if math.isnan(row.difference_low) else f" [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"
             )
             rows.append((row.method, row.kind, f"{row.solved} of {row.champions}", success, matched_control))
-        method, kind, solved, share, _, _, difference, *_ = board.head(str(experiment))
+        shown = [name for name in board.head(str(experiment)) if name != "knowledge"]
+        method, kind, solved, share, _, _, difference, *_ = shown
         headings = (method, kind, solved, share, difference)
         print_table(console, f"{board.title(str(experiment))} (95 % interval)", headings, rows, text=2)
     print_line(console, f"Report: {path}/report.html")
@@ -93,7 +93,8 @@ def print_leaderboard(path: Path, console: Console) -> None:
 
 def leaderboard_in_short(path: Path) -> str:
     """The best method of each experiment."""
-    best = Run(path).table("leaderboard.csv").groupby("experiment", sort=False).first()
+    methods = Run(path).table("leaderboard.csv").sort_values("success", ascending=False, kind="stable")
+    best = methods.groupby("experiment").first()
     return ", ".join(f"{row.Index}: {row.method} {row.success:.2f}" for row in best.itertuples())
 
 
@@ -176,6 +177,8 @@ def _print_success(summary: "pd.DataFrame", of: str, interval_is: str, console: 
         print_table(console, f"{title} ({facts})" if facts else title, headings, cells, text=len(shown))
     names = set(summary.get("genome", []))
     if len(names) == 1 and is_bundled(name := str(names.pop())):
+        from epuckhebb.runs import showcase  # runs take a while to load, and most of what is shown has no such note
+
         notes = {showcase(load_genome(name, experiment)) for experiment in EXPERIMENTS} - {""}
         for note in sorted(notes):
             console.print(Text(note))
