@@ -24,8 +24,9 @@ from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES, Pose
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.outcome import Outcome
+from epuckhebb.sim.own_class import name_of
 from epuckhebb.sim.plasticity.control import signs
-from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, Rule, name_of
+from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, Rule
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual

@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.maze import Box, Maze, Pose, boxes
 from epuckhebb.sim.reachable import GRID, SPARE, gap, reachable
 
@@ -49,7 +50,7 @@ def check_placed(placed: Sequence[Box], maze: Maze) -> None:
             raise ValueError(f"placed: the middle of a block must be in the maze, got {list(box)}")
 
 
-def check_put(put: Pose, maze: Maze, radius: float, standing: NDArray[np.float64]) -> None:
+def check_put(put: Pose, maze: Maze, radius: float, standing: Floats) -> None:
     """Refuse a place where a robot of this radius [m] cannot stand, or that it could not get to from the start.
 
     standing: (boxes, 4), all that stands in the maze now.
@@ -62,7 +63,7 @@ def check_put(put: Pose, maze: Maze, radius: float, standing: NDArray[np.float64
 
 
 @cache
-def _floor(maze: Maze, radius: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _floor(maze: Maze, radius: float) -> tuple[Floats, NDArray[np.bool_]]:
     """Where the middle of the robot can get to in a maze without obstacles."""
     return reachable(maze, boxes(maze), radius)
 

@@ -14,7 +14,6 @@ from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiling.kernel import compiled
-from epuckhebb.sim.compiling.simd import whole
 from epuckhebb.sim.faults import Faults, initial_past
 from epuckhebb.sim.fitness import History
 from epuckhebb.sim.goal_signal import SignalNumbers
@@ -122,7 +121,7 @@ def workspace_for(network: Network, robot: Robot, physics: Physics = PYMUNK) -> 
     return Workspace(
         senses=sense_workspace(robot, physics),
         noise=np.zeros(noise_workspace_size(robot.inputs)),
-        drive=np.empty(network.neurons if network.wiring is not None else whole(max(network.post))),
+        drive=np.empty(network.neurons),
         synapses=np.empty((3, network.synapses)),
         change=np.empty(weight_change_workspace(network)),
     )

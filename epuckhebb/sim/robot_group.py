@@ -11,8 +11,8 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.life import Group, Lifetime, life_of
 from epuckhebb.sim.lifetime import live_group
 from epuckhebb.sim.maze import Pose
@@ -84,7 +84,7 @@ class RobotGroup:
         return [session.outcome(pose) for session, pose in zip(self._sessions, self.poses, strict=True)]
 
 
-def _check_starts(starts: Sequence[Pose], radius: float, walls: NDArray[np.float64], arena: float) -> None:
+def _check_starts(starts: Sequence[Pose], radius: float, walls: Floats, arena: float) -> None:
     """Check that robots of this radius [m] have room. walls: (boxes, 4) edges [m]. arena: its half side [m].
 
     Raises:

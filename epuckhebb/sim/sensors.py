@@ -15,7 +15,7 @@ import numpy as np
 
 from epuckhebb.sim import light
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import compiled
+from epuckhebb.sim.compiling.kernel import compiled, nothing
 from epuckhebb.sim.ranges import check_range
 
 
@@ -89,11 +89,6 @@ class Surroundings(NamedTuple):
     noise_level: float
     goal: Goal
     robots: Floats
-
-
-@compiled
-def nothing(around: Surroundings, rays: Floats, scratch: Floats) -> None:
-    """Nothing to look for."""
 
 
 class Kernels(NamedTuple):

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.sim import fitness
 from epuckhebb.sim.adaptation.adaptation import initial_adaptation_state
@@ -71,14 +70,14 @@ class Individual:
     before, where the live fitness carries its history.
     """
 
-    genes: NDArray[np.float64]
+    genes: Floats
     side: Side
     key: np.uint64
     controller: Controller = GA_ALONE
     network: Network = PAPER_NETWORK
     start: Pose | None = None
     task_key: int = 0
-    signs: NDArray[np.float64] | None = None
+    signs: Floats | None = None
     nominal: NominalOfSide | None = None
     corrections: Corrections | None = None
     calibration: CalibrationRecord | None = None
@@ -285,7 +284,7 @@ class Session:
             kind.nominal if individual.nominal is None else individual.nominal,
             lights_of(self.world, lamp_on=lamp_on),
             trial_of(self.world, individual.side, self._start),
-            self.world.fitness.numbers(),
+            self.world.fitness.numbers() if self.world.fitness.step else (),
             float(lifetime.gain_rad_s),
             float(lifetime.noise),
             self._record_every,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim.adaptation.adaptation import AdaptationState, gate_numbers, initial_adaptation_state
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide, no_nominal
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.faults import Faults, lag_of
 from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
@@ -37,7 +38,7 @@ class Phase(NamedTuple):
     step: int
     scenario: Scenario
     space: Space
-    walls: NDArray[np.float64]
+    walls: Floats
 
     def is_blocked(self, space: Space) -> bool:
         """Whether the robot of another space stands where this phase has new walls."""
@@ -55,7 +56,7 @@ class Kind(NamedTuple):
     plasticity: Plasticity
     plan: GenomePlan
     synapse_state: NDArray[np.void]
-    signs: NDArray[np.float64] | None
+    signs: Floats | None
     nominal: NominalOfSide
     workspace: Workspace
     unused: AdaptationState | None
@@ -126,7 +127,7 @@ class Simulator:
             )
         compiled_for = self._compiled_for(controller)
         own = compiled_for is type(rule)
-        numbers = rule.numbers() if own else dict.fromkeys(compiled_for.settings(), 0.0)
+        numbers = rule.numbers() if own else (0.0,) * len(compiled_for.settings())
         return Kind(
             live=self.kernel(live, controller, network, more_faults),
             plasticity=Plasticity(
@@ -134,7 +135,7 @@ class Simulator:
                 float(rule.floor),
                 int(rule.signal),
                 rule.history,
-                tuple(numbers.values()),
+                numbers,
                 gate_numbers(adaptation),
             ),
             plan=plan_of(network, type(rule)),
