@@ -40,7 +40,6 @@ INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
     "genome": {"network", "plasticity"},
     "controller": {"adaptation", "plasticity"},
     "samples": {"network", "physics", "physics_engine"},
-    "outcome": {"task"},
     "own_class": {"compiling"},
     "own_fitness": {"compiling", "own_class", "robot"},
     "plasticity": {

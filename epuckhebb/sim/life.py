@@ -4,6 +4,7 @@
 """
 
 import math
+from collections import namedtuple
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -67,6 +68,8 @@ TALLY = np.dtype(
     ],
     align=True,
 )
+_namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
+_Tally = _namedtuple("_Tally", TALLY.names)  # a whole tally is read in the time that four of its fields take
 _INITIAL_TALLY = np.zeros(1, TALLY)
 _INITIAL_TALLY["time_to_goal"], _INITIAL_TALLY["change_signal"] = math.nan, math.nan
 _INITIAL_TALLY["need"], _INITIAL_TALLY["scale"] = 1.0, 1.0
@@ -186,6 +189,11 @@ def initial_life(
         *(genotype, key, _INITIAL_TALLY.copy(), genotype.weights.copy(), genotype.synapse_state.copy(), activation),
         *(adaptation, trials, fitness.initial_state(), neurons, workspace, initial_past(robot)),
     )
+
+
+def tally_of(life: Life) -> Any:
+    """The numbers of the tally, by name."""
+    return _Tally._make(life.tally[0].item())
 
 
 class Group(NamedTuple):

@@ -139,7 +139,7 @@ class Fitness(OwnClass):
         return record
 
     def of_lifetime(self, facts: Mapping[str, Any], state: NDArray[np.void]) -> float:
-        """The fitness of a lifetime. facts: the values of the arguments `paper` to `trials` by name.
+        """The fitness of a lifetime. facts: the values of the arguments `paper` to `trials`, and others, by name.
 
         Raises:
             FitnessError: `life` failed, or its result is no finite number.
@@ -166,11 +166,6 @@ PAPER_FITNESS = Fitness()
 def scored(fitness: Fitness) -> type[Fitness]:
     """The class whose `step` a kernel has: that of the paper, without one, also for a fitness that has only `life`."""
     return type(fitness) if fitness.step else Fitness
-
-
-def facts_of(outcome: Any) -> dict[str, Any]:
-    """The values of the arguments `paper` to `trials` of `life`. outcome: of a lifetime."""
-    return {name: getattr(outcome, name) for name in (*OF_OUTCOME, "trials")} | {"paper": outcome.fitness}
 
 
 def score_of(kind: type[Fitness]) -> Score:
