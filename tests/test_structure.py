@@ -18,7 +18,7 @@ INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
     "light": {"compiling"},
     "maze": {"random"},
     "reachable": {"maze"},
-    "changes": {"maze", "reachable"},
+    "changes": {"goal_signal", "light", "maze", "reachable", "robot"},
     "sensors": {"compiling", "light"},
     "own_sensor": {"compiling", "light", "own_class", "sensors"},
     "robot": {"sensors"},

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from epuckhebb.sim.adaptation.adaptation import AdaptationState, gate_numbers, initial_adaptation_state
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide, no_nominal
 from epuckhebb.sim.arrays import Floats
+from epuckhebb.sim.changes import AT_ONCE
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.faults import Faults, lag_of
 from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
@@ -27,7 +28,7 @@ from epuckhebb.sim.plasticity.rule import Rule, initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.reachable import gap
 from epuckhebb.sim.samples import Samples, empty_samples
-from epuckhebb.sim.scenario import AT_ONCE, Scenario
+from epuckhebb.sim.scenario import Scenario
 
 _NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task that has no correct side
 
