@@ -14,11 +14,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from epuckhebb.config.build import check_library
-from epuckhebb.config.compose import load
-from epuckhebb.config.overrides import quoted
-from epuckhebb.config.schema import EvolveConfig
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.config import EvolveConfig, check_library, load, quoted
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiling.kernel import kernel
 from epuckhebb.sim.forward_pass import forward_pass

@@ -113,6 +113,7 @@ def test_it_learns_to_stay_at_the_goal_alone_and_keeps_what_it_learns(nominal):
     assert samples.weight_change[first + 1 :].min() > 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("when", "share"), [("always", 1.0), ("late", 0.5)])
 def test_the_gate_of_plasticity_is_not_that_of_exploration(nominal, when, share):
     learns = ("adaptation=find", "hebbian=paper", "hebbian.N=0.0001", f"adaptation.plastic_when={when}")

@@ -105,13 +105,13 @@ def test_runs_by_it_are_shown_replayed_and_rerun_without_the_file(copy):
 def test_a_point_of_the_archive_is_drawn_evaluated_and_replayed():
     words = ["archive.py", "evolved", "--lamp-on", "0", "--lamp-off", "0"]
     subprocess.run([sys.executable, *words], check=True, capture_output=True)
-    assert Path("archive.png").read_bytes().startswith(b"\x89PNG")
+    assert Path("evolved/archive.png").read_bytes().startswith(b"\x89PNG")
     archive = pd.read_csv("evolved/archive.csv", dtype=str).astype(float)
-    genome = np.load("genome.npy")
+    genome = np.load("evolved/genome.npy")
     assert genome.tobytes() in [row.tobytes() for row in archive.filter(like="solution").to_numpy()]
-    done("evaluate", "genome=genome.npy", *SHORT, "hydra.run.dir=point")
+    done("evaluate", "genome=evolved/genome.npy", *SHORT, "hydra.run.dir=point")
     done("replay", "point")
-    done("sweep", "n_sweep", "genome=genome.npy", "--dry-run")
+    done("sweep", "n_sweep", "genome=evolved/genome.npy", "--dry-run")
 
 
 @pytest.mark.usefixtures("copy")

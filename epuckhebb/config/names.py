@@ -24,8 +24,7 @@ from epuckhebb.config.parts import NONE, PAPER, part_class
 from epuckhebb.config.parts_from_yaml import maze_from
 from epuckhebb.config.schema import ScenarioConfig, plain, said
 from epuckhebb.evolution.training import Training
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.resources import path_of
+from epuckhebb.runtime import ConfigError, path_of
 from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.maze import T_MAZE
 from epuckhebb.sim.physics.pymunk import PYMUNK

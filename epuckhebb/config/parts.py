@@ -14,7 +14,7 @@ from epuckhebb.config.plugins import class_named
 from epuckhebb.config.values import part_settings
 from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Algorithm, Optimizer
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim import couplings, physics, tasks, wirings
 from epuckhebb.sim.coupling import Coupling
 from epuckhebb.sim.own_class import OwnClass
