@@ -82,7 +82,6 @@ def evolve(
     genes of a champion's network, if only the rule is evolved; None to evolve the network, too.
 
     Raises:
-        ValueError: network, robot and rule, or scenario and training, do not fit each other; nothing is evolved.
         OptimizerError: the optimizer failed, or asked for what is no genome.
         LostRobotError: a pose or a weight stopped being finite.
     """
@@ -134,9 +133,6 @@ def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> Genome
     """The parts of the genome that are evolved: all, or those of the rule alone.
 
     given: whether the network is given. Random initial weights are not evolved either.
-
-    Raises:
-        ValueError: nothing is left to evolve.
     """
     plan = plan_of(network, type(rule))
     if not given and rule.initial_weights is InitialWeights.evolved:

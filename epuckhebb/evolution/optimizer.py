@@ -121,7 +121,6 @@ class Optimizer(Algorithm):
     confirm: int = 12
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         for name, bound in self.least.items():
             value = getattr(self, name)
             if value is not None and value < bound:
@@ -177,7 +176,6 @@ class EvolutionStrategy(Optimizer):
     sigma: float = 0.5
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         super().__post_init__()
         check_range(self, "optimizer", "sigma", above=True)
 

@@ -43,11 +43,7 @@ class Results(NamedTuple):
 
 
 def measures_of(optimizer: Algorithm) -> tuple[str, ...]:
-    """The fields of an outcome that an optimizer wants to know: the arguments of its `tell`, but for the fitness.
-
-    Raises:
-        ValueError: an argument is unknown.
-    """
+    """The fields of an outcome that an optimizer wants to know: the arguments of its `tell`, but for the fitness."""
     names = arguments(optimizer.what(), optimizer.tell, (_FITNESS, *OF_OUTCOME))
     return tuple(name for name in names if name != _FITNESS)
 
@@ -62,7 +58,6 @@ class Search:
         """Start a copy of an optimizer for the genes of a plan, and give it the results that are logged.
 
         Raises:
-            ValueError: what is logged is of another search.
             OptimizerError: the optimizer failed, or asks for other genomes than those that are logged.
         """
         self.log: tuple[Results, ...] = ()

@@ -48,7 +48,6 @@ class Coupling(OwnClass):
     decay: float = 0.03
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         check_range(self, "flock", "N")
         check_range(self, "flock", "decay", most=1.0)
 

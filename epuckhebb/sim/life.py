@@ -89,7 +89,6 @@ class Lifetime:
     record_every: int = 0
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         if not STEP_S <= self.duration_s <= _LONGEST_S:
             raise ValueError(
                 f"lifetime.duration_s must be at least one step, {STEP_S} s, and at most {_LONGEST_S:g} s, "

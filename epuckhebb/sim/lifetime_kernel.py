@@ -38,9 +38,6 @@ def kernel_of(
 
     adapted: which functions the adaptation has. more_faults: whether there are other faults than dead sensors and weak
     wheels. task, fitness: only their kinds matter.
-
-    Raises:
-        ValueError: the rule has unknown arguments, or network, robot, task and adaptation do not fit each other.
     """
     hooks, scoring = adaptation.hooks(adapted, robot, network.post[0]), scored(fitness)
     place = (rule, hooks, network, robot, more_faults, type(task), scoring, physics, page)

@@ -35,10 +35,6 @@ class Network:
 
     layers: how many neurons each layer has, sensors first, the two wheels last. rewarded: whether the last input is a
     reward (`epuckhebb.sim.task`). wiring: another than that of layers; then layers are the inputs and its groups.
-
-    Raises:
-        ValueError: there are fewer than two layers, a layer is empty, the last has not two neurons, or a synapse of a
-            wiring joins what is no neuron.
     """
 
     layers: tuple[int, ...] = (16, *HIDDEN, OUTPUTS)
@@ -46,7 +42,6 @@ class Network:
     wiring: Wiring | None = None
 
     def __post_init__(self) -> None:
-        """Validate the layers."""
         whole = all(isinstance(size, int) and size > 0 for size in self.layers)
         if self.wiring is not None and (len(self.layers) < 2 or not whole or self.layers[-1] < OUTPUTS):
             raise ValueError(

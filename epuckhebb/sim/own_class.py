@@ -72,9 +72,6 @@ def arguments(
     """The names of the arguments of a static method, in its order.
 
     what: whose it is, for messages. known: names that it may have. records: what each argument that is a record holds.
-
-    Raises:
-        ValueError: an argument is unknown, or a record is asked for what it does not hold.
     """
     names, records = tuple(inspect.signature(function).parameters), records or {}
     unknown = [name for name in names if name not in known]

@@ -56,7 +56,6 @@ class Sensor(OwnClass, SensorGroup):
         cls.name = cls.label = cls.short = cls.__name__
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         if not (math.isfinite(self.noise) and self.noise >= 0):
             raise ValueError(f"noise of sensor {self.name} must be 0 or more, got {self.noise}")
 
@@ -103,11 +102,7 @@ class Sensor(OwnClass, SensorGroup):
         return arguments(cls.what(), cls.read, _OF_READ, {"by": cls.settings()})
 
     def check(self) -> None:
-        """Check `read` and what it gives for a robot at the origin.
-
-        Raises:
-            ValueError: it is missing, has unknown arguments, fails, draws random numbers, or gives no such readings.
-        """
+        """Check `read` and what it gives for a robot at the origin; else a ValueError."""
         kind, what = type(self), self.what()
         if kind.read is None:
             raise ValueError(f"{what} has no static method `read`, which gives the readings")

@@ -102,7 +102,6 @@ class Scenario:
     physics: Physics = PYMUNK
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         if self.experiment not in EXPERIMENTS:
             raise ValueError(f"scenario.experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
         check_range(self, "scenario", "light")
@@ -142,11 +141,7 @@ class Scenario:
         self._check_changes()
 
     def check(self) -> None:
-        """Check that the robot can get to its goals, before and after each change. Takes some 35 ms for new walls.
-
-        Raises:
-            ValueError: the start is in a wall, or no way leads to a goal.
-        """
+        """Check that the robot can get to its goals, before and after each change. Takes some 35 ms for new walls."""
         events = self.events
         for number, (_, world) in enumerate(self.phases):
             try:
@@ -204,7 +199,6 @@ class Scenario:
         """This world after a change, without changes of its own; what happens at once happens with this one alone.
 
         Raises:
-            ValueError: a new value cannot be.
             TypeError: a new value is of another kind.
         """
         values = {key: value for key, value in change.items() if key != "at_s"}

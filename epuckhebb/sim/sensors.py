@@ -141,18 +141,13 @@ class SensorGroup(InputGroup, ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class RimSensors(SensorGroup):
-    """Sensors on the rim of the robot. places: where they are. dead: what a dead one reads.
-
-    Raises:
-        ValueError: there is no sensor, or a place is not finite.
-    """
+    """Sensors on the rim of the robot. places: where they are. dead: what a dead one reads."""
 
     dead: ClassVar[float]
 
     places: tuple[Place, ...] = _E_PUCK_PLACES
 
     def __post_init__(self) -> None:
-        """Validate the places."""
         if not self.places:
             raise ValueError(f"robot.{self.name}_places must hold one sensor or more")
         for number, place in enumerate(self.places):
@@ -208,7 +203,6 @@ class DistanceSensors(RimSensors):
     full_scale: float = 2000.0  # as in the published controller
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         super().__post_init__()
         check_range(self, "robot", "stretch", "reach_m", "full_scale", above=True)
         distances = [point.distance for point in self.curve]

@@ -92,9 +92,6 @@ class Session:
 
     simulator: shared by lifetimes that run one after the other; without it, any number of sessions may be in progress.
     most_samples: how many are kept, the last ones; None for all. Sample n is in place n modulo this number.
-
-    Raises:
-        ValueError: genes, network, robot and rule do not fit each other.
     """
 
     def __init__(
@@ -188,9 +185,6 @@ class Session:
 
         The world's own `changes` count from the start of the lifetime: past ones hold already, others come in their
         time. A wall that would appear where the robot stands waits until it has left.
-
-        Raises:
-            ValueError: the world has another robot, task, fitness or physics.
         """
         for kind in ("robot", "task", "fitness", "physics"):
             new, old = getattr(world, kind), getattr(self.world, kind)

@@ -69,9 +69,6 @@ class Simulator:
 
     fallback_rule: individuals without a rule share its kernel, with N = 0. The results are bit-identical, and there is
     one kernel less to compile.
-
-    Raises:
-        ValueError: the wheel gain is above the limit of the robot's motors.
     """
 
     def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: type[Rule] = Paper) -> None:

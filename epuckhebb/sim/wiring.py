@@ -128,11 +128,7 @@ class Wiring(OwnClass):
         return {name: per[str(evolved.per)] for name, evolved in self.evolved.items()}
 
     def initial(self, genes: Mapping[str, Floats], gain_rad_s: float) -> Neurons:
-        """The neurons before the first step. genes: those of each evolved parameter, by name. gain_rad_s: of wheels.
-
-        Raises:
-            ValueError: a value that is made of genes has another shape, or is not finite.
-        """
+        """The neurons before the first step. genes: those of each evolved parameter, by name. gain_rad_s: of wheels."""
         count = sum(self.sizes)
         names, values = list(self.state) or ["nothing"], tuple(self.state.values()) or (0.0,)
         state = np.full(count, np.array(values, [(name, np.float64) for name in names]))
@@ -147,11 +143,7 @@ class Wiring(OwnClass):
         return Neurons(state, parameters, self.numbers(), float(self.step_s(gain_rad_s)))
 
     def joined(self, inputs: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The presynaptic and the postsynaptic neuron of each synapse, (synapses,) each.
-
-        Raises:
-            ValueError: there is no synapse, or one joins what is no neuron.
-        """
+        """The presynaptic and the postsynaptic neuron of each synapse, (synapses,) each."""
         end = inputs + 1 + sum(self.sizes)
         pairs = [tuple(pair) for pair in islice(self.synapses(inputs), MOST_SYNAPSES + 1)]
         for pair in pairs:

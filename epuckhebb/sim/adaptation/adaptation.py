@@ -97,7 +97,6 @@ class Adaptation:
     homeostasis: bool = False
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         allowed = (NONE, *change_signals())
         if self.change_signal not in allowed:
             raise ValueError(
@@ -279,11 +278,7 @@ class Parts(NamedTuple):
 
 @cache
 def hooks(parts: Parts, robot: Robot, first_post: int = HIDDEN[0]) -> Hooks:
-    """The functions of an adaptation. first_post: how many neurons the first layer of connections leads to.
-
-    Raises:
-        ValueError: the robot lacks the sensors to follow walls, or to recognise a place.
-    """
+    """The functions of an adaptation. first_post: how many neurons the first layer of connections leads to."""
     gated, limit = parts.change_signal != NONE, robot.motor_limit_rad_s
     explore, open_gate = _as_it_is, one
     if gated:

@@ -60,7 +60,6 @@ class Nominal:
     echo: Floats | None = None
 
     def __post_init__(self) -> None:
-        """Validate the values."""
         if self.experiment not in EXPERIMENTS:
             raise ValueError(f"experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
         if not 0 < self.gain_rad_s < np.inf:

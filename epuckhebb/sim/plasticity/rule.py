@@ -106,7 +106,6 @@ class Rule(OwnClass):
     reward: Reward = Reward.given
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         for name in ("N", "N_gain_rad_s", "floor", "w_max"):
             value = getattr(self, name)
             is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
@@ -221,11 +220,7 @@ def initial_synapse_state(rule: type[Rule], network: Network) -> NDArray[np.void
 
 
 def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
-    """How many genes each evolved parameter of a rule takes.
-
-    Raises:
-        ValueError: one has an unknown `per`, or the name of something else, or the rule needs layers and has none.
-    """
+    """How many genes each evolved parameter of a rule takes."""
     check_layers(rule, network)
     per = {
         "network": 1,

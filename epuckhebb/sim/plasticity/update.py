@@ -174,9 +174,6 @@ def update_of(rule: type[Rule], network: Network) -> Update:
     weights (synapses,) and synapse_state are updated; genes: initial weights; coefficients: (names, synapses);
     activation: (neurons,); rate: N_e; now: the step; lengths: (neurons,) of incoming weights, if the rule keeps them;
     signs: (synapses,); numbers: the settings; room (3, synapses) and change: workspace.
-
-    Raises:
-        ValueError: an argument of `synapse` is unknown.
     """
     if rule is NoRule:
         return zero
