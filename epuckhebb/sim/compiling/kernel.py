@@ -74,26 +74,33 @@ def kernel(function: Function, **parts: object) -> Function:
     read all code, the kernel is compiled in memory.
     """
     made = _with_globals(function, parts)
+    with suppress(UnknownPartError):
+        made.__qualname__ = f"{function.__name__}_{digest(made)}"  # symbols of kernels in one process must differ
+        made.__module__ = function.__module__
+        stored = _stored(made)
+        if stored is not None:
+            return cast(Function, stored)
+    return cast(Function, _njit(**_OPTIONS)(made))
+
+
+def _stored(made: types.FunctionType) -> Any:
+    """A kernel whose machine code is kept on disk; None if no folder can be written to."""
+    before = _settings.CACHE_DIR
     try:
-        name = digest(made)
-    except UnknownPartError:
-        return cast(Function, _njit(**_OPTIONS)(made))
-    made.__qualname__ = f"{function.__name__}_{name}"  # symbols of kernels that are loaded together must differ
-    made.__module__ = function.__module__
-    folder = _cache_folder(name)
-    if folder is None:
-        return cast(Function, _njit(**_OPTIONS)(made))
-    before, _settings.CACHE_DIR = _settings.CACHE_DIR, str(folder)
-    try:
+        folder = cache_root() / f"kernel-{made.__qualname__.rpartition('_')[2]}"
+        folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(folder, os.W_OK):
+            return None
+        _settings.CACHE_DIR = str(folder)
         dispatcher = _njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(made)
-    except (OSError, RuntimeError):  # the folder is gone, full or read-only by now
-        return cast(Function, _njit(**_OPTIONS)(made))
+    except (OSError, RuntimeError):  # the folder is gone, full or read-only, or no folder of the user is known
+        return None
     finally:
         _settings.CACHE_DIR = before
     if not Path(dispatcher._cache.cache_path).is_relative_to(folder):  # numba has looked for another place
-        return cast(Function, _njit(**_OPTIONS)(made))
+        return None
     _distrust(dispatcher._cache)
-    return cast(Function, dispatcher)
+    return dispatcher
 
 
 def with_parts(function: Function, **parts: object) -> Function:
@@ -179,13 +186,3 @@ def cache_root() -> Path:
     if not root.is_absolute():  # what some versions return where no folder of the user is known
         raise RuntimeError("no folder of the user is known")
     return root
-
-
-def _cache_folder(name: str) -> Path | None:
-    """The folder of a kernel in `$NUMBA_CACHE_DIR` or the user's cache folder; None if it cannot be written to."""
-    try:
-        folder = cache_root() / f"kernel-{name}"
-        folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, RuntimeError):  # RuntimeError: no folder of the user is known
-        return None
-    return folder if os.access(folder, os.W_OK) else None
