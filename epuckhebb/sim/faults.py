@@ -122,10 +122,9 @@ def _miscalibrated(robot: Robot) -> Callable[..., None]:
             for i in range(count):
                 readings[first + i] = now[i]
         if faults.sensor_levels > 0:
+            steps = faults.sensor_levels - 1.0
             for i in range(inputs):
-                readings[i] = math.floor(readings[i] * (faults.sensor_levels - 1.0) + 0.5) / (
-                    faults.sensor_levels - 1.0
-                )
+                readings[i] = math.floor(readings[i] * steps + 0.5) / steps
         for i in range(inputs):  # kept always: a delay may begin during the lifetime
             now[i] = readings[i]
         if faults.sensor_delay_steps > 0:

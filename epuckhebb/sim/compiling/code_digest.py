@@ -60,8 +60,9 @@ def digest(function: Callable[..., Any]) -> str:
         if python is not None and python is not value:
             if not isinstance(value, Dispatcher):
                 raise UnknownPartError(f"numba compiles {value!r} in another way than by njit")
-            only = [] if value._can_compile else value.signatures
-            add(f"{sorted(value.targetoptions.items())} {only}")
+            numba_made: Any = value
+            only = [] if numba_made._can_compile else numba_made.signatures
+            add(f"{sorted(numba_made.targetoptions.items())} {only}")
             take(python)
         elif isinstance(value, types.ModuleType):
             if not _is_known_module(value):

@@ -85,15 +85,13 @@ def kernel(function: Function, **parts: object) -> Function:
 
 def _stored(made: types.FunctionType) -> Any:
     """A kernel whose machine code is kept on disk; None if no folder can be written to."""
-    before = _settings.CACHE_DIR
+    folder, before = _cache_folder(made.__qualname__.rpartition("_")[2]), _settings.CACHE_DIR
+    if folder is None:
+        return None
     try:
-        folder = cache_root() / f"kernel-{made.__qualname__.rpartition('_')[2]}"
-        folder.mkdir(parents=True, exist_ok=True)
-        if not os.access(folder, os.W_OK):
-            return None
         _settings.CACHE_DIR = str(folder)
         dispatcher = _njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(made)
-    except (OSError, RuntimeError):  # the folder is gone, full or read-only, or no folder of the user is known
+    except (OSError, RuntimeError):  # the folder is gone, full or read-only by now
         return None
     finally:
         _settings.CACHE_DIR = before
@@ -186,3 +184,13 @@ def cache_root() -> Path:
     if not root.is_absolute():  # what some versions return where no folder of the user is known
         raise RuntimeError("no folder of the user is known")
     return root
+
+
+def _cache_folder(name: str) -> Path | None:
+    """The folder of a kernel in `$NUMBA_CACHE_DIR` or the user's cache folder; None if it cannot be written to."""
+    try:
+        folder = cache_root() / f"kernel-{name}"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):  # RuntimeError: no folder of the user is known
+        return None
+    return folder if os.access(folder, os.W_OK) else None
