@@ -165,9 +165,7 @@ def decide(
             live_fitness = worth
 
     # Learn.
-    need = open_gate(
-        plasticity.gate, tally, life.adaptation, activation, live_fitness, setup.nominal, trial, step, life.key
-    )
+    need = open_gate(life, setup, live_fitness, step)
     if resets and tally.need > 0.0 and need == 0.0:
         reset_to_genes(life)
     tally.need = need
@@ -184,7 +182,7 @@ def decide(
         record_tilt(space, setup.samples.tilt, (step // setup.record_every) % setup.samples.time.shape[0])
 
     # Explore, and compensate for weak wheels.
-    left, right = explore(plasticity.gate, tally, life.adaptation, activation, left, right, setup.gain)
+    left, right = explore(life, setup, left, right)
     left = compensate(left, corrections.left_loss, setup.gain)
     right = compensate(right, corrections.right_loss, setup.gain)
     return left, right
