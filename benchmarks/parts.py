@@ -11,8 +11,9 @@ from numba import njit
 from step import GENES
 
 from epuckhebb.sim import light
+from epuckhebb.sim.forward_pass import forward_pass
 from epuckhebb.sim.maze import T_MAZE, Pose, boxes
-from epuckhebb.sim.network import PAPER_NETWORK, forward_pass, initial_weights_of
+from epuckhebb.sim.network import PAPER_NETWORK, initial_weights_of
 from epuckhebb.sim.physics.pymunk import PYMUNK, PymunkSpace, mover
 from epuckhebb.sim.plasticity.rule import initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
@@ -81,7 +82,7 @@ def measure() -> list[tuple[str, str]]:
     """Name and median time of each part."""
     walls, lit, network = boxes(T_MAZE), light.lights(0.1, light.Lamp(), True), PAPER_NETWORK
     numbers, activation = np.zeros(16), np.full(network.neurons, 0.3)
-    genes, settings = initial_weights_of(np.load(GENES)["genome"]), tuple(Paper(N=1e-5).numbers().values())
+    genes, settings = initial_weights_of(np.load(GENES)["genome"]), Paper(N=1e-5).numbers()
     plasticity = (
         genes.copy(),
         initial_synapse_state(Paper, network),

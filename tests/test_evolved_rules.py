@@ -109,7 +109,7 @@ def test_the_incoming_weights_of_each_neuron_keep_their_length():
     genes = np.random.default_rng(0).uniform(-1, 1, network.synapses)
     weights, values = genes.copy(), dict.fromkeys(Discrete.evolved, np.ones(1))
     values |= {"when_better": np.ones(4), "when_worse": np.ones(4)}
-    numbers, room = tuple(Discrete(N=1.0).numbers().values()), np.empty((3, network.synapses))
+    numbers, room = Discrete(N=1.0).numbers(), np.empty((3, network.synapses))
     learn, change = update_of(Discrete, network), np.empty(weight_change_workspace(network))
     spread, activation, ones = coefficients(Discrete, network, values), np.ones(network.neurons), np.ones_like(genes)
     lengths = initial_lengths(Discrete, network, genes)

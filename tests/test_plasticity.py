@@ -48,7 +48,7 @@ def initial_state(rule):
 
 
 def by(rule, **values):
-    return SimpleNamespace(**rule(**values).numbers())
+    return SimpleNamespace(**dict(zip(rule.settings(), rule(**values).numbers(), strict=True)))
 
 
 def test_three_steps_of_the_papers_rule():
@@ -133,7 +133,7 @@ def updated(rule, network, weights, genes, activation, rate, w_max, all_of=None,
         StepContext(0.5, np.uint64(1), 0),
         np.empty(0),
         np.ones(network.synapses) if of_updates is None else of_updates,
-        tuple(rule(N=1.0, w_max=w_max).numbers().values()),
+        rule(N=1.0, w_max=w_max).numbers(),
         np.empty((3, network.synapses)),
         np.full(weight_change_workspace(network), 7.0),
     )

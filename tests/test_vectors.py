@@ -9,7 +9,8 @@ from cases import first_of
 from epuckhebb.sim.compiling import simd
 from epuckhebb.sim.compiling.code_digest import digest
 from epuckhebb.sim.compiling.kernel import kernel
-from epuckhebb.sim.network import PAPER_NETWORK, Network, forward_pass, tanh
+from epuckhebb.sim.forward_pass import forward_pass
+from epuckhebb.sim.network import PAPER_NETWORK, Network, tanh
 from epuckhebb.sim.plasticity.rule import Rule, initial_synapse_state
 from epuckhebb.sim.plasticity.update import StepContext, update_of
 from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
@@ -67,7 +68,7 @@ def test_layers_of_any_width_are_bit_identical_to_single_numbers(network):
     seen = np.zeros(network.neurons)
     seen[: network.inputs], seen[network.bias] = rng.random(network.inputs), 1.0
     genes = rng.uniform(-2, 2, network.synapses)
-    given = genes, seen, np.zeros(simd.whole(max(network.post)))
+    given = genes, seen, np.zeros(network.neurons)
     (weights, activation, drive), behind = zip(*map(guarded, given), strict=True)
     rows = np.full((4, network.synapses), 7.0)
     made(
@@ -80,7 +81,7 @@ def test_layers_of_any_width_are_bit_identical_to_single_numbers(network):
         StepContext(0.5, np.uint64(1), 0),
         np.empty(0),
         np.ones(network.synapses),
-        tuple(Everything(N=1.0, w_max=1e6).numbers().values()),
+        Everything(N=1.0, w_max=1e6).numbers(),
         rows[:3],
         np.empty(weight_change_workspace(network)),
     )

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import compiled
+from epuckhebb.sim.compiling.kernel import compiled, nothing
 from epuckhebb.sim.random import uniform
 from epuckhebb.sim.robot import STEP_S, Robot
 
@@ -96,12 +96,7 @@ class Hooks(NamedTuple):
 
 def hooks(robot: Robot, more: bool) -> Hooks:
     """The functions for a robot. more: whether it has other faults than dead sensors and weak wheels."""
-    return Hooks(_miscalibrated(robot), _slow_and_slipping) if more else Hooks(_as_it_is, _at_once)
-
-
-@compiled
-def _as_it_is(readings: Floats, faults: Faults, past: Floats, step: int) -> None:
-    pass
+    return Hooks(_miscalibrated(robot), _slow_and_slipping) if more else Hooks(nothing, _at_once)
 
 
 @compiled

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import compiled
+from epuckhebb.sim.compiling.kernel import compiled, nothing
 from epuckhebb.sim.maze import Pose
 from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.sensors import Kernels, SensorGroup, put_rays
@@ -86,7 +86,7 @@ class Physics(ABC):
 
     def record_tilt(self) -> Callable[..., None]:
         """The function `record(space, tilt, place)` that writes the tilt of the robot into a sample."""
-        return _no_tilt
+        return nothing
 
     def check(self, world: Any) -> None:  # noqa: B027  # most worlds can be in any
         """Check that a world can be in this physics; else a ValueError."""
@@ -106,11 +106,6 @@ def _in_plane(
     rays: Floats,
 ) -> None:
     put_rays(x, y, cos, sin, places, rays)
-
-
-@compiled
-def _no_tilt(space: Handles, tilt: Floats, place: int) -> None:
-    """Nothing: in the plane no robot tilts."""
 
 
 @compiled

@@ -15,7 +15,7 @@ import numpy as np
 from epuckhebb.sim.adaptation import exploration
 from epuckhebb.sim.adaptation.change_signal import ChangeSignal, NominalOfSide, SignalContext, update_recent
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import compiled
+from epuckhebb.sim.compiling.kernel import compiled, false
 from epuckhebb.sim.goal_signal import goal_signal
 from epuckhebb.sim.robot import STEP_S
 
@@ -62,7 +62,7 @@ def gates(
     """The function that opens both gates, `open_gate` of `adaptation.Hooks`. recognised: None for the goal signal."""
     always, at_the_goal = plastic_when is PlasticWhen.always, plastic_when.at_the_goal
     halts, recognises = stay is Stay.halt, recognised is not None
-    is_here = recognised or _never
+    is_here = recognised or false
 
     @compiled
     def open_gate(
@@ -105,8 +105,3 @@ def gates(
         return open_by
 
     return open_gate
-
-
-@compiled
-def _never(place: Any, readings: Floats, nominal: NominalOfSide) -> bool:
-    return False

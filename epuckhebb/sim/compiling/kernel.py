@@ -48,6 +48,13 @@ def compiled(function: Function) -> Function:
     return cast(Function, _building_block(function))
 
 
+# Parts that do nothing, whatever they are given.
+nothing: Callable[..., None] = compiled(lambda *_: None)
+zero: Callable[..., float] = compiled(lambda *_: 0.0)
+one: Callable[..., float] = compiled(lambda *_: 1.0)
+false: Callable[..., bool] = compiled(lambda *_: False)
+
+
 def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]], arguments: str) -> Any:
     """A building block that calls another one in turn: with each of these constants, then with its own arguments.
 
@@ -55,8 +62,8 @@ def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]],
 
     arguments: their names, separated by commas.
     """
-    calls = [f"function({', '.join(map(str, numbers))}, {arguments})" for numbers in constants]
-    return compiled(eval(f"lambda {arguments}: ({', '.join(calls)},)", {"function": compiled(function)}))
+    calls = "".join(f"function({', '.join(map(str, numbers))}, {arguments}), " for numbers in constants)
+    return compiled(eval(f"lambda {arguments}: ({calls})", {"function": compiled(function)}))
 
 
 def kernel(function: Function, **parts: object) -> Function:
