@@ -244,10 +244,10 @@ def _check_genome(genome: Genome, config: EvaluateConfig) -> None:
         if isinstance(rule, NoRule):
             continue
         if genome.plan.of_rule.parts and genome.rule not in ("", name_of(kind)):
+            given = f"hebbian{'=' if genome.rule in part_names('rule') else '.rule=FILE.py:'}{genome.rule}"
             raise ConfigError(
                 f"{named} was evolved with rule {genome.rule}, and {controller.name} has rule {name_of(kind)}; give "
-                f"hebbian={genome.rule} (your own: hebbian.rule=FILE.py:{genome.rule}), or hebbian=none for a life of "
-                "its weights alone"
+                f"{given}, or hebbian=none for a life of its weights alone"
             )
         if genome.plan.of_rule.parts and rule.initial_weights is not initial_weights:
             raise ConfigError(
