@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.compiling.kernel import zero
+from epuckhebb.sim.maze import Pose
 from epuckhebb.sim.own_class import Functions, OwnClass, arguments, number_of
 from epuckhebb.sim.robot import STEP_S
 
@@ -26,15 +27,15 @@ _OF_STEP = {  # the arguments that `step` may have, and how the kernel has them
     "junction": "tally.junction",
     "goal_distance": "tally.goal_distance",
     "arrived": "not math.isnan(tally.time_to_goal)",
-    "x": "x",
-    "y": "y",
-    "heading": "heading",
+    "x": "at.x",
+    "y": "at.y",
+    "heading": "at.heading",
     "readings": "readings",
     "time_s": "time_s",
     "state": "state",
     "by": "by",
 }
-_ARGUMENTS = "tally, state, numbers, left, right, nearest, contact, behaviour, x, y, heading, readings, time_s"
+_ARGUMENTS = "tally, state, numbers, left, right, nearest, contact, behaviour, at, readings, time_s"
 OF_OUTCOME = (  # the fields of an outcome that `life`, and `tell` of an optimizer, may name
     "success",
     "time_to_goal",
@@ -179,4 +180,4 @@ def score_of(kind: type[Fitness]) -> Score:
 def example_arguments(fitness: Fitness, tally: Any, inputs: int) -> tuple[Any, ...]:
     """Arguments with which `score` can be called by itself."""
     state, readings = fitness.initial_state()[0], np.zeros(inputs)
-    return (tally, state, fitness.numbers(), 0.0, 0.0, 0.0, False, 0.0, 0.0, 0.0, 0.0, readings, STEP_S)
+    return (tally, state, fitness.numbers(), 0.0, 0.0, 0.0, False, 0.0, Pose(0.0, 0.0, 0.0), readings, STEP_S)

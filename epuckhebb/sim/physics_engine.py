@@ -109,9 +109,9 @@ def _in_plane(
 
 
 @compiled
-def pose(space: Handles) -> tuple[float, float, float]:
+def pose(space: Handles) -> Pose:
     """The robot's x, y [m] and heading [rad]."""
-    return space.state[0], space.state[1], space.state[2]
+    return Pose(space.state[0], space.state[1], space.state[2])
 
 
 @compiled

@@ -13,7 +13,7 @@ from epuckhebb.sim.adaptation.change_signal import NominalOfSide, no_nominal
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.changes import AT_ONCE
 from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.faults import Faults, lag_of
+from epuckhebb.sim.faults import faults_of
 from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
 from epuckhebb.sim.genome import GenomePlan, plan_of
 from epuckhebb.sim.life import Lifetime, Plasticity, Trial, Workspace, workspace_for
@@ -170,22 +170,3 @@ def trial_of(scenario: Scenario, side: Side, start: Pose | None = None) -> Trial
 def lights_of(scenario: Scenario, lamp_on: bool) -> Lights:
     """The lights of a world."""
     return lights(scenario.light, scenario.lamp, lamp_on, scenario.sun_turn_deg, scenario.second_lamp)
-
-
-def faults_of(scenario: Scenario) -> Faults:
-    """The faults of the robot in a world."""
-    return Faults(
-        np.array(scenario.dead_sensors, np.int64),
-        float(scenario.distance_gain),
-        float(scenario.distance_offset),
-        float(scenario.left_wheel),
-        float(scenario.right_wheel),
-        float(scenario.left_slip),
-        float(scenario.right_slip),
-        lag_of(scenario.mass_ratio),
-        float(scenario.left_distance_gain),
-        float(scenario.crosstalk),
-        int(scenario.sensor_levels),
-        int(scenario.sensor_delay_steps),
-        int(scenario.wheel_delay_steps),
-    )

@@ -264,9 +264,9 @@ class Hooks(NamedTuple):
     """The functions of an adaptation that a lifetime calls.
 
     correct(readings, corrections, state): sensor readings as they would be in the training world. scale(readings,
-    weights, tally, state, nominal, step): scales the light readings. open_gate(gate, tally, state, readings, fitness,
-    nominal, trial, step, key): the need g for plasticity at this step. explore(gate, tally, state, readings, left,
-    right, gain): the wheels' commands, from the network's outputs. compensate(output, loss, gain): the command for a
+    weights, tally, state, nominal, step): scales the light readings. open_gate(life, setup, fitness, step): the need g
+    for plasticity at this step. explore(life, setup, left, right): the wheels' commands, from the network's outputs.
+    compensate(output, loss, gain): the command for a
     wheel that turns too slowly by this share. resets: whether the weights become the genes where the gate closes.
     """
 
@@ -313,4 +313,4 @@ def hooks(parts: Parts, robot: Robot, first_post: int = HIDDEN[0]) -> Hooks:
 
 
 _as_commanded = compiled(lambda output, *_: output)
-_as_it_is = compiled(lambda _gate, _tally, _state, _readings, left, right, _gain: (left, right))
+_as_it_is = compiled(lambda _life, _setup, left, right: (left, right))

@@ -10,11 +10,8 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any
 
-import numpy as np
-
 from epuckhebb.sim.adaptation import exploration
-from epuckhebb.sim.adaptation.change_signal import ChangeSignal, NominalOfSide, SignalContext, update_recent
-from epuckhebb.sim.arrays import Floats
+from epuckhebb.sim.adaptation.change_signal import ChangeSignal, SignalContext, update_recent
 from epuckhebb.sim.compiling.kernel import compiled, false
 from epuckhebb.sim.goal_signal import goal_signal
 from epuckhebb.sim.robot import STEP_S
@@ -70,22 +67,14 @@ def gates(
     is_here = recognised or false
 
     @compiled
-    def open_gate(
-        gate: Any,
-        tally: Any,
-        state: Any,
-        readings: Floats,
-        fitness: float,
-        nominal: NominalOfSide,
-        trial: Any,
-        step: int,
-        key: np.uint64,
-    ) -> float:
+    def open_gate(life: Any, setup: Any, fitness: float, step: int) -> float:
+        gate, nominal, trial, state = setup.plasticity.gate, setup.nominal, setup.trial, life.adaptation
+        tally, readings = life.tally[0], life.activation
         update_recent(state.recent, readings, fitness, step)
         if recognises:
             at_goal = is_here(state.place, readings, nominal)
         else:
-            at_goal = goal_signal(trial.signal, tally.goal_distance, trial.goal_radius, state.signal, key, step)
+            at_goal = goal_signal(trial.signal, tally.goal_distance, trial.goal_radius, state.signal, life.key, step)
         tally.arrived = tally.arrived or at_goal
         tally.away_s = 0.0 if at_goal else tally.away_s + STEP_S
         time_s = step * STEP_S
@@ -97,7 +86,7 @@ def gates(
         if open_by > 0.0 and resting(tally.late_s, gate.active_s, gate.rest_s):
             open_by = 0.0
         if gate.motor_noise > 0.0 and step % exploration.HOLD == 0:
-            exploration.draw(key, exploration.FAR + step, state.noise)
+            exploration.draw(life.key, exploration.FAR + step, state.noise)
             tally.noise_left = gate.motor_noise * state.noise[0]
             tally.noise_right = gate.motor_noise * state.noise[1]
         tally.exploring = open_by > 0.0

@@ -169,11 +169,9 @@ def modulation_of(rule: type[Rule], network: Network) -> Modulate:
 def update_of(rule: type[Rule], network: Network) -> Update:
     """The function that updates all weights of a network once by a rule, and returns the weight change.
 
-    The function is
-    `learn(weights, synapse_state, genes, coefficients, activation, rate, now, lengths, signs, numbers, room, change)`:
-    weights (synapses,) and synapse_state are updated; genes: initial weights; coefficients: (names, synapses);
-    activation: (neurons,); rate: N_e; now: the step; lengths: (neurons,) of incoming weights, if the rule keeps them;
-    signs: (synapses,); numbers: the settings; room (3, synapses) and change: workspace.
+    The function is `learn(weights, synapse_state, genotype, activation, rate, now, numbers, workspace)`: weights
+    (synapses,) and synapse_state are updated; genotype, workspace: see `epuckhebb.sim.life`; activation: (neurons,);
+    rate: N_e; now: the step; numbers: the settings.
     """
     if rule is NoRule:
         return zero
@@ -185,16 +183,16 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         "pre": f"room[{PRE}, k]",
         "post": f"room[{POST}, k]",
         "weight": "weights[k]",
-        "initial_weight": "genes[k]",
+        "initial_weight": "genotype.weights[k]",
         "fitness": "now.fitness",
         "key": "now.key",
         "step": "now.step",
         "number": "k",
         "synapse_state": "synapse_state[k]",
         "by": "by",
-        **{name: f"alike[{row}]" if alike else f"coefficients[{row}, k]" for row, name in enumerate(evolved)},
+        **{name: f"alike[{row}]" if alike else f"genotype.coefficients[{row}, k]" for row, name in enumerate(evolved)},
     }
-    given = "k, weights, synapse_state, genes, coefficients, alike, now, room, by"
+    given = "k, weights, synapse_state, genotype, alike, now, room, by"
     direction = call_of(rule.synapse, names, how, given)
     # Coefficients that all synapses share are read once.
     read = "".join(f"coefficients[{row}, 0], " for row in range(len(evolved))) if alike and evolved else "0.0,"
@@ -211,28 +209,25 @@ def update_of(rule: type[Rule], network: Network) -> Update:
     def learn(
         weights: Floats,
         synapse_state: NDArray[np.void],
-        genes: Floats,
-        coefficients: Floats,
+        genotype: Any,
         activation: Floats,
         rate: float,
         now: StepContext,
-        lengths: Floats,
-        signs: Floats,
         numbers: tuple[float, ...],
-        room: Floats,
-        change: Floats,
+        workspace: Any,
     ) -> float:
-        by, alike = By(*numbers), read_alike(coefficients)
+        genes, signs, room, change = genotype.weights, genotype.signs, workspace.synapses, workspace.change
+        by, alike = By(*numbers), read_alike(genotype.coefficients)
         fill_pre(activation, room)
         fill_post(activation, room)
         fill_correlation(activation, room)
         for k in range(synapses):
-            towards = direction(k, weights, synapse_state, genes, coefficients, alike, now, room, by)
+            towards = direction(k, weights, synapse_state, genotype, alike, now, room, by)
             weights[k] = next_weight(weights[k], rate * signs[k], towards, by.w_max)
             if not scales:
                 change[k] = weight_change(weights[k], genes[k])
         if scales:
-            fill_scale(weights, lengths, room)
+            fill_scale(weights, genotype.lengths, room)
             for k in range(synapses):
                 weights[k] = min(max(weights[k] * room[SCALE, k], -by.w_max), by.w_max)
                 change[k] = weight_change(weights[k], genes[k])
