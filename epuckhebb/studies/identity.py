@@ -9,6 +9,7 @@ from epuckhebb.config.schema import EvaluateConfig, Plain
 from epuckhebb.config.stored import from_values
 from epuckhebb.runs.evaluate import prepare
 from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.sim.maze import SIDES
 from epuckhebb.store import load_genome, provenance
 from epuckhebb.store.provenance import digest
 from epuckhebb.studies.jobs import NO_EFFECT
@@ -63,6 +64,12 @@ class Identities:
         if shared not in self._shared:
             self._shared[shared] = load() if load else from_values(config, EvaluateConfig, "a job")
         return shared
+
+    def robot_steps(self, config: Plain) -> int:
+        """How many steps all robots of an evaluation run."""
+        shared = self._shared[self.validate_shared(config)]
+        lifetimes = len(SIDES) * (1 + len(shared.controllers)) * int(config["repeats"])
+        return lifetimes * shared.lifetime.steps
 
     def _depends_on(self, config: Plain, shared: EvaluateConfig) -> Plain:
         """What the results of a configuration depend on besides its settings."""
