@@ -12,7 +12,7 @@ import reference
 from omegaconf import OmegaConf
 
 from epuckhebb.config.parts_from_yaml import robot_from
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
@@ -96,7 +96,7 @@ def run_lifetime():
             genes=genome, side=side, controller=controller, key=np.uint64(key), record=record_every > 0, **who
         )
         lifetime = Lifetime(duration_s=seconds, record_every=record_every, **more)
-        return live_block([individual], scenario or Scenario(), lifetime)[0]
+        return run_lifetimes([individual], scenario or Scenario(), lifetime)[0]
 
     return live
 

@@ -20,7 +20,7 @@ from epuckhebb.runs.nominal import training_world
 from epuckhebb.runs.rerun import rerun
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim import libode
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.session import Individual, LostRobotError, Session
 from epuckhebb.store import Run
@@ -79,7 +79,7 @@ def test_a_lifetime_of_a_bundled_champion_is_as_ever(golden):
     lifetime = Lifetime(duration_s=60, gain_rad_s=4, record_every=125)
     both = [individual(genome.genes, side, controllers=asked.controllers) for side in ("left", "right")]
     rows = []
-    for side, (outcome, samples) in zip(("left", "right"), live_block(both, asked.world, lifetime), strict=True):
+    for side, (outcome, samples) in zip(("left", "right"), run_lifetimes(both, asked.world, lifetime), strict=True):
         for time, pose, tilt in zip(samples.time, samples.pose, samples.tilt, strict=True):
             rows.append([side, *(round(number, 6) for number in (time, *pose, *tilt)), math.nan])
         rows.append([side, 60.0, *[math.nan] * 6, round(outcome.fitness, 6)])
@@ -93,9 +93,9 @@ def test_a_lifetime_of_a_bundled_champion_is_as_ever(golden):
 def test_it_is_bit_identical_on_any_number_of_threads_and_in_pieces(genomes):
     asked, lifetime = config("scenario=4obstacles"), Lifetime(duration_s=20, gain_rad_s=4, record_every=5)
     robots = [individual(genomes[key % 4], key=key, controllers=asked.controllers) for key in range(8)]
-    alone = live_block(robots, asked.world, lifetime)
+    alone = run_lifetimes(robots, asked.world, lifetime)
     for (outcome, samples), (other, others) in zip(
-        alone, live_block(robots, asked.world, lifetime, threads=4), strict=True
+        alone, run_lifetimes(robots, asked.world, lifetime, threads=4), strict=True
     ):
         assert np.array_equal(outcome, other, equal_nan=True)
         assert np.array_equal(samples.pose, others.pose)
@@ -110,8 +110,8 @@ def test_it_is_bit_identical_on_any_number_of_threads_and_in_pieces(genomes):
 def test_a_world_may_change_meanwhile(genomes):
     changes = "scenario.changes=[{at_s: 4, obstacles: 4, light: 1.0}]"
     asked, lifetime = config("scenario=base", changes), Lifetime(duration_s=8, gain_rad_s=4, record_every=1)
-    before = live_block([individual(genomes[3])], config("scenario=base").world, lifetime)[0][1]
-    after = live_block([individual(genomes[3])], asked.world, lifetime)[0][1]
+    before = run_lifetimes([individual(genomes[3])], config("scenario=base").world, lifetime)[0][1]
+    after = run_lifetimes([individual(genomes[3])], asked.world, lifetime)[0][1]
     assert np.array_equal(before.pose[:125], after.pose[:125])
     assert np.abs(np.diff(after.pose[:, :2], axis=0)).max() < 0.004  # it goes on from where it is
     assert not np.array_equal(before.sensors[125:], after.sensors[125:])
@@ -121,7 +121,7 @@ def test_a_world_may_change_meanwhile(genomes):
 def test_a_robot_that_falls_over_ends_its_lifetime_with_a_reason(genomes):
     asked = config("physics.put_down=[1,0,0,1.2]")
     with pytest.raises(LostRobotError, match="not upright on the floor any more"):
-        live_block([individual(genomes[0])], asked.world, Lifetime(duration_s=2))
+        run_lifetimes([individual(genomes[0])], asked.world, Lifetime(duration_s=2))
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import epuckhebb
 from epuckhebb.config.parts import part_class
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.search import Search
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES
@@ -163,7 +163,7 @@ def test_it_is_told_how_each_lifetime_ended_and_its_candidate_is_confirmed():
         for side, column in (("right", 0), ("left", 1)):  # lamp on first
             noise = key(5, Stream.training_noise, number, 0, 1, SIDES.index(side))
             individual = Individual(genes=asked[2], side=side, key=noise)
-            ((outcome, _),) = live_block([individual], Scenario(), life)
+            ((outcome, _),) = run_lifetimes([individual], Scenario(), life)
             assert outcome.x == x[2, 1, column]
             assert outcome.success == success[2, 1, column]
     first, *_ = search._optimizer.told

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from cases import call, done
 from typer.main import get_command
 
@@ -18,6 +19,7 @@ import epuckhebb
 from epuckhebb import api
 from epuckhebb.cli.commands import app
 from epuckhebb.live import server
+from epuckhebb.runtime.resources import data_folder
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
@@ -137,12 +139,19 @@ def one_job(words):
     ]
 
 
+def all_that_it_varies(words):
+    """The keys with many values of a named sweep of the program which a command leaves as they are."""
+    file, given = data_folder("conf") / "experiment" / f"{words[0]}.yaml", {word.partition("=")[0] for word in words}
+    varied = yaml.safe_load(file.read_text())["hydra"]["sweeper"]["params"] if file.is_file() else {}
+    return [f"{key}={values}" for key, values in varied.items() if key not in given]
+
+
 def composed_only(command, words):
     """What shows that the keys of a command are known, and starts no new lifetime; or nothing."""
     if command in ("evaluate", "evolve") and not any(word.startswith("resume=") for word in words):
         return [*one_job(words), *([] if "--cfg" in words else ["--cfg", "job"])]
     if command == "sweep":
-        return [*words, *([] if "--dry-run" in words else ["--dry-run"])]
+        return [*words, *one_job(all_that_it_varies(words)), *([] if "--dry-run" in words else ["--dry-run"])]
     return words if command == "evolve" else []
 
 

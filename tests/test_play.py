@@ -458,7 +458,7 @@ def test_samples_are_those_of_the_robots(world):
     assert len(numbers) == len(world.robots) * (count * width + of_weights * genes)
     rows = numbers[: count * width].reshape(count, width)
     np.testing.assert_array_equal(rows[:, :3], world.robots[0].samples.pose[3:until].astype(np.float32))
-    weights = numbers[-of_weights * genes :].reshape(of_weights, genes) + world.robots[1].genotype.weights
+    weights = numbers[-of_weights * genes :].reshape(of_weights, genes) + world.robots[1].life.genotype.weights
     np.testing.assert_allclose(weights, world.robots[1].samples.weights[8:until:8], atol=1e-6)
 
 

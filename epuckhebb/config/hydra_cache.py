@@ -43,7 +43,7 @@ from epuckhebb.config.overrides import parsed
 from epuckhebb.config.schema import SCHEMAS
 from epuckhebb.config.words import known_keys
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.sim.compiled import cache_root
+from epuckhebb.sim.compiling.kernel import cache_root
 
 USERS = "command-line"  # who brings the user's folder, as Hydra names it for its own --config-dir
 OWN_SCHEME = "epuckhebb"  # of that folder, and of what is no file

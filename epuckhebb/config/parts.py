@@ -19,9 +19,9 @@ from epuckhebb.sim import coupling, couplings, own_fitness, physics, tasks, wiri
 from epuckhebb.sim.coupling import Coupling
 from epuckhebb.sim.own_fitness import Fitness
 from epuckhebb.sim.own_sensor import Sensor
+from epuckhebb.sim.physics_engine import Physics
 from epuckhebb.sim.plasticity import rules
 from epuckhebb.sim.plasticity.rule import Rule, arguments_of
-from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.wiring import LAYERS, Wiring
 

@@ -16,7 +16,7 @@ from epuckhebb.export.replay import recording
 from epuckhebb.runs import figures as of_runs
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.controller import GA
-from epuckhebb.sim.life import Samples
+from epuckhebb.sim.samples import Samples
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.store import Run, load_genome, write_atomic
 

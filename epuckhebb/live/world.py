@@ -19,8 +19,8 @@ from epuckhebb.runs.evaluate import compile_for, evaluate_into, prepare
 from epuckhebb.runs.hydra import new_stamp
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.controller import GA_ALONE
-from epuckhebb.sim.life import Outcome
 from epuckhebb.sim.maze import Side, added
+from epuckhebb.sim.outcome import Outcome
 from epuckhebb.sim.reachable import gap
 from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario, step_of

@@ -28,9 +28,9 @@ from epuckhebb.runtime.progress import say, saying_if_slow
 from epuckhebb.runtime.resources import Need, data_folder, require
 from epuckhebb.sim import own_fitness, wiring
 from epuckhebb.sim.adaptation.nominal import memory_to_measure_nominal
-from epuckhebb.sim.block import load_kernel
+from epuckhebb.sim.batch import load_kernel
+from epuckhebb.sim.compiling.code_digest import UnknownPartError, digest
 from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.digest import UnknownPartError, digest
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.own_sensor import own_sensors, reading_names
 from epuckhebb.sim.physics.pymunk import PYMUNK
