@@ -132,13 +132,13 @@ def print_jobs(found: dict[str, Any], console: Console) -> None:
     print_line(console, f"{done} done, {len(listed) - done} to do; nothing was run.")
     if found.get("cpu_s"):
         seconds = found["cpu_s"] / min(cores(), len(listed) - done)
-        print_line(console, f"They take {_duration(seconds)} on the {cores()} cores of this machine, if these are free.")
+        print_line(console, f"About {_duration(seconds)} on the {cores()} cores of this machine, if they are free.")
 
 
 def _duration(seconds: float) -> str:
     """About so long, in the largest unit that it has two of; the start of the workers takes a part of a minute."""
     units = (("days", 86400), ("hours", 3600), ("minutes", 60))
-    return next((f"about {seconds / size:.0f} {name}" for name, size in units if seconds >= 2 * size), "a minute or two")
+    return next((f"{seconds / size:.0f} {name}" for name, size in units if seconds >= 2 * size), "2 minutes")
 
 
 def print_reproduction(path: Path, console: Console) -> None:

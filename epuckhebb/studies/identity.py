@@ -42,9 +42,6 @@ class Identities:
 
         Besides the settings these are the genome, what it remembers if that is used, the user's own files, the science,
         and the numeric packages.
-
-        Raises:
-            ConfigError: A value or the genome cannot be used.
         """
         try:
             check_counts(config)

@@ -56,11 +56,7 @@ class Sweep:
 
 
 def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Sweep:
-    """List the jobs of a sweep, each composed and checked; two that would do the same are one.
-
-    Raises:
-        ConfigError: There is no such sweep, or a key, a value or the genome cannot be used.
-    """
+    """List the jobs of a sweep, each composed and checked; two that would do the same are one."""
     own, of_hydra = split("sweep", arguments)
     words.check_words("evaluate", arguments, config_dir, several=True)
     named = [f"experiment={name}"]
