@@ -9,7 +9,6 @@ import pytest
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import ReproduceConfig
 from epuckhebb.runtime import errors, progress
-from epuckhebb.runtime.console import Terminal
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import Bar, be_quiet, counting, say
 from epuckhebb.store import disk
@@ -98,7 +97,7 @@ def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work
     folder, work = study
     work()
     killed, working = (f"unfinished/20261122-010203-0123abcd_{number}" for number in (0, 1))
-    for name in ("deep", killed, working, "unfinished/of_someone_else"):
+    for name in ("deep", killed, working, "unfinished/of_someone_else", "unfinished/20260101-000000-abcdefgh_1"):
         (folder / name).mkdir(parents=True)
         (folder / name / ".half.1.tmp").touch()
     (folder / ".mine.tmp").touch()
@@ -106,13 +105,14 @@ def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work
     with open_study(folder, "study", None, [], []):
         left = sorted(str(file.relative_to(folder)) for file in folder.rglob(".*.tmp"))
     disk.release(held)
-    assert left == [".mine.tmp", f"{working}/.half.1.tmp", "unfinished/of_someone_else/.half.1.tmp"]
+    others = [f"unfinished/{name}/.half.1.tmp" for name in ("20260101-000000-abcdefgh_1", "of_someone_else")]
+    assert left == [".mine.tmp", others[0], f"{working}/.half.1.tmp", others[1]]
 
 
 @pytest.mark.parametrize("notebook", [True, False])
 def test_the_bar_shows_how_much_is_done(notebook, monkeypatch, capsys):
     be_quiet(False)
-    monkeypatch.setattr(Terminal, "is_watched", not notebook)
+    monkeypatch.setattr(progress, "_is_watched", lambda: not notebook)
     monkeypatch.setattr(progress, "_in_notebook", lambda: notebook)
     with Bar("generation", 10) as bar:
         bar.show(4, "best 0.5")

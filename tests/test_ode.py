@@ -15,9 +15,8 @@ from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.export.replay import recording, write_page
 from epuckhebb.gym import TMaze
 from epuckhebb.live.world import LiveWorld
-from epuckhebb.runs.evaluate import prepare
+from epuckhebb.runs import prepare_evaluation, repeat
 from epuckhebb.runs.nominal import training_world
-from epuckhebb.runs.rerun import rerun
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim import libode
 from epuckhebb.sim.batch import run_lifetimes
@@ -150,7 +149,7 @@ def test_without_the_library_one_message_names_the_package(monkeypatch):
     libode.library.cache_clear()
     try:
         with pytest.raises(ConfigError, match="apt-get install libode8"):
-            prepare(config())
+            prepare_evaluation(config())
     finally:
         libode.library.cache_clear()
 
@@ -185,14 +184,14 @@ def test_a_life_changed_by_hand_is_kept_with_roll_and_pitch_and_repeats(here):
     with np.load(io.BytesIO(run.content("traces.npz"))) as arrays:
         assert arrays["tilt"].shape == (*arrays["pose"].shape[:2], 3)
         assert np.abs(arrays["tilt"]).max() > 0
-    again, difference = rerun(run.path)
+    again, difference = repeat(run.path)
     assert difference == ""
     write_page(recording(again), here / "replay.html")
 
 
 @needs_ode
 def test_a_test_world_of_a_study_has_its_own_physics_or_that_of_the_study():
-    of_plane, of_ode = (prepare(load(EvaluateConfig, words)) for words in ([], ["physics=ode"]))
+    of_plane, of_ode = (prepare_evaluation(load(EvaluateConfig, words)) for words in ([], ["physics=ode"]))
     for prepared, name, physics in (
         (of_plane, "base_3d", "ode"),
         (of_plane, "4obstacles", "pymunk"),
@@ -216,7 +215,7 @@ def test_an_adaptation_is_added_in_three_dimensions_to_what_a_champion_knows_of_
     asked = load(EvaluateConfig, ["scenario=base", "change=[3d]", "adaptation=best", "hebbian=none", "repeats=1"])
     assert asked.world.name == "base_3d"
     assert training_world(asked).physics.name == "pymunk"
-    prepared = prepare(asked)
+    prepared = prepare_evaluation(asked)
     rows, _ = prepared.run(prepared.remember(1), 1)
     assert {row["controller"] for row in rows} == {"GA", "best"}
 

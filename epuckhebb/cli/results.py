@@ -10,10 +10,9 @@ from rich.text import Text
 from epuckhebb.analysis import rescue, tables
 from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.analysis.self_checks import in_words
-from epuckhebb.config.stored import settings
-from epuckhebb.runs.notes import showcase
-from epuckhebb.runtime.console import print_line, print_table
-from epuckhebb.runtime.resources import cores
+from epuckhebb.cli.console import print_line, print_table
+from epuckhebb.config import settings
+from epuckhebb.runtime import cores
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.scenario import EXPERIMENTS
@@ -192,13 +191,15 @@ def print_leaderboard(path: Path, console: Console) -> None:
             success = rescue.share(row.success, row.success_low, row.success_high)
             difference = "" if math.isnan(row.difference) else rescue.difference(row)
             rows.append((row.method, row.kind, f"{row.solved} of {row.champions}", success, difference))
-        headings = [board.head(str(experiment))[k] for k in (0, 1, 2, 3, 6)]
+        headings = [name for name in board.head(str(experiment)) if name != "knowledge"]
+        headings = [headings[k] for k in (0, 1, 2, 3, 6)]
         print_table(console, f"{board.title(str(experiment))} (95 % interval)", headings, rows, text=2)
 
 
 def leaderboard_in_short(path: Path) -> str:
     """The best method of each experiment."""
-    best = Run(path).table("leaderboard.csv").groupby("experiment", sort=False).first()
+    methods = Run(path).table("leaderboard.csv").sort_values("success", ascending=False, kind="stable")
+    best = methods.groupby("experiment").first()
     return ", ".join(f"{row.Index}: {row.method} {row.success:.2f}" for row in best.itertuples())
 
 
@@ -276,6 +277,8 @@ def _print_success(summary: "pd.DataFrame", of: str, interval_is: str, console: 
         print_table(console, f"{title} ({facts})" if facts else title, headings, cells, text=len(shown))
     names = set(summary.get("genome", []))
     if len(names) == 1 and is_bundled(name := str(names.pop())):
+        from epuckhebb.runs import showcase  # runs take a while to load, and most of what is shown has no such note
+
         notes = {showcase(load_genome(name, experiment)) for experiment in EXPERIMENTS} - {""}
         for note in sorted(notes):
             console.print(Text(note))

@@ -13,8 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from epuckhebb.cli import results
-from epuckhebb.runtime.console import print_line, print_table
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.cli.console import print_line, print_table
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.adaptation.nominal import Nominal
 from epuckhebb.sim.adaptation.self_check.findings import find
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory

@@ -11,7 +11,7 @@ from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings, row
 from epuckhebb.evolution.optimizer import Algorithm
 from epuckhebb.evolution.search import measures_of
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.adaptation.adaptation import Adaptation, compares_fitness
 from epuckhebb.sim.adaptation.gate import Stay
 from epuckhebb.sim.adaptation.recognise.place import check_recognition

@@ -13,9 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import yaml_file
-from epuckhebb.config.conf import TABLES, flat, rows, table_file
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.resources import data_folder
+from epuckhebb.runtime import ConfigError, conf, data_folder
 
 OURS = [data_folder("conf")]
 BROUGHT = {  # in the defaults of a scenario that has a maze or a physics of its own
@@ -33,7 +31,7 @@ class Choice(NamedTuple):
 def choice_names(group: str, folders: Sequence[Path]) -> list[str]:
     """The choices of a group in all these folders, the longest name first."""
     files = {file.stem for folder in folders for file in (folder / group).glob("*.yaml")}
-    in_table = rows(group) if group in TABLES else ()
+    in_table = conf.rows(group) if group in conf.TABLES else ()
     return sorted({*files, *in_table}, key=lambda name: (-len(name), name))
 
 
@@ -74,9 +72,10 @@ def choice_file(group: str, name: str, folders: Sequence[Path]) -> Path | None:
 
 
 def found_by_hydra(group: str, name: str, folders: Sequence[Path]) -> DictConfig | None:
-    """A change of the world as Hydra is to compose it, or a scenario with changes; None for other choices."""
-    if group == "scenario" and choice_file(group, name, folders) is None:
-        return _changed_scenario(name, folders)
+    """A row of a table as Hydra is to compose it, or a scenario with changes; None for other choices."""
+    if group in ("adaptation", "scenario") and choice_file(group, name, folders) is None:
+        held = _held(group, name, folders)
+        return None if held is None else OmegaConf.create(OmegaConf.to_container(held))
     change = choice_of(group, name, folders) if group == "change" else None
     if change is None:
         return None
@@ -89,8 +88,8 @@ def _held(group: str, name: str, folders: Sequence[Path]) -> DictConfig | None:
     path = choice_file(group, name, folders)
     if path is not None:
         return _read(path, path.read_bytes())
-    if group in TABLES:
-        row: DictConfig | None = _read(table_file(group), b"").get(name)
+    if group in conf.TABLES:
+        row: DictConfig | None = _read(conf.table_file(group), b"").get(name)
         return row
     return _changed_scenario(name, folders) if group == "scenario" else None
 
@@ -117,7 +116,7 @@ def _changed_scenario(name: str, folders: Sequence[Path]) -> DictConfig | None:
         found = choice_of("change", change, folders)
         assert found is not None  # its name is known
         held: Any = OmegaConf.to_container(found.settings)
-        for key, _ in flat(held):
+        for key, _ in conf.flat(held):
             if key in set_by:
                 raise ConfigError(f"scenario={name}: {set_by[key]} and {change} both change {key}; give one of the two")
             set_by[key] = change

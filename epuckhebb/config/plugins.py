@@ -22,8 +22,7 @@ from types import CodeType, ModuleType
 from typing import Any, TypeVar
 
 from epuckhebb.config import hand
-from epuckhebb.runtime.errors import ConfigError, did_you_mean
-from epuckhebb.runtime.resources import path_of
+from epuckhebb.runtime import ConfigError, did_you_mean, path_of
 from epuckhebb.sim.compiling.code_digest import is_installed
 
 KEYS = ("hebbian.rule", "fitness.function", "network.wiring", "optimizer.algorithm", "flock.coupling")  # FILE.py:NAME

@@ -11,12 +11,9 @@ from numpy.typing import NDArray
 from epuckhebb.analysis import movie, replay
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.self_checks import text
-from epuckhebb.config import hand
-from epuckhebb.config.schema import EvaluateConfig
-from epuckhebb.config.stored import from_values, settings, without_own_code
-from epuckhebb.runs.evaluate import caption
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.progress import track
+from epuckhebb.config import EvaluateConfig, from_values, hand, settings, without_own_code
+from epuckhebb.runs import caption
+from epuckhebb.runtime import ConfigError, track
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import Network
 from epuckhebb.store import Run, read_findings, read_traces, write_atomic
@@ -67,9 +64,13 @@ def recording(path: Path) -> Recording:
 
 def sentences_of(run: Run, config: EvaluateConfig) -> dict[str, str]:
     """A sentence for each side on what the robots of the recorded lifetimes found in their self-check."""
-    shown = [row for row in read_findings(run) if row["repeat"] == 0]
-    adaptations = " and ".join(f"“{one.name}”" for one in config.controllers if one.adaptation.self_check)
-    return {str(row["side"]): f"Before its life, the robot with {adaptations} found: {text(row)}." for row in shown}
+    checking = [one for one in config.controllers if one.adaptation.self_check]
+    found: dict[str, list[str]] = {}
+    for row in (row for row in read_findings(run) if row["repeat"] == 0):
+        kind = bool(row.get("careful"))  # older runs have none that is careful
+        names = " and ".join(f"“{one.name}”" for one in checking if one.adaptation.careful == kind)
+        found.setdefault(str(row["side"]), []).append(f"Before its life, the robot with {names} found: {text(row)}.")
+    return {side: " ".join(sentences) for side, sentences in found.items()}
 
 
 def write_page(recorded: Recording, target: Path) -> None:

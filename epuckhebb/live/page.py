@@ -10,9 +10,9 @@ import numpy as np
 
 from epuckhebb.analysis.page import filled, policy
 from epuckhebb.analysis.replay import fixed_facts, world_facts
-from epuckhebb.config.conf import groups
 from epuckhebb.live.engine import SPEEDS, Engine
 from epuckhebb.live.world import LiveWorld
+from epuckhebb.runtime import conf
 from epuckhebb.sim.changes import MOST_BLOCKS
 from epuckhebb.sim.maze import boxes
 from epuckhebb.sim.robot import STEP_S
@@ -52,7 +52,7 @@ def facts(engine: Engine) -> dict[str, Any]:
         "speeds": list(SPEEDS),
         "seed": world.config.seed,
         "hasSignal": any(controller.adaptation.is_gated for controller in world.controllers),
-        "choices": {group: groups("evaluate")[group] for group in ("hebbian", "adaptation")},
+        "choices": {group: conf.groups("evaluate")[group] for group in ("hebbian", "adaptation")},
     }
 
 

@@ -14,27 +14,33 @@ from typing import TYPE_CHECKING, Any
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate, memory_to_evaluate
 from epuckhebb.analysis.self_checks import findings
-from epuckhebb.config import hand, plugins
-from epuckhebb.config.build import check_library
-from epuckhebb.config.methods import typed_as
-from epuckhebb.config.overrides import alternatives, quoted, value_of
-from epuckhebb.config.parts import part_names
-from epuckhebb.config.schema import EvaluateConfig, dump, say_unusual
+from epuckhebb.config import (
+    EvaluateConfig,
+    alternatives,
+    check_library,
+    dump,
+    hand,
+    part_names,
+    plugins,
+    quoted,
+    say_unusual,
+    typed_as,
+    value_of,
+)
 from epuckhebb.runs import hydra
 from epuckhebb.runs.nominal import Remembered, missing_nominal, remembered_for, training_world
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.runtime.progress import say, saying_if_slow
-from epuckhebb.runtime.resources import Need, data_folder, require
-from epuckhebb.sim import own_fitness, wiring
+from epuckhebb.runtime import ConfigError, JobFailedError, Need, data_folder, require, say, saying_if_slow
 from epuckhebb.sim.adaptation.nominal import memory_to_measure_nominal
 from epuckhebb.sim.batch import load_kernel
 from epuckhebb.sim.compiling.code_digest import UnknownPartError, digest
 from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.goal_signal import GoalSignal
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.own_class import name_of
 from epuckhebb.sim.own_sensor import own_sensors, reading_names
 from epuckhebb.sim.physics.pymunk import PYMUNK
-from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, evolved_sizes, functions_of, name_of
+from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, evolved_sizes
 from epuckhebb.sim.robot import EPUCK, Robot
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.session import LostRobotError
@@ -53,25 +59,26 @@ def _no_report(*_: object) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prepared:
+class PreparedEvaluation:
     """An evaluation whose settings, genome and memory are checked. A test world may take the place of its own."""
 
     config: EvaluateConfig
     genome: Genome
 
-    def in_world(self, world: Scenario) -> "Prepared":
+    def in_world(self, world: Scenario) -> "PreparedEvaluation":
         """The same evaluation in another world of its experiment, for as long as lifetimes last there.
 
-        The physics is that of the world if this brings one, as `base_3d` does.
+        Physics and goal signal are those of the world if this brings its own, as `base_3d` does.
         """
         if world.name == self.config.world.name:
             return self
         there = copy.copy(self.config)
         ours = self.config.world
         physics = ours.physics if world.physics == PYMUNK else world.physics
-        there.world = replace(world, fitness=ours.fitness, physics=physics)
+        signal = ours.goal_signal if world.goal_signal == GoalSignal() else world.goal_signal
+        there.world = replace(world, fitness=ours.fitness, physics=physics, goal_signal=signal)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
-        return Prepared(config=there, genome=self.genome)
+        return PreparedEvaluation(config=there, genome=self.genome)
 
     def compile(self) -> None:
         """Load or compile what the lifetimes need."""
@@ -105,16 +112,16 @@ class Prepared:
         """For each controller a digest of what its lifetimes depend on, besides side, repeat and seed."""
         config, genome = self.config, self.genome
         fitness, lifetime = config.world.fitness, replace(config.lifetime, record_every=0)
-        own = [_identity(fitness, own_fitness.functions_of(fitness))]
-        own += [_identity(one, [one.read]) for one in own_sensors(config.world.robot.sensors) if one.read]
+        own = [_identity(fitness, fitness.functions())]
+        own += [_identity(one, one.functions()) for one in own_sensors(config.world.robot.sensors)]
         if genome.network.wiring is not None:
-            own += [_identity(genome.network.wiring, wiring.functions_of(type(genome.network.wiring)))]
+            own += [_identity(genome.network.wiring, genome.network.wiring.functions())]
         everywhere = (genome.sha256, genome.network, config.world, lifetime, *own)
         memories = (genome.nominal_sha256, genome.self_memory_sha256)
         depends: dict[str, tuple[object, ...]] = {GA_ALONE.name: everywhere}
         for controller in config.controllers:
             rule, adaptation = type(controller.rule), controller.adaptation
-            parts = (*everywhere, controller, *_identity(controller.rule, functions_of(rule)))
+            parts = (*everywhere, controller, *_identity(controller.rule, rule.functions()))
             depends[controller.name] = (*parts, *(memories if adaptation.acts else ()))
         return {name: hashlib.sha256(repr(parts).encode()).hexdigest()[:16] for name, parts in depends.items()}
 
@@ -127,7 +134,7 @@ def _identity(part: object, functions: Sequence[Callable[..., object]]) -> tuple
     return (module,)
 
 
-def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
+def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> PreparedEvaluation:
     """Check that a genome fits the settings, and that there is memory for the lifetimes.
 
     genome: the one that the settings name, unless given.
@@ -149,7 +156,7 @@ def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
         nominal = memory_to_measure_nominal(duration_s, gain, genome.network)
         needed.append(Need(nominal, "lifetimes in the training world at this gain", "raise lifetime.gain_rad_s"))
     require(needed)
-    return Prepared(config=config, genome=genome)
+    return PreparedEvaluation(config=config, genome=genome)
 
 
 def evaluate_job(cfg: Any, report: Report = _no_report) -> None:
@@ -174,7 +181,7 @@ def recorded_job(cfg: Any, report: Report = _no_report) -> None:
 def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
     """Overrides with the robot and the wiring that their champion was evolved for, unless they name one.
 
-    A robot that has no file, a wiring of the user's own, and champions of several are left to `prepare`.
+    A robot that has no file, a wiring of the user's own, and champions of several are left to `prepare_evaluation`.
     """
     named = [word for word in words if word.startswith("genome=")]
     if not named:
@@ -237,10 +244,10 @@ def _check_genome(genome: Genome, config: EvaluateConfig) -> None:
         if isinstance(rule, NoRule):
             continue
         if genome.plan.of_rule.parts and genome.rule not in ("", name_of(kind)):
+            given = f"hebbian{'=' if genome.rule in part_names('rule') else '.rule=FILE.py:'}{genome.rule}"
             raise ConfigError(
                 f"{named} was evolved with rule {genome.rule}, and {controller.name} has rule {name_of(kind)}; give "
-                f"hebbian={genome.rule} (your own: hebbian.rule=FILE.py:{genome.rule}), or hebbian=none for a life of "
-                "its weights alone"
+                f"{given}, or hebbian=none for a life of its weights alone"
             )
         if genome.plan.of_rule.parts and rule.initial_weights is not initial_weights:
             raise ConfigError(
@@ -283,7 +290,7 @@ def evaluate_into(
         ConfigError: The settings cannot be used.
         JobFailedError: A figure cannot be drawn. The run has failed then, and keeps what it wrote.
     """
-    prepared = prepare(config)
+    prepared = prepare_evaluation(config)
     genome = prepared.genome
     say_unusual(config)
     own, notes = plugins.own_files(config.values), notes_of(genome, config)

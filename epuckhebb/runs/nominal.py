@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.self_checks import Checks, self_checks
-from epuckhebb.config import names
-from epuckhebb.config.parts import part_from
-from epuckhebb.config.schema import EvaluateConfig
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.config import EvaluateConfig, part_from
+from epuckhebb.config import training_world as world_of_training
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.adaptation.nominal import (
     REPEATS,
     Nominal,
@@ -80,7 +79,9 @@ def remembered_for(genome: Genome, config: EvaluateConfig, threads: int, report:
                 report,
                 lambda one: _self_memory(run_in_training_world(genes, one, 1.0, threads, network), one),
             )
-            checks = self_checks(memory, config.world, config.lifetime.noise, repeats=config.repeats, seed=config.seed)
+            kinds = {one.careful for one in adaptations if one.self_check}
+            world, noise, repeats = config.world, config.lifetime.noise, config.repeats
+            checks = self_checks(memory, world, noise, repeats=repeats, seed=config.seed, careful=kinds)
         except (ValueError, LostRobotError) as error:
             raise error if isinstance(error, ConfigError) else ConfigError(str(error)) from error
     return Remembered(nominal, checks)
@@ -132,7 +133,7 @@ def _remembered(
 def training_world(config: EvaluateConfig) -> Scenario:
     """The world in which controllers of this experiment are evolved, in the maze of the evaluation, for its robot."""
     scenario, physics = config.scenario.name, part_from("physics", config.physics, "physics")  # not that of a test
-    return names.training_world(config.world.experiment, scenario, config.maze, config.robot, physics)
+    return world_of_training(config.world.experiment, scenario, config.maze, config.robot, physics)
 
 
 def remember_training_world(

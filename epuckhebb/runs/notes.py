@@ -4,9 +4,8 @@ import csv
 import functools
 from dataclasses import asdict
 
-from epuckhebb.config.names import training_world
-from epuckhebb.config.schema import EvaluateConfig
-from epuckhebb.runtime.resources import REFERENCE, data_folder
+from epuckhebb.config import EvaluateConfig, training_world
+from epuckhebb.runtime import REFERENCE, data_folder
 from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
 from epuckhebb.sim.scenario import EXPERIMENTS, Scenario

@@ -8,13 +8,24 @@ from dataclasses import dataclass, replace
 
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis.leaderboard import EVOLVED, PLAIN, POST_HOC, Row
-from epuckhebb.config import compose, plugins
-from epuckhebb.config.build import check_wheel_gain, network_for
-from epuckhebb.config.methods import REVERSAL_TASK, Method, typed_as
-from epuckhebb.config.overrides import alternatives
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, LeaderboardConfig, Plain
-from epuckhebb.runs import evaluate, evolve
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.config import (
+    REVERSAL_TASK,
+    EvaluateConfig,
+    EvolveConfig,
+    LeaderboardConfig,
+    Method,
+    Plain,
+    alternatives,
+    check_wheel_gain,
+    load,
+    network_for,
+    plugins,
+    swept_values,
+    typed_as,
+)
+from epuckhebb.runs import compile_for, prepare_evolution
+from epuckhebb.runtime import ConfigError
+from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
 from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.rule import NoRule
@@ -45,7 +56,7 @@ class Entry:
 @functools.cache
 def _swept(name: str, config_dir: str | None) -> tuple[str, ...]:
     """The worlds of a named sweep."""
-    params = compose.swept([f"experiment={name}"], config_dir)
+    params = swept_values([f"experiment={name}"], config_dir)
     if "scenario" not in params:
         raise ConfigError(f"tests={name}: this sweep of conf/experiment/ names no scenarios in hydra.sweeper.params")
     swept = alternatives([f"{key}={params[key]}" for key in ("scenario", "change") if key in params])
@@ -61,6 +72,11 @@ def tests_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, dict[st
         if name != TRAINED[world.experiment]:
             tests[world.experiment][name] = world
     return tests
+
+
+def sweep_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, str]:
+    """The first sweep that has a test world, by the name of the world."""
+    return {name: sweep for sweep in reversed(sweeps) for name in _swept(sweep, config_dir)}
 
 
 class Planner:
@@ -97,14 +113,16 @@ class Planner:
         if method.evolve:
             world = [] if "scenario" in method.evolve else [f"scenario={self._training_world}"]
             given = ["genome=given"] if method.champions_of else []
-            config = compose.load(EvolveConfig, [*world, *method.overrides("evolve"), *given], self._config_dir)
+            config = load(EvolveConfig, [*world, *method.overrides("evolve"), *given], self._config_dir)
             self._check(config)
             settings = config.values
             champions = {seed: self._evolution(method, settings, over, seed) for seed in self._seeds}
             tested = dict(in_training_world(self._training_world, self._task, self._config_dir).values)
             tested |= {group: settings[group] for group in ("hebbian", *_PARTS)}
+            controller = config.controller
         else:
-            tested = self._post_hoc(method, over)
+            evaluation = self._post_hoc(method, over)
+            tested, controller = dict(evaluation.values), next(iter(evaluation.controllers), GA_ALONE)
         tested |= {"seed": self._config.seed, "repeats": self._repeats}
         is_plain = config is not None and isinstance(config.controller.rule, NoRule)
         if is_plain and method.champions_of:
@@ -121,6 +139,8 @@ class Planner:
             kind=PLAIN if is_plain else EVOLVED if method.evolve else POST_HOC,
             matched_control=method.compared_with,
             evolved_parameters=evolved.plan.genes,
+            knowledge=", ".join(controller.knowledge),
+            knowledge_class=controller.knowledge_class,
         )
         return Entry(
             method=method,
@@ -141,24 +161,24 @@ class Planner:
                     f"(tests={','.join(self._config.tests)}): champions must not be trained in it. Train "
                     "it elsewhere, or leave these tests out"
                 )
-        prepared = evolve.prepare(config, has_genome=False)
+        prepared = prepare_evolution(config, has_genome=False)
         if plugins.own_files(config.values):
             prepared.compile()
 
-    def _post_hoc(self, method: Method, over: Entry | None) -> Plain:
+    def _post_hoc(self, method: Method, over: Entry | None) -> EvaluateConfig:
         """How champions are tested with what is added after evolution."""
         evolved = over.config.values if over and over.config else {}
         parts = {f"{group}.{key}": value for group in _PARTS for key, value in evolved.get(group, {}).items()}
         words = evaluation_in(self._training_world, *typed_as(parts), *method.overrides("evaluate"))
-        config = compose.load(EvaluateConfig, words, self._config_dir)
+        config = load(EvaluateConfig, words, self._config_dir)
         for name, world in self._tests.items():
             try:
                 check_wheel_gain(replace(config.lifetime, duration_s=world.paper_duration_s), world)
             except ValueError as error:
                 raise ConfigError(f"{name}: {error}") from error
         if plugins.own_files(config.values):
-            evaluate.compile_for(config.controllers, network_for(config.world, config.shape), config.world)
-        return dict(config.values)
+            compile_for(config.controllers, network_for(config.world, config.shape), config.world)
+        return config
 
     def _evolution(self, method: Method, config: Plain, over: Entry | None, seed: int) -> Job:
         words = [*method.overrides("evolve"), f"seed={seed}"]

@@ -1,20 +1,19 @@
 """Where the program prints: standard output and standard error, whatever they can show and whether or not one reads."""
 
-import os
 import re
 import sys
 import textwrap
 import traceback
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from io import TextIOWrapper
-from typing import IO
 
 from rich import box
 from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
+
+from epuckhebb.runtime import discard_output
 
 _GAP = 2  # characters between the columns of a table
 _LEAST = 10  # characters that a column of text needs
@@ -28,20 +27,9 @@ class Terminal(Console):
         """Write names as they are: nothing in them is an emoji. A notebook gets the lines that a file would get."""
         super().__init__(stderr=stderr, highlight=not stderr, emoji=False, force_jupyter=False)
 
-    @property
-    def is_watched(self) -> bool:
-        """Whether it is a terminal, where a bar can move; `FORCE_COLOR`, as in a notebook, makes a log none."""
-        return self.file.isatty()
-
     def on_broken_pipe(self) -> None:
         """Say nothing more."""
         discard_output(self.file)
-
-
-def discard_output(stream: IO[str]) -> None:
-    """Let nothing come of what else is written to a stream that nobody reads, at the end of the program too."""
-    with suppress(OSError, ValueError):  # a stream of a test has no number
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def is_of_output(error: BaseException) -> bool:
