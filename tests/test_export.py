@@ -136,15 +136,6 @@ def test_a_champion_is_played_without_plasticity_with_genes_in_their_order():
     np.testing.assert_array_equal(genes, told["weights"])
 
 
-@pytest.mark.usefixtures("here")
-def test_of_several_controllers_the_first_is_taken_and_the_others_are_named():
-    short = ["lifetime.duration_s=0.064", "repeats=1", "lifetime.record_every=0", "-q"]
-    done("evaluate", "compare=[oja]", *short, "hydra.run.dir=both")
-    result = done("export", "both", "--webots")
-    assert "Left out, as one controller is taken of a run: oja." in result.stdout
-    assert json.loads(Path("epuckhebb_champion/champion.json").read_text())["rule"]["N"] == 1.5e-5
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [

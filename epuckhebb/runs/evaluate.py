@@ -35,6 +35,7 @@ from epuckhebb.sim.adaptation.nominal import memory_to_measure_nominal
 from epuckhebb.sim.batch import load_kernel
 from epuckhebb.sim.compiling.code_digest import UnknownPartError, digest
 from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.goal_signal import GoalSignal
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.own_class import name_of
 from epuckhebb.sim.own_sensor import own_sensors, reading_names
@@ -67,14 +68,15 @@ class PreparedEvaluation:
     def in_world(self, world: Scenario) -> "PreparedEvaluation":
         """The same evaluation in another world of its experiment, for as long as lifetimes last there.
 
-        The physics is that of the world if this brings one, as `base_3d` does.
+        Physics and goal signal are those of the world if this brings its own, as `base_3d` does.
         """
         if world.name == self.config.world.name:
             return self
         there = copy.copy(self.config)
         ours = self.config.world
         physics = ours.physics if world.physics == PYMUNK else world.physics
-        there.world = replace(world, fitness=ours.fitness, physics=physics)
+        signal = ours.goal_signal if world.goal_signal == GoalSignal() else world.goal_signal
+        there.world = replace(world, fitness=ours.fitness, physics=physics, goal_signal=signal)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
         return PreparedEvaluation(config=there, genome=self.genome)
 
@@ -242,10 +244,10 @@ def _check_genome(genome: Genome, config: EvaluateConfig) -> None:
         if isinstance(rule, NoRule):
             continue
         if genome.plan.of_rule.parts and genome.rule not in ("", name_of(kind)):
+            given = f"hebbian{'=' if genome.rule in part_names('rule') else '.rule=FILE.py:'}{genome.rule}"
             raise ConfigError(
                 f"{named} was evolved with rule {genome.rule}, and {controller.name} has rule {name_of(kind)}; give "
-                f"hebbian={genome.rule} (your own: hebbian.rule=FILE.py:{genome.rule}), or hebbian=none for a life of "
-                "its weights alone"
+                f"{given}, or hebbian=none for a life of its weights alone"
             )
         if genome.plan.of_rule.parts and rule.initial_weights is not initial_weights:
             raise ConfigError(

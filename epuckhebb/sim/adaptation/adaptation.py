@@ -33,10 +33,11 @@ from epuckhebb.sim.goal_signal import initial_signal
 from epuckhebb.sim.network import HIDDEN
 from epuckhebb.sim.random import noise_workspace_size
 from epuckhebb.sim.ranges import check_range
-from epuckhebb.sim.robot import Robot
+from epuckhebb.sim.robot import STEP_S, Robot
 
 NONE = "none"
-_WITHOUT_GATE = ("self_check", "calibration_counts", "homeostasis")  # settings that need no signal of change
+NEVER = 1e9  # a threshold that no signal reaches
+_WITHOUT_GATE = ("self_check", "careful", "calibration_counts", "homeostasis")  # settings that need no signal of change
 
 
 @cache
@@ -75,7 +76,8 @@ class Adaptation:
     deviation of noise on both wheels' outputs. plastic_when: when plasticity acts; `late`: while the gate is open, and
     the weights are reset when it closes. stay: what keeps the robot at the goal; `learn`: plasticity, which then keeps
     what it learns there. recognise: whether the robot recognises its goal by the senses, in place of the goal signal.
-    self_check: whether the robot runs a calibration manoeuvre before its lifetime and corrects what it finds.
+    self_check: whether the robot runs a calibration manoeuvre before its lifetime and corrects what it finds. careful:
+    whether it corrects dead sensors alone where readings are unexplained, and turns back where that left it turned.
     calibration_counts: whether that manoeuvre is part of the lifetime; otherwise the clock starts after it.
     homeostasis: whether the weights from the light sensors are scaled until the light looks as in the training world.
     """
@@ -93,6 +95,7 @@ class Adaptation:
     stay: Stay = Stay.none
     recognise: bool = False
     self_check: bool = False
+    careful: bool = False
     calibration_counts: bool = False
     homeostasis: bool = False
 
@@ -111,9 +114,13 @@ class Adaptation:
             raise ValueError(
                 f"adaptation.rest_s = {self.rest_s:g} needs adaptation.active_s above 0: rests follow active times"
             )
-        if self.calibration_counts and not self.self_check:
+        for key in ("careful", "calibration_counts"):
+            if getattr(self, key) and not self.self_check:
+                raise ValueError(f"adaptation.{key} does nothing without a self-check: give adaptation.self_check=true")
+        if self.careful and self.calibration_counts:
             raise ValueError(
-                "adaptation.calibration_counts does nothing without a self-check: give adaptation.self_check=true"
+                "adaptation.calibration_counts=true needs careful=false: a careful calibration lasts longer in some "
+                "lifetimes than in others"
             )
         if self.exploration is Exploration.wall_following and self.motor_noise > 0:
             raise ValueError(
@@ -172,15 +179,22 @@ class Adaptation:
         return self.needs_nominal or self.self_check
 
     @property
+    def is_network_unused(self) -> bool:
+        """Whether the robot follows walls from its first step until it is at the goal: a hand-written robot."""
+        at_once = self.start_by_s <= STEP_S and self.threshold <= 0 and self.active_s == 0
+        return self.exploration is Exploration.wall_following and at_once
+
+    @property
     def knowledge(self) -> tuple[str, ...]:
         """What it is given or what was written by hand, beside its senses."""
-        uses_goal = self.change_signal in ("late", "shortfall") or self.stay is not Stay.none
+        signals_time = self.change_signal in ("late", "shortfall")
+        times = signals_time and self.threshold < NEVER and not self.is_network_unused
         uses = {
-            "clock": self.change_signal in ("late", "shortfall"),
-            "correct side": self.change_signal in ("late", "shortfall"),
-            "goal signal": self.is_gated and uses_goal and not self.recognise,
+            "clock": times,
+            "correct side": times,
+            "goal signal": self.is_gated and (signals_time or self.stay is not Stay.none) and not self.recognise,
             "sensor model": self.self_check or self.recognise,
-            "hand-written": self.follows_walls or self.recognise,
+            "hand-written": self.follows_walls or self.stay in (Stay.halt, Stay.wait) or self.self_check or self.recognise,
         }
         return tuple(kind for kind, used in uses.items() if used)
 
@@ -277,7 +291,7 @@ def hooks(parts: Parts, robot: Robot, first_post: int = HIDDEN[0]) -> Hooks:
         explore = with_motor_noise(limit)
         if parts.follows_walls:
             explore = following(wall_following(robot), limit)
-        explore = staying(explore, parts.stay is Stay.halt, parts.recognise)
+        explore = staying(explore, parts.stay in (Stay.halt, Stay.wait), parts.recognise)
         recognised = recognition(robot) if parts.recognise else None
         open_gate = gates(_signal(parts.change_signal), parts.plastic_when, parts.stay, recognised)
     return Hooks(

@@ -16,6 +16,8 @@ from epuckhebb.sim.compiling.kernel import compiled, false
 from epuckhebb.sim.goal_signal import goal_signal
 from epuckhebb.sim.robot import STEP_S
 
+WAIT_S = 1.5  # half as long again as the pauses of a goal signal that comes every second
+
 
 class PlasticWhen(Enum):
     """When plasticity acts: always, while late, or at the goal by the goal signal or by recognition."""
@@ -32,10 +34,11 @@ class PlasticWhen(Enum):
 
 
 class Stay(Enum):
-    """What keeps a robot at the goal: nothing new, a halt of its wheels, or what plasticity learns there."""
+    """What keeps a robot at the goal: nothing new, a halt of its wheels for good or for a time, or learning there."""
 
     none = "none"
     halt = "halt"
+    wait = "wait"
     learn = "learn"
 
 
@@ -58,7 +61,9 @@ def gates(
 ) -> Callable[..., float]:
     """The function that opens both gates, `open_gate` of `adaptation.Hooks`. recognised: None for the goal signal."""
     always, at_the_goal = plastic_when is PlasticWhen.always, plastic_when.at_the_goal
-    halts, recognises = stay is Stay.halt, recognised is not None
+    recognises = recognised is not None
+    halts, for_good = stay in (Stay.halt, Stay.wait), stay is Stay.halt and not recognises
+    wait_s = WAIT_S if stay is Stay.wait else 0.0
     is_here = recognised or false
 
     @compiled
@@ -86,7 +91,7 @@ def gates(
             tally.noise_right = gate.motor_noise * state.noise[1]
         tally.exploring = open_by > 0.0
         if halts:
-            tally.halted = at_goal or (tally.halted and not recognises)
+            tally.halted = at_goal or (tally.halted and (for_good or tally.away_s < wait_s))
         if always:
             return 1.0
         if at_the_goal:
