@@ -161,15 +161,7 @@ class Adaptation:
     @property
     def parts(self) -> "Parts":
         """Which functions it has."""
-        return Parts(
-            self.change_signal,
-            self.follows_walls,
-            self.plastic_when,
-            self.stay,
-            self.recognise,
-            self.self_check,
-            self.homeostasis,
-        )
+        return Parts(*(getattr(self, name) for name in Parts._fields))
 
     @property
     def is_gated(self) -> bool:
