@@ -194,7 +194,7 @@ class Adaptation:
             "correct side": times,
             "goal signal": self.is_gated and (signals_time or self.stay is not Stay.none) and not self.recognise,
             "sensor model": self.self_check or self.recognise,
-            "hand-written": self.follows_walls or self.stay in (Stay.halt, Stay.wait) or self.self_check or self.recognise,
+            "hand-written": self.follows_walls or self.stay.halts or self.self_check or self.recognise,
         }
         return tuple(kind for kind, used in uses.items() if used)
 
@@ -291,7 +291,7 @@ def hooks(parts: Parts, robot: Robot, first_post: int = HIDDEN[0]) -> Hooks:
         explore = with_motor_noise(limit)
         if parts.follows_walls:
             explore = following(wall_following(robot), limit)
-        explore = staying(explore, parts.stay in (Stay.halt, Stay.wait), parts.recognise)
+        explore = staying(explore, parts.stay.halts, parts.recognise)
         recognised = recognition(robot) if parts.recognise else None
         open_gate = gates(_signal(parts.change_signal), parts.plastic_when, parts.stay, recognised)
     return Hooks(
