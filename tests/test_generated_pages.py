@@ -29,7 +29,7 @@ from epuckhebb.store.traces import traces_file
 
 ROOT = Path(__file__).parents[1]
 FILES, KEYS, METHODS = (ROOT / "docs" / f"{name}.md" for name in ("files", "keys", "methods"))
-OF_THE_MODEL = ("hebbian", "lifetime", "ga")  # groups whose keys the page of methods lists
+OF_THE_MODEL = ("hebbian", "adaptation", "lifetime", "ga")  # groups whose keys the page of methods lists
 REFERENCE = ROOT / "runs" / "reference"
 
 
