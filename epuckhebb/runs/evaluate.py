@@ -17,6 +17,7 @@ from epuckhebb.analysis.self_checks import findings
 from epuckhebb.config import hand, plugins
 from epuckhebb.config.build import check_library
 from epuckhebb.config.methods import typed_as
+from epuckhebb.config.names import brings_physics
 from epuckhebb.config.overrides import alternatives, quoted, value_of
 from epuckhebb.config.parts import part_names
 from epuckhebb.config.schema import EvaluateConfig, dump, say_unusual
@@ -33,7 +34,6 @@ from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.digest import UnknownPartError, digest
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.own_sensor import own_sensors, reading_names
-from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, evolved_sizes, functions_of, name_of
 from epuckhebb.sim.robot import EPUCK, Robot
 from epuckhebb.sim.scenario import TRAINED, Scenario
@@ -68,7 +68,7 @@ class Prepared:
             return self
         there = copy.copy(self.config)
         ours = self.config.world
-        physics = ours.physics if world.physics == PYMUNK else world.physics
+        physics = world.physics if brings_physics(world.name) else ours.physics
         there.world = replace(world, fitness=ours.fitness, physics=physics)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
         return Prepared(config=there, genome=self.genome)
@@ -145,7 +145,7 @@ def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
         Need(records, "what is recorded", "lower lifetime.duration_s, or raise lifetime.record_every"),
     ]
     if missing_nominal(config, genome.nominal):
-        duration_s, gain = training_world(config).paper_duration_s, config.lifetime.gain_rad_s
+        duration_s, gain = training_world(config, genome.physics).paper_duration_s, config.lifetime.gain_rad_s
         nominal = memory_to_measure_nominal(duration_s, gain, genome.network)
         needed.append(Need(nominal, "lifetimes in the training world at this gain", "raise lifetime.gain_rad_s"))
     require(needed)
