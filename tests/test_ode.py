@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from cases import done
 
 from epuckhebb.analysis import rescue
 from epuckhebb.analysis.tables import markdown_table
@@ -17,6 +18,7 @@ from epuckhebb.gym import TMaze
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runs.evaluate import prepare
 from epuckhebb.runs.nominal import training_world
+from epuckhebb.runs.notes import notes_of
 from epuckhebb.runs.rerun import rerun
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim import libode
@@ -192,15 +194,32 @@ def test_a_life_changed_by_hand_is_kept_with_roll_and_pitch_and_repeats(here):
 
 @needs_ode
 def test_a_test_world_of_a_study_has_its_own_physics_or_that_of_the_study():
-    of_plane, of_ode = (prepare(load(EvaluateConfig, words)) for words in ([], ["physics=ode"]))
-    for prepared, name, physics in (
+    of_plane, of_ode = [], ["physics=ode"]
+    for words, name, physics in (
         (of_plane, "base_3d", "ode"),
         (of_plane, "4obstacles", "pymunk"),
         (of_ode, "4obstacles", "ode"),
+        (of_ode, "base_plane", "pymunk"),
     ):
-        there = prepared.in_world(world_named(name, None)).config
+        there = prepare(load(EvaluateConfig, words)).in_world(world_named(name, None)).config
+        assert there.world.physics.name == load(EvaluateConfig, [f"scenario={name}", *words]).world.physics.name
         assert there.world.physics.name == physics
-        assert training_world(there).physics.name == prepared.config.world.physics.name
+
+
+@needs_ode
+@pytest.mark.usefixtures("here")
+def test_a_champion_knows_its_physics_and_compares_with_a_life_in_it():
+    small = ["ga.population=4", "ga.elites=1", "ga.loops=1", "ga.generations=1", "scenario.paper_duration_s=10"]
+    done("evolve", "physics=ode", *small, "lifetime.duration_s=1", "hydra.run.dir=deep", "-q")
+    assert "in physics ode" in done("show", "deep/champion.npz").stdout
+    asked = load(EvaluateConfig, ["genome=deep", "scenario=base", "hebbian=none"])
+    genome = load_genome("deep", "obstacles")
+    assert genome.physics == "ode"
+    assert training_world(asked, genome.physics).physics.name == "ode"
+    (note,) = notes_of(genome, asked)
+    assert "evolved with physics=ode" in note
+    assert notes_of(genome, load(EvaluateConfig, ["genome=deep", "physics=ode"])) == []
+    assert notes_of(load_genome("reference_7", "obstacles"), asked) == []
 
 
 @needs_ode
