@@ -6,7 +6,7 @@ import time
 from epuckhebb.cli import commands
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.runs import evolve as command
-from epuckhebb.sim import block, stage
+from epuckhebb.sim import batch, simulator
 
 inside, generations = [], []
 
@@ -32,7 +32,7 @@ def timed_evolve(*arguments, **named):
         began = time.process_time()
 
 
-block.load_kernel()
-kernel_of, stage.kernel_of, command.evolve = stage.kernel_of, timed_kernel_of, timed_evolve
+batch.load_kernel()
+kernel_of, simulator.kernel_of, command.evolve = simulator.kernel_of, timed_kernel_of, timed_evolve
 commands.app(["evolve", "--quiet", *sys.argv[1:]], standalone_mode=False)
 print(*(f"{100 * sum(inside) / whole:.0f}" for whole in (time.process_time(), sum(generations))))

@@ -12,14 +12,14 @@ from statistics import median
 
 from step import LIFETIME, SCENARIO, individuals, microseconds
 
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 
 REPEATS = 3
 
 
 def measure() -> list[tuple[str, str]]:
     """Microseconds a robot-step for 1 to 5,000 robots on 1 thread; and the gain of 2 threads and of 2 processes."""
-    live_block(individuals(2), SCENARIO, LIFETIME)  # loads the kernel
+    run_lifetimes(individuals(2), SCENARIO, LIFETIME)  # loads the kernel
     rows = []
     for robots in (1, 10, 50, 500, 5000):
         spent = median(_once(robots, 1, time.process_time) for _ in range(REPEATS))
@@ -44,7 +44,7 @@ def _once(robots: int, threads: int, clock: Callable[[], float] = time.perf_coun
     block = individuals(robots)
 
     def run() -> int:
-        live_block(block, SCENARIO, LIFETIME, threads)
+        run_lifetimes(block, SCENARIO, LIFETIME, threads)
         return robots * LIFETIME.steps
 
     return microseconds(run, clock)

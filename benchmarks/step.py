@@ -15,7 +15,7 @@ import numpy as np
 
 from epuckhebb.config.parts import part_class, part_names
 from epuckhebb.evolution.optimizer import initial
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.life import Lifetime
@@ -68,7 +68,7 @@ def microseconds(run: Callable[[], int], clock: Callable[[], float] = time.proce
 
 def ours(robots: list[Individual]) -> int:
     """Let robots live; returns how many robot-steps that were."""
-    live_block(robots, SCENARIO, LIFETIME)
+    run_lifetimes(robots, SCENARIO, LIFETIME)
     return len(robots) * LIFETIME.steps
 
 

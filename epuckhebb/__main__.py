@@ -1,6 +1,6 @@
 """`python -m epuckhebb` is `epuckhebb`. Nothing heavy is imported before the program knows how to be interrupted."""
 
-from epuckhebb.runtime.errors import end_on_signals
+from epuckhebb.runtime import end_on_signals
 
 
 def main() -> None:

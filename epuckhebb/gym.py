@@ -14,13 +14,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from epuckhebb.config.build import check_library
-from epuckhebb.config.compose import load
-from epuckhebb.config.overrides import quoted
-from epuckhebb.config.schema import EvolveConfig
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.config import EvolveConfig, check_library, load, quoted
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import kernel
+from epuckhebb.sim.compiling.kernel import kernel
+from epuckhebb.sim.compiling.simd import whole
 from epuckhebb.sim.maze import SIDES, Side
 from epuckhebb.sim.network import (
     OUTPUTS,
@@ -34,8 +32,7 @@ from epuckhebb.sim.network import (
 from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.random import Stream, key
 from epuckhebb.sim.session import Individual, Session
-from epuckhebb.sim.stage import Stage
-from epuckhebb.sim.vectors import whole
+from epuckhebb.sim.simulator import Simulator
 
 ID = "epuckhebb/TMaze-v0"
 REWARDS = ("fitness", "success", "progress")
@@ -79,7 +76,7 @@ class TMaze(gymnasium.Env[Floats, Floats]):
         lowest[self.world.robot.inputs :] = -1.0
         self.observation_space = gymnasium.spaces.Box(lowest, np.ones(self.world.inputs), dtype=np.float64)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (OUTPUTS,), np.float64)
-        self._stage = Stage(self.world, self.lifetime, NoRule)
+        self._simulator = Simulator(self.world, self.lifetime, NoRule)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Begin a lifetime.
@@ -100,7 +97,7 @@ class TMaze(gymnasium.Env[Floats, Floats]):
             network=self.network,
             task_key=int(drawn[1]),
         )
-        self.session = Session(individual, self.world, self.lifetime, stage=self._stage)
+        self.session = Session(individual, self.world, self.lifetime, simulator=self._simulator)
         self._given, self._distance = 0.0, None if self.reward != "progress" else self._goal_distance()
         return self.session.look(), {"side": individual.side}
 

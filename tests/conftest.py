@@ -11,8 +11,9 @@ import pytest
 import reference
 from omegaconf import OmegaConf
 
+from epuckhebb.config import hydra_cache
 from epuckhebb.config.parts_from_yaml import robot_from
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
@@ -28,6 +29,7 @@ def pytest_configure():
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    hydra_cache._MOST_KEPT = 5_000  # the tests compose more than a user does, and the same in their next run
 
 
 def pytest_collection_finish():
@@ -96,7 +98,7 @@ def run_lifetime():
             genes=genome, side=side, controller=controller, key=np.uint64(key), record=record_every > 0, **who
         )
         lifetime = Lifetime(duration_s=seconds, record_every=record_every, **more)
-        return live_block([individual], scenario or Scenario(), lifetime)[0]
+        return run_lifetimes([individual], scenario or Scenario(), lifetime)[0]
 
     return live
 

@@ -615,7 +615,7 @@ def robot_of(network):
 
 
 def live(robot, steps):
-    """A whole lifetime: the metrics of `epuckhebb.sim.life.Outcome`, in the same order, and the steps."""
+    """A whole lifetime: the metrics of `epuckhebb.sim.outcome.Outcome`, in the same order, and the steps."""
     done, path, arrived, changes, behaviour, contacts = [], 0.0, math.nan, 0.0, 0.0, 0
     for step in range(steps):
         done.append(robot.step())

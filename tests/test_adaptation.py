@@ -14,7 +14,7 @@ from epuckhebb.sim.adaptation.change_signals.novelty import change_signal as nov
 from epuckhebb.sim.adaptation.change_signals.shortfall import change_signal as shortfall
 from epuckhebb.sim.adaptation.gate import need, resting
 from epuckhebb.sim.adaptation.nominal import REPEATS, measure_nominal
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.life import Lifetime
@@ -53,7 +53,7 @@ def live(genome, controller, nominal=None, scenario=None, side="left", seconds=6
         record=True,
         nominal=None if nominal is None else nominal.of(side),
     )
-    return live_block([individual], scenario or Scenario(), Lifetime(duration_s=seconds, **FAST))[0]
+    return run_lifetimes([individual], scenario or Scenario(), Lifetime(duration_s=seconds, **FAST))[0]
 
 
 def context(time_s=0.0, away_s=0.0, arrived=False, recent=None):
@@ -141,7 +141,7 @@ def test_always_in_need_is_the_papers_rule_bit_for_bit(genomes, signal, sign):
             for more in ({}, always_in_need)
         ]
         arguments = Scenario(obstacles=4), Lifetime(duration_s=8, **FAST)
-        (one, by_paper), (other, by_need) = live_block(individuals, *arguments)
+        (one, by_paper), (other, by_need) = run_lifetimes(individuals, *arguments)
         assert math.isnan(one.time_to_goal)  # at the goal there is no need
         assert np.array(one).tobytes() == np.array(other).tobytes()
         for name in set(by_paper._fields) - {"change_signal"}:

@@ -11,7 +11,7 @@ from epuckhebb.config import hand
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES, Pose
@@ -69,7 +69,7 @@ def test_what_is_done_by_hand_gives_the_same_bits_in_one_piece(genomes, side, co
     session, done = live_by_hand(individual, world, seed=len(side) + len(controller.name))
     assert len(done) > 40
     assert any("put" in change for change in done)
-    [(outcome, samples)] = live_block([individual], replace(world, hand=done), LIFETIME)
+    [(outcome, samples)] = run_lifetimes([individual], replace(world, hand=done), LIFETIME)
     assert np.array(session.outcome()).tobytes() == np.array(outcome).tobytes()
     for live, whole in zip(session.samples, samples, strict=True):
         assert live.tobytes() == whole.tobytes()
@@ -80,7 +80,7 @@ def lived_with(genes, side="left", controller=LEARNING, **change):
     individual = Individual(genes=genes, side=side, key=np.uint64(1), controller=controller, record=True)
     lifetime = replace(LIFETIME, duration_s=4.0)
     worlds = Scenario(), Scenario(hand=({"at_s": 64 * STEP_S, **change},))
-    return [live_block([individual], world, lifetime)[0] for world in worlds]
+    return [run_lifetimes([individual], world, lifetime)[0] for world in worlds]
 
 
 def test_a_robot_that_is_put_somewhere_drives_on_from_there(genomes):

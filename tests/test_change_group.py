@@ -12,9 +12,9 @@ from cases import contents, done, refused
 import epuckhebb
 from epuckhebb.cli import completion
 from epuckhebb.config.compose import composed
-from epuckhebb.config.conf import groups, rows
 from epuckhebb.config.names import world_of
 from epuckhebb.config.schema import plain
+from epuckhebb.runtime.conf import groups, rows
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.studies import leaderboard_jobs, sweep
 

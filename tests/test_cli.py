@@ -18,10 +18,8 @@ from typer.main import get_command
 
 from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.cli.commands import app
-from epuckhebb.config import conf
 from epuckhebb.runs import evolve
-from epuckhebb.runtime import progress
-from epuckhebb.runtime.console import Terminal
+from epuckhebb.runtime import conf, progress
 
 FAST = ["lifetime.duration_s=8", "lifetime.record_every=0", "repeats=2"]
 TINY = ["ga.population=6", "ga.generations=3", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3"]
@@ -241,7 +239,7 @@ def test_garbage_is_collected_while_jobs_run(tmp_path, monkeypatch):
 
 def test_what_is_slow_is_told_and_what_is_quick_is_not(monkeypatch):
     said, heard = [], threading.Event()
-    monkeypatch.setattr(Terminal, "is_watched", True)
+    monkeypatch.setattr(progress, "_is_watched", lambda: True)
     monkeypatch.setattr(progress, "say", lambda note: (said.append(note), heard.set()))
     monkeypatch.setattr(progress, "_SLOW_S", 0.0)
     with progress.saying_if_slow("compiling"):

@@ -15,11 +15,11 @@ import numba
 import numpy as np
 import pytest
 
-from epuckhebb.sim import kernels
+from epuckhebb.sim import lifetime_kernel
 from epuckhebb.sim.adaptation.adaptation import Parts
-from epuckhebb.sim.compiled import compiled, kernel
-from epuckhebb.sim.digest import UnknownPartError, digest
-from epuckhebb.sim.kernels import kernel_of
+from epuckhebb.sim.compiling.code_digest import UnknownPartError, digest
+from epuckhebb.sim.compiling.kernel import compiled, kernel
+from epuckhebb.sim.lifetime_kernel import kernel_of
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.plasticity import update
 from epuckhebb.sim.plasticity.rules.oja import Oja
@@ -176,13 +176,13 @@ def name_of(rule, network=PAPER_NETWORK):
 
 def test_a_script_that_changes_an_equation_gets_a_kernel_of_its_own(monkeypatch):
     before = name_of(Paper)
-    monkeypatch.setattr(kernels, "_kernels", {})
+    monkeypatch.setattr(lifetime_kernel, "_kernels", {})
     assert name_of(Paper) == before
 
     def soft(weight, rate, direction, w_max):
         return w_max * np.tanh((weight + rate * direction) / w_max)
 
-    monkeypatch.setattr(kernels, "_kernels", {})
+    monkeypatch.setattr(lifetime_kernel, "_kernels", {})
     monkeypatch.setattr(update, "next_weight", compiled(soft))
     assert name_of(Paper) != before
 
@@ -208,7 +208,7 @@ def in_processes(code, arguments, cache):
 NAMES = """
 import json
 from epuckhebb.sim.adaptation.adaptation import Parts
-from epuckhebb.sim.kernels import kernel_of
+from epuckhebb.sim.lifetime_kernel import kernel_of
 from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK
@@ -226,7 +226,7 @@ def test_names_are_the_same_in_every_process(tmp_path):
 TOYS = """
 import json, sys
 import numpy as np
-from epuckhebb.sim.compiled import compiled, kernel
+from epuckhebb.sim.compiling.kernel import compiled, kernel
 
 def part(factor):
     @compiled
@@ -261,7 +261,7 @@ print(json.dumps(told))
 @pytest.mark.thorough
 def test_a_kernel_that_is_there_is_loaded_without_the_compiler(tmp_path):
     look = "print('numba.np.linalg' in sys.modules)"
-    script = f"import sys; from epuckhebb.sim.block import load_kernel; load_kernel(); {look}"
+    script = f"import sys; from epuckhebb.sim.batch import load_kernel; load_kernel(); {look}"
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     told = [
         subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)

@@ -9,7 +9,6 @@ import pytest
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import ReproduceConfig
 from epuckhebb.runtime import errors, progress
-from epuckhebb.runtime.console import Terminal
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
 from epuckhebb.runtime.progress import Bar, be_quiet, counting, say
 from epuckhebb.store import disk
@@ -112,7 +111,7 @@ def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work
 @pytest.mark.parametrize("notebook", [True, False])
 def test_the_bar_shows_how_much_is_done(notebook, monkeypatch, capsys):
     be_quiet(False)
-    monkeypatch.setattr(Terminal, "is_watched", not notebook)
+    monkeypatch.setattr(progress, "_is_watched", lambda: not notebook)
     monkeypatch.setattr(progress, "_in_notebook", lambda: notebook)
     with Bar("generation", 10) as bar:
         bar.show(4, "best 0.5")

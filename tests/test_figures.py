@@ -16,12 +16,13 @@ from epuckhebb.analysis.evaluate import Traces, evaluate
 from epuckhebb.analysis.floor import floor, view
 from epuckhebb.analysis.image import KINDS, image
 from epuckhebb.sim.controller import HEBBIAN, Controller
-from epuckhebb.sim.life import Lifetime, Samples, empty_samples
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import Robot
+from epuckhebb.sim.samples import Samples, empty_samples
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.wirings.elman import Elman
 

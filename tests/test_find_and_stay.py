@@ -12,7 +12,7 @@ from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.adaptation.adaptation import Adaptation, Exploration
 from epuckhebb.sim.adaptation.gate import PlasticWhen, Stay
 from epuckhebb.sim.adaptation.nominal import measure_nominal
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.goal_signal import SPELL, GoalSignal, goal_signal, initial_signal
 from epuckhebb.sim.maze import Place
@@ -75,7 +75,7 @@ def run(nominal, *overrides, side="right", world="scenario=base_lamp_gone", seco
         genes=CHAMPION.genes, side=side, key=KEY, controller=controller, nominal=nominal.of(side), record=True
     )
     lifetime = replace(settings.lifetime, record_every=1, duration_s=seconds)
-    return live_block([individual], settings.world, lifetime)[0]
+    return run_lifetimes([individual], settings.world, lifetime)[0]
 
 
 @pytest.mark.parametrize("stays", [{"stay": Stay.halt}, {"stay": Stay.learn, "plastic_when": PlasticWhen.goal_signal}])
@@ -113,6 +113,7 @@ def test_it_learns_to_stay_at_the_goal_alone_and_keeps_what_it_learns(nominal):
     assert samples.weight_change[first + 1 :].min() > 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("when", "share"), [("always", 1.0), ("late", 0.5)])
 def test_the_gate_of_plasticity_is_not_that_of_exploration(nominal, when, share):
     learns = ("adaptation=find", "hebbian=paper", "hebbian.N=0.0001", f"adaptation.plastic_when={when}")

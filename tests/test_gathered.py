@@ -115,7 +115,7 @@ def test_rescue_and_harm_are_there_or_a_line_says_what_to_add(scenarios, more, m
 
 def ids(*words, genome="reference"):
     config = typed(composed("evaluate", list(words)), EvaluateConfig)
-    return evaluate.prepare(config, load_genome(genome, "obstacles")).lifetime_ids
+    return evaluate.prepare_evaluation(config, load_genome(genome, "obstacles")).lifetime_ids
 
 
 def test_lifetimes_are_known_by_all_that_they_depend_on():
@@ -140,7 +140,7 @@ class Unreadable(Rule):
 def test_a_rule_of_which_a_part_cannot_be_read_has_lifetimes_that_are_known():
     config = typed(composed("evaluate", []), EvaluateConfig)
     config.controllers = [Controller(name="odd", rule=Unreadable(N=0.1))]
-    found = evaluate.Prepared(config=config, genome=load_genome("reference", "obstacles")).lifetime_ids
+    found = evaluate.PreparedEvaluation(config=config, genome=load_genome("reference", "obstacles")).lifetime_ids
     assert list(found) == ["GA", "odd"]
 
 

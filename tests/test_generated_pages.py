@@ -16,12 +16,12 @@ from epuckhebb.cli.keys import sections, title
 from epuckhebb.config import keys
 from epuckhebb.config.compose import composed
 from epuckhebb.config.compose import plain as plain_values
-from epuckhebb.config.conf import groups
 from epuckhebb.config.words import keys_below
 from epuckhebb.evolution.evolve import Generation, history_row
-from epuckhebb.sim.life import empty_samples
+from epuckhebb.runtime.conf import groups
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.physics.ode import Ode
+from epuckhebb.sim.samples import empty_samples
 from epuckhebb.sim.wirings.elman import Elman
 from epuckhebb.store.columns import CHAMPION, TABLES, TRACES
 from epuckhebb.store.genome import champion_file, load_genome

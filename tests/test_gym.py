@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 import epuckhebb
 from epuckhebb import Lifetime
 from epuckhebb.gym import ID, TMaze, evaluation_key, genome_from_policy, policy_from_genome
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual, Session
@@ -69,7 +69,7 @@ def test_a_look_is_what_the_next_step_senses(genomes, scenario):
         seen.append(session.look())
         session.step()
     np.testing.assert_array_equal(seen, session.samples.sensors)
-    np.testing.assert_array_equal(seen, live_block([individual], scenario, lifetime)[0][1].sensors)
+    np.testing.assert_array_equal(seen, run_lifetimes([individual], scenario, lifetime)[0][1].sensors)
 
 
 FITNESS = """\

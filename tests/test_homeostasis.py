@@ -12,7 +12,7 @@ from epuckhebb.sim.adaptation.adaptation import Adaptation, Parts, hooks
 from epuckhebb.sim.adaptation.change_signal import no_nominal
 from epuckhebb.sim.adaptation.homeostasis import PATTERNS, initial_homeostasis_state, light_patterns
 from epuckhebb.sim.adaptation.nominal import measure_nominal
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.life import TALLY, Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK
@@ -35,7 +35,7 @@ def life(genes, nominal, scenario=BRIGHT, controller=HOMEOSTATIC, side="left", s
     individual = Individual(
         genes=genes, side=side, key=KEY, controller=controller, nominal=nominal.of(side), record=True
     )
-    return live_block([individual], scenario, Lifetime(duration_s=seconds, gain_rad_s=4, record_every=1))[0]
+    return run_lifetimes([individual], scenario, Lifetime(duration_s=seconds, gain_rad_s=4, record_every=1))[0]
 
 
 def test_where_nothing_has_changed_a_lifetime_is_bit_identical(genomes, nominal):
@@ -110,7 +110,7 @@ def test_as_a_user_meets_it():
 def test_invalid_statistics_are_refused(genomes, nominal):
     individual = Individual(genes=genomes[0], side="left", key=KEY, controller=HOMEOSTATIC, nominal=no_nominal(16))
     with pytest.raises(ValueError, match="64 patterns"):
-        live_block([individual], BRIGHT, Lifetime(duration_s=1))
+        run_lifetimes([individual], BRIGHT, Lifetime(duration_s=1))
     for name, value in (("novelty", 0.0), ("patterns", np.full((PATTERNS, 8), 2.0))):
         with pytest.raises(ValueError, match=name):
             replace(nominal, **{name: value})

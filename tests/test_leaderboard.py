@@ -14,10 +14,10 @@ from epuckhebb.analysis import leaderboard as board
 from epuckhebb.cli import completion
 from epuckhebb.config import compose
 from epuckhebb.config import methods as known_methods
-from epuckhebb.config.conf import groups
 from epuckhebb.config.methods import methods_named
 from epuckhebb.config.schema import EvolveConfig, typed
 from epuckhebb.evolution.training import UNVARIED, Training
+from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.scenario import TRAINED, Scenario

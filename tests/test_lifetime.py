@@ -11,13 +11,13 @@ from cases import first_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuckhebb.sim import stage
+from epuckhebb.sim import simulator
 from epuckhebb.sim.adaptation.change_signal import no_nominal
-from epuckhebb.sim.block import live_block, load_kernel
+from epuckhebb.sim.batch import load_kernel, run_lifetimes
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.kernels import kernel_of
 from epuckhebb.sim.life import Lifetime
+from epuckhebb.sim.lifetime_kernel import kernel_of
 from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.maze import SIDES, Pose
 from epuckhebb.sim.network import Network
@@ -90,7 +90,7 @@ def test_agrees_with_the_prototype_over_whole_lifetimes(genomes):
             )
             for row in group.itertuples()
         ]
-        outcomes = live_block(individuals, scenario, Lifetime(duration_s=float(duration), noise=0), threads=2)
+        outcomes = run_lifetimes(individuals, scenario, Lifetime(duration_s=float(duration), noise=0), threads=2)
         differences += [
             (
                 outcome.success != bool(row.success),
@@ -111,13 +111,13 @@ def test_agrees_with_the_prototype_over_whole_lifetimes(genomes):
 def test_who_has_no_rule_lives_in_the_kernel_of_the_others_on_any_threads(genomes, monkeypatch):
     asked = set()
     monkeypatch.setattr(
-        stage, "kernel_of", lambda rule, *args, **more: asked.add(rule) or kernel_of(rule, *args, **more)
+        simulator, "kernel_of", lambda rule, *args, **more: asked.add(rule) or kernel_of(rule, *args, **more)
     )
     individuals = [
         Individual(genes=genomes[0], side="left", controller=controller, key=np.uint64(1))
         for controller in (GA_ALONE, GA_ALONE, learning(0.002), learning(0.002))
     ]
-    live_block(individuals, Scenario(), Lifetime(duration_s=1.0), threads=4)
+    run_lifetimes(individuals, Scenario(), Lifetime(duration_s=1.0), threads=4)
     assert asked == {Paper}
 
 
@@ -130,12 +130,12 @@ def test_alone_in_a_block_and_on_any_threads_the_bits_are_the_same(genomes):
         for controller in controllers
     ]
     scenario, lifetime = Scenario(obstacles=4), Lifetime(duration_s=40, gain_rad_s=4)
-    together = [outcome for outcome, _ in live_block(individuals, scenario, lifetime)]
+    together = [outcome for outcome, _ in run_lifetimes(individuals, scenario, lifetime)]
     for threads in (2, 3, 16):
-        assert _bits([o for o, _ in live_block(individuals, scenario, lifetime, threads)]) == _bits(together)
-    alone = [live_block([individual], scenario, lifetime)[0][0] for individual in individuals]
+        assert _bits([o for o, _ in run_lifetimes(individuals, scenario, lifetime, threads)]) == _bits(together)
+    alone = [run_lifetimes([individual], scenario, lifetime)[0][0] for individual in individuals]
     assert _bits(alone) == _bits(together)
-    backwards = [outcome for outcome, _ in live_block(individuals[::-1], scenario, lifetime)][::-1]
+    backwards = [outcome for outcome, _ in run_lifetimes(individuals[::-1], scenario, lifetime)][::-1]
     assert _bits(backwards) == _bits(together)
 
 
@@ -154,7 +154,7 @@ def test_no_rule_learns_nothing_whatever_its_rate_and_whoever_lives_beside_it(ge
         Individual(genes=genomes[0], side="left", controller=controller, key=np.uint64(1))
         for controller in (idle, learning(), GA_ALONE)
     ]
-    (nothing, _), _, (alone, _) = live_block(individuals, Scenario(), Lifetime(duration_s=8))
+    (nothing, _), _, (alone, _) = run_lifetimes(individuals, Scenario(), Lifetime(duration_s=8))
     assert nothing.weight_change_mean == 0
     assert _bits(nothing) == _bits(alone)
 
@@ -224,13 +224,13 @@ def test_a_robot_that_is_lost_fails_loudly(genomes):
     for start in (Pose(math.nan, 0.0, 0.0), Pose(0.0, 0.0, math.inf), Pose(0.6, 0.0, 0.0)):
         individual = Individual(genes=genomes[0], side="left", key=np.uint64(0), start=start)
         with pytest.raises(LostRobotError, match=r"left trial of scenario base, controller GA, .* at step 0 of 250"):
-            live_block([individual], Scenario(), Lifetime(duration_s=8))
+            run_lifetimes([individual], Scenario(), Lifetime(duration_s=8))
 
 
 def refused(message, genes=234, scenario=None, error=ValueError, **more):
     individual = Individual(genes=np.zeros(genes), side="left", key=np.uint64(0), **more)
     with pytest.raises(error, match=message):
-        live_block([individual], scenario or Scenario(), Lifetime(duration_s=8))
+        run_lifetimes([individual], scenario or Scenario(), Lifetime(duration_s=8))
 
 
 def test_sizes_that_do_not_fit_are_refused_with_their_numbers(lidar):
@@ -262,7 +262,9 @@ def test_a_gain_that_the_motors_do_not_reach_is_refused(genomes):
     slow = Robot(name="slow", motor_limit_rad_s=0.5)
     refused(r"gain_rad_s must .* at most 0.5", scenario=Scenario(robot=slow))
     with pytest.raises(ValueError, match=r"gain_rad_s must .* at most 6.28"):
-        live_block([Individual(genes=genomes[0], side="left", key=np.uint64(0))], Scenario(), Lifetime(gain_rad_s=6.3))
+        run_lifetimes(
+            [Individual(genes=genomes[0], side="left", key=np.uint64(0))], Scenario(), Lifetime(gain_rad_s=6.3)
+        )
     load_kernel(scenario=Scenario(robot=Robot(name="a little slow", motor_limit_rad_s=0.9)))
 
 

@@ -15,14 +15,14 @@ from cases import call, refused
 from joblib import cpu_count
 from rich.console import Console
 
+from epuckhebb.cli.console import is_of_output
 from epuckhebb.runtime import resources
-from epuckhebb.runtime.console import is_of_output
 from epuckhebb.runtime.errors import JOB_FAILED, USAGE, ConfigError
 from epuckhebb.runtime.resources import path_of, thread_count
 from epuckhebb.store import disk
 from epuckhebb.store.folder import RunFolder
 
-compiled = importlib.import_module("epuckhebb.sim.compiled")
+compiled = importlib.import_module("epuckhebb.sim.compiling.kernel")
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import yaml
 from omegaconf import OmegaConf
 
 from epuckhebb.config.parts_from_yaml import maze_from
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.maze import SIDES, T_MAZE, Pose, Region, boxes
@@ -185,7 +185,7 @@ def test_a_robot_finds_its_way_in_a_maze_that_was_drawn(side):
     genes = np.concatenate([layer.ravel() for layer in layers])
     who = Individual(genes=genes, side=side, key=np.uint64(1), record=True)
     life = Lifetime(duration_s=25, gain_rad_s=4.0, record_every=1)
-    ((outcome, samples),) = live_block([who], Scenario(maze=maze), life)
+    ((outcome, samples),) = run_lifetimes([who], Scenario(maze=maze), life)
     assert outcome.time_to_goal < 20
     walls = boxes(maze)
     assert min(gap(x, y, walls) for x, y, _ in samples.pose) > EPUCK.radius_m - 0.002

@@ -16,13 +16,12 @@ from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.export.replay import recording, write_page
 from epuckhebb.gym import TMaze
 from epuckhebb.live.world import LiveWorld
-from epuckhebb.runs.evaluate import prepare
+from epuckhebb.runs import prepare_evaluation, repeat
 from epuckhebb.runs.nominal import training_world
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runs.rerun import rerun
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim import libode
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.session import Individual, LostRobotError, Session
 from epuckhebb.store import Run
@@ -81,7 +80,7 @@ def test_a_lifetime_of_a_bundled_champion_is_as_ever(golden):
     lifetime = Lifetime(duration_s=60, gain_rad_s=4, record_every=125)
     both = [individual(genome.genes, side, controllers=asked.controllers) for side in ("left", "right")]
     rows = []
-    for side, (outcome, samples) in zip(("left", "right"), live_block(both, asked.world, lifetime), strict=True):
+    for side, (outcome, samples) in zip(("left", "right"), run_lifetimes(both, asked.world, lifetime), strict=True):
         for time, pose, tilt in zip(samples.time, samples.pose, samples.tilt, strict=True):
             rows.append([side, *(round(number, 6) for number in (time, *pose, *tilt)), math.nan])
         rows.append([side, 60.0, *[math.nan] * 6, round(outcome.fitness, 6)])
@@ -95,9 +94,9 @@ def test_a_lifetime_of_a_bundled_champion_is_as_ever(golden):
 def test_it_is_bit_identical_on_any_number_of_threads_and_in_pieces(genomes):
     asked, lifetime = config("scenario=4obstacles"), Lifetime(duration_s=20, gain_rad_s=4, record_every=5)
     robots = [individual(genomes[key % 4], key=key, controllers=asked.controllers) for key in range(8)]
-    alone = live_block(robots, asked.world, lifetime)
+    alone = run_lifetimes(robots, asked.world, lifetime)
     for (outcome, samples), (other, others) in zip(
-        alone, live_block(robots, asked.world, lifetime, threads=4), strict=True
+        alone, run_lifetimes(robots, asked.world, lifetime, threads=4), strict=True
     ):
         assert np.array_equal(outcome, other, equal_nan=True)
         assert np.array_equal(samples.pose, others.pose)
@@ -112,8 +111,8 @@ def test_it_is_bit_identical_on_any_number_of_threads_and_in_pieces(genomes):
 def test_a_world_may_change_meanwhile(genomes):
     changes = "scenario.changes=[{at_s: 4, obstacles: 4, light: 1.0}]"
     asked, lifetime = config("scenario=base", changes), Lifetime(duration_s=8, gain_rad_s=4, record_every=1)
-    before = live_block([individual(genomes[3])], config("scenario=base").world, lifetime)[0][1]
-    after = live_block([individual(genomes[3])], asked.world, lifetime)[0][1]
+    before = run_lifetimes([individual(genomes[3])], config("scenario=base").world, lifetime)[0][1]
+    after = run_lifetimes([individual(genomes[3])], asked.world, lifetime)[0][1]
     assert np.array_equal(before.pose[:125], after.pose[:125])
     assert np.abs(np.diff(after.pose[:, :2], axis=0)).max() < 0.004  # it goes on from where it is
     assert not np.array_equal(before.sensors[125:], after.sensors[125:])
@@ -123,7 +122,7 @@ def test_a_world_may_change_meanwhile(genomes):
 def test_a_robot_that_falls_over_ends_its_lifetime_with_a_reason(genomes):
     asked = config("physics.put_down=[1,0,0,1.2]")
     with pytest.raises(LostRobotError, match="not upright on the floor any more"):
-        live_block([individual(genomes[0])], asked.world, Lifetime(duration_s=2))
+        run_lifetimes([individual(genomes[0])], asked.world, Lifetime(duration_s=2))
 
 
 @pytest.mark.parametrize(
@@ -152,7 +151,7 @@ def test_without_the_library_one_message_names_the_package(monkeypatch):
     libode.library.cache_clear()
     try:
         with pytest.raises(ConfigError, match="apt-get install libode8"):
-            prepare(config())
+            prepare_evaluation(config())
     finally:
         libode.library.cache_clear()
 
@@ -187,7 +186,7 @@ def test_a_life_changed_by_hand_is_kept_with_roll_and_pitch_and_repeats(here):
     with np.load(io.BytesIO(run.content("traces.npz"))) as arrays:
         assert arrays["tilt"].shape == (*arrays["pose"].shape[:2], 3)
         assert np.abs(arrays["tilt"]).max() > 0
-    again, difference = rerun(run.path)
+    again, difference = repeat(run.path)
     assert difference == ""
     write_page(recording(again), here / "replay.html")
 
@@ -201,7 +200,7 @@ def test_a_test_world_of_a_study_has_its_own_physics_or_that_of_the_study():
         (of_ode, "4obstacles", "ode"),
         (of_ode, "base_plane", "pymunk"),
     ):
-        there = prepare(load(EvaluateConfig, words)).in_world(world_named(name, None)).config
+        there = prepare_evaluation(load(EvaluateConfig, words)).in_world(world_named(name, None)).config
         assert there.world.physics.name == load(EvaluateConfig, [f"scenario={name}", *words]).world.physics.name
         assert there.world.physics.name == physics
 
@@ -235,7 +234,7 @@ def test_an_adaptation_is_added_in_three_dimensions_to_what_a_champion_knows_of_
     asked = load(EvaluateConfig, ["scenario=base", "change=[3d]", "adaptation=best", "hebbian=none", "repeats=1"])
     assert asked.world.name == "base_3d"
     assert training_world(asked).physics.name == "pymunk"
-    prepared = prepare(asked)
+    prepared = prepare_evaluation(asked)
     rows, _ = prepared.run(prepared.remember(1), 1)
     assert {row["controller"] for row in rows} == {"GA", "best"}
 
@@ -244,7 +243,8 @@ def test_the_page_has_what_the_gap_breaks_rescues_and_harms(generated):
     table = pd.read_csv(ROOT / "runs" / "reference" / "gap" / "rescue_and_harm.csv")
     worlds = {world: table[table.scenario == world].set_index("controller") for world in ("base_3d", "highlight_3d")}
     broken = [f"{one.broken.iloc[0]} of {one.solved.iloc[0]} in {world}" for world, one in worlds.items()]
-    rows = [[name, *(cell for one in worlds.values() for cell in rescue.counts(one.loc[name]))] for name in one.index]
+    names = worlds["base_3d"].index
+    rows = [[name, *(cell for one in worlds.values() for cell in rescue.counts(one.loc[name]))] for name in names]
     head = ["controller", *(f"{world}: {what}" for world in worlds for what in (rescue.RESCUED, rescue.HARMED))]
     text = f"Of the trials solved in training, the other physics breaks {' and '.join(broken)}.\n\n"
     generated(ROOT / "docs" / "ode.md", "gap", text + markdown_table(head, rows))

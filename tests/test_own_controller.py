@@ -197,7 +197,11 @@ class Fine(Base):
         (["bad.py:Endless"], ["100001 weights or more; at most 100000"]),
         (["bad.py:Shapeless"], ["wiring Shapeless: `value` of tau must give 5 finite numbers"]),
         (["bad.py:Undefined"], ["wiring Undefined: `value` of tau must give 5 finite numbers"]),
-        (["bad.py:Muddled"], ["wiring Muddled of", "does not compile", "times"]),
+        pytest.param(
+            ["bad.py:Muddled"],
+            ["wiring Muddled of", "does not compile", "times"],
+            marks=pytest.mark.thorough,  # it takes as long as a kernel; test_own_fitness.py has such a class, too
+        ),
         (["bad.py:Infinite"], ["wiring Infinite: `neuron` gave infinite or nan activations"]),
         (["bad.py:Fine", "network.hiden=1"], ["network.hiden is no key of", "Did you mean hidden?"]),
         (["bad.py:Fine", "network.hidden=few"], ["network.hidden must be a whole number"]),

@@ -14,13 +14,13 @@ import epuckhebb
 from epuckhebb import Fitness, Lifetime
 from epuckhebb.config import plugins
 from epuckhebb.sim.adaptation.adaptation import Parts
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.kernels import kernel_of
-from epuckhebb.sim.life import OutcomeOfTrials
+from epuckhebb.sim.lifetime_kernel import kernel_of
 from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.sim.outcome import OutcomeOfTrials
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK, STEP_S
@@ -112,7 +112,7 @@ def lived_by(fitness, genes, signal, seconds=20, **more):
         key=np.uint64(3),
         record=True,
     )
-    return live_block(
+    return run_lifetimes(
         [individual], Scenario(fitness=fitness, **more), Lifetime(duration_s=seconds, gain_rad_s=4, record_every=1)
     )[0]
 
@@ -154,7 +154,7 @@ def test_a_fitness_of_a_lifetime_alone_needs_no_kernel_of_its_own(genomes):
         Individual(genes=genomes[0], side="left", key=np.uint64(3)), Scenario(fitness=Judged()), Lifetime(duration_s=5)
     )
     session.step(1000)
-    usual, _ = live_block([session.individual], Scenario(), session.lifetime)[0]
+    usual, _ = run_lifetimes([session.individual], Scenario(), session.lifetime)[0]
     x, y, _ = session.pose
     assert session.outcome().fitness == usual.fitness + usual.path_length + math.hypot(x, y)
     parts = (Paper, Parts(), PAPER_NETWORK, EPUCK)
@@ -167,7 +167,7 @@ def test_a_lifetime_of_many_trials_keeps_them():
     world = Scenario(task=task, lamp=Lamp(intensity=0.0), fitness=Judged())
     network = Network((17, 2), True)
     individual = Individual(genes=np.zeros(network.synapses), side="left", key=np.uint64(1), network=network)
-    outcome, _ = live_block([individual], world, Lifetime(duration_s=3))[0]
+    outcome, _ = run_lifetimes([individual], world, Lifetime(duration_s=3))[0]
     assert isinstance(outcome, OutcomeOfTrials)
     assert len(outcome.trials) == 2 < outcome.fitness
 
@@ -179,7 +179,7 @@ def test_a_lifetime_in_pieces_is_the_same(genomes):
     while session.step(7):
         pass
     assert session.steps * STEP_S == pytest.approx(4)
-    np.testing.assert_array_equal(session.outcome(), live_block([individual], world, lifetime)[0][0])
+    np.testing.assert_array_equal(session.outcome(), run_lifetimes([individual], world, lifetime)[0][0])
     with pytest.raises(ValueError, match="its fitness may not: got paper for Explorer"):
         session.change(Scenario())
 

@@ -14,7 +14,7 @@ import epuckhebb
 from epuckhebb.config.parts import part_class
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.search import Search
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES
@@ -105,13 +105,13 @@ def test_runs_by_it_are_shown_replayed_and_rerun_without_the_file(copy):
 def test_a_point_of_the_archive_is_drawn_evaluated_and_replayed():
     words = ["archive.py", "evolved", "--lamp-on", "0", "--lamp-off", "0"]
     subprocess.run([sys.executable, *words], check=True, capture_output=True)
-    assert Path("archive.png").read_bytes().startswith(b"\x89PNG")
+    assert Path("evolved/archive.png").read_bytes().startswith(b"\x89PNG")
     archive = pd.read_csv("evolved/archive.csv", dtype=str).astype(float)
-    genome = np.load("genome.npy")
+    genome = np.load("evolved/genome.npy")
     assert genome.tobytes() in [row.tobytes() for row in archive.filter(like="solution").to_numpy()]
-    done("evaluate", "genome=genome.npy", *SHORT, "hydra.run.dir=point")
+    done("evaluate", "genome=evolved/genome.npy", *SHORT, "hydra.run.dir=point")
     done("replay", "point")
-    done("sweep", "n_sweep", "genome=genome.npy", "--dry-run")
+    done("sweep", "n_sweep", "genome=evolved/genome.npy", "--dry-run")
 
 
 @pytest.mark.usefixtures("copy")
@@ -163,7 +163,7 @@ def test_it_is_told_how_each_lifetime_ended_and_its_candidate_is_confirmed():
         for side, column in (("right", 0), ("left", 1)):  # lamp on first
             noise = key(5, Stream.training_noise, number, 0, 1, SIDES.index(side))
             individual = Individual(genes=asked[2], side=side, key=noise)
-            ((outcome, _),) = live_block([individual], Scenario(), life)
+            ((outcome, _),) = run_lifetimes([individual], Scenario(), life)
             assert outcome.x == x[2, 1, column]
             assert outcome.success == success[2, 1, column]
     first, *_ = search._optimizer.told

@@ -10,7 +10,7 @@ from cases import done, refused
 
 from epuckhebb import Lifetime, Sensor
 from epuckhebb.config import plugins
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.own_sensor import SensorError
 from epuckhebb.sim.robot import EPUCK, Robot
@@ -88,7 +88,7 @@ def recorded(genes, *own, noise=0.0, seconds=20.0):
     weights[first.size :] = genes[17 * 7 :]
     individual = Individual(genes=weights, side="left", key=np.uint64(3), network=network, record=True)
     lifetime = Lifetime(duration_s=seconds, gain_rad_s=4, record_every=1, noise=noise)
-    return live_block([individual], Scenario(robot=robot), lifetime)[0]
+    return run_lifetimes([individual], Scenario(robot=robot), lifetime)[0]
 
 
 def test_they_read_what_plain_python_reads_and_change_nothing_else(genomes):

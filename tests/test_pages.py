@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from cases import call, done
 from typer.main import get_command
 
@@ -18,6 +19,7 @@ import epuckhebb
 from epuckhebb import api
 from epuckhebb.cli.commands import app
 from epuckhebb.live import server
+from epuckhebb.runtime.resources import data_folder
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*/README.md"))
@@ -113,8 +115,9 @@ def folder(tmp_path_factory):
     (folder / "my_conf" / "method").mkdir()
     for name, text in zip(("mine", "after", "fixed"), blocks(ROOT / "docs" / "leaderboard.md", "yaml"), strict=True):
         (folder / "my_conf" / "method" / f"{name}.yaml").write_text(text)
-    np.save(folder / "genome.npy", epuckhebb.load())
     done("evolve", *brief("evolve", []), f"hydra.run.dir={folder}/runs/evolve/RUN")
+    (folder / "runs" / "evolve" / "cma_me").mkdir()
+    np.save(folder / "runs" / "evolve" / "cma_me" / "genome.npy", epuckhebb.load())
     for name in ("0", "1"):
         shutil.copytree(folder / "runs" / "evolve" / "RUN", folder / "evolved" / name)
     return folder
@@ -122,8 +125,8 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def checkout(folder, tmp_path, monkeypatch):
-    """A copy of that folder, where the commands of a page are typed; one of them makes `evolved`."""
-    shutil.copytree(folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("evolved"))
+    """A copy of that folder, where the commands of a page are typed; some of them make the rest."""
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("evolved", "cma_me"))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -136,12 +139,19 @@ def one_job(words):
     ]
 
 
+def all_that_it_varies(words):
+    """The keys with many values of a named sweep of the program which a command leaves as they are."""
+    file, given = data_folder("conf") / "experiment" / f"{words[0]}.yaml", {word.partition("=")[0] for word in words}
+    varied = yaml.safe_load(file.read_text())["hydra"]["sweeper"]["params"] if file.is_file() else {}
+    return [f"{key}={values}" for key, values in varied.items() if key not in given]
+
+
 def composed_only(command, words):
     """What shows that the keys of a command are known, and starts no new lifetime; or nothing."""
     if command in ("evaluate", "evolve") and not any(word.startswith("resume=") for word in words):
         return [*one_job(words), *([] if "--cfg" in words else ["--cfg", "job"])]
     if command == "sweep":
-        return [*words, *([] if "--dry-run" in words else ["--dry-run"])]
+        return [*words, *one_job(all_that_it_varies(words)), *([] if "--dry-run" in words else ["--dry-run"])]
     return words if command == "evolve" else []
 
 
@@ -202,6 +212,8 @@ def test_the_commands_of_the_pages_run(pages, seconds, monkeypatch):
     assert lines
     for line in lines:
         _, command, *words = shlex.split(two_of_many(line))
+        for file in (word.removeprefix("genome=") for word in words if re.fullmatch("genome=.*npy", word)):
+            np.save(file, epuckhebb.load())  # a script of the example makes it
         done(command, *words, *brief(command, words, seconds))
 
 

@@ -25,7 +25,7 @@ from epuckhebb.live import world as live_world
 from epuckhebb.live.engine import Engine
 from epuckhebb.live.server import Play
 from epuckhebb.live.world import BY_HAND, LiveWorld
-from epuckhebb.runs.rerun import rerun
+from epuckhebb.runs import repeat
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.robot import STEP_S
@@ -87,7 +87,7 @@ def test_a_saved_life_is_the_one_that_was_seen(here, words, side):
         for name, values in traces.samples._asdict().items():
             lived = getattr(seen, name)[: world.steps : 8].astype(values.dtype)
             assert lived.tobytes() == values[place].tobytes(), (controller.name, name)
-    again, difference = rerun(run)
+    again, difference = repeat(run)
     assert difference == ""
     recorded = recording(again)
     write_page(recorded, here / "replay.html")
@@ -124,7 +124,7 @@ def test_a_life_of_hours_keeps_its_last_minutes(here, monkeypatch):
     assert (content, until) == page.samples(whole, since) == page.samples(world, since)
     saved = world.save(world.record())
     assert saved.same
-    assert rerun(here / saved.run)[1] == ""
+    assert repeat(here / saved.run)[1] == ""
 
 
 def test_memory_does_not_grow_with_a_life():
@@ -458,7 +458,7 @@ def test_samples_are_those_of_the_robots(world):
     assert len(numbers) == len(world.robots) * (count * width + of_weights * genes)
     rows = numbers[: count * width].reshape(count, width)
     np.testing.assert_array_equal(rows[:, :3], world.robots[0].samples.pose[3:until].astype(np.float32))
-    weights = numbers[-of_weights * genes :].reshape(of_weights, genes) + world.robots[1].genotype.weights
+    weights = numbers[-of_weights * genes :].reshape(of_weights, genes) + world.robots[1].life.genotype.weights
     np.testing.assert_allclose(weights, world.robots[1].samples.weights[8:until:8], atol=1e-6)
 
 

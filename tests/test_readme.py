@@ -14,7 +14,7 @@ from cases import done, first_of
 import epuckhebb
 from epuckhebb.analysis import findings, report, rescue
 from epuckhebb.analysis.tables import markdown_table
-from epuckhebb.config.conf import groups
+from epuckhebb.runtime.conf import groups
 from epuckhebb.sim.controller import GA, HEBBIAN
 from epuckhebb.sim.scenario import TRAINED
 

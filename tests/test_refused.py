@@ -25,7 +25,6 @@ FILES = {
     "syntax.py": "x = 1\ndef f(:\n",
     "raising.py": "x = 1\nraise RuntimeError('boom')\n",
     "unknown.py": RULE.format(asked="prae, post", given="prae"),
-    "array.py": "import numpy as np\n" + RULE.format(asked="pre", given="sum(np.ones(2))"),
     "text.txt": "x = 1\n",
     "text.npz": "not a genome",
     "conf/scenario/misspelt.yaml": "ligth: 0.03\n",
@@ -195,7 +194,6 @@ evaluate hebbian.rule=text.txt:oja                      | text.txt | .py
 evaluate hebbian.rule=my_rules.py:hebb                  | hebb | oja
 evaluate hebbian.rule=my_rules.py                       | FILE.py:NAME
 evaluate hebbian.rule=unknown.py:oja                    | prae | pre, post, weight
-evaluate hebbian.rule=array.py:oja                      | oja | array.py | array
 evaluate {OJA} hebbian.decya=1                          | hebbian.decya | decay
 evaluate {OJA} hebbian.decay=fast                       | hebbian.decay | fast
 evaluate "compare.a={{rule: nowhere.py:b}}"             | compare.a.rule | nowhere.py

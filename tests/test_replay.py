@@ -14,11 +14,12 @@ from epuckhebb.analysis import movie, replay
 from epuckhebb.analysis.evaluate import Traces, evaluate
 from epuckhebb.analysis.moments import Arrival, arrival, begins, timed_change_text
 from epuckhebb.sim.controller import GA, HEBBIAN, Controller
-from epuckhebb.sim.life import Lifetime, Samples, empty_samples
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
 from epuckhebb.sim.network import Network, initial_weights_of
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import Robot
+from epuckhebb.sim.samples import Samples, empty_samples
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.sensors import DistanceSensors, LightSensors
 from epuckhebb.sim.sensors import Place as Sensor

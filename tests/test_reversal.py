@@ -14,7 +14,7 @@ import epuckhebb
 from epuckhebb.analysis import reversal, reversal_figure
 from epuckhebb.analysis.image import image
 from epuckhebb.evolution.optimizer import initial
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.genome import plan_of
@@ -88,7 +88,7 @@ def recorded():
     genes = drawn(2547)[: REWARDED.synapses]
     individual = Individual(genes=genes, side="left", key=np.uint64(9), network=REWARDED, record=True)
     lifetime = Lifetime(duration_s=60, gain_rad_s=4.0, record_every=1)
-    return live_block([individual], switching(3, trials=3), lifetime)[0]
+    return run_lifetimes([individual], switching(3, trials=3), lifetime)[0]
 
 
 def test_the_reward_is_given_for_the_last_second_at_an_end(recorded):
@@ -130,21 +130,23 @@ def test_a_robot_stays_where_its_life_was_over(recorded):
 def test_weights_live_on_and_the_history_of_the_fitness_does_not():
     genes, lifetime = drawn(897), Lifetime(duration_s=60, gain_rad_s=4.0, record_every=1)
     settings = {"genes": genes, "side": "left", "key": np.uint64(9), "network": REWARDED, "record": True}
-    ((outcome, samples),) = live_block([Individual(controller=MODULATED, **settings)], switching(2, trials=3), lifetime)
+    ((outcome, samples),) = run_lifetimes(
+        [Individual(controller=MODULATED, **settings)], switching(2, trials=3), lifetime
+    )
     begin = int(outcome.trials["steps"][0]) + 31
     before, after = samples.weights[begin - 1], samples.weights[begin]
     assert np.abs(before - samples.weights[0]).max() > 0.1
     assert np.abs(after - before).max() < 0.01
     mean = Controller(name="paper", rule=Paper(N=1e-9, signal=Signal.lifetime_mean))
     settings |= {"genes": drawn(2547)[: REWARDED.synapses]}
-    ((outcome, samples),) = live_block([Individual(controller=mean, **settings)], switching(2, trials=3), lifetime)
+    ((outcome, samples),) = run_lifetimes([Individual(controller=mean, **settings)], switching(2, trials=3), lifetime)
     begin = int(outcome.trials["steps"][0]) + 31
     assert samples.fitness[begin] == pytest.approx(samples.fitness[0], abs=1e-4) != samples.fitness[begin - 1]
 
 
 def test_a_trial_has_its_time_and_a_life_so_many_time_outs():
     still = Individual(genes=np.zeros(REWARDED.synapses), side="left", key=np.uint64(1), network=REWARDED)
-    ((outcome, _),) = live_block([still], world(time_out_s=1.0), Lifetime(duration_s=20))
+    ((outcome, _),) = run_lifetimes([still], world(time_out_s=1.0), Lifetime(duration_s=20))
     assert outcome.trials["steps"].tolist() == [31, 31] + 8 * [0]
     assert outcome.steps == 62
     assert not outcome.trials["reached"].any()

@@ -9,7 +9,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from epuckhebb.config.parts_from_yaml import robot_from
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.fitness import avoid
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.life import Lifetime
@@ -35,7 +35,7 @@ def test_each_robot_lives(name):
     net = Network((robot.inputs, *HIDDEN, OUTPUTS))
     genes = np.random.default_rng(1).uniform(-1, 1, plan_of(net, NoRule).genes)
     who = Individual(genes=genes, side="right", key=np.uint64(1), network=net)
-    ((outcome, _),) = live_block([who], Scenario(robot=robot), Lifetime(duration_s=2))
+    ((outcome, _),) = run_lifetimes([who], Scenario(robot=robot), Lifetime(duration_s=2))
     assert 0 < outcome.path_length < 0.1
 
 
@@ -88,4 +88,4 @@ def test_a_network_of_the_wrong_size_is_refused():
     robot = robot_from(told("epuck_lidar"))
     who = Individual(genes=np.zeros(234), side="left", key=np.uint64(1))
     with pytest.raises(ValueError, match=r"network\.layers must begin with 32, the readings of robot epuck_lidar"):
-        live_block([who], Scenario(robot=robot), Lifetime(duration_s=1))
+        run_lifetimes([who], Scenario(robot=robot), Lifetime(duration_s=1))

@@ -12,14 +12,14 @@ import reference
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers.ga import GA, next_generation
-from epuckhebb.sim.block import live_block
-from epuckhebb.sim.compiled import kernel
+from epuckhebb.sim.batch import run_lifetimes
+from epuckhebb.sim.compiling.errors import NotCompiledError
+from epuckhebb.sim.compiling.kernel import kernel
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.evolved import Evolved
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
-from epuckhebb.sim.not_compiled import NotCompiledError
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rule import Rule, arguments_of, coefficients, initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
@@ -247,7 +247,7 @@ def test_the_sign_of_a_rule_counts_without_signs_beside_it(genomes):
     def changes(sign, signs=None):
         controller = Controller(rule=Paper(N=0.01, sign=sign))
         individual = Individual(genes=genomes[0], side="left", controller=controller, key=np.uint64(1), signs=signs)
-        return live_block([individual], Scenario(), lifetime)[0][0].weight_change_final
+        return run_lifetimes([individual], Scenario(), lifetime)[0][0].weight_change_final
 
     ones = np.ones(234)
     assert changes(Sign.anti) == changes(Sign.hebbian, -ones) != changes(Sign.hebbian) == changes(Sign.hebbian, ones)

@@ -13,8 +13,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from epuckhebb.sim import random
-from epuckhebb.sim.block import live_block
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.batch import run_lifetimes
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.light import Lamp, irradiance, lights, reading
 from epuckhebb.sim.maze import T_MAZE, boxes
@@ -245,7 +245,7 @@ def test_a_lifetime_with_another_group_of_sensors():
     network = Network((world.inputs, 5, 2))
     genes = np.random.default_rng(1).uniform(-1, 1, network.synapses)
     individual = Individual(genes=genes, side="left", key=np.uint64(1), network=network, record=True)
-    ((_, samples),) = live_block([individual], world, Lifetime(duration_s=1.0, noise=0.0, record_every=1))
+    ((_, samples),) = run_lifetimes([individual], world, Lifetime(duration_s=1.0, noise=0.0, record_every=1))
     north = (1 + np.sin(samples.pose[:, 2])) / 2
     np.testing.assert_allclose(samples.sensors[:, 8], north, atol=1e-12)
 

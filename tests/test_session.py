@@ -11,7 +11,7 @@ from epuckhebb.evolution.optimizer import initial
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.adaptation.change_signal import no_nominal
 from epuckhebb.sim.adaptation.self_check.calibration import calibrate
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.life import Lifetime
@@ -66,7 +66,7 @@ def assert_bit_identical(one, other):
 
 
 def assert_pieces_are_the_whole(individual, scenario, lifetime, pieces):
-    whole = live_block([individual], scenario, lifetime)[0]
+    whole = run_lifetimes([individual], scenario, lifetime)[0]
     assert_bit_identical(run_in_pieces(Session(individual, scenario, lifetime), pieces), whole)
 
 
@@ -126,7 +126,7 @@ def test_a_change_by_hand_is_bit_identical_to_one_that_was_planned(genomes, cont
         session.step(first - session.steps)
         session.change(world)
         session.change(world)  # a second time changes nothing
-    assert_bit_identical(run_in_pieces(session), live_block([individual], planned, SHORT)[0])
+    assert_bit_identical(run_in_pieces(session), run_lifetimes([individual], planned, SHORT)[0])
 
 
 @pytest.mark.thorough
@@ -138,7 +138,7 @@ def test_a_fault_that_comes_by_hand_is_bit_identical_to_one_that_was_planned(gen
     session = Session(individual, Scenario(), SHORT)
     session.step(planned.phases[1][0])
     session.change(planned.phases[1][1])
-    assert_bit_identical(run_in_pieces(session), live_block([individual], planned, SHORT)[0])
+    assert_bit_identical(run_in_pieces(session), run_lifetimes([individual], planned, SHORT)[0])
 
 
 def test_a_world_that_is_changed_keeps_its_own_plan(genomes):
@@ -148,7 +148,7 @@ def test_a_world_that_is_changed_keeps_its_own_plan(genomes):
     for count in (10, 60, 40, 100):
         session.step(count)
         session.change(planned)
-    assert_bit_identical(run_in_pieces(session), live_block([individual], planned, SHORT)[0])
+    assert_bit_identical(run_in_pieces(session), run_lifetimes([individual], planned, SHORT)[0])
     with pytest.raises(ValueError, match="robot may not: got other for epuck"):
         session.change(Scenario(robot=Robot(name="other")))
 
@@ -159,6 +159,6 @@ def test_sessions_at_once_do_not_disturb_each_other(genomes):
     while not all(session.is_over for session in sessions):
         for number, session in enumerate(sessions):
             session.step(number + 5)
-    together = live_block(individuals, Scenario(), SHORT)
+    together = run_lifetimes(individuals, Scenario(), SHORT)
     for session, whole in zip(sessions, together, strict=True):
         assert_bit_identical((session.outcome(), session.samples), whole)

@@ -11,7 +11,7 @@ from cases import call, done
 from rich.console import Console
 
 from epuckhebb.cli import show_run, show_study
-from epuckhebb.runtime.console import Terminal
+from epuckhebb.cli.console import Terminal
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.store import columns
 

@@ -19,10 +19,10 @@ from cases import call, done, first_of, refused
 from omegaconf import OmegaConf
 
 from epuckhebb.config import compose
-from epuckhebb.config.conf import groups
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.runs import evaluate as runs_evaluate
 from epuckhebb.runs import hydra
+from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.store import disk, provenance
 from epuckhebb.store.genome import load_genome

@@ -11,7 +11,7 @@ from cases import call, contents, done, first_of
 
 from epuckhebb.analysis import figures
 from epuckhebb.cli import show
-from epuckhebb.runtime.console import Terminal
+from epuckhebb.cli.console import Terminal
 from epuckhebb.store import Run
 
 QUICK = ["lifetime.duration_s=8", "repeats=2"]

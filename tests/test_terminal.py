@@ -7,7 +7,7 @@ from collections import Counter
 import pytest
 from rich.console import Console
 
-from epuckhebb.runtime.console import print_table
+from epuckhebb.cli.console import print_table
 
 HEADINGS = ("controller", "side", "success", "time to goal (s)", "difference to the matched control")
 ROWS = [

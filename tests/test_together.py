@@ -9,7 +9,7 @@ import pymunk
 import pytest
 
 from epuckhebb.sim.adaptation.adaptation import Adaptation
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.light import Lamp, lights
@@ -17,11 +17,11 @@ from epuckhebb.sim.maze import T_MAZE, Box, Pose
 from epuckhebb.sim.physics.pymunk import COLLISION_SLOP, PYMUNK
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK
+from epuckhebb.sim.robot_group import RobotGroup
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.senses import sense_workspace, senses
 from epuckhebb.sim.session import Individual
 from epuckhebb.sim.tasks.reversal import Reversal
-from epuckhebb.sim.together import Together
 from epuckhebb.store.genome import load_genome
 
 NO_WALLS = SimpleNamespace(walls=np.zeros((0, 4)))
@@ -78,18 +78,18 @@ def test_robots_far_apart_are_bit_identical_to_robots_alone(controller):
     starts = [Pose(T_MAZE.start.x + x, T_MAZE.start.y + y, T_MAZE.start.heading) for x, y in PLACES]
     for side in ("left", "right"):
         robots = individuals(starts, controller, side)
-        alone = [outcome for outcome, _ in live_block(robots, world, lifetime)]
-        together = Together(robots, world, lifetime)
-        together.step(1000)
-        together.step(lifetime.steps)
-        assert together.steps == lifetime.steps
-        assert np.array(together.outcomes()).tobytes() == np.array(alone).tobytes()
+        alone = [outcome for outcome, _ in run_lifetimes(robots, world, lifetime)]
+        group = RobotGroup(robots, world, lifetime)
+        group.step(1000)
+        group.step(lifetime.steps)
+        assert group.steps == lifetime.steps
+        assert np.array(group.outcomes()).tobytes() == np.array(alone).tobytes()
     assert max(outcome.contact_fraction for outcome in alone) > 0  # pymunk was asked
 
 
 def test_robots_collide_and_another_run_is_bit_identical():
     world, lifetime = Scenario(maze=ARENA), Lifetime(duration_s=60.0, gain_rad_s=4.0)
-    runs = [Together(individuals(in_arena(10)), world, lifetime) for _ in range(2)]
+    runs = [RobotGroup(individuals(in_arena(10)), world, lifetime) for _ in range(2)]
     least = math.inf
     for _ in range(200):
         runs[0].step(9)
@@ -150,4 +150,4 @@ def test_what_does_not_work_together_is_refused(change, message):
     own = {name: change.pop(name) for name in ("record", "after") if name in change}
     robots = [replace(one, **own) for one in individuals(starts, controller)]
     with pytest.raises(ValueError, match=message):
-        Together(robots, Scenario(maze=ARENA, **change))
+        RobotGroup(robots, Scenario(maze=ARENA, **change))

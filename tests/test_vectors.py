@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from cases import first_of
 
-from epuckhebb.sim import vectors
-from epuckhebb.sim.compiled import kernel
-from epuckhebb.sim.digest import digest
+from epuckhebb.sim.compiling import simd
+from epuckhebb.sim.compiling.code_digest import digest
+from epuckhebb.sim.compiling.kernel import kernel
 from epuckhebb.sim.network import PAPER_NETWORK, Network, forward_pass, tanh
 from epuckhebb.sim.plasticity.rule import Rule, initial_synapse_state
 from epuckhebb.sim.plasticity.update import StepContext, update_of
@@ -67,7 +67,7 @@ def test_layers_of_any_width_are_bit_identical_to_single_numbers(network):
     seen = np.zeros(network.neurons)
     seen[: network.inputs], seen[network.bias] = rng.random(network.inputs), 1.0
     genes = rng.uniform(-2, 2, network.synapses)
-    given = genes, seen, np.zeros(vectors.whole(max(network.post)))
+    given = genes, seen, np.zeros(simd.whole(max(network.post)))
     (weights, activation, drive), behind = zip(*map(guarded, given), strict=True)
     rows = np.full((4, network.synapses), 7.0)
     made(
@@ -97,13 +97,13 @@ def test_a_vector_reads_no_number_that_is_not_there():
         for other in range(1, 11):
             network = Network((1, one, other, 2))
             for _, post, first, inputs, outputs, count in network.vectors:
-                end = max(outputs, count * vectors.WIDTH)
-                assert end - outputs < vectors.WIDTH
+                end = max(outputs, count * simd.WIDTH)
+                assert end - outputs < simd.WIDTH
                 assert post + end <= network.neurons
                 assert first + (inputs - 1) * outputs + end <= network.synapses
 
 
 def test_a_kernel_is_named_by_what_it_has_in_place_of_python(monkeypatch):
     before = digest(forward_pass(PAPER_NETWORK))
-    monkeypatch.setattr(vectors.times, "in_kernels", vectors.plus.in_kernels)
+    monkeypatch.setattr(simd.times, "in_kernels", simd.plus.in_kernels)
     assert digest(forward_pass(PAPER_NETWORK)) != before

@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 
-from epuckhebb.sim import wired_pass
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.network import Network, forward_pass
@@ -60,7 +59,7 @@ def test_synapses_in_blocks_are_bit_identical_to_one_by_one(monkeypatch, wiring)
     weights, seen = rng.uniform(-2, 2, network.synapses), rng.uniform(-1, 1, network.neurons)
     results, rooms = [], []
     for most in (1000, 0):
-        monkeypatch.setattr(wired_pass, "MOST_BLOCKS", most)
+        monkeypatch.setattr("epuckhebb.sim.forward_pass.MOST_BLOCKS", most)
         monkeypatch.setattr(update, "MOST_BLOCKS", most)
         genes = {name: np.full(size, 0.3) for name, size in wiring.parameter_sizes().items()}
         neurons, activation = wiring.initial(genes, 4.0), seen.copy()

@@ -16,11 +16,11 @@ import epuckhebb
 from epuckhebb.analysis import report
 from epuckhebb.analysis.figures import plain as in_figures
 from epuckhebb.analysis.tables import code, markdown_table, plain
+from epuckhebb.cli.console import Terminal, replace_unencodable
 from epuckhebb.cli.output import report_errors
 from epuckhebb.config import overrides
 from epuckhebb.config.overrides import literal
 from epuckhebb.runs import hydra
-from epuckhebb.runtime.console import Terminal, replace_unencodable
 from epuckhebb.runtime.errors import USAGE
 from epuckhebb.runtime.resources import data_folder
 

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from epuckhebb.analysis import leaderboard, rescue
 from epuckhebb.analysis.figures import SIDE_COLOUR, plain
 from epuckhebb.sim.controller import CONTROLS, GA
-from epuckhebb.sim.life import Samples
 from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.sim.robot import EPUCK, Robot
+from epuckhebb.sim.samples import Samples
 
 _WEIGHT_CHANGE = "weight change\n(mean of sum |W − W_gene|)"
 _AS_NUMBER = StrMethodFormatter("{x:g}")  # 100, not 10 to the 2

@@ -15,15 +15,17 @@ from numpy.typing import NDArray
 from epuckhebb.analysis.self_checks import Checks
 from epuckhebb.sim import random
 from epuckhebb.sim.adaptation.nominal import Nominal
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import GenomePlan, plan_of
-from epuckhebb.sim.life import Lifetime, Outcome, Samples, sample_bytes
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES, Side
 from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.sim.outcome import Outcome
 from epuckhebb.sim.plasticity.control import signs
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.robot import STEP_S
+from epuckhebb.sim.samples import Samples, sample_bytes
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual
 from epuckhebb.sim.task import rewarded
@@ -45,7 +47,7 @@ TRIALS = (*_TRIAL_OF, "trial", "rewarded_side", "reached_side", "rewarded", "tim
 class Traces:
     """Recorded lifetimes, all of equal length; first axis: lifetimes.
 
-    controller, side: of each lifetime. samples: as in `epuckhebb.sim.life.Samples`, each with the axis of lifetimes
+    controller, side: of each lifetime. samples: as in `epuckhebb.sim.samples.Samples`, each with the axis of lifetimes
     in front. trials: a row for each trial of all lifetimes, recorded or not, with the columns `TRIALS`; empty where a
     lifetime is one trial.
     """
@@ -96,7 +98,7 @@ def evaluate(
         (number, side, repeat) for number in range(len(everyone)) for side in SIDES for repeat in range(repeats)
     ]
     individuals = individuals_for(genes, everyone, wanted, nominal, checks, plan or plan_of(network), network, seed)
-    outcomes = live_block(individuals, scenario, lifetime, threads)
+    outcomes = run_lifetimes(individuals, scenario, lifetime, threads)
     rows = [
         {
             "genome": name,

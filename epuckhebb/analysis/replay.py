@@ -23,11 +23,11 @@ from epuckhebb.analysis.floor import floor, view
 from epuckhebb.analysis.moments import Arrival, arrival, begins, change_text, put_back
 from epuckhebb.analysis.page import filled, policy
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
-from epuckhebb.sim.life import Samples
 from epuckhebb.sim.lifetime import CONTACT
 from epuckhebb.sim.maze import SIDES, Side, boxes
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.sim.robot import STEP_S
+from epuckhebb.sim.samples import Samples
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.sensors import Place, RimSensors
 

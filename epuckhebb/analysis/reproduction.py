@@ -11,9 +11,10 @@ from epuckhebb.analysis.evaluate import evaluate
 from epuckhebb.analysis.image import image
 from epuckhebb.sim.controller import CONTROLS, HEBBIAN, Controller
 from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.life import Lifetime, Samples
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rules.paper import Paper
+from epuckhebb.sim.samples import Samples
 from epuckhebb.sim.scenario import TRAINED, Scenario
 
 

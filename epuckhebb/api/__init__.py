@@ -15,18 +15,23 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis.lifetimes import Evaluated, gather
 from epuckhebb.api.results import Evaluation, Evolution, Live
-from epuckhebb.config.build import controller_of, network_for, with_controls
-from epuckhebb.config.compose import load as configuration
-from epuckhebb.config.overrides import check_config_dir, overrides_of, quoted, value_text
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, say_unusual
+from epuckhebb.config import (
+    EvaluateConfig,
+    EvolveConfig,
+    check_config_dir,
+    controller_of,
+    network_for,
+    overrides_of,
+    quoted,
+    say_unusual,
+    value_text,
+    with_controls,
+)
+from epuckhebb.config import load as load_config
 from epuckhebb.evolution.evolve import history_row
 from epuckhebb.live.server import Play
-from epuckhebb.runs.evaluate import as_evolved, prepare
-from epuckhebb.runs.evolve import EvolutionProgress
-from epuckhebb.runs.evolve import prepare as prepare_evolution
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.progress import Bar, be_quiet, say
-from epuckhebb.runtime.resources import LATEST, thread_count
+from epuckhebb.runs import EvolutionProgress, as_evolved, prepare_evaluation, prepare_evolution
+from epuckhebb.runtime import LATEST, Bar, ConfigError, be_quiet, say, thread_count
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.genome import plan_of
 from epuckhebb.sim.maze import SIDES
@@ -88,7 +93,7 @@ def evaluate(
             raise ConfigError(f"{genome} is no genome; give that first: evaluate('reference', {str(genome)!r})")
         path = resolve_run(genome, "evolve") if str(genome) == LATEST else genome
         words = as_evolved([*words, f"genome={quoted(str(path))}"], folder)
-    config = configuration(EvaluateConfig, words, folder)
+    config = load_config(EvaluateConfig, words, folder)
     if rule is not None:
         if rule.N == 0 and not isinstance(rule, NoRule):
             raise ConfigError(
@@ -97,7 +102,7 @@ def evaluate(
             )
         own = with_controls(controller_of(rule, config.adaptation), config.world.task)
         config.controllers = [*own, *(other for other in config.controllers if other.name in config.compare)]
-    prepared = prepare(config, None if isinstance(genome, str | Path) else _genome_of(genome, config))
+    prepared = prepare_evaluation(config, None if isinstance(genome, str | Path) else _genome_of(genome, config))
     say_unusual(config)
     threads = thread_count(config.threads)
     remembered = prepared.remember(threads, say)
@@ -121,7 +126,7 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
         ValueError: A setting cannot be used; the message says why.
     """
     be_quiet(not progress)
-    config = configuration(EvolveConfig, overrides_of(overrides, keys), _folder(config_dir))
+    config = load_config(EvolveConfig, overrides_of(overrides, keys), _folder(config_dir))
     say_unusual(config)
     prepared = prepare_evolution(config)
     generations = []

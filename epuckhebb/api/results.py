@@ -17,11 +17,10 @@ from epuckhebb.analysis import figures, replay, reversal, self_checks, tables
 from epuckhebb.analysis.evaluate import TRIALS, Traces
 from epuckhebb.analysis.image import KINDS, image
 from epuckhebb.analysis.self_checks import Checks
-from epuckhebb.config.schema import EvaluateConfig
+from epuckhebb.config import EvaluateConfig
 from epuckhebb.live.server import Play
-from epuckhebb.runs.evaluate import Prepared, caption
-from epuckhebb.runs.notes import notes_of
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runs import PreparedEvaluation, caption, notes_of
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.store import Genome, traces_arrays, write_atomic
 
@@ -98,7 +97,7 @@ class Evaluation:
     """
 
     metrics: pd.DataFrame
-    prepared: Prepared
+    prepared: PreparedEvaluation
     recorded: Traces
     checks: Checks | None
 

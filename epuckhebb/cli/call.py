@@ -5,10 +5,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from epuckhebb.cli.console import Terminal
 from epuckhebb.cli.options import Shown
 from epuckhebb.cli.output import begin, print_result
-from epuckhebb.runtime.console import Terminal
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime import ConfigError
 
 if TYPE_CHECKING:
     from epuckhebb.analysis.evaluate import Rows
@@ -34,8 +34,7 @@ def run_command(
     in it. They are printed then, before the job ends.
     """
     from epuckhebb.cli import show
-    from epuckhebb.config import overrides
-    from epuckhebb.config.words import check_words
+    from epuckhebb.config import check_config_dir, check_words
     from epuckhebb.runs import hydra
 
     if multirun and cfg:
@@ -43,7 +42,7 @@ def run_command(
     flags = ["--multirun"] if multirun else []
     flags += ["--cfg", cfg] if cfg else []
     begin(quiet)
-    overrides.check_config_dir(config_dir)
+    check_config_dir(config_dir)
     check_words(command, arguments, config_dir, several=multirun)
     if not cfg:
         hydra.check(command, arguments, config_dir, prepare, multirun=multirun)

@@ -12,6 +12,7 @@ import typer
 from epuckhebb import __version__
 from epuckhebb.cli import completion
 from epuckhebb.cli.call import print_jobs, print_runs, print_study, run_command
+from epuckhebb.cli.console import Terminal, is_of_output, print_line, replace_unencodable
 from epuckhebb.cli.options import (
     Cfg,
     Command,
@@ -29,11 +30,10 @@ from epuckhebb.cli.options import (
     with_genomes_named,
 )
 from epuckhebb.cli.output import begin, open_in_browser, print_error, print_result, unwritable
-from epuckhebb.runtime.console import Terminal, is_of_output, print_line, replace_unencodable
-from epuckhebb.runtime.errors import JOB_FAILED, ConfigError, JobFailedError
+from epuckhebb.runtime import JOB_FAILED, ConfigError, JobFailedError
 
 if TYPE_CHECKING:
-    from epuckhebb.config.schema import EvolveConfig
+    from epuckhebb.config import EvolveConfig
 
 app = typer.Typer(
     name="epuckhebb",
@@ -55,7 +55,7 @@ def evolve(
     as_json: Json = False,
 ) -> None:
     """Evolve a controller."""
-    from epuckhebb.runs.evolve import evolve_job, prepare, resume
+    from epuckhebb.runs import evolve_job, prepare_evolution, resume
 
     words = with_genomes_named(overrides)
     if any(word.startswith("resume=") for word in words):
@@ -66,7 +66,7 @@ def evolve(
         return
 
     def check(config: "EvolveConfig") -> None:
-        prepare(config).compile()
+        prepare_evolution(config).compile()
 
     run_command("evolve", evolve_job, check, words, multirun, cfg, config_dir, quiet, as_json)
 
@@ -82,7 +82,7 @@ def evaluate(
     open_page: Open = False,
 ) -> None:
     """A genome's lifetimes with and without plasticity."""
-    from epuckhebb.runs.evaluate import as_evolved, evaluate_job, prepare, recorded_job
+    from epuckhebb.runs import as_evolved, evaluate_job, prepare_evaluation, recorded_job
 
     if open_page and (multirun or cfg):
         raise ConfigError(
@@ -91,7 +91,9 @@ def evaluate(
         )
     job = recorded_job if open_page else evaluate_job
     words = as_evolved(with_genomes_named(overrides), config_dir)
-    runs = run_command("evaluate", job, prepare, words, multirun, cfg, config_dir, quiet, as_json, reports=True)
+    runs = run_command(
+        "evaluate", job, prepare_evaluation, words, multirun, cfg, config_dir, quiet, as_json, reports=True
+    )
     if open_page:
         from epuckhebb.export.replay import recording, write_page
 
@@ -175,10 +177,10 @@ def play(
     quiet: Quiet = False,
 ) -> None:
     """A live world in the browser, to disturb by hand."""
-    from epuckhebb.config.overrides import check_config_dir
+    from epuckhebb.config import check_config_dir
     from epuckhebb.live.server import Play, open_page
-    from epuckhebb.runs.evaluate import as_evolved
-    from epuckhebb.runtime.progress import say
+    from epuckhebb.runs import as_evolved
+    from epuckhebb.runtime import say
 
     begin(quiet)
     check_config_dir(config_dir)
@@ -243,7 +245,7 @@ def flock(
     as_json: Json = False,
 ) -> None:
     """Couplings between robots, and what they are good for."""
-    from epuckhebb.config.overrides import check_config_dir
+    from epuckhebb.config import check_config_dir
     from epuckhebb.studies.flock import flock as run
 
     begin(quiet)
@@ -263,9 +265,9 @@ def sweep(
 ) -> None:
     """A named sweep on all cores; again, it does what is not done."""
     from epuckhebb.cli import show_study
-    from epuckhebb.config.overrides import check_config_dir
-    from epuckhebb.runs.evaluate import as_evolved
-    from epuckhebb.runtime import progress
+    from epuckhebb.config import check_config_dir
+    from epuckhebb.runs import as_evolved
+    from epuckhebb.runtime import say
     from epuckhebb.studies import jobs
     from epuckhebb.studies.sweep import failure_of, plan
     from epuckhebb.studies.sweep import sweep as run
@@ -277,9 +279,7 @@ def sweep(
         print_jobs("sweep", planned.folder, planned.jobs, as_json, quiet)
         return
     todo = len(jobs.todo(planned.folder, planned.jobs))
-    progress.say(
-        f"{len(planned.jobs)} jobs in {planned.folder}/: {len(planned.jobs) - todo} done before, {todo} to do."
-    )
+    say(f"{len(planned.jobs)} jobs in {planned.folder}/: {len(planned.jobs) - todo} done before, {todo} to do.")
     outcome = run(planned, fail_fast=fail_fast)
     found = {"command": "sweep", "folder": str(planned.folder), **outcome.as_json()}
     print_result(as_json, quiet, lambda: found, lambda console: show_study.print_sweep(planned.folder, console))
@@ -316,9 +316,9 @@ def keys(
 ) -> None:
     """Every key, its default, what it is, and choices of groups."""
     from epuckhebb.cli.keys import print_groups
-    from epuckhebb.config import keys as known
+    from epuckhebb.config import all_groups, group_named
 
-    print_groups([known.group_named(group)] if group else known.all_groups(), Terminal())
+    print_groups([group_named(group)] if group else all_groups(), Terminal())
 
 
 @app.command(cls=Command)
@@ -353,7 +353,7 @@ def export(
 @app.command(cls=Command)
 def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
     """Repeat a run, and check that its CSV files are bit-identical."""
-    from epuckhebb.runs.rerun import rerun as repeat
+    from epuckhebb.runs import repeat
     from epuckhebb.store import resolve_run
 
     begin(quiet)

@@ -6,8 +6,7 @@ import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
-from epuckhebb.config.conf import command_file, groups, keys_with_defaults
-from epuckhebb.runtime.resources import LATEST, data_folder
+from epuckhebb.runtime import LATEST, conf, data_folder
 
 _METHODS = "methods"  # the key of a leaderboard that names choices of the group method, one or more
 _LIST = re.compile(r"\[(.*,)?")  # what stands before the last of several names
@@ -23,14 +22,14 @@ def complete_override(command: str, incomplete: str) -> list[str]:
     names = before[0] if before else ""
     choices = _choices(command, key)
     if key == "scenario" and "_" in value:  # of a scenario with changes
-        choices = [f"{one}_{change}" for one in choices for change in groups(command)["change"]]
+        choices = [f"{one}_{change}" for one in choices for change in conf.groups(command)["change"]]
     found = [f"{key}={names}{one}" for one in choices if one.startswith(value.removeprefix(names))]
     return [offer.partition("=")[2] for offer in found] if only_value else found
 
 
 def complete_sweep(incomplete: str) -> list[str]:
     """Completions of the name of a sweep."""
-    return [name for name in groups("sweep")["experiment"] if name.startswith(incomplete)]
+    return [name for name in conf.groups("sweep")["experiment"] if name.startswith(incomplete)]
 
 
 def complete_run(incomplete: str) -> list[str]:
@@ -46,7 +45,7 @@ def complete_shown(incomplete: str) -> list[str]:
 def complete_group(incomplete: str) -> list[str]:
     """Completions of a group of keys; a command stands for its own ones."""
     commands = ("evaluate", "evolve", "reproduce", "leaderboard", "flock")
-    known = [*commands, *(name for command in commands for name in groups(command) if name != "experiment")]
+    known = [*commands, *(name for command in commands for name in conf.groups(command) if name != "experiment")]
     return [name for name in dict.fromkeys(known) if name.startswith(incomplete)]
 
 
@@ -67,10 +66,10 @@ def _typed(incomplete: str) -> tuple[str, bool]:
 
 
 def _offers(command: str) -> Iterator[str]:
-    for group, choices in groups(command).items():
+    for group, choices in conf.groups(command).items():
         key = _METHODS if group == "method" else group
         yield from (f"{key}={choice}" for choice in choices)
-    for key, value in keys_with_defaults(command):
+    for key, value in conf.keys_with_defaults(command):
         yield from (f"{key}=", f"{key}={value}")
     if command == "evolve":
         yield from (f"resume={run}" for run in [LATEST, *_runs("evolve")])
@@ -78,18 +77,18 @@ def _offers(command: str) -> Iterator[str]:
 
 def _choices(command: str, key: str) -> list[str]:
     if key == _METHODS:
-        return ["all", *groups(command).get("method", [])]
-    if key in groups(command):
-        return groups(command)[key]
+        return ["all", *conf.groups(command).get("method", [])]
+    if key in conf.groups(command):
+        return conf.groups(command)[key]
     if key in ("genome", "resume"):
         return [*(["reference"] if key == "genome" else []), LATEST, *_runs("evolve")]
-    return _values(command, key) or [str(value) for name, value in keys_with_defaults(command) if name == key]
+    return _values(command, key) or [str(value) for name, value in conf.keys_with_defaults(command) if name == key]
 
 
 def _values(command: str, key: str) -> list[str]:
     """All values that a key may have, where the comment beside it ends with a list of them; none of other keys."""
     group, _, name = key.rpartition(".")
-    files = sorted((data_folder("conf") / group).glob("*.yaml")) if group else [command_file(command)]
+    files = sorted((data_folder("conf") / group).glob("*.yaml")) if group else [conf.command_file(command)]
     beside = re.compile(rf"^ *{re.escape(name)}: *(\w+) +# (.*)$", re.MULTILINE)
     for default, comment in (found for file in files for found in beside.findall(file.read_text(encoding="utf-8"))):
         listed = re.sub(r" \(.*?\)", "", comment).rpartition(": ")[2].split(", ")

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 from rich.console import Console
 from rich.text import Text
 
-from epuckhebb.config.keys import Group, Key
-from epuckhebb.runtime.console import print_table
+from epuckhebb.cli.console import print_table
+from epuckhebb.config import Group, Key
 
 
 def print_groups(wanted: Sequence[Group], console: Console) -> None:

@@ -10,8 +10,7 @@ from typer.core import TyperCommand
 
 from epuckhebb.cli import completion
 from epuckhebb.cli.output import report_errors
-from epuckhebb.config import conf
-from epuckhebb.runtime.resources import LATEST, REFERENCE
+from epuckhebb.runtime import LATEST, REFERENCE, conf
 
 _FROM_TO = re.compile(rf"{REFERENCE}_(\d+),\.\.\.,{REFERENCE}_(\d+)")
 
@@ -142,7 +141,7 @@ def with_genomes_named(overrides: list[str] | None) -> list[str]:
 
 
 def _with_genome_named(override: str) -> str:
-    from epuckhebb.config.overrides import quoted
+    from epuckhebb.config import quoted
     from epuckhebb.store import resolve_run
 
     key, _, value = override.partition("=")

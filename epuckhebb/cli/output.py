@@ -11,17 +11,19 @@ from typing import Any
 import typer
 from rich.console import Console
 
-from epuckhebb.runtime.console import Terminal, discard_output, is_of_output
-from epuckhebb.runtime.errors import (
+from epuckhebb.cli.console import Terminal, is_of_output
+from epuckhebb.runtime import (
     INTERRUPTED,
     JOB_FAILED,
     USAGE,
     ConfigError,
     JobFailedError,
+    be_quiet,
+    discard_output,
     interrupted,
     interruptible,
+    unusable_here,
 )
-from epuckhebb.runtime.resources import unusable_here
 
 
 def print_error(message: str) -> None:
@@ -81,11 +83,9 @@ def json_text(values: Any) -> str:
 
 def begin(quiet: bool) -> None:
     """What a command does first, when all that it needs is imported: see `main`."""
-    from epuckhebb.runtime import progress
-
     gc.freeze()
     gc.enable()
-    progress.be_quiet(quiet)
+    be_quiet(quiet)
 
 
 def open_in_browser(page: Path) -> None:

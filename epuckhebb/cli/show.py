@@ -12,11 +12,10 @@ from rich.text import Text
 
 from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.cli import show_run, show_study
+from epuckhebb.cli.console import print_line
 from epuckhebb.cli.show_genome import genome_as_json, genomes_named, print_champion
-from epuckhebb.config.conf import flat
-from epuckhebb.config.stored import settings
-from epuckhebb.runtime.console import print_line
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.config import settings
+from epuckhebb.runtime import ConfigError, conf
 from epuckhebb.store import CONFIG, Run, below_runs, load_genome, of_multirun, resolve_run
 
 _LATEST = 10  # runs that are listed when none is named
@@ -200,7 +199,7 @@ def _settings(path: Path) -> Iterator[str]:
     for key in ("maze", "robot"):
         if isinstance(config.get(key), dict):
             config[key] = config[key].get("name")
-    for key, value in flat(config):
+    for key, value in conf.flat(config):
         yield f"{key}={value}"
 
 

@@ -10,8 +10,8 @@ from rich.text import Text
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.analysis.self_checks import in_words
-from epuckhebb.config.stored import settings
-from epuckhebb.runtime.console import print_line, print_table
+from epuckhebb.cli.console import print_line, print_table
+from epuckhebb.config import settings
 from epuckhebb.store import CONFIG, Run, read_findings
 
 

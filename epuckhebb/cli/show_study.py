@@ -8,8 +8,7 @@ from rich.console import Console
 from rich.text import Text
 
 from epuckhebb.analysis import rescue
-from epuckhebb.runs.notes import showcase
-from epuckhebb.runtime.console import print_line, print_table
+from epuckhebb.cli.console import print_line, print_table
 from epuckhebb.sim.controller import GA
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.scenario import EXPERIMENTS
@@ -176,6 +175,8 @@ def _print_success(summary: "pd.DataFrame", of: str, interval_is: str, console: 
         print_table(console, f"{title} ({facts})" if facts else title, headings, cells, text=len(shown))
     names = set(summary.get("genome", []))
     if len(names) == 1 and is_bundled(name := str(names.pop())):
+        from epuckhebb.runs import showcase  # runs take a while to load, and most of what is shown has no such note
+
         notes = {showcase(load_genome(name, experiment)) for experiment in EXPERIMENTS} - {""}
         for note in sorted(notes):
             console.print(Text(note))

@@ -1,6 +1,57 @@
 """Settings: the schema, composing with Hydra, overrides, names, and the parts of the science made from them.
 
-It knows the science and no run folders.
-Others may import all but `choices`, `values` and `yaml_file`; `compose.load` and `schema.dump` come first.
-What cannot be used raises a ValueError, mostly `ConfigError`: it names the key, what was given and what is allowed.
+It knows the science and no run folders. Others import the names below; `load` comes first. `runs/hydra.py`, the other
+file that knows Hydra, imports `compose` and `hydra_cache` too. What cannot be used raises a ValueError, mostly
+`ConfigError`: it names the key, what was given and what is allowed.
 """
+
+from epuckhebb.config import hand, plugins
+from epuckhebb.config.build import (
+    check_counts,
+    check_library,
+    check_wheel_gain,
+    controller_of,
+    network_for,
+    with_controls,
+)
+from epuckhebb.config.compose import combinations, load, swept_values
+from epuckhebb.config.flock import Row, shorter
+from epuckhebb.config.keys import Group, Key, all_groups, group_named
+from epuckhebb.config.methods import (
+    ALL,
+    REVERSAL_TASK,
+    RULE_GROUPS,
+    TRAINING_GROUPS,
+    Method,
+    is_in_groups,
+    methods_named,
+    typed_as,
+)
+from epuckhebb.config.names import brings_physics, training_world, usual_physics, world_of
+from epuckhebb.config.overrides import (
+    SWEEP_DIR,
+    alternatives,
+    check_config_dir,
+    check_folders,
+    overrides_of,
+    quoted,
+    value_of,
+    value_text,
+    with_names_compared,
+)
+from epuckhebb.config.parts import part_from, part_names
+from epuckhebb.config.schema import (
+    SCHEMAS,
+    Checked,
+    Config,
+    EvaluateConfig,
+    EvolveConfig,
+    FlockConfig,
+    LeaderboardConfig,
+    Plain,
+    ReproduceConfig,
+    dump,
+    say_unusual,
+)
+from epuckhebb.config.stored import from_values, settings, without_own_code
+from epuckhebb.config.words import check_words, explain

@@ -11,7 +11,7 @@ from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings, row
 from epuckhebb.evolution.optimizer import Algorithm
 from epuckhebb.evolution.search import measures_of
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.adaptation.adaptation import Adaptation, compares_fitness
 from epuckhebb.sim.adaptation.gate import Stay
 from epuckhebb.sim.adaptation.recognise.place import check_recognition
@@ -19,8 +19,8 @@ from epuckhebb.sim.adaptation.self_check.calibration import check_time
 from epuckhebb.sim.adaptation.self_check.memory import check_robot
 from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
 from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.kernels import check_inputs
 from epuckhebb.sim.life import Lifetime
+from epuckhebb.sim.lifetime_kernel import check_inputs
 from epuckhebb.sim.maze import SIDES, Maze, Place, Pose, Side
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
 from epuckhebb.sim.own_fitness import PAPER_FITNESS

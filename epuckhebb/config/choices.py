@@ -13,9 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import yaml_file
-from epuckhebb.config.conf import TABLES, flat, rows, table_file
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.resources import data_folder
+from epuckhebb.runtime import ConfigError, conf, data_folder
 
 OURS = [data_folder("conf")]
 BROUGHT = {  # in the defaults of a scenario that has a maze or a physics of its own
@@ -33,7 +31,7 @@ class Choice(NamedTuple):
 def choice_names(group: str, folders: Sequence[Path]) -> list[str]:
     """The choices of a group in all these folders, the longest name first."""
     files = {file.stem for folder in folders for file in (folder / group).glob("*.yaml")}
-    in_table = rows(group) if group in TABLES else ()
+    in_table = conf.rows(group) if group in conf.TABLES else ()
     return sorted({*files, *in_table}, key=lambda name: (-len(name), name))
 
 
@@ -89,8 +87,8 @@ def _held(group: str, name: str, folders: Sequence[Path]) -> DictConfig | None:
     path = choice_file(group, name, folders)
     if path is not None:
         return _read(path, path.read_bytes())
-    if group in TABLES:
-        row: DictConfig | None = _read(table_file(group), b"").get(name)
+    if group in conf.TABLES:
+        row: DictConfig | None = _read(conf.table_file(group), b"").get(name)
         return row
     return _changed_scenario(name, folders) if group == "scenario" else None
 
@@ -117,7 +115,7 @@ def _changed_scenario(name: str, folders: Sequence[Path]) -> DictConfig | None:
         found = choice_of("change", change, folders)
         assert found is not None  # its name is known
         held: Any = OmegaConf.to_container(found.settings)
-        for key, _ in flat(held):
+        for key, _ in conf.flat(held):
             if key in set_by:
                 raise ConfigError(f"scenario={name}: {set_by[key]} and {change} both change {key}; give one of the two")
             set_by[key] = change

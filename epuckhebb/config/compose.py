@@ -21,8 +21,7 @@ from epuckhebb.config.overrides import parsed, with_names_compared
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed
 from epuckhebb.config.stored import as_config
 from epuckhebb.config.words import check_words, explain
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.resources import data_folder
+from epuckhebb.runtime import ConfigError, data_folder
 
 IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
 BRIGHT, DIM = 1.0, 0.1  # the light of the two experiments
@@ -47,7 +46,7 @@ def load(schema: type[Config], overrides: list[str], config_dir: str | None = No
     return typed(composed(schema.command, overrides, config_dir), schema)
 
 
-def swept(overrides: list[str], config_dir: str | None = None) -> dict[str, str]:
+def swept_values(overrides: list[str], config_dir: str | None = None) -> dict[str, str]:
     """For each key the values that a named sweep of `evaluate` gives it; empty if the overrides name none."""
     params = _composed("evaluate", overrides, config_dir)[1].sweeper.params
     return {str(key): str(values) for key, values in (params or {}).items()}
@@ -71,10 +70,15 @@ def _composed(command: str, overrides: list[str], config_dir: str | None) -> tup
         raise ConfigError(explain(error)) from error
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
         hydras = cfg.pop("hydra")
-    return cfg, hydras, folders_of(hydras.runtime)
+    return cfg, hydras, _folders_of(hydras.runtime)
 
 
-def folders_of(runtime: Any) -> list[Path]:
+def of_job(command: str, cfg: DictConfig, runtime: Any) -> Any:
+    """The checked configuration of a job, with all names in it. cfg, runtime: what Hydra composed, and notes of it."""
+    return typed(resolve_names(cfg, runtime.choices, _folders_of(runtime)), SCHEMAS[command])
+
+
+def _folders_of(runtime: Any) -> list[Path]:
     """Where Hydra looks for files."""
     sources = unresolved(runtime.config_sources)
     return [Path(source["path"]) for source in sources if source["schema"] in ("file", OWN_SCHEME) and source["path"]]
@@ -89,7 +93,7 @@ def _world(*, _root_: DictConfig) -> str:
     """The world of a run, for the name of its folder."""
     runtime = _root_.hydra.runtime
     own = OmegaConf.create({key: _root_._get_node(key) for key in _root_ if key != "hydra"})
-    return world_name(own, runtime.choices, folders_of(runtime))
+    return world_name(own, runtime.choices, _folders_of(runtime))
 
 
 def _environment(*_: Any, _node_: Any) -> None:

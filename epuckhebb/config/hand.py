@@ -7,8 +7,7 @@ from typing import Any
 
 import msgspec
 
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.resources import path_of
+from epuckhebb.runtime import ConfigError, path_of
 from epuckhebb.sim.scenario import CHANGEABLE
 
 NAME = "hand.json"  # of the copy in a run folder

@@ -38,12 +38,11 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import yaml_file
 from epuckhebb.config.choices import OURS, choice_names, found_by_hydra
-from epuckhebb.config.conf import groups
 from epuckhebb.config.overrides import parsed
 from epuckhebb.config.schema import SCHEMAS
 from epuckhebb.config.words import known_keys
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.sim.compiled import cache_root
+from epuckhebb.runtime import ConfigError, conf
+from epuckhebb.sim.compiling.kernel import cache_root
 
 USERS = "command-line"  # who brings the user's folder, as Hydra names it for its own --config-dir
 OWN_SCHEME = "epuckhebb"  # of that folder, and of what is no file
@@ -165,7 +164,7 @@ def _is_value(command: str, word: Override) -> bool:
     if key.partition(".")[0] == "hydra":
         return plain and key in _VALUES_OF_HYDRA
     of_keys = "." in key or isinstance(word.value(), dict)  # a group is given settings, not a choice
-    return plain and (of_keys or (key in known_keys(command) and key not in groups(command)))
+    return plain and (of_keys or (key in known_keys(command) and key not in conf.groups(command)))
 
 
 def _state(loader: ConfigLoaderImpl) -> str | None:

@@ -10,12 +10,10 @@ from typing import Any
 
 import yaml
 
-from epuckhebb.config.conf import TABLES, first_comment, groups, rows, table_file
 from epuckhebb.config.methods import Method
 from epuckhebb.config.parts import NONE, part_class
 from epuckhebb.config.schema import SCHEMAS
-from epuckhebb.runtime.errors import ConfigError, did_you_mean
-from epuckhebb.runtime.resources import data_folder
+from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
 
 _NOT_KEYS = ("defaults", "hydra")
 _WHOLE = ("maze", "robot")  # groups whose keys hold what a user names
@@ -53,7 +51,7 @@ def all_groups() -> tuple[Group, ...]:
     own = [
         Group(command, {}, "", list(_keys(_conf(f"{command}.yaml"), "", SCHEMAS[command])), {}) for command in SCHEMAS
     ]
-    names = dict.fromkeys(name for command in SCHEMAS for name in groups(command) if name != "experiment")
+    names = dict.fromkeys(name for command in SCHEMAS for name in conf.groups(command) if name != "experiment")
     return (*own, *map(_group, names))
 
 
@@ -71,11 +69,11 @@ def _conf(name: str) -> Path:
 
 def _group(name: str) -> Group:
     """A group of `conf/`; its first choice is the one that a command takes by itself and that has the most keys."""
-    if name in TABLES:
-        choices, found = dict(sorted(rows(name).items())), dict(sorted(_of_rows(name)))
+    if name in conf.TABLES:
+        choices, found = dict(sorted(conf.rows(name).items())), dict(sorted(_of_rows(name)))
     else:
         files = {file.stem: file for file in sorted(_conf(name).glob("*.yaml"))}
-        choices = {choice: first_comment(file) for choice, file in files.items()}
+        choices = {choice: conf.first_comment(file) for choice, file in files.items()}
         found = {choice: list(_keys(file, name, _schema(name, file))) for choice, file in files.items()}
     usual = max([choice for choice in _usual(name) if choice in found] or found, key=lambda choice: len(found[choice]))
     seen = {key.name for key in found[usual]}
@@ -90,7 +88,7 @@ def _group(name: str) -> Group:
 
 def _of_rows(name: str) -> Iterator[tuple[str, list[Key]]]:
     """The keys of each row of a table; those of a change are the keys of a scenario."""
-    text = _text(table_file(name))
+    text = _text(conf.table_file(name))
     root: Any = yaml.compose(text, Loader=yaml.SafeLoader)
     for row, settings in root.value:
         keys = _below(settings, f"{name}.", Method, text.splitlines(), deep=True) if name == "method" else ()

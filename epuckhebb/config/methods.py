@@ -9,11 +9,9 @@ import msgspec
 from omegaconf import OmegaConf
 
 from epuckhebb.config.choices import choice_file, choice_names, choice_of
-from epuckhebb.config.conf import first_comment, rows, table_file
 from epuckhebb.config.overrides import value_text
 from epuckhebb.config.parts import part_class
-from epuckhebb.runtime.errors import ConfigError, did_you_mean
-from epuckhebb.runtime.resources import path_of
+from epuckhebb.runtime import ConfigError, conf, did_you_mean, path_of
 from epuckhebb.sim.plasticity.rule import InitialWeights
 
 ALL = "all"
@@ -110,13 +108,13 @@ def _read(name: str, why: str, known: Sequence[str], folders: Sequence[Path]) ->
             f"{did_you_mean(name, known)}"
         )
     own = choice_file("method", name, folders)
-    file = own or f"{table_file('method')}: {name}"
+    file = own or f"{conf.table_file('method')}: {name}"
     held: Any = OmegaConf.to_container(found.settings)
     for key in held.keys() - _KEYS:
         raise ConfigError(
             f"{file}: {key} is not a key of a method{did_you_mean(key, _KEYS)}; it has {', '.join(_KEYS)}"
         )
-    described = rows("method")[name] if own is None else first_comment(own)
+    described = conf.rows("method")[name] if own is None else conf.first_comment(own)
     try:
         method = msgspec.convert({**held, "name": name, "description": described}, Method)
     except msgspec.ValidationError as error:

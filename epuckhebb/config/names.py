@@ -24,15 +24,14 @@ from epuckhebb.config.parts import NONE, PAPER, part_class, part_from
 from epuckhebb.config.parts_from_yaml import maze_from
 from epuckhebb.config.schema import ScenarioConfig, plain, said
 from epuckhebb.evolution.training import Training
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.resources import path_of
+from epuckhebb.runtime import ConfigError, path_of
 from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.maze import T_MAZE
 from epuckhebb.sim.physics.pymunk import PYMUNK
+from epuckhebb.sim.physics_engine import Physics
 from epuckhebb.sim.plasticity.rule import Rule
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
-from epuckhebb.sim.space import Physics
 from epuckhebb.sim.wiring import LAYERS
 
 _GROUPS = ("maze", "robot", "scenario", "hebbian", "training")

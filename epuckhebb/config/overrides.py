@@ -17,11 +17,8 @@ from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.config.conf import TABLES, groups, rows
 from epuckhebb.evolution.optimizer import Optimizer
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.progress import say
-from epuckhebb.runtime.resources import data_folder
+from epuckhebb.runtime import ConfigError, conf, data_folder, say
 from epuckhebb.sim.adaptation.adaptation import NONE, Adaptation
 from epuckhebb.sim.own_fitness import Fitness
 from epuckhebb.sim.plasticity.rule import Rule
@@ -99,7 +96,7 @@ def check_config_dir(config_dir: str | None) -> None:
     if not mine.is_dir():
         raise ConfigError(f"--config-dir={config_dir} is no folder; give one with files such as scenario/mine.yaml")
     both = [file.relative_to(ours) for file in sorted(ours.rglob("*.yaml"))]
-    both += [Path(group, f"{name}.yaml") for group in TABLES for name in sorted(rows(group))]
+    both += [Path(group, f"{name}.yaml") for group in conf.TABLES for name in sorted(conf.rows(group))]
     there = (file for file in both if (mine / file).is_file())
     instead = [one for one in there if not (ours / one).is_file() or not filecmp.cmp(mine / one, ours / one, False)]
     if instead:
@@ -121,7 +118,7 @@ def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]
         if not isinstance(override, str) or "=" not in override:
             raise ConfigError(f"overrides are texts such as 'scenario=4obstacles', or keywords; got {override!r}")
     for key, value in keys.items():
-        if key in groups("evaluate") and key != "change" and isinstance(value, list | tuple | np.ndarray):
+        if key in conf.groups("evaluate") and key != "change" and isinstance(value, list | tuple | np.ndarray):
             raise ConfigError(f"{key} must be one, got {value!r}; for several in turn: sweep(over={{{key!r}: [...]}})")
     words = [word for key, value in keys.items() for word in _overrides_of_keyword(key, value)]
     return [*words, *overrides]

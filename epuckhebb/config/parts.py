@@ -14,14 +14,14 @@ from epuckhebb.config.plugins import class_named
 from epuckhebb.config.values import part_settings
 from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Algorithm, Optimizer, check_optimizer
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim import coupling, couplings, own_fitness, physics, tasks, wiring, wirings
 from epuckhebb.sim.coupling import Coupling
 from epuckhebb.sim.own_fitness import Fitness
 from epuckhebb.sim.own_sensor import Sensor
+from epuckhebb.sim.physics_engine import Physics
 from epuckhebb.sim.plasticity import rules
 from epuckhebb.sim.plasticity.rule import Rule, arguments_of
-from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.wiring import LAYERS, Wiring
 

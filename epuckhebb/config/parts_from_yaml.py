@@ -9,7 +9,7 @@ from typing import NamedTuple, get_type_hints
 
 from epuckhebb.config.parts import part_from
 from epuckhebb.config.values import part_settings, record
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.maze import Maze, Pose
 from epuckhebb.sim.own_sensor import Sensor, recorded_sensor
 from epuckhebb.sim.robot import Robot

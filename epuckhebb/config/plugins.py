@@ -22,9 +22,8 @@ from types import CodeType, ModuleType
 from typing import Any, TypeVar
 
 from epuckhebb.config import hand
-from epuckhebb.runtime.errors import ConfigError, did_you_mean
-from epuckhebb.runtime.resources import path_of
-from epuckhebb.sim.digest import is_installed
+from epuckhebb.runtime import ConfigError, did_you_mean, path_of
+from epuckhebb.sim.compiling.code_digest import is_installed
 
 KEYS = ("hebbian.rule", "fitness.function", "network.wiring", "optimizer.algorithm", "flock.coupling")  # FILE.py:NAME
 FOLDER = "own_code"  # of the copies in a run folder

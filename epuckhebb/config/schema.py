@@ -36,9 +36,7 @@ from epuckhebb.config.flock import FlockKeys, check
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
-from epuckhebb.runtime import resources
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.progress import say_once
+from epuckhebb.runtime import ConfigError, Need, require, say_once
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.fitness import Signal
@@ -145,7 +143,7 @@ class WorldConfig(Checked):
         check_counts(vars(self))
         self.world = scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
         memory = grid_bytes(self.world.maze.arena_m)
-        resources.require([resources.Need(memory, "a way to the goals of so large a maze", "lower maze.arena_m")])
+        require([Need(memory, "a way to the goals of so large a maze", "lower maze.arena_m")])
         self.world.check()
         self.shape = shape_from(self.network)
         if self.shape is not None:

@@ -14,7 +14,7 @@ from epuckhebb.config.overrides import literal
 from epuckhebb.config.plugins import references
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, typed
 from epuckhebb.config.words import explain
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
 from epuckhebb.sim.wiring import LAYERS

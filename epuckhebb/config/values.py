@@ -10,7 +10,7 @@ from enum import Enum
 from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
-from epuckhebb.runtime.errors import ConfigError, did_you_mean
+from epuckhebb.runtime import ConfigError, did_you_mean
 from epuckhebb.sim.sensors import CurvePoint, Place
 
 _ROWS = (Place, CurvePoint)  # records that are written as lists of numbers

@@ -12,12 +12,10 @@ from hydra.errors import MissingConfigException
 from omegaconf import OmegaConf
 
 from epuckhebb.config.build import not_its_settings
-from epuckhebb.config.conf import groups, keys_with_defaults, rows
 from epuckhebb.config.overrides import parsed
 from epuckhebb.config.parts import GENETIC
 from epuckhebb.config.schema import OPEN, SCHEMAS, said
-from epuckhebb.runtime.errors import ConfigError, did_you_mean, near, question
-from epuckhebb.runtime.resources import data_folder
+from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean, near, question
 
 _BOTH = ("evaluate", "evolve")  # a misspelt key of one may be a key of the other
 _MANY, _SOME = 30, 4  # choices that are no longer listed in a message, and how many of them are
@@ -35,7 +33,7 @@ def check_words(command: str, words: Sequence[str], config_dir: str | None = Non
         if any("\ud800" <= sign <= "\udfff" for sign in word):
             raise ConfigError(f"{word!r} is no text in the encoding of this system, {sys.getfilesystemencoding()}")
     overrides = parsed(word for word in words if not word.startswith("-"))
-    choices = groups(command)
+    choices = conf.groups(command)
     named = [one.value() for one in overrides if one.key_or_group in ("optimizer", "optimizer.algorithm")]
     optimizer = named[-1] if named else GENETIC
     for override in overrides:
@@ -95,7 +93,7 @@ def _no_key(command: str, key: str, value: Any) -> str:
     if owners:
         example = f": epuckhebb evaluate genome=latest {key}=..." if owners == ["evaluate"] else ""
         return f"there is no key {key} of `epuckhebb {command}`; it is one of `epuckhebb {owners[0]}`{example}"
-    of_value = [f"{group}={value}" for group, choices in groups(command).items() if value in choices]
+    of_value = [f"{group}={value}" for group, choices in conf.groups(command).items() if value in choices]
     like = of_value if value not in (None, "none") and len(of_value) == 1 else _near_keys(command, key)
     return f"there is no key {key}{question(like)}"
 
@@ -104,7 +102,7 @@ def _near_keys(command: str, key: str) -> list[str]:
     """The keys that are like one that is not there: those whose last part is most like its, of a group like its."""
     group, _, last = key.rpartition(".")
     commands = _BOTH if command in _BOTH else (command,)
-    known = sorted({name for one in commands for name in (*known_keys(one), *dict(keys_with_defaults(one)))})
+    known = sorted({name for one in commands for name in (*known_keys(one), *dict(conf.keys_with_defaults(one)))})
     of_last = near(last, [name.rpartition(".")[2] for name in known], 1)
     names = [name for name in known if name.rpartition(".")[2] in of_last]
     open_ = [f"{one}.{last}" for one in near(group, [one for one in OPEN if "." not in one], 1)]
@@ -116,7 +114,7 @@ def known_keys(command: str) -> frozenset[str]:
     """All keys and groups of a command that the schema knows, as they are written in an override."""
     schema = OmegaConf.to_container(OmegaConf.structured(SCHEMAS[command]))
     assert isinstance(schema, dict)
-    return frozenset([*keys_below(schema), *groups(command)])
+    return frozenset([*keys_below(schema), *conf.groups(command)])
 
 
 def keys_below(node: Mapping[Any, Any], prefix: str = "") -> Iterator[str]:
@@ -163,8 +161,8 @@ def _missing(error: MissingConfigException, missing: str) -> str:
     launcher = _EXTRAS.get(name.partition("_")[0]) if group == "hydra/launcher" else None
     if launcher:
         return f'there is no {group}={name}; this launcher is a plug-in: pip install "epuckhebb[{launcher}]"'
-    known = list(error.options or groups("evolve").get(group, groups("evaluate").get(group, [])))
-    changed = [f"{one}_{change}" for one in known for change in rows("change")] if group == "scenario" else []
+    known = list(error.options or conf.groups("evolve").get(group, conf.groups("evaluate").get(group, [])))
+    changed = [f"{one}_{change}" for one in known for change in conf.rows("change")] if group == "scenario" else []
     file = re.match(r"In '(\w+/[^']+)': Could not load", str(error))
     return (
         f"{f'{file[1]}.yaml: ' if file else ''}there is no {group}={name}{did_you_mean(name, [*known, *changed], 3)}\n"

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 from omegaconf import OmegaConf
 
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime import ConfigError
 
 _GROUP = re.compile(r"^(override +|optional +)*/?|@.*$")  # what stands around a group in a list of defaults
 

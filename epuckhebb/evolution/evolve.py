@@ -17,12 +17,13 @@ from epuckhebb.evolution.search import Results, Search
 from epuckhebb.evolution.training import UNVARIED, Training, World
 from epuckhebb.sim import random
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.block import live_block
+from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import GenomePlan, plan_of
-from epuckhebb.sim.life import Lifetime, Outcome
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES, Pose
 from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.sim.outcome import Outcome
 from epuckhebb.sim.plasticity.control import signs
 from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, Rule, name_of
 from epuckhebb.sim.random import Stream
@@ -183,7 +184,9 @@ class _Evaluator(NamedTuple):
         for world, together in groupby(range(self.loops), key=worlds.__getitem__):
             loops = list(together)
             individuals = list(self._individuals(population, generation, loops, world))
-            outcomes = [outcome for outcome, _ in live_block(individuals, world.scenario, world.lifetime, self.threads)]
+            outcomes = [
+                outcome for outcome, _ in run_lifetimes(individuals, world.scenario, world.lifetime, self.threads)
+            ]
             rows = [(self._fitness(outcome), *(getattr(outcome, name) for name in names)) for outcome in outcomes]
             found[:, :, loops] = np.array(rows).T.reshape(-1, len(population), len(loops), len(_TRIALS))
             robot_steps += sum(outcome.steps for outcome in outcomes)

@@ -50,8 +50,8 @@ class Algorithm(ABC):
     same starts and noise, so that they differ only in their genes. start_noise: how much starts vary in the training
     world. confirm: least number of fresh lifetimes for each candidate after the last generation; 0 if a single one is
     taken at its word. tell: a method that receives the results of the last `ask`. Its arguments are any of these names,
-    in any order: `fitness`, (individuals,), larger is better; and fields of `epuckhebb.sim.life.Outcome`, (individuals,
-    loops, sides), the lamp-on (right) side first.
+    in any order: `fitness`, (individuals,), larger is better; and fields of `epuckhebb.sim.outcome.Outcome`,
+    (individuals, loops, sides), the lamp-on (right) side first.
     """
 
     key: ClassVar[str] = "optimizer"

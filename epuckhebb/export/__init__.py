@@ -1,6 +1,6 @@
 """A finished run as something else: a page to watch, a film, a controller for Webots.
 
 It reads run folders, and changes no result in them.
-Others may import `replay` and `webots`.
+Others may import `figure`, `replay` and `webots`.
 What cannot be read, exported or written raises `ConfigError`.
 """

@@ -10,13 +10,12 @@ from matplotlib.figure import Figure
 from epuckhebb.analysis import charts, figures, leaderboard, summary
 from epuckhebb.analysis.image import KINDS, MM, image
 from epuckhebb.analysis.reversal import limits
-from epuckhebb.config.schema import Config, EvaluateConfig, EvolveConfig
-from epuckhebb.config.stored import from_values, settings, without_own_code
+from epuckhebb.config import Config, EvaluateConfig, EvolveConfig, from_values, settings, without_own_code
 from epuckhebb.export.replay import recording
 from epuckhebb.runs import figures as of_runs
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.controller import GA
-from epuckhebb.sim.life import Samples
+from epuckhebb.sim.samples import Samples
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.store import Run, load_genome, write_atomic
 

@@ -11,12 +11,9 @@ from numpy.typing import NDArray
 from epuckhebb.analysis import movie, replay
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.self_checks import text
-from epuckhebb.config import hand
-from epuckhebb.config.schema import EvaluateConfig
-from epuckhebb.config.stored import from_values, settings, without_own_code
-from epuckhebb.runs.evaluate import caption
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.progress import track
+from epuckhebb.config import EvaluateConfig, from_values, hand, settings, without_own_code
+from epuckhebb.runs import caption
+from epuckhebb.runtime import ConfigError, track
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import Network
 from epuckhebb.store import Run, read_findings, read_traces, write_atomic

@@ -10,11 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from epuckhebb.config import hand
-from epuckhebb.config.compose import load
-from epuckhebb.config.schema import EvaluateConfig
-from epuckhebb.config.stored import from_values, settings, without_own_code
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.config import EvaluateConfig, from_values, hand, load, settings, without_own_code
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.plasticity.rule import InitialWeights

@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from epuckhebb.live.world import LiveWorld, Saved
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.robot import STEP_S
 

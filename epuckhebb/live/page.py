@@ -10,10 +10,10 @@ import numpy as np
 
 from epuckhebb.analysis.page import filled, policy
 from epuckhebb.analysis.replay import fixed_facts, world_facts
-from epuckhebb.config.conf import groups
 from epuckhebb.live.engine import SPEEDS, Engine
 from epuckhebb.live.world import LiveWorld
-from epuckhebb.sim.by_hand import MOST_BLOCKS
+from epuckhebb.runtime import conf
+from epuckhebb.sim.changes import MOST_BLOCKS
 from epuckhebb.sim.maze import boxes
 from epuckhebb.sim.robot import STEP_S
 
@@ -44,7 +44,7 @@ def facts(engine: Engine) -> dict[str, Any]:
         "interval": STEP_S,
         "steps": 1,
         "weightsEvery": WEIGHTS_EVERY,
-        "initial": [round(weight, 7) for weight in world.robots[-1].genotype.weights.tolist()],
+        "initial": [round(weight, 7) for weight in world.robots[-1].life.genotype.weights.tolist()],
         "N": float(world.controllers[-1].rule.N),
         "arena": scenario.maze.arena_m,
         "mostBlocks": MOST_BLOCKS,
@@ -52,7 +52,7 @@ def facts(engine: Engine) -> dict[str, Any]:
         "speeds": list(SPEEDS),
         "seed": world.config.seed,
         "hasSignal": any(controller.adaptation.is_gated for controller in world.controllers),
-        "choices": {group: groups("evaluate")[group] for group in ("hebbian", "adaptation")},
+        "choices": {group: conf.groups("evaluate")[group] for group in ("hebbian", "adaptation")},
     }
 
 
@@ -114,7 +114,7 @@ def samples(world: LiveWorld, since: int) -> tuple[bytes, int]:
             recorded.weight_change[some, None],
         )
         parts.append(np.concatenate(columns, axis=1, dtype="<f4", casting="same_kind").tobytes())
-        change = recorded.weights[some[first - since :: WEIGHTS_EVERY]] - robot.genotype.weights.astype(np.float32)
+        change = recorded.weights[some[first - since :: WEIGHTS_EVERY]] - robot.life.genotype.weights.astype(np.float32)
         parts.append(change.astype("<f4", copy=False).tobytes())
     return b"".join(parts), until
 

@@ -20,11 +20,11 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-from epuckhebb.config.overrides import quoted
+from epuckhebb.config import quoted
 from epuckhebb.live import page
 from epuckhebb.live.engine import Engine
 from epuckhebb.live.world import LiveWorld
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.maze import Side
 
 PORT = 8470

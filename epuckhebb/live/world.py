@@ -11,16 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from epuckhebb.analysis.evaluate import individuals_for
-from epuckhebb.config import hand
-from epuckhebb.config.compose import load
-from epuckhebb.config.overrides import quoted
-from epuckhebb.config.schema import EvaluateConfig, say_unusual
-from epuckhebb.runs.evaluate import compile_for, evaluate_into, prepare
-from epuckhebb.runs.hydra import new_stamp
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.config import EvaluateConfig, hand, load, quoted, say_unusual
+from epuckhebb.runs import compile_for, evaluate_into, hydra, prepare_evaluation
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.controller import GA_ALONE
-from epuckhebb.sim.life import Outcome
 from epuckhebb.sim.maze import Side, added
+from epuckhebb.sim.outcome import Outcome
 from epuckhebb.sim.reachable import gap
 from epuckhebb.sim.robot import STEP_S
 from epuckhebb.sim.scenario import Scenario, step_of
@@ -77,7 +73,7 @@ class LiveWorld:
         given = {word.partition("=")[0] for word in words}
         usual = [] if given & {_SETTINGS[0], "lifetime", "task"} else [f"{_SETTINGS[0]}={_LONGEST_S:g}"]
         words = [*usual, *words, "lifetime.record_every=8", "repeats=1"]
-        prepared = prepare(load(EvaluateConfig, words, config_dir))
+        prepared = prepare_evaluation(load(EvaluateConfig, words, config_dir))
         self.config, self.genome = config, genome = prepared.config, prepared.genome
         if config.scenario.hand is not None:
             raise ConfigError(f"scenario.hand={config.scenario.hand}: play writes such a file; evaluate repeats it")
@@ -192,7 +188,7 @@ class LiveWorld:
         Raises:
             ConfigError: it cannot be written.
         """
-        name = f"{new_stamp()}_{self.config.world.name}_seed{self.config.seed}_played"
+        name = f"{hydra.new_stamp()}_{self.config.world.name}_seed{self.config.seed}_played"
         words = [word for word in self.words if word.partition("=")[0] not in _SETTINGS]
         words += [f"lifetime.duration_s={record.duration_s!r}", "repeats=1"]
         if record.changes:

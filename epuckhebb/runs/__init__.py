@@ -1,6 +1,21 @@
 """One evaluation or one evolution in its folder: run by Hydra or by a study, resumed, repeated.
 
-It puts a configuration, the science and a run folder together; it knows no study.
-Others may import all of its modules; `evaluate` and `evolve` come first.
-What is refused raises `ConfigError` and leaves nothing behind; a run that began and fails raises `JobFailedError`.
+It puts a configuration, the science and a run folder together; it knows no study. Others import the names below, and
+`figures`, which loads matplotlib. What is refused raises `ConfigError` and leaves nothing behind; a run that began and
+fails raises `JobFailedError`.
 """
+
+from epuckhebb.runs import hydra
+from epuckhebb.runs.evaluate import (
+    PreparedEvaluation,
+    as_evolved,
+    caption,
+    compile_for,
+    evaluate_into,
+    evaluate_job,
+    prepare_evaluation,
+    recorded_job,
+)
+from epuckhebb.runs.evolve import EvolutionProgress, evolve_into, evolve_job, new_evolution, prepare_evolution, resume
+from epuckhebb.runs.notes import notes_of, showcase
+from epuckhebb.runs.rerun import repeat

@@ -14,24 +14,29 @@ from typing import TYPE_CHECKING, Any
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate, memory_to_evaluate
 from epuckhebb.analysis.self_checks import findings
-from epuckhebb.config import hand, plugins
-from epuckhebb.config.build import check_library
-from epuckhebb.config.methods import typed_as
-from epuckhebb.config.names import brings_physics
-from epuckhebb.config.overrides import alternatives, quoted, value_of
-from epuckhebb.config.parts import part_names
-from epuckhebb.config.schema import EvaluateConfig, dump, say_unusual
+from epuckhebb.config import (
+    EvaluateConfig,
+    alternatives,
+    brings_physics,
+    check_library,
+    dump,
+    hand,
+    part_names,
+    plugins,
+    quoted,
+    say_unusual,
+    typed_as,
+    value_of,
+)
 from epuckhebb.runs import hydra
 from epuckhebb.runs.nominal import Remembered, missing_nominal, remembered_for, training_world
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.runtime.progress import say, saying_if_slow
-from epuckhebb.runtime.resources import Need, data_folder, require
+from epuckhebb.runtime import ConfigError, JobFailedError, Need, data_folder, require, say, saying_if_slow
 from epuckhebb.sim import own_fitness, wiring
 from epuckhebb.sim.adaptation.nominal import memory_to_measure_nominal
-from epuckhebb.sim.block import load_kernel
+from epuckhebb.sim.batch import load_kernel
+from epuckhebb.sim.compiling.code_digest import UnknownPartError, digest
 from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.digest import UnknownPartError, digest
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.own_sensor import own_sensors, reading_names
 from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, evolved_sizes, functions_of, name_of
@@ -53,13 +58,13 @@ def _no_report(*_: object) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prepared:
+class PreparedEvaluation:
     """An evaluation whose settings, genome and memory are checked. A test world may take the place of its own."""
 
     config: EvaluateConfig
     genome: Genome
 
-    def in_world(self, world: Scenario) -> "Prepared":
+    def in_world(self, world: Scenario) -> "PreparedEvaluation":
         """The same evaluation in another world of its experiment, for as long as lifetimes last there.
 
         The physics is that of the world if this brings one, as `base_3d` does.
@@ -71,7 +76,7 @@ class Prepared:
         physics = world.physics if brings_physics(world.name) else ours.physics
         there.world = replace(world, fitness=ours.fitness, physics=physics)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
-        return Prepared(config=there, genome=self.genome)
+        return PreparedEvaluation(config=there, genome=self.genome)
 
     def compile(self) -> None:
         """Load or compile what the lifetimes need."""
@@ -127,7 +132,7 @@ def _identity(part: object, functions: Sequence[Callable[..., object]]) -> tuple
     return (module,)
 
 
-def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
+def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> PreparedEvaluation:
     """Check that a genome fits the settings, and that there is memory for the lifetimes.
 
     genome: the one that the settings name, unless given.
@@ -149,7 +154,7 @@ def prepare(config: EvaluateConfig, genome: Genome | None = None) -> Prepared:
         nominal = memory_to_measure_nominal(duration_s, gain, genome.network)
         needed.append(Need(nominal, "lifetimes in the training world at this gain", "raise lifetime.gain_rad_s"))
     require(needed)
-    return Prepared(config=config, genome=genome)
+    return PreparedEvaluation(config=config, genome=genome)
 
 
 def evaluate_job(cfg: Any, report: Report = _no_report) -> None:
@@ -174,7 +179,7 @@ def recorded_job(cfg: Any, report: Report = _no_report) -> None:
 def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
     """Overrides with the robot and the wiring that their champion was evolved for, unless they name one.
 
-    A robot that has no file, a wiring of the user's own, and champions of several are left to `prepare`.
+    A robot that has no file, a wiring of the user's own, and champions of several are left to `prepare_evaluation`.
     """
     named = [word for word in words if word.startswith("genome=")]
     if not named:
@@ -283,7 +288,7 @@ def evaluate_into(
         ConfigError: The settings cannot be used.
         JobFailedError: A figure cannot be drawn. The run has failed then, and keeps what it wrote.
     """
-    prepared = prepare(config)
+    prepared = prepare_evaluation(config)
     genome = prepared.genome
     say_unusual(config)
     own, notes = plugins.own_files(config.values), notes_of(genome, config)

@@ -13,22 +13,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import yaml
 from numpy.typing import NDArray
 
-from epuckhebb.config import plugins
-from epuckhebb.config.build import check_library, network_for
-from epuckhebb.config.schema import EvolveConfig, Plain, dump, say_unusual
-from epuckhebb.config.stored import from_values, settings
+from epuckhebb.config import (
+    EvolveConfig,
+    Plain,
+    check_library,
+    dump,
+    from_values,
+    network_for,
+    plugins,
+    say_unusual,
+    settings,
+)
 from epuckhebb.evolution.evolve import Generation, evolve, memory_to_evolve
 from epuckhebb.evolution.search import OptimizerError, Search, check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import check_sensors, compile_for
 from epuckhebb.runs.nominal import remember_training_world
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.progress import Bar, say
-from epuckhebb.runtime.resources import Need, path_of, require, thread_count
+from epuckhebb.runtime import Bar, ConfigError, Need, path_of, require, say, thread_count
 from epuckhebb.sim.adaptation.nominal import Nominal, memory_to_measure_nominal
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
 from epuckhebb.sim.genome import GenomePlan, plan_of
@@ -41,6 +45,7 @@ from epuckhebb.store import (
     CHAMPION,
     CHECKPOINT,
     CONFIG,
+    Checkpoint,
     Genome,
     Run,
     RunFolder,
@@ -49,7 +54,6 @@ from epuckhebb.store import (
     load_genome,
     provenance,
 )
-from epuckhebb.store.checkpoint import Checkpoint
 
 RESUME = "resume="
 
@@ -58,14 +62,14 @@ def evolve_job(cfg: Any) -> None:
     """Do one job of Hydra's: evolve into its folder. cfg: as Hydra composed it."""
     with hydra.job_of("evolve", cfg) as job:
         config = job.config
-        prepared = prepare(config)
+        prepared = prepare_evolution(config)
         prepared.compile()
-        run = new_run(job.path, config, job.overrides, job.facts)
+        run = new_evolution(job.path, config, job.overrides, job.facts)
     evolve_into(run, prepared, None, threads=hydra.threads_of_job(config.threads), quiet=hydra.in_multirun())
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prepared:
+class PreparedEvolution:
     """An evolution whose settings, memory and given weights are checked.
 
     Attributes:
@@ -140,7 +144,7 @@ class Prepared:
         return champion_file(genome, last.champion_fitness, config.world.experiment, seed, last.number)
 
 
-def prepare(config: EvolveConfig, *, has_genome: bool = True) -> Prepared:
+def prepare_evolution(config: EvolveConfig, *, has_genome: bool = True) -> PreparedEvolution:
     """Check that the given weights fit, that the optimizer starts, and that there is memory for all individuals.
 
     has_genome: whether the genome that the settings name exists yet; else nothing is read.
@@ -176,17 +180,17 @@ def prepare(config: EvolveConfig, *, has_genome: bool = True) -> Prepared:
         check_start(config.algorithm, config.plan, config.seed)
     except OptimizerError as error:
         raise ConfigError(str(error)) from error
-    return Prepared(config=config, network=network, plan=plan, given=given)
+    return PreparedEvolution(config=config, network=network, plan=plan, given=given)
 
 
-def new_run(path: Path, config: EvolveConfig, overrides: list[str], facts: dict[str, Any]) -> RunFolder:
+def new_evolution(path: Path, config: EvolveConfig, overrides: list[str], facts: dict[str, Any]) -> RunFolder:
     """Claim the folder of an evolution."""
     facts = {"seed": config.seed, **facts}
     return RunFolder.new(path, "evolve", dump(config), overrides, facts, plugins.own_files(config.values))
 
 
 def evolve_into(
-    run: RunFolder, prepared: Prepared, after: Checkpoint | None, *, threads: int, quiet: bool = False
+    run: RunFolder, prepared: PreparedEvolution, after: Checkpoint | None, *, threads: int, quiet: bool = False
 ) -> None:
     """Evolve, from the beginning or after a checkpoint, and close the run; show no progress if `quiet`."""
     config = prepared.config
@@ -215,14 +219,16 @@ def evolve_into(
             run.write(f"{name}.csv", table)
         kind = config.figures.value
         if kind != "none":
-            from epuckhebb.runs import figures  # matplotlib takes a while to load
+            import pandas as pd  # takes a while to load, as does matplotlib
+
+            from epuckhebb.runs import figures
 
             history = pd.read_csv(io.StringIO(after.history))
             drawn = figures.file_of("learning", kind, config, config.algorithm.name, history)
             run.write(f"figures/learning.{kind}", drawn)
 
 
-def _write_generation(run: RunFolder, state: Checkpoint, prepared: Prepared) -> None:
+def _write_generation(run: RunFolder, state: Checkpoint, prepared: PreparedEvolution) -> None:
     """Bring the other files of an evolution to the state of its checkpoint."""
     run.write("history.csv", state.history)
     run.write(CHAMPION, prepared.champion(state.generation, prepared.config.seed))
@@ -245,7 +251,7 @@ def resume(arguments: list[str]) -> Path:
     _check_own_files(path, own, facts.get("own_code", {}))
     _change(values, path, changes, changeable)
     config = from_values(values, EvolveConfig, f"resume={path}")
-    prepared = prepare(config)
+    prepared = prepare_evolution(config)
     prepared.compile()
     generations = config.schedule.generations
     after = Checkpoint.read(
@@ -270,7 +276,7 @@ def resume(arguments: list[str]) -> Path:
     return path
 
 
-def _check_weights(prepared: Prepared, after: Checkpoint | None, path: Path) -> None:
+def _check_weights(prepared: PreparedEvolution, after: Checkpoint | None, path: Path) -> None:
     """Refuse to resume with other given weights than those with which the evolution began."""
     if after is None or prepared.given is None:
         return

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from epuckhebb.analysis import charts, figures, reversal_figure
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.image import image
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig
+from epuckhebb.config import EvaluateConfig, EvolveConfig
 
 
 def file_of(name: str, kind: str, *data: object) -> bytes:

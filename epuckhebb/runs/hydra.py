@@ -21,15 +21,22 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.config import plugins
-from epuckhebb.config.compose import IS_HYDRA_1_4, STAMP, VERSION_BASE, folders_of, load, swept, unresolved
+from epuckhebb.config import (
+    SCHEMAS,
+    SWEEP_DIR,
+    alternatives,
+    check_folders,
+    explain,
+    load,
+    plugins,
+    quoted,
+    swept_values,
+    value_of,
+    with_names_compared,
+)
+from epuckhebb.config.compose import IS_HYDRA_1_4, STAMP, VERSION_BASE, of_job, unresolved
 from epuckhebb.config.hydra_cache import USERS, users_first
-from epuckhebb.config.names import resolve_names
-from epuckhebb.config.overrides import SWEEP_DIR, alternatives, check_folders, quoted, value_of, with_names_compared
-from epuckhebb.config.schema import SCHEMAS, typed
-from epuckhebb.config.words import explain
-from epuckhebb.runtime.errors import ConfigError, JobFailedError, exit_with_parent
-from epuckhebb.runtime.resources import data_folder, path_of, thread_count
+from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, path_of, thread_count
 from epuckhebb.store import check_folder_of_multirun, of_multirun
 
 _SENSOR = re.compile(r"(sensor: *)([^\s,}:]+\.py)(?=:)")  # the file of a sensor of the user's own
@@ -62,7 +69,7 @@ def check(
     """
     if not multirun:
         named = [override for override in overrides if override.lstrip("+").startswith("experiment=")]
-        if named and swept(overrides, config_dir):
+        if named and swept_values(overrides, config_dir):
             name = named[-1].partition("=")[2]
             raise ConfigError(
                 f"experiment={name} is a sweep of many jobs: run `epuckhebb sweep {name}`, or add --multirun"
@@ -172,7 +179,7 @@ def job_of(command: str, cfg: DictConfig) -> Iterator[Job]:
     """
     path, runtime = output_folder(), HydraConfig.get().runtime
     try:
-        config: Any = typed(resolve_names(cfg, runtime.choices, folders_of(runtime)), SCHEMAS[command])
+        config = of_job(command, cfg, runtime)
         overrides = list(unresolved(HydraConfig.get().overrides.task))
         words, sources = ["epuckhebb", command, *overrides], unresolved(runtime)["config_sources"]
         found = next((Path(one["path"]) for one in sources if one["provider"] == USERS and one["path"]), None)

@@ -7,11 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.self_checks import Checks, self_checks
-from epuckhebb.config import names
-from epuckhebb.config.build import check_library
-from epuckhebb.config.parts import part_from
-from epuckhebb.config.schema import EvaluateConfig
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.config import EvaluateConfig, check_library, part_from, usual_physics
+from epuckhebb.config import training_world as world_of_training
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.adaptation.nominal import (
     REPEATS,
     Nominal,
@@ -139,8 +137,8 @@ def training_world(config: EvaluateConfig, evolved_in: str = "") -> Scenario:
     """
     physics = part_from("physics", config.physics, "physics")
     if physics.name != (evolved_in or PYMUNK.name):
-        physics = names.usual_physics(evolved_in or PYMUNK.name)
-    return names.training_world(config.world.experiment, config.scenario.name, config.maze, config.robot, physics)
+        physics = usual_physics(evolved_in or PYMUNK.name)
+    return world_of_training(config.world.experiment, config.scenario.name, config.maze, config.robot, physics)
 
 
 def remember_training_world(

@@ -4,9 +4,8 @@ import csv
 import functools
 from dataclasses import asdict
 
-from epuckhebb.config.names import training_world
-from epuckhebb.config.schema import EvaluateConfig
-from epuckhebb.runtime.resources import REFERENCE, data_folder
+from epuckhebb.config import EvaluateConfig, training_world
+from epuckhebb.runtime import REFERENCE, data_folder
 from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
 from epuckhebb.sim.physics.pymunk import PYMUNK
@@ -27,13 +26,14 @@ def notes_of(genome: Genome, config: EvaluateConfig) -> list[str]:
     return [note for note in notes if note]
 
 
-def showcase(genome: Genome, scenario: str = "", rate: float = 0.0) -> str:
-    """That a genome is a bundled showcase, and how many champions show the pattern that it shows; nothing of others.
+def showcase(genome: Genome, scenario: str | None = None, rate: float = 0.0) -> str:
+    """That a genome is a bundled showcase, and how many champions show the pattern that it shows; nothing elsewhere.
 
     The pattern: a champion fails without plasticity on one side at least, and succeeds with it on both. Genes are
     compared, so a copy of the bundled champion under any name is one, too.
 
-    scenario, rate: where, and with which N of the paper's rule, the pattern is counted in the reference results.
+    scenario, rate: where, and with which N of the paper's rule; None for a table over many worlds. There is no note
+    where the reference results do not count the pattern.
     """
     experiment = _showcases().get(genome.sha256)
     if experiment is None:
@@ -43,9 +43,12 @@ def showcase(genome: Genome, scenario: str = "", rate: float = 0.0) -> str:
     n = max(int(row["n"]) for row in known)
     here = {(row["scenario"], row["controller"], float(row["N"])): row["gained"] for row in known}
     cell = (scenario, HEBBIAN, rate)
-    pattern = "chosen because it shows the paper's pattern in the paper's worlds"
-    if cell in here:
+    if scenario is None:
+        pattern = "chosen because it shows the paper's pattern in the paper's worlds"
+    elif cell in here:
         pattern = f"{here[cell]} of {n} champions fail in {scenario} without plasticity and succeed with N = {rate:g}"
+    else:
+        return ""
     return f"A showcase: {pattern}. To run all {n}: epuckhebb evaluate -m genome={REFERENCE}_1,...,{REFERENCE}_{n}"
 
 

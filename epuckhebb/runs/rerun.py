@@ -5,18 +5,15 @@ from pathlib import Path
 
 import numpy as np
 
-from epuckhebb.config import hand, plugins
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, Plain
-from epuckhebb.config.stored import from_values, settings
-from epuckhebb.runs import evaluate, evolve
+from epuckhebb.config import EvaluateConfig, EvolveConfig, Plain, from_values, hand, plugins, settings
+from epuckhebb.runs.evaluate import evaluate_into, prepare_evaluation
+from epuckhebb.runs.evolve import evolve_into, new_evolution, prepare_evolution
 from epuckhebb.runs.hydra import new_stamp
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.progress import say
-from epuckhebb.runtime.resources import thread_count
+from epuckhebb.runtime import ConfigError, say, thread_count
 from epuckhebb.store import Run, load_genome, provenance
 
 
-def rerun(path: Path) -> tuple[Path, str]:
+def repeat(path: Path) -> tuple[Path, str]:
     """Repeat a run; returns the new folder and the first difference, "" if there is none."""
     run = Run(path)
     facts, state = run.provenance, run.status["state"]
@@ -40,7 +37,7 @@ def rerun(path: Path) -> tuple[Path, str]:
     more = {"command_line": ["epuckhebb", "rerun", str(path)], "rerun_of": str(path)}
     if command == "evaluate":
         config = from_values(values, EvaluateConfig, str(path))
-        genome = evaluate.prepare(config).genome
+        genome = prepare_evaluation(config).genome
         if genome.sha256 != facts["genome_sha256"]:
             raise ConfigError(
                 f"genome={config.genome} is not the genome of {path}: its SHA-256 is {genome.sha256[:16]}…, "
@@ -49,14 +46,14 @@ def rerun(path: Path) -> tuple[Path, str]:
         for name in ("nominal_sha256", "self_memory_sha256"):
             if facts.get(name) not in (None, getattr(genome, name)):
                 raise ConfigError(f"genome={config.genome} remembers its training world otherwise than in {path}")
-        evaluate.evaluate_into(new, config, facts["overrides"], more, threads=thread_count(config.threads))
+        evaluate_into(new, config, facts["overrides"], more, threads=thread_count(config.threads))
     else:
-        again = evolve.prepare(from_values(values, EvolveConfig, str(path)))
+        again = prepare_evolution(from_values(values, EvolveConfig, str(path)))
         again.compile()
         if again.given is not None and not np.array_equal(load_genome(str(path), "").network_genes, again.given):
             raise ConfigError(f"genome={again.config.genome} does not hold the weights with which {path} began")
-        folder = evolve.new_run(new, again.config, facts["overrides"], more)
-        evolve.evolve_into(folder, again, None, threads=thread_count(again.config.threads))
+        folder = new_evolution(new, again.config, facts["overrides"], more)
+        evolve_into(folder, again, None, threads=thread_count(again.config.threads))
     return new, _difference(path, new)
 
 

@@ -1,6 +1,35 @@
-"""What a process needs, whatever it computes: errors and exit codes, signals, cores and memory, console, progress.
+"""What a process needs, whatever it computes: errors, exit codes, signals, cores, memory, notes, bars, data folders.
 
-It knows nothing of this program's science, files or settings.
-Others may import all of its modules.
-What the machine does not have, or a user must change, raises `ConfigError`.
+It knows nothing of the science; of settings only which files `conf/` has. Others import the names below.
+Every start needs it, so it loads nothing heavy. What a user must change raises `ConfigError`.
 """
+
+from epuckhebb.runtime import conf
+from epuckhebb.runtime.errors import (
+    INTERRUPTED,
+    JOB_FAILED,
+    USAGE,
+    ConfigError,
+    JobFailedError,
+    did_you_mean,
+    end_on_signals,
+    exit_with_parent,
+    interrupted,
+    interruptible,
+    is_interruption,
+    near,
+    open_folders,
+    question,
+)
+from epuckhebb.runtime.progress import Bar, be_quiet, counting, discard_output, say, say_once, saying_if_slow, track
+from epuckhebb.runtime.resources import (
+    LATEST,
+    REFERENCE,
+    Need,
+    cores,
+    data_folder,
+    path_of,
+    require,
+    thread_count,
+    unusable_here,
+)

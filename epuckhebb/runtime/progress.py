@@ -6,10 +6,8 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
-from typing import Any, Self
-
-from epuckhebb.runtime.console import Terminal
+from contextlib import contextmanager, nullcontext, suppress
+from typing import IO, Any, Self
 
 _QUIET = "EPUCKHEBB_QUIET"  # environment variable, so that the workers of a launcher see it too
 _said: set[str] = set()
@@ -35,7 +33,26 @@ def say(note: str) -> None:
     above = sys.modules["tqdm"].tqdm.external_write_mode(sys.stderr) if "tqdm" in sys.modules else nullcontext()
     if not is_quiet():
         with above:
-            Terminal(stderr=True).print(note, markup=False, soft_wrap=True)
+            _print(note)
+
+
+def _print(line: str) -> None:
+    """Print a line on standard error; a reader that stops does not stop the work."""
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except BrokenPipeError:
+        discard_output(sys.stderr)
+
+
+def discard_output(stream: IO[str]) -> None:
+    """Let nothing come of what else is written to a stream that nobody reads, at the end of the program too."""
+    with suppress(OSError, ValueError):  # a stream of a test has no number
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def _is_watched() -> bool:
+    """Whether standard error is a terminal, where a bar can move."""
+    return sys.stderr.isatty()
 
 
 def say_once(note: str) -> None:
@@ -50,7 +67,7 @@ def saying_if_slow(note: str) -> Iterator[None]:
     """Print a note at a terminal if what is done meanwhile takes longer than usual."""
     timer = threading.Timer(_SLOW_S, say, [note])
     timer.daemon = True
-    if Terminal(stderr=True).is_watched:
+    if _is_watched():
         timer.start()
     try:
         yield
@@ -65,12 +82,12 @@ class Bar:
     """
 
     def __init__(self, what: str, total: int, *, quiet: bool = False, each: bool = True) -> None:
-        console, notebook = Terminal(stderr=True), _in_notebook()
-        shown = console.is_watched or notebook
+        notebook = _in_notebook()
+        shown = notebook or _is_watched()
         quiet = quiet or is_quiet()
         look = {"desc": what, "bar_format": _LOOK, "file": sys.stderr, "disable": quiet or not shown}
         self.bar = _tqdm(notebook)(total=total, **look)
-        self._plain = None if shown or quiet else console
+        self._is_plain = not (shown or quiet)
         self._what, self._each, self._line = what, each, time.monotonic()
         self._first: tuple[float, int] | None = None  # when the first step was shown, and which
         self._total = total
@@ -92,11 +109,11 @@ class Bar:
         self.bar.n = done
         self.bar.set_postfix_str(text)
         began, before = self._first
-        if self._plain is not None and ((self._each and news) or now - self._line >= _LINE_S):
+        if self._is_plain and ((self._each and news) or now - self._line >= _LINE_S):
             self._line = now
             seconds, steps = now - began, done - before
             left = f"{seconds / steps * (self._total - done):.0f} s left" if steps and news else ""
-            self._plain.print("  ".join(filter(None, (f"{self._what} {done}/{self._total}", text, left))))
+            _print("  ".join(filter(None, (f"{self._what} {done}/{self._total}", text, left))))
 
 
 def _in_notebook() -> bool:

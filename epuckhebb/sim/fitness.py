@@ -16,7 +16,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 
 
 class Signal(IntEnum):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import kernel
+from epuckhebb.sim.compiling.kernel import kernel
 from epuckhebb.sim.coupling import Coupling, Moment, changed, shuffled, transfer_entropy
 from epuckhebb.sim.maze import Pose
 from epuckhebb.sim.physics.pymunk import MOTION, Handles, PymunkSpace, mover_of_all

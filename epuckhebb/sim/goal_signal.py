@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.random import uniform
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S

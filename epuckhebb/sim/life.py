@@ -1,4 +1,4 @@
-"""The records of a lifetime: its settings, what it begins with, what it carries, what is recorded, and its outcome.
+"""The records of a lifetime: its settings, what it begins with, and what it carries from step to step.
 
 `epuckhebb.sim.lifetime` has the equations, which read and write these records.
 """
@@ -10,25 +10,26 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate, initial_adaptation_state
+from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
+from epuckhebb.sim.compiling.kernel import compiled
+from epuckhebb.sim.compiling.simd import whole
 from epuckhebb.sim.faults import Faults, initial_past
 from epuckhebb.sim.fitness import History
 from epuckhebb.sim.goal_signal import SignalNumbers
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Region
-from epuckhebb.sim.network import OUTPUTS, Network
-from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
+from epuckhebb.sim.network import Network
+from epuckhebb.sim.own_fitness import Fitness
 from epuckhebb.sim.physics.pymunk import PYMUNK
+from epuckhebb.sim.physics_engine import Physics
 from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
 from epuckhebb.sim.random import noise_workspace_size
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S, Robot
+from epuckhebb.sim.samples import Samples
 from epuckhebb.sim.senses import SenseWorkspace, sense_workspace
-from epuckhebb.sim.space import Physics
-from epuckhebb.sim.task import NO_TRIALS
-from epuckhebb.sim.vectors import whole
 from epuckhebb.sim.wiring import NO_NEURONS, Neurons
 
 _LONGEST_S = 1e9  # 31 years: more is surely a slip
@@ -148,12 +149,14 @@ class Genotype(NamedTuple):
 class Life(NamedTuple):
     """All that a lifetime carries from step to step, but for the space in which the robot stands.
 
-    tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records. activation: (neurons,).
-    adaptation: what it carries. trials: records of `epuckhebb.sim.task.TRIAL`, none where a lifetime is one trial.
-    score: one record, what its fitness stores. neurons: of a wiring; its state lasts as long as the lifetime. past:
-    what late sensors and wheels need (`epuckhebb.sim.faults`).
+    key: of all noise. tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records.
+    activation: (neurons,). adaptation: what it carries. trials: records of `epuckhebb.sim.task.TRIAL`, none where a
+    lifetime is one trial. score: one record, what its fitness stores. neurons: of a wiring; its state lasts as long as
+    the lifetime. past: what late sensors and wheels need (`epuckhebb.sim.faults`).
     """
 
+    genotype: Genotype
+    key: np.uint64
     tally: NDArray[np.void]
     weights: Floats
     synapse_state: NDArray[np.void]
@@ -166,67 +169,65 @@ class Life(NamedTuple):
     past: Floats
 
 
-class Group(NamedTuple):
-    """What robots in one space carry, first axis the robots: of `Life`, of `Genotype` (genes: its weights), and keys.
+def initial_life(
+    genotype: Genotype,
+    key: np.uint64,
+    network: Network,
+    robot: Robot,
+    workspace: Workspace,
+    adaptation: AdaptationState,
+    trials: NDArray[np.void],
+    fitness: Fitness,
+) -> Life:
+    """A lifetime before its first step. workspace, adaptation: arrays to use. fitness: by which it is scored."""
+    activation = np.zeros(network.neurons)
+    activation[network.bias] = 1.0
+    neurons = genotype.neurons._replace(state=genotype.neurons.state.copy())
+    return Life(
+        *(genotype, key, _INITIAL_TALLY.copy(), genotype.weights.copy(), genotype.synapse_state.copy(), activation),
+        *(adaptation, trials, fitness.initial_state(), neurons, workspace, initial_past(robot)),
+    )
 
-    neurons, parameters: of a wiring. motion: (robots, 6), the view of the space's state. wheels: (robots, 4) and
-    before: (robots, 2), workspace.
+
+class Group(NamedTuple):
+    """What robots in one space carry, first axis of arrays the robots.
+
+    lives: a `Life`, in which adaptation, trials and workspace are those of one robot. motion: (robots, 6), the view of
+    the space's state. wheels: (robots, 4) and before: (robots, 2), workspace.
     """
 
-    tally: NDArray[np.void]
-    weights: Floats
-    synapse_state: NDArray[np.void]
-    activation: Floats
-    score: NDArray[np.void]
-    past: Floats
-    genes: Floats
-    coefficients: Floats
-    modulatory: Floats
-    lengths: Floats
-    signs: Floats
+    lives: Life
     keys: NDArray[np.uint64]
-    neurons: NDArray[np.void]
-    parameters: Floats
     motion: Floats
     wheels: Floats
     before: Floats
 
 
-def initial_life(
-    genotype: Genotype,
-    network: Network,
-    robot: Robot,
-    workspace: Workspace | None = None,
-    adaptation: AdaptationState | None = None,
-    trials: NDArray[np.void] = NO_TRIALS,
-    fitness: Fitness = PAPER_FITNESS,
-) -> Life:
-    """A lifetime before its first step.
-
-    workspace, adaptation: arrays to use; None for new ones, without corrections. trials: those of its task.
-    fitness: by which it is scored.
-
-    Raises:
-        ValueError: the genes are not as many as the network has weights.
-    """
-    if genotype.weights.shape != (network.synapses,) or genotype.signs.shape != (network.synapses,):
-        raise ValueError(
-            f"a network {network} has {network.synapses} weights, got {genotype.weights.shape[0]} genes and "
-            f"{genotype.signs.shape[0]} signs"
-        )
-    activation = np.zeros(network.neurons)
-    activation[network.bias] = 1.0
+@compiled
+def life_of(group: Group, i: int) -> Life:
+    """The lifetime of one robot of a group."""
+    lives, genes, neurons = group.lives, group.lives.genotype, group.lives.neurons
     return Life(
-        tally=_INITIAL_TALLY.copy(),
-        weights=genotype.weights.copy(),
-        synapse_state=genotype.synapse_state.copy(),
-        activation=activation,
-        adaptation=initial_adaptation_state(robot) if adaptation is None else adaptation,
-        trials=trials,
-        score=fitness.initial_state(),
-        neurons=genotype.neurons._replace(state=genotype.neurons.state.copy()),
-        workspace=workspace_for(network, robot) if workspace is None else workspace,
-        past=initial_past(robot),
+        Genotype(
+            genes.weights[i],
+            genes.synapse_state[i],
+            genes.coefficients[i],
+            genes.modulatory[i],
+            genes.lengths[i],
+            genes.signs[i],
+            genes.neurons,
+        ),
+        group.keys[i],
+        lives.tally[i],
+        lives.weights[i],
+        lives.synapse_state[i],
+        lives.activation[i],
+        lives.adaptation,
+        lives.trials,
+        lives.score[i],
+        Neurons(neurons.state[i], neurons.parameters[i], neurons.numbers, neurons.step_s),
+        lives.workspace,
+        lives.past[i],
     )
 
 
@@ -263,86 +264,14 @@ class Plasticity(NamedTuple):
     gate: Gate
 
 
-class Samples(NamedTuple):
-    """What is recorded of a lifetime, every so many steps; first axis: samples.
-
-    time [s]; pose: x, y [m], heading [rad]; sensors: the network's inputs; motors: the 2 network outputs; fitness:
-    live F; change_signal: nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|, that of homeostasis
-    included; weights: (samples, synapses), after the step's update, without the scale of homeostasis; activations:
-    (samples, neurons) of those of a wiring, which weights and inputs alone do not give; none of layers; tilt: roll,
-    pitch [rad] and height above the floor [m], nothing in the plane; belief: of recognition, the heading since the
-    start [rad], whether the lamp counts as lit, whether the goal is recognised; 0 without it.
-    """
-
-    time: Floats
-    pose: Floats
-    sensors: Floats
-    motors: Floats
-    fitness: Floats
-    change_signal: Floats
-    rate: Floats
-    weight_change: Floats
-    weights: NDArray[np.float32]
-    activations: NDArray[np.float32]
-    tilt: Floats
-    belief: Floats
-
-
-def empty_samples(count: int, network: Network, physics: Physics = PYMUNK) -> Samples:
-    """Arrays for so many samples."""
-
-    def numbers(*shape: int) -> Floats:
-        return np.zeros((count, *shape))
-
-    return Samples(
-        time=numbers(),
-        pose=numbers(3),
-        sensors=numbers(network.inputs),
-        motors=numbers(OUTPUTS),
-        fitness=numbers(),
-        change_signal=np.full(count, np.nan),
-        rate=numbers(),
-        weight_change=numbers(),
-        weights=np.zeros((count, network.synapses), np.float32),
-        activations=np.zeros((count, recorded_neurons(network)), np.float32),
-        tilt=numbers(physics.tilts),
-        belief=numbers(3),
-    )
-
-
-def recorded_neurons(network: Network) -> int:
-    """How many activations are recorded: all neurons of a wiring, none of layers."""
-    return 0 if network.wiring is None else sum(network.layers[1:])
-
-
-def sample_bytes(network: Network) -> int:
-    """How many bytes of memory a sample takes."""
-    return sum(array.nbytes for array in empty_samples(1, network))
-
-
-def pad_samples(samples: Samples, life: Life, robot: Robot, record_every: int, pose: Floats) -> None:
-    """Fill the samples after an early end of a lifetime: the robot stays where it was.
-
-    record_every: as in `live`. pose: x, y [m], heading [rad] at the end.
-    """
-    tally = life.tally[0]
-    after = slice(-(-int(tally["step"]) // record_every), None)
-    samples.time[after] = np.arange(len(samples.time))[after] * record_every * STEP_S
-    samples.pose[after], samples.weights[after] = pose[:3], life.weights
-    samples.activations[after] = life.activation[len(life.activation) - samples.activations.shape[1] :]
-    samples.sensors[after, : robot.inputs] = life.activation[: robot.inputs]  # and no reward
-    samples.weight_change[after] = tally["weight_change"] + tally["scaling"]
-
-
 class Setup(NamedTuple):
     """What stays the same while a lifetime runs in one world.
 
-    nominal: what an adaptation compares with. lit: the lights. gain: wheel speed [rad/s] of a network output of 1.
-    fitness: the settings of the fitness, as numbers.
-    noise_level: 1 for the sensors' own noise. key: of that noise. record_every: steps between two samples, 0 for none.
+    nominal: what an adaptation compares with. lit: the lights. fitness: the settings of the fitness, as numbers. gain:
+    wheel speed [rad/s] of a network output of 1. noise_level: 1 for the sensors' own noise. record_every: steps between
+    two samples, 0 for none.
     """
 
-    genotype: Genotype
     plasticity: Plasticity
     nominal: NominalOfSide
     lit: Lights
@@ -350,7 +279,6 @@ class Setup(NamedTuple):
     fitness: tuple[float, ...]
     gain: float
     noise_level: float
-    key: np.uint64
     record_every: int
     samples: Samples
 
@@ -391,59 +319,15 @@ def count_calibration(
         samples.weights[places] = life.weights
 
 
-class Outcome(NamedTuple):
-    """The metrics of a lifetime.
+def pad_samples(samples: Samples, life: Life, robot: Robot, record_every: int, pose: Floats) -> None:
+    """Fill the samples after an early end of a lifetime: the robot stays where it was.
 
-    time_to_goal: s, first time within 5 cm of the goal, nan if never. path_length: m. final_distance: m from the goal.
-    behaviour: mean combined fitness over the steps. reward: goal reward at the end. weight_change_mean,
-    weight_change_final: sum over weights of |W - W_gene|. contact_fraction: share of steps with a distance reading
-    above 0.8. success: whether the robot was within 5 cm of its goal at the last step. fitness: how well it did its
-    task; the paper's final fitness unless that is another. steps: done. saturated_fraction: share of the final weights
-    at their bound. x, y: m, where the robot is at the end.
+    record_every: as in `live`. pose: x, y [m], heading [rad] at the end.
     """
-
-    time_to_goal: float
-    path_length: float
-    final_distance: float
-    behaviour: float
-    reward: float
-    weight_change_mean: float
-    weight_change_final: float
-    contact_fraction: float
-    success: bool
-    fitness: float
-    steps: int
-    saturated_fraction: float
-    x: float
-    y: float
-
-    def with_fitness(self, fitness: float) -> "Outcome":
-        """The same metrics with another fitness."""
-        return self._replace(fitness=fitness)
-
-    @property
-    def trials(self) -> NDArray[np.void]:
-        """The trials of the lifetime, records of `epuckhebb.sim.task.TRIAL`; none where it is one."""
-        return NO_TRIALS
-
-
-class OutcomeOfTrials(Outcome):
-    """The metrics of a lifetime of many trials."""
-
-    _trials: NDArray[np.void]
-
-    @property
-    def trials(self) -> NDArray[np.void]:
-        """See `Outcome`."""
-        return self._trials
-
-    def with_fitness(self, fitness: float) -> "Outcome":
-        """See `Outcome`."""
-        return self.of(self._replace(fitness=fitness), self._trials)
-
-    @classmethod
-    def of(cls, outcome: Outcome, trials: NDArray[np.void]) -> "OutcomeOfTrials":
-        """The metrics of the whole lifetime, with its trials."""
-        made = cls(*outcome)
-        made._trials = trials
-        return made
+    tally = life.tally[0]
+    after = slice(-(-int(tally["step"]) // record_every), None)
+    samples.time[after] = np.arange(len(samples.time))[after] * record_every * STEP_S
+    samples.pose[after], samples.weights[after] = pose[:3], life.weights
+    samples.activations[after] = life.activation[len(life.activation) - samples.activations.shape[1] :]
+    samples.sensors[after, : robot.inputs] = life.activation[: robot.inputs]  # and no reward
+    samples.weight_change[after] = tally["weight_change"] + tally["scaling"]

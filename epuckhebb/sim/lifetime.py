@@ -1,53 +1,41 @@
 """A lifetime: sense, act, score, learn, move, every 32 ms, from the genome's weights to its end.
 
 `live` is the whole of it for one robot, compiled. The names in capitals and the functions that are not of this file are
-its parts: `epuckhebb.sim.kernels` puts those of the robot, the network, the plasticity rule, the adaptation and the
-task in their place. All that a lifetime carries is in one record (`epuckhebb.sim.life.Life`), so it can be paused at
-any step and resumed bit-identically.
+its parts: `epuckhebb.sim.lifetime_kernel` puts those of the robot, the network, the plasticity rule, the adaptation and
+the task in their place. All that a lifetime carries is in one record (`epuckhebb.sim.life.Life`). So it can be paused
+at any step, and resumed bit-identically.
 """
 
 import math
 from typing import Any
 
-from epuckhebb.sim import faults, fitness
-from epuckhebb.sim.adaptation import adaptation
+from epuckhebb.sim import fitness
 from epuckhebb.sim.adaptation.recognise.compass import LIT
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
-from epuckhebb.sim.life import Genotype, Group, Life, Samples, Setup, Trial
+from epuckhebb.sim.compiling.kernel import compiled
+from epuckhebb.sim.life import Group, Life, Setup, Trial, life_of
 from epuckhebb.sim.maze import Region
-from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, forward_pass
-from epuckhebb.sim.own_fitness import Fitness, score_of
-from epuckhebb.sim.physics.pymunk import PYMUNK, mover, mover_of_all
-from epuckhebb.sim.plasticity.rule import NoRule
-from epuckhebb.sim.plasticity.update import StepContext, effective_rate, modulation_of, update_of
-from epuckhebb.sim.random import normal_numbers
-from epuckhebb.sim.robot import EPUCK, STEP_S
-from epuckhebb.sim.senses import blinding, largest_distance_reading, senses
+from epuckhebb.sim.network import OUTPUTS
+from epuckhebb.sim.physics_engine import Handles, is_lost, pose
+from epuckhebb.sim.plasticity.update import StepContext, effective_rate
+from epuckhebb.sim.robot import STEP_S
+from epuckhebb.sim.samples import Samples
 from epuckhebb.sim.sensors import NO_ROBOTS, Goal
-from epuckhebb.sim.space import Handles, is_lost, pose
-from epuckhebb.sim.tasks.trial import ONE_TRIAL
-from epuckhebb.sim.wiring import Neurons
 
 OWN = int(fitness.Signal.fitness)
 CONTACT = 0.8  # a distance reading above this counts as contact, as in the published code
 
-# The parts of a lifetime, as the paper's robot without plasticity has them; `kernel_of` puts others in their place.
-WHEELS, HAS_RULE, HAS_TRIALS, HAS_SCORE = PAPER_NETWORK.wheels, False, False, False
-score = score_of(Fitness)
-sense, blind, nearest = senses(EPUCK, PYMUNK), blinding(EPUCK), largest_distance_reading(EPUCK)
-draw_noise, forward, move = normal_numbers(EPUCK.inputs), forward_pass(PAPER_NETWORK), mover(EPUCK)
-move_all = mover_of_all(EPUCK)
-learn, modulate = update_of(NoRule, PAPER_NETWORK), modulation_of(NoRule, PAPER_NETWORK)
-record_tilt = PYMUNK.record_tilt()
-correct, scale, open_gate, explore, compensate, resets = adaptation.hooks(adaptation.Parts(), EPUCK)
-apply_sensor_faults, turn_wheels = faults.hooks(EPUCK, more=False)
-reward_input, to_goal, end_step = ONE_TRIAL.hooks(EPUCK.inputs)
+# The parts of a lifetime; `epuckhebb.sim.lifetime_kernel` puts them here.
+_part: Any = None
+WHEELS, HAS_RULE, HAS_TRIALS, HAS_SCORE, resets = 0, False, False, False, False
+draw_noise = sense = apply_sensor_faults = blind = reward_input = correct = scale = _part  # sense
+forward = nearest = score = open_gate = modulate = learn = record_tilt = _part  # act, score, learn
+explore = compensate = turn_wheels = move = move_all = to_goal = end_step = _part  # move
 
 
 def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
     """Run the lifetime of the robot that stands in `space` until before step `until`. life: updated."""
-    tally, trial, gain = life.tally[0], setup.trial, setup.gain
+    tally, trial = life.tally[0], setup.trial
     x, y, heading = pose(space)
     tally.goal_distance = to_goal(trial, x, y)
 
@@ -56,7 +44,7 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
         left, right = decide(life, setup, space, NO_ROBOTS, x, y, heading, cos, sin, step)
 
         # Move.
-        left, right = turn_wheels(trial.faults, tally, life.past, left, right, gain, setup.key, step)
+        left, right = turn_wheels(trial.faults, tally, life.past, left, right, setup.gain, life.key, step)
         move(space, cos, sin, left, right)
         new_x, new_y, heading = pose(space)
         if settle(tally, trial, x, y, new_x, new_y, heading, step):
@@ -72,64 +60,37 @@ def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
             tally.goal_distance = to_goal(trial, x, y)
 
 
-def live_together(group: Group, life: Life, setup: Setup, space: Any, until: int) -> None:
+def live_group(group: Group, setup: Setup, space: Any, until: int) -> None:
     """Run the lifetimes of the robots of a space until before step `until`, or until one is lost. group: updated.
 
-    In a step all robots sense and decide, in their order, before any moves. life, setup: of any of them, for what all
-    share.
+    In a step all robots sense and decide, in their order, before any moves.
     """
-    motion, wheels, trial, gain = group.motion, group.wheels, setup.trial, setup.gain
+    lives, motion, wheels, trial = group.lives, group.motion, group.wheels, setup.trial
     robots, lost = motion.shape[0], False
-    for step in range(group.tally[0][0].step, until):
+    for step in range(lives.tally[0][0].step, until):
         for i in range(robots):
-            one = Life(
-                group.tally[i],
-                group.weights[i],
-                group.synapse_state[i],
-                group.activation[i],
-                life.adaptation,
-                life.trials,
-                group.score[i],
-                Neurons(group.neurons[i], group.parameters[i], life.neurons.numbers, life.neurons.step_s),
-                life.workspace,
-                group.past[i],
-            )
-            genotype = Genotype(
-                group.genes[i],
-                setup.genotype.synapse_state,
-                group.coefficients[i],
-                group.modulatory[i],
-                group.lengths[i],
-                group.signs[i],
-            )
-            own = Setup(
-                genotype,
-                setup.plasticity,
-                setup.nominal,
-                setup.lit,
-                trial,
-                setup.fitness,
-                gain,
-                setup.noise_level,
-                group.keys[i],
-                0,
-                setup.samples,
-            )
-            x, y, heading = motion[i, 0], motion[i, 1], motion[i, 2]
+            life, x, y, heading = life_of(group, i), motion[i, 0], motion[i, 1], motion[i, 2]
             cos, sin = math.cos(heading), math.sin(heading)
-            tally = one.tally[0]
+            tally = life.tally[0]
             tally.goal_distance = to_goal(trial, x, y)
-            left, right = decide(one, own, space, motion, x, y, heading, cos, sin, step)
-            left, right = turn_wheels(trial.faults, tally, one.past, left, right, gain, own.key, step)
+            left, right = decide(life, setup, space, motion, x, y, heading, cos, sin, step)
+            left, right = turn_wheels(trial.faults, tally, life.past, left, right, setup.gain, life.key, step)
             wheels[i, 0], wheels[i, 1], wheels[i, 2], wheels[i, 3] = left, right, cos, sin
             group.before[i, 0], group.before[i, 1] = x, y
         move_all(space, motion, wheels)
         for i in range(robots):
             x, y = group.before[i, 0], group.before[i, 1]
-            tally = group.tally[i][0]
+            tally = lives.tally[i][0]
             lost = settle(tally, trial, x, y, motion[i, 0], motion[i, 1], motion[i, 2], step) or lost
         if lost:
             break
+
+
+def look(life: Life, setup: Setup, space: Handles, readings: Floats) -> None:
+    """Fill the inputs that the next step will have: its noise is numbered, so it is the same then."""
+    x, y, heading = pose(space)
+    life.tally[0].goal_distance = to_goal(setup.trial, x, y)
+    perceive(life, setup, space, NO_ROBOTS, x, y, math.cos(heading), math.sin(heading), life.tally[0].step, readings)
 
 
 def settle(tally: Any, trial: Trial, x: float, y: float, new_x: float, new_y: float, heading: float, step: int) -> bool:
@@ -143,6 +104,30 @@ def settle(tally: Any, trial: Trial, x: float, y: float, new_x: float, new_y: fl
     if math.isnan(tally.time_to_goal) and tally.goal_distance < trial.goal_radius:
         tally.time_to_goal = (step + 1) * STEP_S
     return False
+
+
+def perceive(
+    life: Life,
+    setup: Setup,
+    space: Handles,
+    robots: Floats,
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    step: int,
+    readings: Floats,
+) -> None:
+    """Fill the inputs of the network, as sensors and task give them: with noise and faults, without corrections."""
+    tally, trial, noise = life.tally[0], setup.trial, life.workspace.noise
+    if setup.noise_level > 0.0:
+        draw_noise(life.key, step, noise)
+    goal = Goal(trial.goal_x, trial.goal_y, tally.goal_distance)
+    workspace = life.workspace.senses
+    sense(x, y, cos, sin, space, setup.lit, noise, setup.noise_level, workspace, readings, goal, robots)
+    apply_sensor_faults(readings, trial.faults, life.past, step)
+    blind(readings, trial.faults.dead_sensors)
+    reward_input(readings, tally.reward)
 
 
 def decide(
@@ -163,20 +148,13 @@ def decide(
     share it, as `epuckhebb.sim.sensors.Surroundings` has them.
     """
     tally, weights, activation, workspace = life.tally[0], life.weights, life.activation, life.workspace
-    genotype, plasticity, trial = setup.genotype, setup.plasticity, setup.trial
+    genotype, plasticity, trial = life.genotype, setup.plasticity, setup.trial
     corrections = life.adaptation.corrections
 
     # Sense.
-    if setup.noise_level > 0.0:
-        draw_noise(setup.key, step, workspace.noise)
-    goal = Goal(trial.goal_x, trial.goal_y, tally.goal_distance)
-    noise, noise_level = workspace.noise, setup.noise_level
-    sense(x, y, cos, sin, space, setup.lit, noise, noise_level, workspace.senses, activation, goal, robots)
-    apply_sensor_faults(activation, trial.faults, life.past, step)
-    blind(activation, trial.faults.dead_sensors)
+    perceive(life, setup, space, robots, x, y, cos, sin, step, activation)
     correct(activation, corrections, life.adaptation.correcting)
     scale(activation, weights, tally, life.adaptation.homeostasis, setup.nominal, step)
-    reward_input(activation, tally.reward)
 
     # Act.
     forward(weights, activation, workspace.drive, life.neurons)
@@ -215,10 +193,10 @@ def decide(
 
     # Learn.
     need = open_gate(
-        plasticity.gate, tally, life.adaptation, activation, live_fitness, setup.nominal, trial, step, setup.key
+        plasticity.gate, tally, life.adaptation, activation, live_fitness, setup.nominal, trial, step, life.key
     )
     if resets and tally.need > 0.0 and need == 0.0:
-        reset_to_genes(life, genotype)
+        reset_to_genes(life)
     tally.need = need
     rate = effective_rate(plasticity.rate, need, live_fitness, plasticity.floor)
     if HAS_RULE and plasticity.rate > 0.0 and need > 0.0:
@@ -230,7 +208,7 @@ def decide(
             genotype.coefficients,
             activation,
             rate,
-            StepContext(live_fitness, setup.key, step),
+            StepContext(live_fitness, life.key, step),
             genotype.lengths,
             genotype.signs,
             plasticity.numbers,
@@ -256,11 +234,11 @@ def is_in(region: Region, x: float, y: float) -> bool:
 
 
 @compiled
-def reset_to_genes(life: Life, genotype: Genotype) -> None:
+def reset_to_genes(life: Life) -> None:
     """Reset the weights to the genes, and each synapse to its initial state."""
     for k in range(life.weights.shape[0]):
-        life.weights[k] = genotype.weights[k]
-        life.synapse_state[k] = genotype.synapse_state[k]
+        life.weights[k] = life.genotype.weights[k]
+        life.synapse_state[k] = life.genotype.synapse_state[k]
     life.tally[0].weight_change = 0.0
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.ranges import check_range
 
 SUN_X, SUN_Y = 0.465, 0.427  # horizontal part of the unit vector towards the sun; the sensors look level

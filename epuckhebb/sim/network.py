@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled, in_turn
-from epuckhebb.sim.vectors import WIDTH, alike, plus, read, times, whole, write
-from epuckhebb.sim.wired_pass import blocks_of, wired_pass
+from epuckhebb.sim.compiling.kernel import compiled, in_turn
+from epuckhebb.sim.compiling.simd import WIDTH, alike, plus, read, times, whole, write
+from epuckhebb.sim.forward_pass import blocks_of, wired_pass
 from epuckhebb.sim.wiring import MOST_SYNAPSES, Neurons, Wiring
 
 WEIGHT_LIMIT = 2.0  # weights are loaded clipped to +-2, the bound of plasticity in the paper

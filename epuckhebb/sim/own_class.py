@@ -8,7 +8,7 @@ from enum import Enum
 from itertools import pairwise
 from typing import Any
 
-from epuckhebb.sim.digest import random_generator
+from epuckhebb.sim.compiling.code_digest import random_generator
 
 
 def number_settings(kind: type) -> tuple[str, ...]:

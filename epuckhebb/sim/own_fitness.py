@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim import own_class
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled, in_module
+from epuckhebb.sim.compiling.kernel import compiled, in_module
 from epuckhebb.sim.robot import STEP_S
 
 PAPER = "paper"
@@ -83,7 +83,7 @@ class Fitness:
         mean             of what `step` gave; state: as the last step left it (both only with `step`)
         paper            the fitness that the task has by itself
         success, time_to_goal, path_length, final_distance, behaviour, reward, contact_fraction, weight_change_mean,
-        steps            as in `epuckhebb.sim.life.Outcome`
+        steps            as in `epuckhebb.sim.outcome.Outcome`
         x, y             m, where the robot is at the end
         trials           of a task with many trials
         by               the settings

@@ -10,7 +10,7 @@ import numpy as np
 
 from epuckhebb.sim import own_class
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled, in_module
+from epuckhebb.sim.compiling.kernel import compiled, in_module
 from epuckhebb.sim.light import Lamp, lights
 from epuckhebb.sim.sensors import NO_ROBOTS, Goal, Kernels, SensorGroup, Surroundings, nothing
 

@@ -12,7 +12,7 @@ from statistics import NormalDist
 import numpy as np
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 
 
 class Stream(IntEnum):

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.by_hand import check_numbers, check_placed, check_put, check_values
+from epuckhebb.sim.changes import check_numbers, check_placed, check_put, check_values
 from epuckhebb.sim.faults import LONGEST_DELAY
 from epuckhebb.sim.goal_signal import GoalSignal
 from epuckhebb.sim.light import Lamp
 from epuckhebb.sim.maze import SIDES, T_MAZE, Box, Maze, Place, Pose, Side, boxes, edges
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness
 from epuckhebb.sim.physics.pymunk import PYMUNK
+from epuckhebb.sim.physics_engine import Physics
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.reachable import check_reachable
 from epuckhebb.sim.robot import EPUCK, STEP_S, Robot
 from epuckhebb.sim.sensors import InputGroup
-from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 

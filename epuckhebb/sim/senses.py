@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.light import Lights
+from epuckhebb.sim.physics_engine import Handles, Physics
 from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.sensors import NO_GOAL, NO_ROBOTS, Goal, Place, RimSensors, Surroundings
-from epuckhebb.sim.space import Handles, Physics
 
 Sense = Callable[..., None]
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from epuckhebb.sim import light
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.ranges import check_range
 
 

@@ -1,6 +1,6 @@
 """A lifetime in progress, run any number of steps at a time; at its end, its outcome: success and all other metrics.
 
-A lifetime that is run in pieces is bit-identical to the same lifetime run at once. `epuckhebb.sim.block` runs whole
+A lifetime that is run in pieces is bit-identical to the same lifetime run at once. `epuckhebb.sim.batch` runs whole
 lifetimes; with `Session` one can watch a robot, or change its world, between two steps.
 """
 
@@ -18,26 +18,26 @@ from epuckhebb.sim.adaptation.change_signal import NominalOfSide, check_nominal
 from epuckhebb.sim.adaptation.homeostasis import check_patterns
 from epuckhebb.sim.adaptation.self_check.corrections import Corrections, check_corrections
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compile_error
+from epuckhebb.sim.compiling.errors import NotCompiledError, explained
+from epuckhebb.sim.compiling.kernel import compile_error
 from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.forward_pass import neuron_of
 from epuckhebb.sim.genome import NEURON, WEIGHTS
 from epuckhebb.sim.life import (
     TALLY,
     CalibrationRecord,
     Genotype,
+    Life,
     Lifetime,
-    Outcome,
-    OutcomeOfTrials,
     Setup,
     count_calibration,
-    empty_samples,
     initial_life,
     pad_samples,
 )
-from epuckhebb.sim.look import look_kernel
+from epuckhebb.sim.lifetime import look, reset_to_genes
 from epuckhebb.sim.maze import Pose, Side
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, initial_weights_of
-from epuckhebb.sim.not_compiled import NotCompiledError, explained
+from epuckhebb.sim.outcome import Outcome, OutcomeOfTrials
 from epuckhebb.sim.own_fitness import FitnessError, example_arguments, facts_of, score_of
 from epuckhebb.sim.own_sensor import Sensor, own_sensors
 from epuckhebb.sim.plasticity.rule import (
@@ -50,9 +50,9 @@ from epuckhebb.sim.plasticity.rule import (
 from epuckhebb.sim.plasticity.update import initial_lengths
 from epuckhebb.sim.plasticity.weight_change import saturated_fraction
 from epuckhebb.sim.random import Stream, rng
+from epuckhebb.sim.samples import empty_samples
 from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.stage import Kind, Phase, Stage, have_more_faults, lights_of, trial_of
-from epuckhebb.sim.wired_pass import neuron_of
+from epuckhebb.sim.simulator import Kind, Phase, Simulator, have_more_faults, lights_of, trial_of
 from epuckhebb.sim.wiring import NO_NEURONS, WiringError
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
@@ -96,7 +96,7 @@ class Session:
     individual, lifetime: as given. world: the present scenario. life, genotype: the present state, and what it started
     with. setup: what holds in that world. samples: what is recorded, of length 0 where nothing is.
 
-    stage: shared by lifetimes that run one after the other; without it, any number of sessions may be in progress.
+    simulator: shared by lifetimes that run one after the other; without it, any number of sessions may be in progress.
     most_samples: how many are kept, the last ones; None for all. Sample n is in place n modulo this number.
 
     Raises:
@@ -109,22 +109,24 @@ class Session:
         world: Scenario,
         lifetime: Lifetime | None = None,
         *,
-        stage: Stage | None = None,
+        simulator: Simulator | None = None,
         most_samples: int | None = None,
     ) -> None:
         self.individual, self.lifetime = individual, Lifetime() if lifetime is None else lifetime
-        self._stage = stage = Stage(world, self.lifetime) if stage is None else stage
-        self._phases = list(stage.phases)
-        self._kind = kind = stage.kind_of(individual.controller, individual.network, stage.more_faults)
+        self._simulator = simulator = Simulator(world, self.lifetime) if simulator is None else simulator
+        self._phases = list(simulator.phases)
+        self._more_faults = simulator.more_faults
+        self._kind = kind = simulator.kind_of(individual.controller, individual.network, self._more_faults)
         self._first = first = self._phases[0].scenario
-        self.genotype = _genotype_of(individual, kind, first, self.lifetime.gain_rad_s)
+        genotype = _genotype_of(individual, kind, first, self.lifetime.gain_rad_s)
         self._record_every = self.lifetime.record_every if individual.record else 0
         adaptation = kind.unused
         if adaptation is None or individual.corrections is not None:
             adaptation = initial_adaptation_state(first.robot, individual.corrections)
         trials = first.task.initial_trials(individual.side, individual.task_key)
         self.life = initial_life(
-            self.genotype, individual.network, first.robot, kind.workspace, adaptation, trials, world.fitness
+            *(genotype, individual.key, individual.network, first.robot, kind.workspace, adaptation, trials),
+            world.fitness,
         )
         self._tally = self.life.tally[0]  # a view of the record
         self.samples = kind.no_samples
@@ -138,7 +140,7 @@ class Session:
             )
         self._history = individual.controller.rule.history
         if individual.after is not None:
-            before = Session(individual.after, world, self.lifetime, stage=stage)
+            before = Session(individual.after, world, self.lifetime, simulator=simulator)
             before.step(self.lifetime.steps)
             self._history = before.history
         self._start = first.maze.start if individual.start is None else individual.start
@@ -202,9 +204,9 @@ class Session:
                 raise ValueError(
                     f"a world may change during a lifetime, its {kind} may not: got {new.name} for {old.name}"
                 )
-        self._phases = self._stage.phases_of(world, self.steps, self._phase)
-        who, more_faults = self.individual, have_more_faults(self._phases)
-        live = self._stage.kind_of(who.controller, who.network, more_faults).live
+        self._phases = self._simulator.phases_of(world, self.steps, self._phase)
+        who, self._more_faults = self.individual, have_more_faults(self._phases)
+        live = self._simulator.kind_of(who.controller, who.network, self._more_faults).live
         if live is not self._kind.live:  # a kernel without delays has kept no readings: those before count as the last
             self.life.past[:] = np.append(self.life.activation[: world.robot.inputs], self.life.activation[-OUTPUTS:])
         self._kind = self._kind._replace(live=live)
@@ -215,8 +217,9 @@ class Session:
         self._enter_due()
         self._move_to_new_walls()
         readings = np.zeros(self.individual.network.inputs)
-        look = look_kernel(self.world.robot, self.world.task, self.world.physics)
-        look(self.life, self.setup, self._space.handles, readings)
+        who = self.individual
+        kernel = self._simulator.kernel(look, who.controller, who.network, self._more_faults)
+        kernel(self.life, self.setup, self._space.handles, readings)
         return readings
 
     def outcome(self, pose: Pose | None = None) -> Outcome:
@@ -246,10 +249,9 @@ class Session:
         own = world.fitness.of_lifetime(facts_of(outcome), self.life.score)
         return outcome.with_fitness(own)
 
-    def share(self, **arrays: Any) -> None:
-        """Carry on in these arrays, of the names of `Life`: those of robots in one space lie behind one another."""
-        self.life = self.life._replace(**arrays)
-        self._tally = self.life.tally[0]
+    def carry_on(self, life: Life) -> None:
+        """Carry on in these arrays: those of robots in one space lie behind one another."""
+        self.life, self._tally = life, life.tally[0]
 
     def _read_tally(self) -> Any:
         return _Tally._make(self._tally.item())
@@ -277,10 +279,8 @@ class Session:
             self._space = phase.space  # there is room for it among the new walls
             self._space.place_robot(self.world.put)
         if self.world.reset:
-            self.life.weights[:], self.life.synapse_state[:] = self.genotype.weights, self.genotype.synapse_state
-            self._tally["weight_change"] = 0.0
+            reset_to_genes(self.life)
         self.setup = Setup(
-            self.genotype,
             kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate), history=self._history),
             kind.nominal if individual.nominal is None else individual.nominal,
             lights_of(self.world, lamp_on=lamp_on),
@@ -288,7 +288,6 @@ class Session:
             self.world.fitness.numbers(),
             float(lifetime.gain_rad_s),
             float(lifetime.noise),
-            individual.key,
             self._record_every,
             self.samples,
         )

@@ -1,7 +1,7 @@
 """A wiring: which neurons synapses join, what a neuron stores, what of it evolves, and how it responds.
 
-Layers of tanh neurons, the paper's network, have no wiring (`epuckhebb.sim.network`). `epuckhebb.sim.wired_pass` makes
-machine code of one.
+Layers of tanh neurons, the paper's network, have no wiring (`epuckhebb.sim.network`). `epuckhebb.sim.forward_pass`
+makes machine code of one.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

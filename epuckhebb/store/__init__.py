@@ -1,10 +1,12 @@
 """Run folders on disk: claim them, write files atomically, verify, find and read them; the formats of their files.
 
 It knows the science whose results it keeps, and no configuration. `Run` reads a folder, `RunFolder` writes one. Others
-import what is below, and the modules `provenance` and `checkpoint`.
+import the names below.
 What cannot be read, written or used raises `ConfigError`, and its message names the file or the key.
 """
 
+from epuckhebb.store import provenance
+from epuckhebb.store.checkpoint import Checkpoint
 from epuckhebb.store.disk import CHAMPION, CHECKPOINT, CONFIG, SCHEMA, as_json, write_atomic
 from epuckhebb.store.folder import (
     UNFINISHED,
@@ -17,33 +19,3 @@ from epuckhebb.store.folder import (
 from epuckhebb.store.genome import Genome, champion_file, check_wiring, checked_genes, is_bundled, load_genome
 from epuckhebb.store.run import Run, below_runs, of_multirun, read_table, resolve_run
 from epuckhebb.store.traces import read_findings, read_traces, traces_arrays, traces_file
-
-__all__ = [
-    "CHAMPION",
-    "CHECKPOINT",
-    "CONFIG",
-    "SCHEMA",
-    "UNFINISHED",
-    "Genome",
-    "OwnFile",
-    "Run",
-    "RunFolder",
-    "as_bytes",
-    "as_json",
-    "below_runs",
-    "champion_file",
-    "check_folder_of_multirun",
-    "check_wiring",
-    "checked_genes",
-    "is_bundled",
-    "load_genome",
-    "of_multirun",
-    "read_findings",
-    "read_table",
-    "read_traces",
-    "resolve_run",
-    "set_aside",
-    "traces_arrays",
-    "traces_file",
-    "write_atomic",
-]

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.evolution.search import Results, Search
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime import ConfigError
 from epuckhebb.store.disk import CHECKPOINT
 from epuckhebb.store.npz import Arrays, one_error
 from epuckhebb.store.run import Run, read_table
@@ -33,6 +32,8 @@ class Checkpoint:
     @classmethod
     def following(cls, before: "Checkpoint | None", generation: Generation) -> "Checkpoint":
         """The checkpoint after one more generation."""
+        import pandas as pd  # takes a while to load
+
         row = pd.DataFrame([history_row(generation)])
         written = before.history if before else ""
         return cls(generation, written + row.to_csv(index=False, header=not written))

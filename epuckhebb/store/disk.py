@@ -9,7 +9,7 @@ from typing import Any
 
 from filelock import BaseFileLock, FileLock, Timeout
 
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime import ConfigError
 
 CHAMPION, CHECKPOINT, TRACES = "champion.npz", "checkpoint.npz", "traces.npz"
 SCHEMA = 2  # of provenance.json and status.json

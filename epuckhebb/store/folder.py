@@ -22,9 +22,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Union
 import yaml
 from filelock import BaseFileLock
 
-from epuckhebb.runtime import errors
-from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.runtime.progress import say
+from epuckhebb.runtime import ConfigError, JobFailedError, is_interruption, open_folders, say
 from epuckhebb.store import disk
 from epuckhebb.store.disk import CONFIG, LOCK, OVERRIDES, PROVENANCE, SCHEMA, STATUS, as_json, is_locked, release
 from epuckhebb.store.provenance import provenance
@@ -176,21 +174,21 @@ class RunFolder:
 
     def __enter__(self) -> "RunFolder":
         """The folder itself."""
-        errors.open_folders.append(self._interrupted)
+        open_folders.append(self._interrupted)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Write whether the work finished, was interrupted or failed; raise the error for the user."""
-        errors.open_folders.remove(self._interrupted)
+        open_folders.remove(self._interrupted)
         try:
             if error is None:
                 try:
                     self._write_status("failed" if self.failure else "finished", error=self.failure)
                 except OSError as full:
                     raise JobFailedError(f"{self.path / STATUS} cannot be written: {full.strerror}") from full
-            elif errors.is_interruption(error):
+            elif is_interruption(error):
                 raise KeyboardInterrupt(self._interrupted()) from None
             elif isinstance(error, Exception):
                 with suppress(OSError):  # on a full disk the error itself matters

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.resources import LATEST, REFERENCE, data_folder, path_of
+from epuckhebb.runtime import LATEST, REFERENCE, ConfigError, data_folder, path_of
 from epuckhebb.sim.adaptation.homeostasis import PATTERNS
 from epuckhebb.sim.adaptation.nominal import Nominal
 from epuckhebb.sim.adaptation.self_check.calibration import STEPS

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime import ConfigError
 
 MOST = 64 * 2**20  # bytes of an array whose size is not known otherwise; the weights of the largest network take 0.8 MB
 _KINDS = {"iu": "whole numbers", "f": "numbers", "fiu": "numbers", "U": "text", "fiuU": "numbers or text"}  # of dtypes

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from epuckhebb import __version__
-from epuckhebb.runtime import resources
+from epuckhebb.runtime import cores
 from epuckhebb.store.disk import SCHEMA
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -34,7 +34,7 @@ def provenance(command: str, arguments: list[str]) -> dict[str, Any]:
         "packages": versions(_PACKAGES),
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "cores": resources.cores(),
+        "cores": cores(),
     }
 
 

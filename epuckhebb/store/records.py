@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, NotRequired, TypedDict, TypeVar
 
 import msgspec
 
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.runtime import ConfigError
 from epuckhebb.store.columns import NUMBER, NUMBER_OR_EMPTY, TEXT_OR_EMPTY, Columns
 
 if TYPE_CHECKING:

@@ -6,8 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.resources import LATEST
+from epuckhebb.runtime import LATEST, ConfigError
 from epuckhebb.store import columns
 from epuckhebb.store.disk import CHAMPION, CONFIG, PROVENANCE, SCHEMA, STATUS, bytes_of, is_locked
 from epuckhebb.store.records import Cost, JobFile, ListOfJobs, Provenance, Status, checked_table, record

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.life import Samples, empty_samples
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.sim.samples import Samples, empty_samples
 from epuckhebb.store.disk import TRACES
 from epuckhebb.store.genome import checked_genes, network_from, wiring_arrays
 from epuckhebb.store.npz import Arrays, compressed, one_error

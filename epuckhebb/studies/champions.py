@@ -14,14 +14,19 @@ from typing import Any
 import pandas as pd
 
 from epuckhebb.analysis.evaluate import Rows
-from epuckhebb.config import compose, plugins
-from epuckhebb.config.build import check_library
-from epuckhebb.config.names import world_of
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, Plain, dump
-from epuckhebb.config.stored import from_values
-from epuckhebb.runs import evaluate, evolve, hydra
-from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.runtime.resources import data_folder
+from epuckhebb.config import (
+    EvaluateConfig,
+    EvolveConfig,
+    Plain,
+    check_library,
+    dump,
+    from_values,
+    load,
+    plugins,
+    world_of,
+)
+from epuckhebb.runs import evolve_into, hydra, new_evolution, prepare_evaluation, prepare_evolution
+from epuckhebb.runtime import ConfigError, JobFailedError, data_folder
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.store import RunFolder, as_json, provenance, write_atomic
@@ -82,7 +87,7 @@ def world_named(name: str, config_dir: str | None) -> Scenario:
 @functools.cache
 def in_training_world(world: str, task: tuple[str, ...] = (), config_dir: str | None = None) -> EvaluateConfig:
     """An evaluation of genes alone in the training world."""
-    return compose.load(EvaluateConfig, evaluation_in(world, *task, "hebbian=none"), config_dir)
+    return load(EvaluateConfig, evaluation_in(world, *task, "hebbian=none"), config_dir)
 
 
 def evaluation_in(world: str, *words: str) -> list[str]:
@@ -115,11 +120,11 @@ def _work(path: Path, job: Plain, facts: dict[str, Any]) -> None:
         _test(path, from_values(values, EvaluateConfig, f"job {path}"), wanted, job["overrides"], facts)
         return
     config = from_values(values, EvolveConfig, f"job {path}")
-    prepared = evolve.prepare(config)
+    prepared = prepare_evolution(config)
     prepared.compile()
-    run = evolve.new_run(path, config, job["overrides"], facts)
+    run = new_evolution(path, config, job["overrides"], facts)
     began = time.process_time()
-    evolve.evolve_into(run, prepared, None, threads=hydra.threads_of_job(config.threads), quiet=True)
+    evolve_into(run, prepared, None, threads=hydra.threads_of_job(config.threads), quiet=True)
     write_atomic(path / COST, _cost_since(began))
 
 
@@ -129,7 +134,7 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
         from epuckhebb.analysis import reproduction  # matplotlib takes a while to load
 
         config.controllers = reproduction.controllers(job["experiment"], job["rates"], Signal[job["signal"]])
-    prepared, threads = evaluate.prepare(config), hydra.threads_of_job(config.threads)
+    prepared, threads = prepare_evaluation(config), hydra.threads_of_job(config.threads)
     genome = prepared.genome
     prepared = replace(prepared, genome=replace(genome, name=job.get("name", genome.name)))
     prepared.compile()

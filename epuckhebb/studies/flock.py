@@ -14,14 +14,9 @@ import pandas as pd
 
 from epuckhebb.analysis import flock as tables
 from epuckhebb.analysis import flock_replay
-from epuckhebb.config import plugins
-from epuckhebb.config.compose import load
-from epuckhebb.config.flock import Row, shorter
-from epuckhebb.config.schema import FlockConfig, Plain, dump
-from epuckhebb.config.stored import from_values, settings
+from epuckhebb.config import FlockConfig, Plain, Row, dump, from_values, load, plugins, settings, shorter
 from epuckhebb.runs import hydra
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.resources import thread_count
+from epuckhebb.runtime import ConfigError, thread_count
 from epuckhebb.sim.coupling import CouplingError
 from epuckhebb.sim.flock import CHANGE_S, Flock, Record, run
 from epuckhebb.store import Run, RunFolder, provenance

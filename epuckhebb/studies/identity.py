@@ -3,14 +3,10 @@
 from collections.abc import Callable, Sequence
 from functools import cache
 
-from epuckhebb.config import plugins
-from epuckhebb.config.build import check_counts
-from epuckhebb.config.schema import EvaluateConfig, Plain
-from epuckhebb.config.stored import from_values
-from epuckhebb.runs.evaluate import prepare
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.config import EvaluateConfig, Plain, check_counts, from_values, plugins
+from epuckhebb.runs import prepare_evaluation
+from epuckhebb.runtime import ConfigError
 from epuckhebb.store import load_genome, provenance
-from epuckhebb.store.provenance import digest
 from epuckhebb.studies.jobs import NO_EFFECT
 
 _APART = ("seed", "repeats", "threads")  # keys that are checked by `check_counts` alone
@@ -18,7 +14,7 @@ _APART = ("seed", "repeats", "threads")  # keys that are checked by `check_count
 
 def settings(config: Plain) -> str:
     """A digest of a configuration without the keys on which no result depends."""
-    return digest(_without(config, NO_EFFECT))
+    return provenance.digest(_without(config, NO_EFFECT))
 
 
 def _without(config: Plain, keys: Sequence[str]) -> Plain:
@@ -52,14 +48,14 @@ class Identities:
         shared = self.validate_shared(config)
         if (shared, config["genome"]) not in self._more:
             self._more[shared, config["genome"]] = self._depends_on(config, self._shared[shared])
-        return f"job_{digest([settings(config), self._more[shared, config['genome']]])[:12]}"
+        return f"job_{provenance.digest([settings(config), self._more[shared, config['genome']]])[:12]}"
 
     def validate_shared(self, config: Plain, load: Callable[[], EvaluateConfig] | None = None) -> str:
         """Check, once, what many configurations share with this one; returns a digest of that.
 
         load: a quicker way to the checked configuration, if there is one.
         """
-        shared = digest(_without(config, (*_APART, "genome")))
+        shared = provenance.digest(_without(config, (*_APART, "genome")))
         if shared not in self._shared:
             self._shared[shared] = load() if load else from_values(config, EvaluateConfig, "a job")
         return shared
@@ -67,7 +63,7 @@ class Identities:
     def _depends_on(self, config: Plain, shared: EvaluateConfig) -> Plain:
         """What the results of a configuration depend on besides its settings."""
         genome = self._load_genome(config["genome"], shared.world.experiment, shared.shape)
-        prepare(shared, genome)
+        prepare_evaluation(shared, genome)
         adaptations = [controller.adaptation for controller in shared.controllers]
         return {
             "genome": genome.sha256,

@@ -17,11 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from epuckhebb.config import overrides
-from epuckhebb.config.schema import Checked, Plain, dump
+from epuckhebb.config import SWEEP_DIR, Checked, Plain, check_folders, dump, quoted, value_of
 from epuckhebb.runs import hydra
-from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.runtime.progress import counting, say
+from epuckhebb.runtime import ConfigError, JobFailedError, counting, say
 from epuckhebb.store import SCHEMA, UNFINISHED, OwnFile, Run, RunFolder, as_json, set_aside, write_atomic
 
 NO_EFFECT = ("threads", "figures")  # keys on which no result depends
@@ -118,7 +116,7 @@ def split(command: str, arguments: Sequence[str]) -> tuple[list[str], list[str]]
             raise ConfigError(
                 f"{argument}: `{command}` lists its jobs itself, and another sweeper has no use there; leave it out"
             )
-    overrides.check_folders(hydras)
+    check_folders(hydras)
     return [argument for argument in arguments if argument not in hydras], hydras
 
 
@@ -127,8 +125,8 @@ def folder_and_launcher(hydras: Sequence[str], usual: Path, jobs: int) -> tuple[
 
     jobs: how many there are. One takes all cores in this process, unless a launcher is named; more run beside another.
     """
-    named = [overrides.value_of(argument) for argument in hydras if argument.startswith(overrides.SWEEP_DIR)]
-    launcher = [argument for argument in hydras if not argument.startswith(overrides.SWEEP_DIR)]
+    named = [value_of(argument) for argument in hydras if argument.startswith(SWEEP_DIR)]
+    launcher = [argument for argument in hydras if not argument.startswith(SWEEP_DIR)]
     if not any(argument.startswith("hydra/launcher=") for argument in launcher):
         launcher.insert(0, f"hydra/launcher={'joblib' if jobs > 1 else 'basic'}")
     return Path(named[-1]) if named else usual, launcher
@@ -276,7 +274,7 @@ def _arguments(folder: Path, missing: Sequence[Job], launcher: list[str], stamp:
     return [
         f"job={','.join(job.run for job in missing)}",
         *launcher,
-        f"hydra.sweep.dir={overrides.quoted(str(folder.absolute()))}",  # a worker may have been started elsewhere
+        f"hydra.sweep.dir={quoted(str(folder.absolute()))}",  # a worker may have been started elsewhere
         f'hydra.sweep.subdir="{UNFINISHED}/{stamp}_${{hydra.job.num}}"',
         "--multirun",
     ]

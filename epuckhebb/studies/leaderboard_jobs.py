@@ -8,13 +8,23 @@ from dataclasses import dataclass, replace
 
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis.leaderboard import EVOLVED, PLAIN, POST_HOC, Row
-from epuckhebb.config import compose, plugins
-from epuckhebb.config.build import check_wheel_gain, network_for
-from epuckhebb.config.methods import REVERSAL_TASK, Method, typed_as
-from epuckhebb.config.overrides import alternatives
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, LeaderboardConfig, Plain
-from epuckhebb.runs import evaluate, evolve
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.config import (
+    REVERSAL_TASK,
+    EvaluateConfig,
+    EvolveConfig,
+    LeaderboardConfig,
+    Method,
+    Plain,
+    alternatives,
+    check_wheel_gain,
+    load,
+    network_for,
+    plugins,
+    swept_values,
+    typed_as,
+)
+from epuckhebb.runs import compile_for, prepare_evolution
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
 from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.rule import NoRule
@@ -45,7 +55,7 @@ class Entry:
 @functools.cache
 def _swept(name: str, config_dir: str | None) -> tuple[str, ...]:
     """The worlds of a named sweep."""
-    params = compose.swept([f"experiment={name}"], config_dir)
+    params = swept_values([f"experiment={name}"], config_dir)
     if "scenario" not in params:
         raise ConfigError(f"tests={name}: this sweep of conf/experiment/ names no scenarios in hydra.sweeper.params")
     swept = alternatives([f"{key}={params[key]}" for key in ("scenario", "change") if key in params])
@@ -97,7 +107,7 @@ class Planner:
         if method.evolve:
             world = [] if "scenario" in method.evolve else [f"scenario={self._training_world}"]
             given = ["genome=given"] if method.champions_of else []
-            config = compose.load(EvolveConfig, [*world, *method.overrides("evolve"), *given], self._config_dir)
+            config = load(EvolveConfig, [*world, *method.overrides("evolve"), *given], self._config_dir)
             self._check(config)
             settings = config.values
             champions = {seed: self._evolution(method, settings, over, seed) for seed in self._seeds}
@@ -141,7 +151,7 @@ class Planner:
                     f"(tests={','.join(self._config.tests)}): champions must not be trained in it. Train "
                     "it elsewhere, or leave these tests out"
                 )
-        prepared = evolve.prepare(config, has_genome=False)
+        prepared = prepare_evolution(config, has_genome=False)
         if plugins.own_files(config.values):
             prepared.compile()
 
@@ -150,14 +160,14 @@ class Planner:
         evolved = over.config.values if over and over.config else {}
         parts = {f"{group}.{key}": value for group in _PARTS for key, value in evolved.get(group, {}).items()}
         words = evaluation_in(self._training_world, *typed_as(parts), *method.overrides("evaluate"))
-        config = compose.load(EvaluateConfig, words, self._config_dir)
+        config = load(EvaluateConfig, words, self._config_dir)
         for name, world in self._tests.items():
             try:
                 check_wheel_gain(replace(config.lifetime, duration_s=world.paper_duration_s), world)
             except ValueError as error:
                 raise ConfigError(f"{name}: {error}") from error
         if plugins.own_files(config.values):
-            evaluate.compile_for(config.controllers, network_for(config.world, config.shape), config.world)
+            compile_for(config.controllers, network_for(config.world, config.shape), config.world)
         return dict(config.values)
 
     def _evolution(self, method: Method, config: Plain, over: Entry | None, seed: int) -> Job:

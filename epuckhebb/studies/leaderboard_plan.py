@@ -4,11 +4,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from epuckhebb.config import compose, overrides, plugins
-from epuckhebb.config import methods as known_methods
-from epuckhebb.config.methods import ALL, RULE_GROUPS, TRAINING_GROUPS, Method, is_in_groups, methods_named
-from epuckhebb.config.schema import LeaderboardConfig
-from epuckhebb.runtime.errors import ConfigError
+from epuckhebb.config import (
+    ALL,
+    REVERSAL_TASK,
+    RULE_GROUPS,
+    TRAINING_GROUPS,
+    LeaderboardConfig,
+    Method,
+    check_config_dir,
+    is_in_groups,
+    load,
+    methods_named,
+    plugins,
+    quoted,
+)
+from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.store import provenance
 from epuckhebb.studies.champions import search_folders, worlds_digest
@@ -79,13 +89,13 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
         ConfigError: The experiment, a method, a key or a value cannot be used.
     """
     experiments = _experiments_named(experiment)
-    overrides.check_config_dir(config_dir)
+    check_config_dir(config_dir)
     typed_words = [experiment, *(["--quick"] if quick else []), *arguments]
     if config_dir is not None:
         typed_words += ["--config-dir", config_dir]
         config_dir = str(Path(config_dir).absolute())
     own, of_hydra = split("leaderboard", arguments)
-    config = compose.load(LeaderboardConfig, [*(QUICK if quick else ()), *map(_as_list, own)], config_dir)
+    config = load(LeaderboardConfig, [*(QUICK if quick else ()), *map(_as_list, own)], config_dir)
     folders = search_folders(config_dir)
     all_tests = tests_of(config.tests, config_dir)
     tests = {one: all_tests.get(one, {}) for one in experiments}
@@ -122,7 +132,7 @@ def _as_list(argument: str) -> str:
     if not argument.startswith(_METHODS) or argument.startswith(f"{_METHODS}["):
         return argument
     names = argument.removeprefix(_METHODS).split(",")
-    return f"{_METHODS}[{','.join(overrides.quoted(name) for name in names if name)}]"
+    return f"{_METHODS}[{','.join(quoted(name) for name in names if name)}]"
 
 
 def in_reversal(methods: Sequence[Method], folders: Sequence[Path]) -> list[Method]:
@@ -132,14 +142,14 @@ def in_reversal(methods: Sequence[Method], folders: Sequence[Path]) -> list[Meth
     adaptation are left out.
     """
     (plain,) = methods_named([_PLAIN], folders)
-    found = [replace(plain, evolve={**known_methods.REVERSAL_TASK, **_REVERSAL_GA})]
+    found = [replace(plain, evolve={**REVERSAL_TASK, **_REVERSAL_GA})]
     for method in methods:
         if not all(is_in_groups(key, (*RULE_GROUPS, *TRAINING_GROUPS)) for key in {**method.evolve, **method.evaluate}):
             continue
         made = replace(
             method,
-            evolve={**known_methods.REVERSAL_TASK, **_REVERSAL_GA, **method.rule} if method.evolve else {},
-            evaluate={**known_methods.REVERSAL_TASK, **method.rule} if method.evaluate else {},
+            evolve={**REVERSAL_TASK, **_REVERSAL_GA, **method.rule} if method.evolve else {},
+            evaluate={**REVERSAL_TASK, **method.rule} if method.evaluate else {},
             champions_of=_PLAIN if method.champions_of else "",
             matched_control="" if method.champions_of else _PLAIN,
         )

@@ -16,13 +16,9 @@ from epuckhebb.analysis import report, reproduction
 from epuckhebb.analysis.evaluate import memory_to_evaluate
 from epuckhebb.analysis.image import small
 from epuckhebb.analysis.tables import code
-from epuckhebb.config.compose import load
-from epuckhebb.config.parts import part_from
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, ReproduceConfig
-from epuckhebb.config.stored import from_values
-from epuckhebb.runs.evolve import prepare
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.resources import Need, data_folder, require
+from epuckhebb.config import EvaluateConfig, EvolveConfig, ReproduceConfig, from_values, load, part_from
+from epuckhebb.runs import prepare_evolution
+from epuckhebb.runtime import ConfigError, Need, data_folder, require
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.robot import EPUCK
@@ -101,7 +97,7 @@ def _planned(config: ReproduceConfig, experiment: str, given: Genome | None) -> 
         test = job_of([], testing | {"genome": config.genome}, **how, name=given.name, sha256=given.sha256)
         yield _Champion(experiment=experiment, name=given.name, evolution=None, test=test)
         return
-    prepare(from_values(evolving, EvolveConfig, "reproduce"))
+    prepare_evolution(from_values(evolving, EvolveConfig, "reproduce"))
     for seed in range(config.first_seed, config.first_seed + config.champions):
         name = f"{experiment}_seed{seed:03d}"
         evolution = job_of([f"scenario={training}", f"seed={seed}"], evolving | {"seed": seed})

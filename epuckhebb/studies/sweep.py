@@ -15,14 +15,9 @@ import pandas as pd
 
 from epuckhebb.analysis import rescue, summary
 from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather, repeated
-from epuckhebb.config import compose, words
-from epuckhebb.config.overrides import alternatives
-from epuckhebb.config.schema import EvaluateConfig, Plain
-from epuckhebb.config.stored import from_values
-from epuckhebb.runs import hydra
-from epuckhebb.runs.evaluate import evaluate_into
-from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.runtime.progress import say
+from epuckhebb.config import EvaluateConfig, Plain, alternatives, check_words, combinations, from_values, swept_values
+from epuckhebb.runs import evaluate_into, hydra
+from epuckhebb.runtime import ConfigError, say
 from epuckhebb.store import Run, RunFolder, as_bytes, provenance, read_table, write_atomic
 from epuckhebb.studies import identity
 from epuckhebb.studies.jobs import Job, Outcome, folder_and_launcher, launch, one_job, open_study, split
@@ -56,9 +51,9 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
         ConfigError: There is no such sweep, or a key, a value or the genome cannot be used.
     """
     own, of_hydra = split("sweep", arguments)
-    words.check_words("evaluate", arguments, config_dir, several=True)
+    check_words("evaluate", arguments, config_dir, several=True)
     named = [f"experiment={name}"]
-    params = compose.swept([*named, *of_hydra], config_dir)
+    params = swept_values([*named, *of_hydra], config_dir)
     if not params:
         raise ConfigError(f"experiment={name} has no hydra.sweeper.params: it is one job, for `epuckhebb evaluate`")
     swept = [f"{key}={values}" for key, values in params.items()]
@@ -66,7 +61,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     listed: dict[str, Job] = {}
     again: list[Job] = []
     identities = identity.Identities()
-    for overrides, config in compose.combinations("evaluate", named, choices, config_dir, identities.validate_shared):
+    for overrides, config in combinations("evaluate", named, choices, config_dir, identities.validate_shared):
         run = identities.of(config)
         job = Job(number=len(listed), overrides=[*named, *overrides], run=run, config=config)
         if listed.setdefault(run, job) is not job:

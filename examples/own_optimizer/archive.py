@@ -1,7 +1,7 @@
 """Draws the archive of a run by `my_optimizer.py` as a heat map, and takes a genome out of it.
 
-python archive.py RUN                                        # writes archive.png
-python archive.py RUN --lamp-on 0.36 --lamp-off -0.36        # and genome.npy, whose ends are nearest to these [m]
+python archive.py RUN                                        # writes RUN/archive.png
+python archive.py RUN --lamp-on 0.36 --lamp-off -0.36        # and RUN/genome.npy, whose ends are nearest to these [m]
 """
 
 import argparse
@@ -49,13 +49,13 @@ def main():
     given = words.parse_args()
     archive = pd.read_csv(given.run / "archive.csv", dtype=str).astype(float)  # to the last digit
     settings = yaml.safe_load((given.run / ".hydra" / "config.yaml").read_text())
-    draw(archive, settings["optimizer"]["cells"], "archive.png")
+    draw(archive, settings["optimizer"]["cells"], given.run / "archive.png")
     if given.lamp_on is not None and given.lamp_off is not None:
         distance = np.hypot(archive.measures_0 - given.lamp_on, archive.measures_1 - given.lamp_off)
         chosen = archive.loc[distance.idxmin()]
-        np.save("genome.npy", chosen.filter(like="solution").to_numpy(float))
+        np.save(given.run / "genome.npy", chosen.filter(like="solution").to_numpy(float))
         ends = f"{chosen.measures_0:.2f} with the lamp on, {chosen.measures_1:.2f} with the lamp off"
-        print(f"genome.npy: final x {ends}, fitness {chosen.objective:.3f}")
+        print(f"{given.run / 'genome.npy'}: final x {ends}, fitness {chosen.objective:.3f}")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from cases import call, contents, done
 from contract import half_written
 
 import epuckhebb
-from epuckhebb.config.conf import groups, keys_with_defaults
+from epuckhebb.runtime.conf import groups, keys_with_defaults
 from epuckhebb.runtime.errors import INTERRUPTED, JOB_FAILED, USAGE
 
 LINES = 500

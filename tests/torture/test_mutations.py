@@ -22,7 +22,7 @@ import yaml
 from cases import call, done
 
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.sim.compiled import kernel
+from epuckhebb.sim.compiling.kernel import kernel
 from epuckhebb.store import disk
 from epuckhebb.store.folder import RunFolder
 from epuckhebb.store.genome import load_genome

@@ -13,7 +13,7 @@ from playwright.sync_api import Error, expect
 
 from epuckhebb.live import world as live_world
 from epuckhebb.live.server import Play
-from epuckhebb.runs.rerun import rerun
+from epuckhebb.runs import repeat
 
 SCREENSHOTS = os.environ.get("EPUCKHEBB_SCREENSHOTS")  # a folder to look at them in
 WORDS = ["scenario=4obstacles", "hebbian.N=0.0005"]
@@ -306,7 +306,7 @@ def test_a_played_life_is_saved_and_repeats(play):
     page.locator("#save").click()
     expect(page.locator("#saved")).to_contain_text("the same to the last bit", timeout=60_000)
     run = Path(page.locator("#saved").text_content().partition(":")[0])
-    assert rerun(run)[1] == ""
+    assert repeat(run)[1] == ""
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     page.locator("#copy").click()
     expect(page.locator("#saved")).to_contain_text("Copied: epuckhebb evaluate scenario=4obstacles")
@@ -335,8 +335,7 @@ def test_the_end_of_a_life_is_told(browser, tmp_path, monkeypatch):
         expect(page.locator("#trouble")).to_contain_text("this life has ended")
 
 
-@pytest.mark.parametrize("width", [390, 768, 1280, 1920])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (768, "dark"), (1280, "light"), (1920, "dark")])
 def test_it_fits(play, width, scheme):
     page = play(viewport={"width": width, "height": 844}, color_scheme=scheme)
     assert page.evaluate("document.documentElement.scrollWidth") <= width

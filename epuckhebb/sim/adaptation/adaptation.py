@@ -28,7 +28,7 @@ from epuckhebb.sim.adaptation.self_check.corrections import (
 )
 from epuckhebb.sim.adaptation.wall_following import wall_following
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.goal_signal import initial_signal
 from epuckhebb.sim.network import HIDDEN
 from epuckhebb.sim.random import noise_workspace_size

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.robot import STEP_S
 
 RECENT_S = 5.0  # time constant of recent means

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.robot import STEP_S
 

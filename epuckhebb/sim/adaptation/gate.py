@@ -15,7 +15,7 @@ import numpy as np
 from epuckhebb.sim.adaptation import exploration
 from epuckhebb.sim.adaptation.change_signal import ChangeSignal, NominalOfSide, SignalContext, update_recent
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.goal_signal import goal_signal
 from epuckhebb.sim.robot import STEP_S
 

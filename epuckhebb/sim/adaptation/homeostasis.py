@@ -23,7 +23,7 @@ import numpy as np
 from epuckhebb.sim import light
 from epuckhebb.sim.adaptation.change_signal import RECENT_S, NominalOfSide
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.robot import STEP_S
 
 # Chosen on champions 1 to 20, in the known changed worlds:

@@ -16,12 +16,14 @@ from epuckhebb.sim.adaptation.change_signal import RECENT_S, NominalOfSide
 from epuckhebb.sim.adaptation.homeostasis import EVERY, lengths_of, light_patterns
 from epuckhebb.sim.adaptation.recognise.facts import measure_facts
 from epuckhebb.sim.adaptation.recognise.place import can_recognise
-from epuckhebb.sim.block import live_block
-from epuckhebb.sim.life import Lifetime, Outcome, Samples, sample_bytes
+from epuckhebb.sim.batch import run_lifetimes
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES, Place, Side
 from epuckhebb.sim.network import PAPER_NETWORK, Network
+from epuckhebb.sim.outcome import Outcome
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.robot import STEP_S
+from epuckhebb.sim.samples import Samples, sample_bytes
 from epuckhebb.sim.scenario import EXPERIMENTS, Scenario
 from epuckhebb.sim.session import Individual
 
@@ -146,7 +148,7 @@ def run_in_training_world(
         for k, side in enumerate(SIDES)
         for repeat in range(REPEATS)
     ]
-    recorded = live_block(individuals, scenario, lifetime, threads)
+    recorded = run_lifetimes(individuals, scenario, lifetime, threads)
     return [recorded[:REPEATS], recorded[REPEATS:]]
 
 

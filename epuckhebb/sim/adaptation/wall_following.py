@@ -10,7 +10,7 @@ The robot follows the wall that is nearer when it begins. This is a hand-written
 from collections.abc import Callable
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.robot import Robot
 
 SPEED_RAD_S = 5.0  # of the wheels

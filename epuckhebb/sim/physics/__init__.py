@@ -1,1 +1,1 @@
-"""The kinds of physics, one file each; `epuckhebb.sim.space` says what one must offer."""
+"""The kinds of physics, one file each; `epuckhebb.sim.physics_engine` says what one must offer."""

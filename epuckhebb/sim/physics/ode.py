@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim import libode, light
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.libode import (
     attach,
     collide,
@@ -33,10 +33,10 @@ from epuckhebb.sim.libode import (
     world_step,
 )
 from epuckhebb.sim.maze import Pose
+from epuckhebb.sim.physics_engine import Move, Physics, Space
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S, Robot, Solid
 from epuckhebb.sim.sensors import Kernels, LightSensors, SensorGroup, Surroundings
-from epuckhebb.sim.space import Move, Physics, Space
 
 _CONTACT = 31  # numbers in a record dContact; see libode's headers: mode, mu, ..., at 15 the geometry, at 23 its depth
 _MODE, _MU, _BOUNCE, _BOUNCE_SPEED, _ERP, _CFM, _GEOMETRY, _DEPTH = 0, 1, 6, 7, 8, 9, 15, 23

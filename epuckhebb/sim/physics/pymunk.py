@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 from pymunk._chipmunk_cffi import ffi, lib
 from pymunk.batch import BodyFields
 
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.maze import Pose
+from epuckhebb.sim.physics_engine import Move, Physics, Space
 from epuckhebb.sim.robot import STEP_S, Robot
-from epuckhebb.sim.space import Move, Physics, Space
 
 COLLISION_SLOP = 1e-4  # m; pymunk's default, 0.1, is larger than the robot
 ITERATIONS = 10  # of the contact solver, pymunk's default

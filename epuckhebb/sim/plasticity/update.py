@@ -14,7 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.compiled import compiled, in_module, in_turn
+from epuckhebb.sim.compiling.kernel import compiled, in_module, in_turn
+from epuckhebb.sim.compiling.simd import WIDTH, alike, read, times, write
+from epuckhebb.sim.forward_pass import MOST_BLOCKS
 from epuckhebb.sim.network import Network, by_layer, tanh
 from epuckhebb.sim.plasticity.rule import (
     NoRule,
@@ -26,8 +28,6 @@ from epuckhebb.sim.plasticity.rule import (
     receives_reward,
 )
 from epuckhebb.sim.plasticity.weight_change import total_of, weight_change
-from epuckhebb.sim.vectors import WIDTH, alike, read, times, write
-from epuckhebb.sim.wired_pass import MOST_BLOCKS
 
 _namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
 PRE, POST, CORRELATION = range(3)  # rows of the workspace of an update

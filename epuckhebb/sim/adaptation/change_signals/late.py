@@ -9,7 +9,7 @@ supervisor.
 import math
 
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide, SignalContext
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 
 LEAST_AWAY_S = 5.0  # shorter excursions from the goal do not count
 

@@ -6,7 +6,7 @@ novelty = min over lamps of mean |s' - m| / (d + 0.01)      s': recent readings;
 import numpy as np
 
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide, SignalContext
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 
 LEAST_SPREAD = 0.01  # of a reading: the noise of a light sensor
 

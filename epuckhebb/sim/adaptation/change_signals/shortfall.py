@@ -6,7 +6,7 @@ The live fitness includes whether the robot is in the correct arm, so this signa
 """
 
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide, SignalContext
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 
 
 @compiled

@@ -17,7 +17,7 @@ import numpy as np
 
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.robot import STEP_S, Robot
 
 EVERY = 8  # steps from one fit to the next

@@ -14,8 +14,8 @@ import numpy as np
 
 from epuckhebb.sim.adaptation.recognise.compass import UNEXPLAINED
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.life import Samples
 from epuckhebb.sim.maze import SIDES
+from epuckhebb.sim.samples import Samples
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.sensors import cast, put_rays
 

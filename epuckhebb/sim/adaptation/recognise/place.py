@@ -18,7 +18,7 @@ from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.adaptation.recognise.compass import LIT, compass
 from epuckhebb.sim.adaptation.recognise.walls import AHEAD, BEHIND, FAR, LEFT, RIGHT, angle_between, walls
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.robot import Robot
 
 # Chosen in the worlds that exist, on champions 1 to 20:

@@ -12,7 +12,7 @@ import numpy as np
 
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.robot import STEP_S, Robot
 
 LEFT, AHEAD, RIGHT, BEHIND = 0, 1, 2, 3  # directions, as seen at the start

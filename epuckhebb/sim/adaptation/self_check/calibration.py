@@ -13,19 +13,19 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim import faults
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import kernel
+from epuckhebb.sim.compiling.kernel import kernel
 from epuckhebb.sim.life import TALLY, CalibrationRecord, Lifetime, Trial, Workspace, workspace_for
 from epuckhebb.sim.light import Lights
 from epuckhebb.sim.maze import Pose, Side, boxes
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
 from epuckhebb.sim.physics.pymunk import PYMUNK, mover
+from epuckhebb.sim.physics_engine import Handles, Physics, pose
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.reachable import gap
 from epuckhebb.sim.robot import EPUCK, STEP_S, Robot
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.senses import blinding, senses
-from epuckhebb.sim.space import Handles, Physics, pose
-from epuckhebb.sim.stage import lights_of, trial_of
+from epuckhebb.sim.simulator import lights_of, trial_of
 
 _QUARTER = 10  # steps at full speed in which an e-puck turns by 89 degrees
 _TO_LEFT, _TO_RIGHT = 3, 4  # steps at full speed, 4 mm each, that bring it within 3 mm of the side walls

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.light import SUN_IRRADIANCE, SUN_X, SUN_Y
 from epuckhebb.sim.robot import Robot
 

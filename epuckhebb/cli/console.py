@@ -1,18 +1,19 @@
 """Where the program prints: standard output and standard error, whatever they can show and whether or not one reads."""
 
-import os
+import re
 import sys
 import textwrap
 import traceback
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from io import TextIOWrapper
-from typing import IO
 
 from rich import box
+from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
+
+from epuckhebb.runtime import discard_output
 
 _GAP = 2  # characters between the columns of a table
 _LEAST = 10  # characters that a column of text needs
@@ -26,20 +27,9 @@ class Terminal(Console):
         """Write names as they are: nothing in them is an emoji. A notebook gets the lines that a file would get."""
         super().__init__(stderr=stderr, highlight=not stderr, emoji=False, force_jupyter=False)
 
-    @property
-    def is_watched(self) -> bool:
-        """Whether it is a terminal, where a bar can move; `FORCE_COLOR`, as in a notebook, makes a log none."""
-        return self.file.isatty()
-
     def on_broken_pipe(self) -> None:
         """Say nothing more."""
         discard_output(self.file)
-
-
-def discard_output(stream: IO[str]) -> None:
-    """Let nothing come of what else is written to a stream that nobody reads, at the end of the program too."""
-    with suppress(OSError, ValueError):  # a stream of a test has no number
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def is_of_output(error: BaseException) -> bool:
@@ -74,9 +64,20 @@ def print_table(
         text: The number of leading columns with text, which may break into lines. The others hold figures: they end at
             the right, and stay whole where the text has room beside them.
     """
-    cells = [[Text(str(cell)) for cell in row] for row in rows]
-    widths = [max([_HEADING, *(row[k].cell_len for row in cells)]) for k in range(len(headings))]
+    written = [[str(cell) for cell in row] for row in rows]
+    widths = [
+        max([_HEADING if k >= text else len(heading), *(cell_len(row[k]) for row in written)])
+        for k, heading in enumerate(headings)
+    ]
     whole = console.width - sum(width + _GAP for width in widths[text:]) >= text * _LEAST
+
+    def taken(most: int) -> int:
+        return sum(_GAP + (width if whole and k >= text else min(width, most)) for k, width in enumerate(widths)) - _GAP
+
+    most = next((one for one in range(console.width, _LEAST, -1) if taken(one) <= console.width), _LEAST)
+    # rich makes no column wider than this; a longer name breaks after a sign within it
+    name = re.compile(rf"(?=\S{{{most + 1}}})\S{{1,{most - 1}}}[_=/,](?=\S)")
+    written = [[name.sub(r"\g<0>\n", cell) for cell in row] for row in written]
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
     for number, heading in enumerate(headings):
         if number < text:
@@ -84,8 +85,8 @@ def print_table(
         else:
             lines = textwrap.wrap(heading, widths[number], break_long_words=False)
             table.add_column(Text("\n".join(lines)), justify="right", no_wrap=whole, overflow="fold")
-    for row in cells:
-        table.add_row(*row)
+    for row in written:
+        table.add_row(*map(Text, row))
     if title:
         console.print(Text(title, style="bold"))
     console.print(table)

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled, in_module, in_turn
-from epuckhebb.sim.vectors import WIDTH, alike, plus, read, times, write
+from epuckhebb.sim.compiling.kernel import compiled, in_module, in_turn
+from epuckhebb.sim.compiling.simd import WIDTH, alike, plus, read, times, write
 from epuckhebb.sim.wiring import OF_NEURON, Neurons, Wiring
 
 MOST_BLOCKS = 16  # that are written out

@@ -18,7 +18,7 @@ from llvmlite import ir
 from numba.core import types
 from numpy.typing import NDArray
 
-from epuckhebb.sim.compiled import BUILDING_BLOCK
+from epuckhebb.sim.compiling.kernel import BUILDING_BLOCK
 
 WIDTH = 4
 _numba: Any = numba  # its own types say nothing of these functions

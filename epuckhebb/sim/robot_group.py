@@ -13,19 +13,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.life import Group, Lifetime, Outcome
+from epuckhebb.sim.life import Group, Lifetime, life_of
+from epuckhebb.sim.lifetime import live_group
 from epuckhebb.sim.maze import Pose
+from epuckhebb.sim.outcome import Outcome
 from epuckhebb.sim.physics.pymunk import MOTION, PYMUNK, PymunkSpace
 from epuckhebb.sim.reachable import gap
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual, Session
-from epuckhebb.sim.stage import Stage
+from epuckhebb.sim.simulator import Simulator
 
 _SHARED = ("side", "controller", "network")  # of an individual: one lamp, one kernel and one rate for all
-_OF_LIFE = ("tally", "weights", "synapse_state", "activation", "score", "past")
+_OF_ALL = ("adaptation", "trials", "workspace", "numbers", "history")  # of a `Life`: what they do not have each
 
 
-class Together:
+class RobotGroup:
     """Lifetimes of several robots in one space, run with `step`.
 
     individuals: two or more, in an order that is part of the result, each with its own `start` and `key`. They have the
@@ -39,33 +41,23 @@ class Together:
     def __init__(self, individuals: Sequence[Individual], world: Scenario, lifetime: Lifetime | None = None) -> None:
         _check(individuals, world)
         self.lifetime = Lifetime() if lifetime is None else lifetime
-        stage = Stage(world, self.lifetime, together=True)
-        self._sessions = [Session(one, world, self.lifetime, stage=stage) for one in individuals]
-        first, count = self._sessions[0], len(individuals)
-        self._live = stage.kind_of(individuals[0].controller, individuals[0].network, stage.more_faults).live
+        simulator = Simulator(world, self.lifetime)
+        self._sessions = [Session(one, world, self.lifetime, simulator=simulator) for one in individuals]
+        first, count = individuals[0], len(individuals)
+        self._live = simulator.kernel(live_group, first.controller, first.network, simulator.more_faults)
         self._space = PymunkSpace(world.boxes, world.robot, world.wall_friction, count)
         starts = [world.maze.start if one.start is None else one.start for one in individuals]
         _check_starts(starts, world.robot.radius_m, world.boxes, world.maze.arena_m)
         self._space.place_robot(*starts)
-        initial = [session.life for session in self._sessions]
-        genotypes = [session.genotype for session in self._sessions]
         self._group = Group(
-            **{name: _stacked([getattr(life, name) for life in initial]) for name in _OF_LIFE},
-            genes=_stacked([one.weights for one in genotypes]),
-            coefficients=_stacked([one.coefficients for one in genotypes]),
-            modulatory=_stacked([one.modulatory for one in genotypes]),
-            lengths=_stacked([one.lengths for one in genotypes]),
-            signs=_stacked([np.asarray(one.signs, float) for one in genotypes]),
+            lives=_stacked([session.life for session in self._sessions]),
             keys=np.array([one.key for one in individuals], np.uint64),
-            neurons=_stacked([life.neurons.state for life in initial]),
-            parameters=_stacked([life.neurons.parameters for life in initial]),
             motion=self._space.handles.state[: MOTION * count].reshape(count, MOTION),
             wheels=np.zeros((count, 4)),
             before=np.zeros((count, 2)),
         )
         for number, session in enumerate(self._sessions):
-            session.share(**{name: getattr(self._group, name)[number] for name in _OF_LIFE})
-        self._life, self._setup = first.life, first.setup
+            session.carry_on(life_of(self._group, number))
 
     @property
     def steps(self) -> int:
@@ -81,7 +73,7 @@ class Together:
         """Run so many steps, fewer if the lifetime ends before; the errors are those of `Session.step`."""
         until = min(self.steps + count, self.lifetime.steps)
         try:
-            self._live(self._group, self._life, self._setup, self._space.handles, until)
+            self._live(self._group, self._sessions[0].setup, self._space.handles, until)
         except Exception as error:  # machine code raises nothing, so it comes from compiling
             raise self._sessions[0].explained(error) from error
         for session in self._sessions:
@@ -126,8 +118,13 @@ def _check(individuals: Sequence[Individual], world: Scenario) -> None:
         raise ValueError(f"robots in one space need a world that never changes, and one trial, got {world.name}")
 
 
-def _stacked(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    stacked = np.empty((len(arrays), *arrays[0].shape), arrays[0].dtype)
-    for number, array in enumerate(arrays):
-        stacked[number] = array
-    return stacked
+def _stacked(records: Sequence[Any]) -> Any:
+    """Records whose arrays have the robots as first axis; of what all share, that of the first robot."""
+    first = records[0]
+    if isinstance(first, np.ndarray):
+        stacked = np.empty((len(records), *first.shape), first.dtype)
+        for number, array in enumerate(records):
+            stacked[number] = array
+        return stacked
+    own = [name for name in getattr(first, "_fields", ()) if name not in _OF_ALL]
+    return first._replace(**{name: _stacked([getattr(one, name) for one in records]) for name in own}) if own else first

@@ -9,19 +9,21 @@ from epuckhebb.sim.adaptation.change_signal import no_nominal
 from epuckhebb.sim.adaptation.homeostasis import no_patterns
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.life import Lifetime, Outcome, Samples
+from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
+from epuckhebb.sim.outcome import Outcome
 from epuckhebb.sim.plasticity.rule import NoRule, Rule
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import STEP_S
+from epuckhebb.sim.samples import Samples
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual, Session
-from epuckhebb.sim.stage import Stage
+from epuckhebb.sim.simulator import Simulator
 
 _LIFETIMES_PER_STAGE = 50  # that run one after the other
 
 
-def live_block(
+def run_lifetimes(
     individuals: Sequence[Individual], scenario: Scenario, lifetime: Lifetime, threads: int = 1
 ) -> list[tuple[Outcome, Samples]]:
     """Run many lifetimes in the same scenario; outcomes come in the order of `individuals`, whatever `threads`.
@@ -46,10 +48,10 @@ def live_block(
 def _in_turn(
     individuals: Sequence[Individual], scenario: Scenario, lifetime: Lifetime, fallback_rule: type[Rule]
 ) -> list[tuple[Outcome, Samples]]:
-    stage = Stage(scenario, lifetime, fallback_rule)
+    simulator = Simulator(scenario, lifetime, fallback_rule)
     done = []
     for individual in individuals:
-        session = Session(individual, scenario, lifetime, stage=stage)
+        session = Session(individual, scenario, lifetime, simulator=simulator)
         session.step(lifetime.steps)
         done.append((session.outcome(), session.samples))
     return done
@@ -75,4 +77,4 @@ def load_kernel(
         nominal=no_patterns(no_nominal(world.robot.inputs), world.robot.light.count),
         key=np.uint64(0),
     )
-    live_block([dummy], world, Lifetime(duration_s=STEP_S, gain_rad_s=min(1.0, world.robot.motor_limit_rad_s)))
+    run_lifetimes([dummy], world, Lifetime(duration_s=STEP_S, gain_rad_s=min(1.0, world.robot.motor_limit_rad_s)))

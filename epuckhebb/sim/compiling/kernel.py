@@ -23,8 +23,8 @@ import numba
 import platformdirs
 from numba.extending import register_jitable
 
-from epuckhebb.sim.digest import UnknownPartError, digest
-from epuckhebb.sim.inlined import InlinedCompiler
+from epuckhebb.sim.compiling.code_digest import UnknownPartError, digest
+from epuckhebb.sim.compiling.inlining import InlinedCompiler
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,17 +14,19 @@ from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.faults import Faults, lag_of
 from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
 from epuckhebb.sim.genome import GenomePlan, plan_of
-from epuckhebb.sim.kernels import kernel_of
-from epuckhebb.sim.life import Lifetime, Plasticity, Samples, Trial, Workspace, empty_samples, workspace_for
+from epuckhebb.sim.life import Lifetime, Plasticity, Trial, Workspace, workspace_for
+from epuckhebb.sim.lifetime import live
+from epuckhebb.sim.lifetime_kernel import kernel_of
 from epuckhebb.sim.light import Lights, lights
 from epuckhebb.sim.maze import Pose, Region, Side, added
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.physics_engine import Space
 from epuckhebb.sim.plasticity.control import Sign, signs
 from epuckhebb.sim.plasticity.rule import Rule, initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.reachable import gap
+from epuckhebb.sim.samples import Samples, empty_samples
 from epuckhebb.sim.scenario import AT_ONCE, Scenario
-from epuckhebb.sim.space import Space
 
 _NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task that has no correct side
 
@@ -60,26 +62,24 @@ class Kind(NamedTuple):
     no_samples: Samples
 
 
-class Stage:
+class Simulator:
     """What lifetimes that run one after the other share: the world's spaces, kernels and workspaces.
 
     fallback_rule: individuals without a rule share its kernel, with N = 0. The results are bit-identical, and there is
-    one kernel less to compile. together: whether the lifetimes share a space.
+    one kernel less to compile.
 
     Raises:
         ValueError: the wheel gain is above the limit of the robot's motors.
     """
 
-    def __init__(
-        self, world: Scenario, lifetime: Lifetime, fallback_rule: type[Rule] = Paper, *, together: bool = False
-    ) -> None:
+    def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: type[Rule] = Paper) -> None:
         robot = world.robot
         if lifetime.gain_rad_s > robot.motor_limit_rad_s:
             raise ValueError(
                 f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of "
                 f"robot {robot.name}, got {lifetime.gain_rad_s}"
             )
-        self.world, self.lifetime, self._fallback_rule, self._together = world, lifetime, fallback_rule, together
+        self.world, self.lifetime, self._fallback_rule = world, lifetime, fallback_rule
         self.phases = self.phases_of(world)
         self.more_faults = have_more_faults(self.phases)
         self._kinds: dict[tuple[int, int, bool], Kind] = {}
@@ -108,6 +108,15 @@ class Stage:
             self._kinds[place] = self._kind(controller, network, more_faults)
         return self._kinds[place]
 
+    def kernel(self, page: Callable[..., None], controller: Controller, network: Network, more_faults: bool) -> Any:
+        """A function of `lifetime.py`, compiled for such individuals in this world."""
+        world, rule = self.world, self._compiled_for(controller)
+        choice = page, more_faults, world.task, world.fitness, world.physics
+        return kernel_of(rule, controller.adaptation.parts, network, world.robot, *choice)
+
+    def _compiled_for(self, controller: Controller) -> type[Rule]:
+        return self._fallback_rule if controller.is_ga_alone else type(controller.rule)
+
     def _kind(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
         rule, adaptation, robot = controller.rule, controller.adaptation, self.world.robot
         if rule.signal is Signal.light_code and (robot.light.count, robot.distance.count) != LIGHT_CODE_SENSORS:
@@ -115,21 +124,11 @@ class Stage:
                 f"hebbian.signal=light_code is of the published program, whose robot has 8 light and 8 distance "
                 f"sensors; robot {robot.name} has {robot.light.count} and {robot.distance.count}"
             )
-        compiled_for = self._fallback_rule if controller.is_ga_alone else type(rule)
+        compiled_for = self._compiled_for(controller)
         own = compiled_for is type(rule)
         numbers = rule.numbers() if own else dict.fromkeys(compiled_for.settings(), 0.0)
         return Kind(
-            live=kernel_of(
-                compiled_for,
-                adaptation.parts,
-                network,
-                robot,
-                more_faults=more_faults,
-                task=self.world.task,
-                fitness=self.world.fitness,
-                physics=self.world.physics,
-                together=self._together,
-            ),
+            live=self.kernel(live, controller, network, more_faults),
             plasticity=Plasticity(
                 float(rule.N) * rule.gain_factor(self.lifetime.gain_rad_s) if own else 0.0,
                 float(rule.floor),

@@ -1,20 +1,21 @@
 """The compiled lifetime: `lifetime.live` with the parts of a robot, a network, a rule, an adaptation and a task."""
 
+from collections.abc import Callable
 from typing import Any
 
 from epuckhebb.sim import faults
 from epuckhebb.sim.adaptation import adaptation
-from epuckhebb.sim.compiled import kernel, with_parts
-from epuckhebb.sim.lifetime import decide, live, live_together, settle
+from epuckhebb.sim.compiling.kernel import kernel, with_parts
+from epuckhebb.sim.lifetime import decide, live, perceive, settle
 from epuckhebb.sim.network import Network, forward_pass
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness, score_of, scored
 from epuckhebb.sim.physics.pymunk import PYMUNK, mover_of_all
+from epuckhebb.sim.physics_engine import Physics
 from epuckhebb.sim.plasticity.rule import NoRule, Rule
 from epuckhebb.sim.plasticity.update import modulation_of, update_of
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.senses import blinding, largest_distance_reading, senses
-from epuckhebb.sim.space import Physics
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 
@@ -26,14 +27,13 @@ def kernel_of(
     adapted: adaptation.Parts,
     network: Network,
     robot: Robot,
-    *,
+    page: Callable[..., None] = live,
     more_faults: bool = False,
     task: Task = ONE_TRIAL,
     fitness: Fitness = PAPER_FITNESS,
     physics: Physics = PYMUNK,
-    together: bool = False,
 ) -> Any:
-    """`live` with these parts, or `live_together`, compiled or from the cache.
+    """A function of `lifetime.py` (`live`, `live_group` or `look`) with these parts, compiled or from the cache.
 
     adapted: which functions the adaptation has. more_faults: whether there are other faults than dead sensors and weak
     wheels. task, fitness: only their kinds matter.
@@ -41,31 +41,17 @@ def kernel_of(
     Raises:
         ValueError: the rule has unknown arguments, or network, robot, task and adaptation do not fit each other.
     """
-    hooks = adaptation.hooks(adapted, robot, network.post[0])
-    place = (rule, hooks, network, robot, more_faults, type(task), scored(fitness), physics, together)
-    if place not in _kernels:
-        _kernels[place] = _made(rule, hooks, network, robot, more_faults, task, scored(fitness), physics, together)
-    return _kernels[place]
-
-
-def _made(
-    rule: type[Rule],
-    hooks: adaptation.Hooks,
-    network: Network,
-    robot: Robot,
-    more_faults: bool,
-    task: Task,
-    fitness: type[Fitness],
-    physics: Physics,
-    together: bool,
-) -> Any:
+    hooks, scoring = adaptation.hooks(adapted, robot, network.post[0]), scored(fitness)
+    place = (rule, hooks, network, robot, more_faults, type(task), scoring, physics, page)
+    if place in _kernels:
+        return _kernels[place]
     check_inputs(network, robot, task)
     parts = {
         "WHEELS": network.wheels,
         "HAS_RULE": rule is not NoRule,
         "HAS_TRIALS": task.has_trials,
-        "HAS_SCORE": fitness.step is not None,
-        "score": score_of(fitness),
+        "HAS_SCORE": scoring.step is not None,
+        "score": score_of(scoring),
         "sense": senses(robot, physics),
         "blind": blinding(robot),
         "nearest": largest_distance_reading(robot),
@@ -77,11 +63,13 @@ def _made(
         **faults.hooks(robot, more_faults)._asdict(),
         **task.hooks(robot.inputs)._asdict(),
         "move": physics.mover(robot),
-        "record_tilt": physics.record_tilt(),
         "move_all": mover_of_all(robot),
+        "record_tilt": physics.record_tilt(),
     }
-    parts |= {"decide": with_parts(decide, **parts), "settle": with_parts(settle, **parts)}
-    return kernel(live_together if together else live, **parts)
+    for block in (perceive, decide, settle):
+        parts[block.__name__] = with_parts(block, **parts)
+    _kernels[place] = made = kernel(page, **parts)
+    return made
 
 
 def check_inputs(network: Network, robot: Robot, task: Task) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiled import compiled
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.maze import Pose
 from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.sensors import Kernels, SensorGroup, put_rays
