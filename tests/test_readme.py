@@ -108,7 +108,7 @@ FINDINGS = [  # sentence, unit, row (table, what is counted, of what, which), an
         ("rescue_and_harm", "harmed", "intact", IN_LIGHT | {"scenario": "highlight"}),
     ),
     (
-        "Twenty other changes of that experiment: a robot that is told when it is at the goal can follow walls until "
+        "Twenty other changes of that experiment: a robot that is given a signal at the goal can follow walls until "
         "then ({} trials rescued) and halt there ({}). [It can also learn to stay](docs/unseen_kinds.md), by an "
         "anti-Hebbian rule",
         "trials",
