@@ -31,8 +31,6 @@ from epuckhebb.sim.samples import Samples
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.sensors import Place, RimSensors
 
-__all__ = ["Arrival", "arrival", "outcome", "page"]
-
 _MOST_SAMPLES = 1000  # of a lifetime; of more, every so many-th is kept
 _LARGEST = 32767  # of a 16-bit integer
 _CONSTANT = "its weights stay at their initial values"
@@ -57,7 +55,49 @@ def page(
     speed [rad/s] at a network output of 1. network: of these genes. found: for each side a sentence on the findings of
     a self-check, if any. notes: lines beside the outcome.
     """
-    content = _content(traces, genes, scenario, gain_rad_s, network, found or {})
+    controllers = list(dict.fromkeys(traces.controller))
+    place = {of: k for k, of in reversed(list(enumerate(zip(traces.controller, traces.side, strict=True))))}
+    sides = [side for side in SIDES if side in traces.side]
+    time = traces.samples.time[0]
+    every = math.ceil(len(time) / _MOST_SAMPLES)
+    interval = float(time[1] - time[0]) * every if len(time) > 1 else STEP_S
+    initial = initial_weights_of(genes[: network.synapses]).astype(np.float32)
+    named = zip(traces.controller, traces.samples.weight_change, strict=True)
+    changed = {name for name, weight_change in named if weight_change.any()}
+    lifetimes, outcomes = {}, {}
+    has_trials = scenario.task.has_trials
+    for side in sides:
+        of_side = [Samples(*(array[place[name, side]] for array in traces.samples)) for name in controllers]
+        arrivals = [arrival(samples.time, samples.pose, scenario, side) for samples in of_side]
+        sentence = reversal_outcome(side, controllers, of_side) if has_trials else outcome(side, controllers, arrivals)
+        outcomes[side] = " ".join(filter(None, [sentence, (found or {}).get(side)]))
+        lifetimes[side] = [
+            {
+                "arrival": None if has_trials else arrived.time,
+                "stayed": arrived.stayed and not has_trials,
+                "resets": np.ceil(put_back(samples.time, samples.pose, scenario) / every).astype(int).tolist(),
+                "begins": [since for since, _ in begins(scenario, samples.time, samples.pose)],
+                **_embedded(samples, initial, every),
+            }
+            for samples, arrived in zip(of_side, arrivals, strict=True)
+        ]
+    hebbian = {HEBBIAN, *CONTROLS.values()}
+    content = {
+        **fixed_facts(scenario, network, gain_rad_s, controllers, [name in changed for name in controllers]),
+        "sides": sides,
+        "hebbian": all(name in hebbian for name in controllers if name != GA),
+        "outcomes": outcomes,
+        "samples": len(time[::every]),
+        "interval": interval,  # s between samples
+        "steps": round(interval / STEP_S),  # of 32 ms between samples
+        "initial": [round(weight, 7) for weight in initial.tolist()],
+        "worlds": [world_facts(world) for _, world in scenario.phases],
+        "changes": [
+            {"at": float(change["at_s"]), "text": change_text(change), "byHand": where.startswith("scenario.hand")}
+            for where, change in scenario.events
+        ],
+        "lifetimes": lifetimes,
+    }
     return with_data(Path(__file__).with_suffix(".html"), title, content, notes)
 
 
@@ -100,59 +140,6 @@ def reversal_outcome(side: Side, controllers: Sequence[str], lifetimes: Sequence
 def _with(controller: str) -> str:
     known = controller if controller in CONTROLS.values() else f"“{controller}”"
     return {GA: "Without plasticity", HEBBIAN: "With plasticity"}.get(controller, f"With {known}")
-
-
-def _content(
-    traces: Traces,
-    genes: NDArray[np.float64],
-    scenario: Scenario,
-    gain_rad_s: float,
-    network: Network,
-    found: Mapping[str, str],
-) -> dict[str, Any]:
-    controllers = list(dict.fromkeys(traces.controller))
-    place = {of: k for k, of in reversed(list(enumerate(zip(traces.controller, traces.side, strict=True))))}
-    sides = [side for side in SIDES if side in traces.side]
-    time = traces.samples.time[0]
-    every = math.ceil(len(time) / _MOST_SAMPLES)
-    interval = float(time[1] - time[0]) * every if len(time) > 1 else STEP_S
-    initial = initial_weights_of(genes[: network.synapses]).astype(np.float32)
-    named = zip(traces.controller, traces.samples.weight_change, strict=True)
-    changed = {name for name, weight_change in named if weight_change.any()}
-    lifetimes, outcomes = {}, {}
-    has_trials = scenario.task.has_trials
-    for side in sides:
-        of_side = [Samples(*(array[place[name, side]] for array in traces.samples)) for name in controllers]
-        arrivals = [arrival(samples.time, samples.pose, scenario, side) for samples in of_side]
-        sentence = reversal_outcome(side, controllers, of_side) if has_trials else outcome(side, controllers, arrivals)
-        outcomes[side] = " ".join(filter(None, [sentence, found.get(side)]))
-        lifetimes[side] = [
-            {
-                "arrival": None if has_trials else arrived.time,
-                "stayed": arrived.stayed and not has_trials,
-                "resets": np.ceil(put_back(samples.time, samples.pose, scenario) / every).astype(int).tolist(),
-                "begins": [since for since, _ in begins(scenario, samples.time, samples.pose)],
-                **_embedded(samples, initial, every),
-            }
-            for samples, arrived in zip(of_side, arrivals, strict=True)
-        ]
-    hebbian = {HEBBIAN, *CONTROLS.values()}
-    return {
-        **fixed_facts(scenario, network, gain_rad_s, controllers, [name in changed for name in controllers]),
-        "sides": sides,
-        "hebbian": all(name in hebbian for name in controllers if name != GA),
-        "outcomes": outcomes,
-        "samples": len(time[::every]),
-        "interval": interval,  # s between samples
-        "steps": round(interval / STEP_S),  # of 32 ms between samples
-        "initial": [round(weight, 7) for weight in initial.tolist()],
-        "worlds": [world_facts(world) for _, world in scenario.phases],
-        "changes": [
-            {"at": float(change["at_s"]), "text": change_text(change), "byHand": where.startswith("scenario.hand")}
-            for where, change in scenario.events
-        ],
-        "lifetimes": lifetimes,
-    }
 
 
 def fixed_facts(
