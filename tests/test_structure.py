@@ -41,7 +41,7 @@ INSIDE_SIM = {  # module -> the modules and folders beside it that it may know
     "controller": {"adaptation", "plasticity"},
     "samples": {"network", "physics", "physics_engine"},
     "own_class": {"compiling"},
-    "own_fitness": {"compiling", "own_class", "robot"},
+    "own_fitness": {"compiling", "maze", "own_class", "robot"},
     "plasticity": {
         "compiling",
         "evolved",
