@@ -12,7 +12,8 @@ import pytest
 from cases import done, first_of, refused
 
 import epuckhebb
-from epuckhebb.sim.network import PAPER_NETWORK, forward_pass
+from epuckhebb.sim.forward_pass import forward_pass
+from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.store import genome
 
 ROOT = Path(__file__).parents[1]
@@ -119,7 +120,7 @@ def test_the_order_of_the_genes_is_that_of_the_page():
     exec(script, names)
     readings, first = np.random.default_rng(1).random(16), names["first"]
     genes = epuckhebb.load("reference_7")
-    activation, drive = np.zeros(PAPER_NETWORK.neurons), np.zeros(16)
+    activation, drive = np.zeros(PAPER_NETWORK.neurons), np.zeros(PAPER_NETWORK.neurons)
     activation[:17] = [*readings, 1]
     forward_pass(PAPER_NETWORK)(genes, activation, drive)
     np.testing.assert_allclose(activation[17:24], np.tanh(readings @ first[:16] + first[16]), atol=1e-12)

@@ -60,7 +60,7 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
         if own and not cfg.scenario.get("name"):
             cfg.scenario.name = "_".join([*known, *map(str, own)])
         for name, settings in own.items():
-            _make(f"change.{name}", settings, cfg.scenario)
+            _make(f"change.{name}", settings, cfg, folders)
         for group in _GROUPS:
             if group in cfg and not cfg[group].get("name"):
                 cfg[group].name = chosen.get(group, "")
@@ -94,12 +94,17 @@ def world_name(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Pa
     return "+".join(re.sub(r"[^\w.]+", "-", part) for part in parts)[:_LONGEST].rstrip("+-")
 
 
-def _make(key: str, settings: Any, scenario: DictConfig) -> None:
-    """Make a change of the user's, whose settings stand below a key, in the scenario."""
+def _make(key: str, settings: Any, cfg: DictConfig, folders: Sequence[Path]) -> None:
+    """Make a change of the user's, whose settings stand below a key, in the scenario; and its maze and its physics."""
     if not isinstance(settings, DictConfig):
         raise ConfigError(f"{key} must be settings of a scenario, for example {{light: 0.05}}, got {settings}")
+    for group in BROUGHT:
+        if (name := settings.pop(group, None)) is not None:
+            if (found := choice_of(group, name, folders)) is None:
+                raise ConfigError(f"{key}.{group} must be one of {', '.join(choice_names(group, folders))}, got {name}")
+            cfg[group] = {**found.settings, "name": name} if group == "maze" else found.settings
     try:
-        scenario.merge_with(settings)
+        cfg.scenario.merge_with(settings)
     except OmegaConfBaseException as error:
         raise ConfigError(f"{key}: {said(error)}") from error
 

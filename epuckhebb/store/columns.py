@@ -96,6 +96,8 @@ FOUND: Columns = {
     "light_misfit": number("the same of the light readings"),
     "unexplained": text_or_empty("`distance`, `light` or both: the misfit is too large, and the findings are not used"),
     "corrected": text_or_empty("what is corrected during the whole lifetime, with `; ` between"),
+    "turned_back": number("1 if the manoeuvre left a careful robot turned, and it turned back, else 0"),
+    "careful": number("1 of a careful self-check (`adaptation.careful`), else 0"),
 }
 REWARDED: Columns = {
     "rewarded_share": number("share of the trials of the lifetime that were rewarded"),
@@ -269,6 +271,8 @@ LEADERBOARD: Columns = {
     "kind": Column(
         ("plain", "evolved", "post_hoc"), "no plasticity, plasticity during evolution, or added after evolution"
     ),
+    "knowledge_class": text("the class by which methods are ordered: what they know decides what they can do"),
+    "knowledge": text("what it uses: its senses, what it is given, what was written by hand"),
     "matched_control": text_or_empty(
         "the method that it is compared with: the same without plasticity; empty for plain ones"
     ),
@@ -306,6 +310,7 @@ _CHAMPIONS: Columns = {
 }
 _WORLDS: Columns = {
     **_METHOD,
+    "tests": text_or_empty("the sweep that it belongs to; empty in `reversal`"),
     "scenario": text("a test world"),
     "trials": number("champions times sides"),
     "successes": number("of them: more than half of the repeats succeed"),

@@ -5,6 +5,7 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.runtime import LATEST, REFERENCE, ConfigError, data_folder, path_of
+from epuckhebb.sim import wirings
 from epuckhebb.sim.adaptation.homeostasis import PATTERNS
 from epuckhebb.sim.adaptation.nominal import Nominal
 from epuckhebb.sim.adaptation.self_check.calibration import STEPS
@@ -266,9 +268,11 @@ def check_wiring(own: str, shape: tuple[int, ...] | Wiring | None, where: object
     """Refuse a genome of another wiring than the settings have. own: its name. where: the genome, for the message."""
     asked = shape.name if isinstance(shape, Wiring) else LAYERS
     if own != asked:
+        ours = own == LAYERS or find_spec(f"{wirings.__name__}.{own}") is not None
+        given = own if ours else f"FILE.py:{own}, with the file in which you wrote it"
         raise ConfigError(
             f"genome={where} is for network.wiring={own}, and the settings have network.wiring={asked}; give "
-            f"network.wiring={own} (your own: network.wiring=FILE.py:{own}), or another champion"
+            f"network.wiring={given}, or another champion"
         )
 
 
