@@ -13,7 +13,7 @@ from epuckhebb.cli import completion
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import LiveFitness
 from epuckhebb.evolution.optimizers.ga import Crossover, Selection
-from epuckhebb.runtime import resources
+from epuckhebb.runtime import conf
 from epuckhebb.sim.adaptation.adaptation import Exploration
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.plasticity.control import Sign
@@ -47,7 +47,7 @@ def test_bash(here):
     assert bash("swe") == ["sweep"]
     assert bash("evaluate", "scenario", "=", "lo") == ["lowlight"]
     assert set(bash("evaluate", "-m", "hebbian", "=")) >= {"none", "paper", "oja"}
-    known = {file.stem for file in (resources.data_folder("conf") / "adaptation").glob("*.yaml")}
+    known = {"none", *conf.rows("adaptation")}
     assert set(bash("evaluate", "adaptation", "=")) == known
     assert set(bash("evaluate", "robot", "=")) == {"epuck", "epuck_lidar"}
     assert set(bash("evaluate", "scen")) >= {"scenario=base", "scenario.light="}

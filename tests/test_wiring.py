@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.forward_pass import forward_pass
 from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.network import Network, forward_pass
+from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity import update
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.wiring import Wiring
@@ -27,7 +28,9 @@ def genes_of(network, seed=5):
 
 
 @pytest.mark.parametrize("controller", [GA_ALONE, LEARNING], ids=["GA", "Hebbian"])
-@pytest.mark.parametrize("wiring", [CTRNN(hidden=5), CTRNN(tau_gain_rad_s=0.0), Elman()], ids=["5", "held", "elman"])
+@pytest.mark.parametrize(
+    "wiring", [CTRNN(hidden=5), CTRNN(hidden=5, tau_gain_rad_s=0.0), Elman()], ids=["5", "held", "elman"]
+)
 def test_a_wiring_agrees_with_the_oracle_step_by_step(beside_the_oracle, wiring, controller):
     network = network_of(wiring)
     genes = genes_of(network)

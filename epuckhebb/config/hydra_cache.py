@@ -1,7 +1,7 @@
 """How Hydra finds files, and how it keeps what it has composed of them.
 
 The user's folder (`--config-dir`) comes before the program's, so a file of the user's wins over ours of the same name.
-Changes of the world, and scenarios that are named with their changes, are no files; Hydra is given them like files.
+Rows of tables, and scenarios that are named with their changes, are no files; Hydra is given them like files.
 
 A composition takes Hydra a tenth of a second and more, most of it for files that seldom change. So it is made without
 the values that are given to single keys, kept, and given the values then, as Hydra would give them. What is kept is
@@ -46,7 +46,7 @@ from epuckhebb.sim.compiling.kernel import cache_root
 
 USERS = "command-line"  # who brings the user's folder, as Hydra names it for its own --config-dir
 OWN_SCHEME = "epuckhebb"  # of that folder, and of what is no file
-_CHANGES = "change"  # the group of changes
+_OF_ROWS = ("adaptation", "change")  # groups of which the choices are rows of a table; each changes other groups, too
 _VALUES_OF_HYDRA = ("hydra.run.dir", "hydra.sweep.dir")
 _APART = re.compile(r"[+~]")  # of these the order counts
 _MOST_FILES = 1000  # of a user's folder; of more, nothing is kept
@@ -65,7 +65,7 @@ class _UsersFirst(SearchPathPlugin):
 
 
 class _Users(FileConfigSource):
-    """Has for Hydra the user's files, which are checked, the changes of the world, and the scenarios with changes."""
+    """Has for Hydra the user's files, which are checked, the rows of tables, and the scenarios with changes."""
 
     @staticmethod
     def scheme() -> str:
@@ -84,7 +84,7 @@ class _Users(FileConfigSource):
         """See Hydra."""
         found = self._found(config_path)
         if found is not None:
-            header = {"package": "_global_" if config_path.startswith(f"{_CHANGES}/") else None}
+            header = {"package": "_global_" if config_path.partition("/")[0] in _OF_ROWS else None}
             return ConfigResult(self.provider, self.path, found, header)
         file = Path(self.path, self._normalize_file_name(config_path))
         yaml_file.check(file, Path(self.path))
@@ -99,7 +99,7 @@ class _Users(FileConfigSource):
 
     def is_group(self, config_path: str) -> bool:
         """See Hydra."""
-        return config_path == _CHANGES or bool(self.path and super().is_group(config_path))
+        return config_path in _OF_ROWS or bool(self.path and super().is_group(config_path))
 
     def is_config(self, config_path: str) -> bool:
         """See Hydra."""
@@ -107,8 +107,8 @@ class _Users(FileConfigSource):
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
         """See Hydra."""
-        if config_path == _CHANGES and results_filter is not ObjectType.GROUP:
-            return choice_names(_CHANGES, self._folders)
+        if config_path in _OF_ROWS and results_filter is not ObjectType.GROUP:
+            return choice_names(config_path, self._folders)
         return super().list(config_path, results_filter) if self.path and super().is_group(config_path) else []
 
 

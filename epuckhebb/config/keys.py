@@ -69,12 +69,13 @@ def _conf(name: str) -> Path:
 
 def _group(name: str) -> Group:
     """A group of `conf/`; its first choice is the one that a command takes by itself and that has the most keys."""
+    files = {file.stem: file for file in _conf(name).glob("*.yaml")}
+    choices = {choice: conf.first_comment(file) for choice, file in files.items()}
+    found = {choice: list(_keys(file, name, _schema(name, file))) for choice, file in files.items()}
     if name in conf.TABLES:
-        choices, found = dict(sorted(conf.rows(name).items())), dict(sorted(_of_rows(name)))
-    else:
-        files = {file.stem: file for file in sorted(_conf(name).glob("*.yaml"))}
-        choices = {choice: conf.first_comment(file) for choice, file in files.items()}
-        found = {choice: list(_keys(file, name, _schema(name, file))) for choice, file in files.items()}
+        choices |= conf.rows(name)
+        found |= _of_rows(name)
+    choices, found = dict(sorted(choices.items())), dict(sorted(found.items()))
     usual = max([choice for choice in _usual(name) if choice in found] or found, key=lambda choice: len(found[choice]))
     seen = {key.name for key in found[usual]}
     more = {}
@@ -87,7 +88,7 @@ def _group(name: str) -> Group:
 
 
 def _of_rows(name: str) -> Iterator[tuple[str, list[Key]]]:
-    """The keys of each row of a table; those of a change are the keys of a scenario."""
+    """The keys of each row of a table; a change has those of a scenario, an adaptation those of `none`."""
     text = _text(conf.table_file(name))
     root: Any = yaml.compose(text, Loader=yaml.SafeLoader)
     for row, settings in root.value:

@@ -20,7 +20,7 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.config.build import scenario_from
 from epuckhebb.config.choices import BROUGHT, OURS, choice_names, choice_of, known_choice
 from epuckhebb.config.overrides import literal
-from epuckhebb.config.parts import NONE, PAPER, part_class
+from epuckhebb.config.parts import NONE, PAPER, part_class, part_from
 from epuckhebb.config.parts_from_yaml import maze_from
 from epuckhebb.config.schema import ScenarioConfig, plain, said
 from epuckhebb.evolution.training import Training
@@ -60,7 +60,7 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
         if own and not cfg.scenario.get("name"):
             cfg.scenario.name = "_".join([*known, *map(str, own)])
         for name, settings in own.items():
-            _make(f"change.{name}", settings, cfg.scenario)
+            _make(f"change.{name}", settings, cfg, folders)
         for group in _GROUPS:
             if group in cfg and not cfg[group].get("name"):
                 cfg[group].name = chosen.get(group, "")
@@ -74,6 +74,9 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
         _own_rule(cfg, chosen.get("hebbian", ""), folders)
         if cfg.scenario.get("hand") is not None:
             cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
+        brought = _of_scenario("physics", chosen["scenario"], folders)
+        if brought and brought["kind"] != cfg.physics.get("kind"):  # of a study whose training is in another
+            cfg.physics = brought
         try:
             changes = [_changed(cfg, chosen["scenario"], folders), *_changed_lifetime(cfg, chosen, folders)]
             changes += _changed_network(cfg.network)
@@ -94,12 +97,17 @@ def world_name(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Pa
     return "+".join(re.sub(r"[^\w.]+", "-", part) for part in parts)[:_LONGEST].rstrip("+-")
 
 
-def _make(key: str, settings: Any, scenario: DictConfig) -> None:
-    """Make a change of the user's, whose settings stand below a key, in the scenario."""
+def _make(key: str, settings: Any, cfg: DictConfig, folders: Sequence[Path]) -> None:
+    """Make a change of the user's, whose settings stand below a key, in the scenario; and its maze and its physics."""
     if not isinstance(settings, DictConfig):
         raise ConfigError(f"{key} must be settings of a scenario, for example {{light: 0.05}}, got {settings}")
+    for group in BROUGHT:
+        if (name := settings.pop(group, None)) is not None:
+            if (found := choice_of(group, name, folders)) is None:
+                raise ConfigError(f"{key}.{group} must be one of {', '.join(choice_names(group, folders))}, got {name}")
+            cfg[group] = {**found.settings, "name": name} if group == "maze" else found.settings
     try:
-        scenario.merge_with(settings)
+        cfg.scenario.merge_with(settings)
     except OmegaConfBaseException as error:
         raise ConfigError(f"{key}: {said(error)}") from error
 
@@ -277,14 +285,29 @@ def training_world(
 ) -> Scenario:
     """The world in which controllers of an experiment are evolved, for a robot in the maze of another world.
 
-    If that scenario brings its maze or its physics, as a change, training is in the usual one.
+    If that scenario brings its maze, as a change, training is in the usual one. physics: of their evolution.
     """
     brought = _of_scenario("maze", scenario, OURS)
     if brought is not None and maze_from(brought) == maze_from(maze):
         maze = _usual_maze()
     world = world_of(TRAINED[experiment], robot, maze=maze)
     assert world is not None  # the program has these files
-    return world if _of_scenario("physics", scenario, OURS) else replace(world, physics=physics)
+    return replace(world, physics=physics)
+
+
+@functools.cache
+def usual_physics(name: str) -> Physics:
+    """The physics of this name with the settings of its file."""
+    found = choice_of("physics", name, OURS)
+    if found is None:
+        raise ConfigError(f"there is no physics {name}; the program has {', '.join(choice_names('physics', OURS))}")
+    physics: Physics = part_from("physics", plain(found.settings), "physics")
+    return physics
+
+
+def brings_physics(scenario: str) -> bool:
+    """Whether a scenario puts a physics in place of the usual one, as `base_3d` does."""
+    return _of_scenario("physics", scenario, OURS) is not None
 
 
 def _of_scenario(group: str, scenario: str, folders: Sequence[Path]) -> dict[str, Any] | None:

@@ -17,6 +17,7 @@ from epuckhebb.config.parts import GENETIC
 from epuckhebb.config.schema import OPEN, SCHEMAS, said
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean, near, question
 
+_WHOLE = {"network": "network.wiring={}", "compare": "compare=[{}]"}  # keys that are no groups; a name, as it is given
 _BOTH = ("evaluate", "evolve")  # a misspelt key of one may be a key of the other
 _MANY, _SOME = 30, 4  # choices that are no longer listed in a message, and how many of them are
 _FEW = 3  # names in a question
@@ -50,6 +51,8 @@ def check_words(command: str, words: Sequence[str], config_dir: str | None = Non
             raise ConfigError(f"{override.input_line}: a list of values has no ranges in it; give one range, or values")
         if key in choices or "/" in key or _is_folder(key, config_dir):
             _check_choice(override, choices.get(key, []))
+        elif key in _WHOLE and isinstance(value, str) and "{" not in value:
+            raise ConfigError(f"{key} has settings, and no choices; give {_WHOLE[key].format(value)}")
         elif not _is_key(command, key):
             raise ConfigError(_no_key(command, key, value))
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from epuckhebb.runtime.resources import data_folder
 
-TABLES = ("change", "method")  # groups whose choices are the rows of one file
+TABLES = ("adaptation", "change", "method")  # groups of which the choices, or most of them, are the rows of one file
 _PACKAGE_OF = "# @package"  # the first line of a file that also changes other groups
 _ROW = re.compile(r'^((?:# .*\n)+)"?(\w+)"?:', re.MULTILINE)  # comments, and the name of what they describe
 
@@ -20,7 +20,7 @@ def groups(command: str) -> dict[str, list[str]]:
     conf = data_folder("conf")
     names = sorted({*TABLES, *(path.name for path in conf.iterdir() if path.is_dir())})
     return {
-        name: sorted(rows(name) if name in TABLES else (file.stem for file in (conf / name).glob("*.yaml")))
+        name: sorted([*(rows(name) if name in TABLES else ()), *(file.stem for file in (conf / name).glob("*.yaml"))])
         for name in names
         if f"- {name}:" in defaults
     }

@@ -37,7 +37,6 @@ class GoalSignal:
     chance_s: float = 0.0
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         check_range(self, "scenario.goal_signal", "delay_s", most=LONGEST_DELAY_S)
         check_range(self, "scenario.goal_signal", "every_s", "chance_s")
         check_range(self, "scenario.goal_signal", "false_share", most=1)
@@ -57,9 +56,6 @@ class SignalNumbers(NamedTuple):
     chance: int
     false_share: float
     radius_ratio: float
-
-
-EXACT = GoalSignal().numbers()
 
 
 def initial_signal() -> NDArray[np.bool_]:

@@ -171,12 +171,13 @@ def _json(file: Path) -> dict[str, Any]:
 
 
 def below_runs() -> list[Path]:
-    """All folders below `runs/` in which this program has worked, the one of the last call last.
+    """All folders below `runs/` in which this program has worked, the one that ended, or else began, last at the end.
 
     Runs of a multirun come one by one, the jobs of a sweep or a reproduction only as a whole.
     """
     found = [status for pattern in ("*/*", "*/*_multirun/*") for status in Path("runs").glob(f"{pattern}/{STATUS}")]
-    return [status.parent for status in sorted(found, key=lambda status: (status.stat().st_mtime_ns, status))]
+    known = {status.parent: _json(status) for status in found}  # the times of files change when they are copied
+    return sorted(known, key=lambda run: (str(known[run].get("finished", known[run].get("started", ""))), run))
 
 
 def of_multirun(path: Path) -> list[Path]:

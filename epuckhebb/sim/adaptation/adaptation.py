@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import Enum
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.adaptation import change_signals as signals
-from epuckhebb.sim.adaptation.change_signal import ChangeSignal, NominalOfSide
+from epuckhebb.sim.adaptation.change_signal import ChangeSignal
 from epuckhebb.sim.adaptation.exploration import following, staying, with_motor_noise
 from epuckhebb.sim.adaptation.gate import PlasticWhen, Stay, gates
 from epuckhebb.sim.adaptation.homeostasis import HomeostasisState, homeostasis, initial_homeostasis_state
@@ -28,7 +28,7 @@ from epuckhebb.sim.adaptation.self_check.corrections import (
 )
 from epuckhebb.sim.adaptation.wall_following import wall_following
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import compiled
+from epuckhebb.sim.compiling.kernel import compiled, nothing, one
 from epuckhebb.sim.goal_signal import initial_signal
 from epuckhebb.sim.network import HIDDEN
 from epuckhebb.sim.random import noise_workspace_size
@@ -100,7 +100,6 @@ class Adaptation:
     homeostasis: bool = False
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         allowed = (NONE, *change_signals())
         if self.change_signal not in allowed:
             raise ValueError(
@@ -162,15 +161,7 @@ class Adaptation:
     @property
     def parts(self) -> "Parts":
         """Which functions it has."""
-        return Parts(
-            self.change_signal,
-            self.follows_walls,
-            self.plastic_when,
-            self.stay,
-            self.recognise,
-            self.self_check,
-            self.homeostasis,
-        )
+        return Parts(*(getattr(self, name) for name in Parts._fields))
 
     @property
     def is_gated(self) -> bool:
@@ -203,7 +194,7 @@ class Adaptation:
             "correct side": times,
             "goal signal": self.is_gated and (signals_time or self.stay is not Stay.none) and not self.recognise,
             "sensor model": self.self_check or self.recognise,
-            "hand-written": self.follows_walls or self.stay is Stay.halt or self.self_check or self.recognise,
+            "hand-written": self.follows_walls or self.stay.halts or self.self_check or self.recognise,
         }
         return tuple(kind for kind, used in uses.items() if used)
 
@@ -265,9 +256,9 @@ class Hooks(NamedTuple):
     """The functions of an adaptation that a lifetime calls.
 
     correct(readings, corrections, state): sensor readings as they would be in the training world. scale(readings,
-    weights, tally, state, nominal, step): scales the light readings. open_gate(gate, tally, state, readings, fitness,
-    nominal, trial, step, key): the need g for plasticity at this step. explore(gate, tally, state, readings, left,
-    right, gain): the wheels' commands, from the network's outputs. compensate(output, loss, gain): the command for a
+    weights, tally, state, nominal, step): scales the light readings. open_gate(life, setup, fitness, step): the need g
+    for plasticity at this step. explore(life, setup, left, right): the wheels' commands, from the network's outputs.
+    compensate(output, loss, gain): the command for a
     wheel that turns too slowly by this share. resets: whether the weights become the genes where the gate closes.
     """
 
@@ -293,23 +284,19 @@ class Parts(NamedTuple):
 
 @cache
 def hooks(parts: Parts, robot: Robot, first_post: int = HIDDEN[0]) -> Hooks:
-    """The functions of an adaptation. first_post: how many neurons the first layer of connections leads to.
-
-    Raises:
-        ValueError: the robot lacks the sensors to follow walls, or to recognise a place.
-    """
+    """The functions of an adaptation. first_post: how many neurons the first layer of connections leads to."""
     gated, limit = parts.change_signal != NONE, robot.motor_limit_rad_s
-    explore, open_gate = _as_it_is, _always_open
+    explore, open_gate = _as_it_is, one
     if gated:
         explore = with_motor_noise(limit)
         if parts.follows_walls:
             explore = following(wall_following(robot), limit)
-        explore = staying(explore, parts.stay is Stay.halt, parts.recognise)
+        explore = staying(explore, parts.stay.halts, parts.recognise)
         recognised = recognition(robot) if parts.recognise else None
         open_gate = gates(_signal(parts.change_signal), parts.plastic_when, parts.stay, recognised)
     return Hooks(
-        correct=corrected_readings if parts.self_check else _as_sensed,
-        scale=homeostasis(robot.light.count, first_post) if parts.homeostasis else _unscaled,
+        correct=corrected_readings if parts.self_check else nothing,
+        scale=homeostasis(robot.light.count, first_post) if parts.homeostasis else nothing,
         open_gate=open_gate,
         explore=explore,
         compensate=corrected_wheel(limit) if parts.self_check else _as_commanded,
@@ -317,40 +304,5 @@ def hooks(parts: Parts, robot: Robot, first_post: int = HIDDEN[0]) -> Hooks:
     )
 
 
-@compiled
-def _as_sensed(readings: Floats, by: Corrections, state: CorrectionState) -> None:
-    pass
-
-
-@compiled
-def _unscaled(
-    readings: Floats, weights: Floats, tally: Any, state: HomeostasisState, nominal: NominalOfSide, step: int
-) -> None:
-    pass
-
-
-@compiled
-def _as_commanded(output: float, loss: float, gain: float) -> float:
-    return output
-
-
-@compiled
-def _always_open(
-    gate: Gate,
-    tally: Any,
-    state: AdaptationState,
-    readings: Floats,
-    fitness: float,
-    nominal: NominalOfSide,
-    trial: Any,
-    step: int,
-    key: np.uint64,
-) -> float:
-    return 1.0
-
-
-@compiled
-def _as_it_is(
-    gate: Gate, tally: Any, state: AdaptationState, readings: Floats, left: float, right: float, gain: float
-) -> tuple[float, float]:
-    return left, right
+_as_commanded = compiled(lambda output, *_: output)
+_as_it_is = compiled(lambda _life, _setup, left, right: (left, right))
