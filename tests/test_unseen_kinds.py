@@ -31,7 +31,7 @@ CONTROLS = {
 }
 ORDER = (  # by class of knowledge
     *("stay", FIND, HALT, LEARN),
-    *(RECOGNISE_HALT, RECOGNISE),
+    *("self_check", "careful_self_check", "best", "careful_best", RECOGNISE_HALT, RECOGNISE),
     *("hand_written", "hand_written_recognises"),
 )
 FAULTS = {
@@ -42,6 +42,9 @@ FAULTS = {
     "signal_wide": "radius twice as large",
     "signal_by_chance": "from a random time on (control)",
 }
+
+
+HALTS = {HALT: "halt for good", "find_and_wait": "halt for 1.5 s", LEARN: "anti-Hebbian"}
 
 
 @pytest.fixture(scope="module")
@@ -124,14 +127,18 @@ def test_the_controls_of_the_plastic_rule(generated, figure, over_all, by_champi
     figure(KINDS, "controls", rows_in(over_all, {name: text.strip("*") for name, text in CONTROLS.items()}))
 
 
-def test_the_careful_self_check(generated):
+def test_the_careful_self_check(generated, over_all, by_champion):
     chosen_on, rows = pd.read_csv(CHOSEN_ON / "rescue_over_all.csv"), []
     for experiment in TRAINED:
-        for name in ("self_check", "careful_self_check", "best", "careful_best"):
-            row = row_of(chosen_on, experiment, name)
-            rows.append([experiment, f"`{name}`", *rescue.counts(row), rescue.in_training(row)])
-    head = ["experiment", "adaptation", rescue.RESCUED, rescue.HARMED, rescue.IN_TRAINING]
-    generated(PAGE, "careful", markdown_table(head, rows))
+        for usual, careful in (("self_check", "careful_self_check"), ("best", "careful_best")):
+            mean, low, high, p = paired(by_champion, experiment, careful, usual, "harmed", "intact")
+            for name in (usual, careful):
+                before, row = (row_of(table, experiment, name) for table in (chosen_on, over_all))
+                less = f"{mean:+.3f} [{low:+.3f}, {high:+.3f}], p = {p:.2g}" if name == careful else "–"
+                known = [f"{before.rescued} of {before.broken}", f"{before.harmed} of {before.intact}"]
+                rows.append([experiment, f"`{name}`", *known, *rescue.counts(row), less])
+    head = ["experiment", "adaptation", "earlier kinds: rescued", "harmed", rescue.RESCUED, rescue.HARMED]
+    generated(PAGE, "careful", markdown_table([*head, "harm less that of the usual one"], rows))
 
 
 def test_kind_by_kind(generated, figure):
@@ -164,17 +171,16 @@ def test_goal_signals_that_lie(generated, figure):
             kinds = own[own.scenario.str.endswith(f"_{fault}") & (own.scenario != f"{training}_{fault}")]
             summed = kinds.groupby("controller")[["rescued", "broken", "harmed", "intact"]].sum()
             cells = []
-            for name in (HALT, LEARN):
+            for name, does in HALTS.items():
                 one, home = summed.loc[name], alone.loc[name]
                 share = one.rescued / one.broken
                 cells.append(f"{one.rescued} of {one.broken}: {share:.2f}")
                 harmed, intact = one.harmed + home.harmed, one.intact + home.intact
                 cells.append(f"{harmed} of {intact}")
                 shares = {"rescued_share": share, "harmed_share": harmed / intact}
-                does = "halt" if name == HALT else "anti-Hebbian"
                 drawn.append({"experiment": experiment, "controller": f"{text}: {does}", "N": 0.0, **shares})
             rows.append([experiment, text, *cells])
-    head = ["experiment", "goal signal", "halt: rescued", "harmed", "anti-Hebbian: rescued", "harmed"]
+    head = ["experiment", "goal signal", *(cell for does in HALTS.values() for cell in (f"{does}: rescued", "harmed"))]
     generated(PAGE, "signals", markdown_table(head, rows))
     bounds = [f"{part}_{end}" for part in ("rescued", "harmed") for end in ("low", "high")]
     figure(SIGNALS, "signals", pd.DataFrame(drawn).reindex(columns=[*drawn[0], *bounds]))
