@@ -48,13 +48,6 @@ def test_a_folder_of_someone_else_is_refused_and_left_as_it_is(own, words):
     assert contents(own) == before
 
 
-@pytest.mark.parametrize("words", [[*SWEEP, "hydra.sweep.dir="], ["evaluate", *SMALL, "hydra.run.dir="]])
-def test_an_empty_name_of_a_folder_is_refused(own, words):
-    before = contents(own.parent)
-    assert "must name a folder" in refused(*words)
-    assert contents(own.parent) == before
-
-
 def test_a_sweep_removes_only_attempts_with_our_names(here):
     done(*SWEEP, "hydra.sweep.dir=mine")
     kept = ["unfinished/thesis.txt", "unfinished/20260101-000000-abcdefgh_1/a.txt", ".notes.tmp", "jobs/.draft.tmp"]

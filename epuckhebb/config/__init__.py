@@ -32,7 +32,6 @@ from epuckhebb.config.overrides import (
     SWEEP_DIR,
     alternatives,
     check_config_dir,
-    check_folders,
     overrides_of,
     quoted,
     value_of,

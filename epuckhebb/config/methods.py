@@ -61,11 +61,9 @@ _KEYS = [key.name for key in fields(Method) if key.name not in ("name", "descrip
 
 
 def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]:
-    """The methods of these names, each after those that it needs: the one that it is compared with.
+    """The methods of these names, each after the one that it is compared with.
 
-    Args:
-        names: Names of methods, `FILE.py:NAME` for a rule, or `all`.
-        folders: Where to look for `method/`, first found first taken.
+    names: of methods, `FILE.py:NAME` for a rule, or `all`. folders: with `method/`, first found first taken.
     """
     known = sorted(choice_names("method", folders))
     chosen: dict[str, Method] = {}

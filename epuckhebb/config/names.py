@@ -42,12 +42,9 @@ _LONGEST = 80  # characters of a world in the name of a folder
 
 
 def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> DictConfig:
-    """The configuration with all names in it.
+    """The configuration with all names in it. cfg: as Hydra composed it; it is changed.
 
-    Args:
-        cfg: As Hydra composed it; it is changed.
-        choices: The file that was chosen of each group.
-        folders: Where Hydra looked for files, first found first taken.
+    choices: the file that was chosen of each group. folders: where Hydra looked for files, first found first taken.
     """
     if ":" in str((cfg.get("flock") or {}).get("coupling")):
         cfg.flock.coupling = _absolute(cfg.flock.coupling, "flock.coupling")

@@ -112,13 +112,7 @@ def sources(config: Any) -> dict[str, str]:
 
 
 def class_named(text: str, base: type[Base], key: str) -> type[Base]:
-    """The subclass of a base class that `FILE.py:NAME` names.
-
-    Args:
-        text: The file and the name.
-        base: The base class, of which `epuckhebb` has the name.
-        key: Where in the configuration it stands, for messages.
-    """
+    """The subclass of a base class (one that `epuckhebb` has) that `FILE.py:NAME` names. key: whose value that is."""
     file, _, name = text.rpartition(":")
     module = load(path_of(file, key), f"{key}={text}").module
     kind = getattr(module, name, None)

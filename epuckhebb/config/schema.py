@@ -332,19 +332,14 @@ Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig, Leader
 
 
 def typed(cfg: DictConfig, schema: type[Config]) -> Config:
-    """The composed configuration as plain dataclasses, checked.
-
-    Raises:
-        ConfigError: A value is outside its range; the message names the key.
-    """
+    """The composed configuration as plain dataclasses, checked."""
     try:
         config: Any = OmegaConf.to_object(cfg)
     except ConfigError:
         raise
     except (ValueError, OmegaConfBaseException) as error:
         raise ConfigError(said(error)) from error
-    if not isinstance(config, schema):
-        raise ConfigError("the configuration is not one of this command")
+    assert isinstance(config, schema)
     config.composed = cfg
     return config
 

@@ -71,11 +71,8 @@ def evolve_job(cfg: Any) -> None:
 class PreparedEvolution:
     """An evolution whose settings, memory and given weights are checked.
 
-    Attributes:
-        config: The settings.
-        network: The network that is evolved.
-        plan: The parts of a champion's genes.
-        given: The genes of the network that all individuals are given; None if these evolve.
+    plan: the parts of a champion's genes. given: the genes of the network that all individuals are given; None if these
+    evolve.
     """
 
     config: EvolveConfig
@@ -115,11 +112,7 @@ class PreparedEvolution:
         return remember_training_world(self.network_genes(champion), world, threads, self.network)
 
     def champion(
-        self,
-        last: Generation,
-        seed: int,
-        nominal: Nominal | None = None,
-        self_memory: SelfMemory | None = None,
+        self, last: Generation, seed: int, nominal: Nominal | None = None, self_memory: SelfMemory | None = None
     ) -> bytes:
         """The `champion.npz` of a generation."""
         config, rule = self.config, self.config.controller.rule
@@ -146,9 +139,6 @@ def prepare_evolution(config: EvolveConfig, *, has_genome: bool = True) -> Prepa
     """Check that the given weights fit, that the optimizer starts, and that there is memory for all individuals.
 
     has_genome: whether the genome that the settings name exists yet; else nothing is read.
-
-    Raises:
-        ConfigError: The genome is for another robot or network, memory is too small, or the optimizer fails.
     """
     world, key, individuals = config.world, config.algorithm.key, config.algorithm.individuals
     check_library(world)

@@ -25,7 +25,6 @@ from epuckhebb.config import (
     SCHEMAS,
     SWEEP_DIR,
     alternatives,
-    check_folders,
     explain,
     load,
     plugins,
@@ -90,7 +89,6 @@ def run(command: str, job: Callable[[Any], None], arguments: list[str], config_d
 
     Returns the folders of the runs, in the order of the jobs. config_dir: a folder with more configuration files.
     """
-    check_folders(arguments)
     arguments = [with_names_compared(_with_own_files_found(argument)) for argument in arguments]
     stamp = new_stamp()
     folders: list[Path] = []
