@@ -11,13 +11,14 @@ from numba import njit
 from step import GENES
 
 from epuckhebb.sim import light
+from epuckhebb.sim.forward_pass import forward_pass
+from epuckhebb.sim.life import Genotype, workspace_for
 from epuckhebb.sim.maze import T_MAZE, Pose, boxes
-from epuckhebb.sim.network import PAPER_NETWORK, forward_pass, initial_weights_of
+from epuckhebb.sim.network import PAPER_NETWORK, initial_weights_of
 from epuckhebb.sim.physics.pymunk import PYMUNK, PymunkSpace, mover
 from epuckhebb.sim.plasticity.rule import initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.plasticity.update import StepContext, update_of
-from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.senses import sense_workspace, senses
@@ -52,22 +53,9 @@ def network_loop(n, weights, activation, drive):
 
 
 @loop
-def plasticity_loop(n, weights, synapse_state, genes, coefficients, activation, lengths, signs, numbers, room, change):
+def plasticity_loop(n, weights, synapse_state, genotype, activation, numbers, workspace):
     for _ in range(n):
-        learn(
-            weights,
-            synapse_state,
-            genes,
-            coefficients,
-            activation,
-            1e-9,
-            StepContext(0.5, np.uint64(1), 0),
-            lengths,
-            signs,
-            numbers,
-            room,
-            change,
-        )
+        learn(weights, synapse_state, genotype, activation, 1e-9, StepContext(0.5, np.uint64(1), 0), numbers, workspace)
 
 
 @loop
@@ -81,19 +69,10 @@ def measure() -> list[tuple[str, str]]:
     """Name and median time of each part."""
     walls, lit, network = boxes(T_MAZE), light.lights(0.1, light.Lamp(), True), PAPER_NETWORK
     numbers, activation = np.zeros(16), np.full(network.neurons, 0.3)
-    genes, settings = initial_weights_of(np.load(GENES)["genome"]), tuple(Paper(N=1e-5).numbers().values())
-    plasticity = (
-        genes.copy(),
-        initial_synapse_state(Paper, network),
-        genes,
-        np.empty((0, network.synapses)),
-        activation,
-        np.empty(0),
-        np.ones(network.synapses),
-        settings,
-        np.empty((3, network.synapses)),
-        np.empty(weight_change_workspace(network)),
-    )
+    genes, settings = initial_weights_of(np.load(GENES)["genome"]), Paper(N=1e-5).numbers()
+    state, nothing = initial_synapse_state(Paper, network), np.empty(0)
+    genotype = Genotype(genes, state, np.empty((0, network.synapses)), nothing, nothing, np.ones(network.synapses))
+    plasticity = genes.copy(), state, genotype, activation, settings, workspace_for(network, EPUCK)
     still, wall, corner = (PymunkSpace(walls, EPUCK) for _ in range(3))
     still.place_robot(T_MAZE.start)
     wall.place_robot(Pose(0.007, 0.16, math.pi / 2))
@@ -104,7 +83,7 @@ def measure() -> list[tuple[str, str]]:
             _time(senses_loop, still.handles, lit, numbers, sense_workspace(EPUCK, PYMUNK), activation),
         ),
         ("noise", _time(noise_loop, np.uint64(7), numbers)),
-        ("network", _time(network_loop, genes, activation, np.empty(8))),
+        ("network", _time(network_loop, genes, activation, np.empty(network.neurons))),
         ("plasticity", _time(plasticity_loop, *plasticity)),
         ("physics, away from walls", _time(physics_loop, still.handles, 0.0)),
         ("physics, against a wall", _time(physics_loop, wall.handles, 1.0)),

@@ -18,7 +18,7 @@ from epuckhebb.config import EvolveConfig, check_library, load, quoted
 from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiling.kernel import kernel
-from epuckhebb.sim.compiling.simd import whole
+from epuckhebb.sim.forward_pass import forward_pass
 from epuckhebb.sim.maze import SIDES, Side
 from epuckhebb.sim.network import (
     OUTPUTS,
@@ -26,7 +26,6 @@ from epuckhebb.sim.network import (
     WEIGHT_LIMIT,
     GivenOutputs,
     Network,
-    forward_pass,
     initial_weights_of,
 )
 from epuckhebb.sim.plasticity.rule import NoRule
@@ -163,7 +162,7 @@ def policy_from_genome(genes: Floats, network: Network = PAPER_NETWORK) -> Calla
     weights = initial_weights_of(np.asarray(genes, np.float64))
     if weights.shape != (network.synapses,):
         raise ConfigError(f"a network of layers {network} has {network.synapses} weights, got shape {weights.shape}")
-    activation, drive = np.zeros(network.neurons), np.empty(whole(max(network.post)))
+    activation, drive = np.zeros(network.neurons), np.empty(network.neurons)
     activation[network.bias] = 1.0
     pass_through = kernel(_pass, forward=forward_pass(network))
 

@@ -11,6 +11,7 @@ import pytest
 import reference
 from omegaconf import OmegaConf
 
+from epuckhebb.config import hydra_cache
 from epuckhebb.config.parts_from_yaml import robot_from
 from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import GA_ALONE, Controller
@@ -28,6 +29,7 @@ def pytest_configure():
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    hydra_cache._MOST_KEPT = 5_000  # the tests compose more than a user does, and the same in their next run
 
 
 def pytest_collection_finish():

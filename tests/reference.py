@@ -418,8 +418,9 @@ class Robot:
                 left, right = (speed / self.gain for speed in self.follow(readings[self.kind.light.count :]))
             else:
                 self.hand = None
-        if self.adaptation.stay.name == "halt" and self.at_goal:
-            self.halted = True
+        stay = self.adaptation.stay.name
+        ends = stay == "wait" and self.away >= 1.5
+        self.halted = stay in ("halt", "wait") and (self.at_goal or (self.halted and not ends))
         if self.halted:
             left, right = 0.0, 0.0
         return (

@@ -108,6 +108,7 @@ def test_both_bundled_champions_load():
         (lambda: epuckhebb.evaluate(None), "genome must be genes"),
         (lambda: epuckhebb.evaluate("reference", {"repeats": 1}), "overrides are texts such as"),
         (lambda: epuckhebb.evaluate("reference", senario="base"), "senario"),
+        (lambda: epuckhebb.evaluate(progres=False), "progres"),
         (lambda: epuckhebb.evaluate("reference", scenario="bas"), "4obstacles"),
         (lambda: epuckhebb.evaluate("reference", seed=pd.Series([1])), "seed must be text, a number"),
         (lambda: epuckhebb.evaluate("reference", hebbian=epuckhebb.Hebbian), "got a class; give an object of it"),

@@ -73,12 +73,6 @@ def test_multirun_sweeps(here, launcher):
     assert len(ga) == 8  # the control is the same whatever N is
 
 
-def test_without_plasticity_there_is_the_ga_alone(here):
-    call("evaluate", "hebbian=none", *FAST)
-    rows = pd.read_csv(only_run(here / "runs" / "evaluate") / "metrics.csv")
-    assert set(rows.controller) == {"GA"}
-
-
 def test_cfg_shows_and_runs_nothing(here):
     result = done("evaluate", "--cfg", "job", "scenario=lowlight")
     assert "light: 0.1" in result.stdout

@@ -109,23 +109,13 @@ def scaled(number):
     return lambda x: number * x
 
 
-def filled(number):
-    def fill(x, out):
-        out[0] = number * x[0]
-
-    return fill
-
-
 @pytest.mark.parametrize(
     "made",
     [
         lambda number: numba.njit(scaled(number)),
-        lambda number: numba.vectorize(scaled(number)),
-        lambda number: numba.cfunc("f8(f8)")(scaled(number)),
-        lambda number: numba.guvectorize(["f8[:],f8[:]"], "(n)->()")(filled(number)),
         lambda number: numba.njit("f8(f8)" if number == 2 else "f4(f4)")(scaled(1)),
     ],
-    ids=["njit", "vectorize", "cfunc", "guvectorize", "signature"],
+    ids=["njit", "signature"],
 )
 def test_what_numba_compiles_for_an_object_matters(made):
     names = [digest(calls(helper, helper, helper)) for helper in (made(2), made(2), made(3))]
@@ -162,8 +152,8 @@ def test_what_cannot_be_read_is_compiled_in_memory(monkeypatch, tmp_path):
     libc = ctypes.CDLL(None)
     libc.abs.argtypes, libc.abs.restype = [ctypes.c_int], ctypes.c_int
     absolute = libc.abs
-    parallel = numba.vectorize(["f8(f8)"], target="parallel")(scaled(2.0))
-    for part in (absolute, parallel, object(), types.ModuleType("helpers")):
+    vectorized = numba.vectorize(scaled(2.0))
+    for part in (absolute, vectorized, object(), types.ModuleType("helpers")):
         with pytest.raises(UnknownPartError):
             digest(calls(part, part, part))
     assert kernel(whole, part=absolute)(-3) == 3

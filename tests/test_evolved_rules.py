@@ -19,7 +19,7 @@ from epuckhebb.evolution.search import Search
 from epuckhebb.sim import random
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.life import Lifetime
+from epuckhebb.sim.life import Genotype, Lifetime, workspace_for
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, coefficients, modulatory_weights
 from epuckhebb.sim.plasticity.rules.abcd import ABCD
@@ -30,7 +30,7 @@ from epuckhebb.sim.plasticity.rules.discrete import Discrete
 from epuckhebb.sim.plasticity.rules.modulated import Modulated
 from epuckhebb.sim.plasticity.rules.online import Online
 from epuckhebb.sim.plasticity.update import StepContext, initial_lengths, modulation_of, update_of
-from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
+from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.store.genome import load_genome
 
@@ -109,12 +109,12 @@ def test_the_incoming_weights_of_each_neuron_keep_their_length():
     genes = np.random.default_rng(0).uniform(-1, 1, network.synapses)
     weights, values = genes.copy(), dict.fromkeys(Discrete.evolved, np.ones(1))
     values |= {"when_better": np.ones(4), "when_worse": np.ones(4)}
-    numbers, room = tuple(Discrete(N=1.0).numbers().values()), np.empty((3, network.synapses))
-    learn, change = update_of(Discrete, network), np.empty(weight_change_workspace(network))
-    spread, activation, ones = coefficients(Discrete, network, values), np.ones(network.neurons), np.ones_like(genes)
-    lengths = initial_lengths(Discrete, network, genes)
+    numbers, activation = Discrete(N=1.0).numbers(), np.ones(network.neurons)
+    workspace = workspace_for(network, EPUCK)
+    spread, lengths = coefficients(Discrete, network, values), initial_lengths(Discrete, network, genes)
+    genotype = Genotype(genes, np.empty(0), spread, np.empty(0), lengths, np.ones_like(genes))
     now = StepContext(0.1, np.uint64(1), 0)
-    total = learn(weights, np.empty(0), genes, spread, activation, 0.1, now, lengths, ones, numbers, room, change)
+    total = update_of(Discrete, network)(weights, np.empty(0), genotype, activation, 0.1, now, numbers, workspace)
     assert total == pytest.approx(np.abs(weights - genes).sum()) != 0
     for now, before in zip(by_layer(network, weights), by_layer(network, genes), strict=True):
         np.testing.assert_allclose(np.linalg.norm(now, axis=0), np.linalg.norm(before, axis=0))

@@ -12,7 +12,8 @@ import pytest
 from cases import done, first_of, refused
 
 import epuckhebb
-from epuckhebb.sim.network import PAPER_NETWORK, forward_pass
+from epuckhebb.sim.forward_pass import forward_pass
+from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.store import genome
 
 ROOT = Path(__file__).parents[1]
@@ -119,7 +120,7 @@ def test_the_order_of_the_genes_is_that_of_the_page():
     exec(script, names)
     readings, first = np.random.default_rng(1).random(16), names["first"]
     genes = epuckhebb.load("reference_7")
-    activation, drive = np.zeros(PAPER_NETWORK.neurons), np.zeros(16)
+    activation, drive = np.zeros(PAPER_NETWORK.neurons), np.zeros(PAPER_NETWORK.neurons)
     activation[:17] = [*readings, 1]
     forward_pass(PAPER_NETWORK)(genes, activation, drive)
     np.testing.assert_allclose(activation[17:24], np.tanh(readings @ first[:16] + first[16]), atol=1e-12)
@@ -133,15 +134,6 @@ def test_a_champion_is_played_without_plasticity_with_genes_in_their_order():
     genes = np.load("epuckhebb_champion/genes.npy")
     np.testing.assert_array_equal(genes, genome.load_genome("reference_7", "obstacles").genes)
     np.testing.assert_array_equal(genes, told["weights"])
-
-
-@pytest.mark.usefixtures("here")
-def test_of_several_controllers_the_first_is_taken_and_the_others_are_named():
-    short = ["lifetime.duration_s=0.064", "repeats=1", "lifetime.record_every=0", "-q"]
-    done("evaluate", "compare=[oja]", *short, "hydra.run.dir=both")
-    result = done("export", "both", "--webots")
-    assert "Left out, as one controller is taken of a run: oja." in result.stdout
-    assert json.loads(Path("epuckhebb_champion/champion.json").read_text())["rule"]["N"] == 1.5e-5
 
 
 @pytest.mark.parametrize(

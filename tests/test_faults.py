@@ -69,7 +69,7 @@ def test_late_readings_after_a_calibration_that_counts_are_those_of_its_end(geno
 def test_gain_and_offset_are_of_distance_readings_alone(gain, offset):
     readings = np.linspace(0.0, 1.0, 16)
     expected = np.append(readings[:8], np.clip(gain * readings[8:] + offset, 0, 1))
-    wrong = Faults(np.empty(0, int), gain, offset, 1.0, 1.0, 0.0, 0.0, 0.0)
+    wrong = Faults(np.empty(0, int), distance_gain=gain, distance_offset=offset)
     hooks(EPUCK, more=True).apply_sensor_faults(readings, wrong, initial_past(EPUCK), 0)
     np.testing.assert_allclose(readings, expected, rtol=1e-12)
 

@@ -101,6 +101,18 @@ def test_it_finds_the_goal_and_halts_there(nominal):
     assert not samples.weight_change.any()
 
 
+def test_a_halt_that_waits_ends_with_the_signal_and_one_for_good_does_not(nominal):
+    still = {}
+    for stays in ("find_and_wait", "find_and_stay"):
+        outcome, samples = run(nominal, f"adaptation={stays}", world="scenario=base_signal_false", side="left")
+        moves = np.hypot(*np.diff(samples.pose[:, :2], axis=0).T) > 1e-6
+        still[stays] = (~moves).sum() * STEP_S, outcome.success, np.flatnonzero(~moves)[0]
+    assert still["find_and_wait"][2] == still["find_and_stay"][2]
+    assert not still["find_and_stay"][1]
+    assert still["find_and_wait"][1]
+    assert 2.5 <= still["find_and_wait"][0] < still["find_and_stay"][0]
+
+
 def test_it_learns_to_stay_at_the_goal_alone_and_keeps_what_it_learns(nominal):
     outcome, samples = run(nominal, "adaptation=find_and_learn_to_stay")
     goal = config("scenario=base").world.goals_now["right"]
@@ -113,6 +125,7 @@ def test_it_learns_to_stay_at_the_goal_alone_and_keeps_what_it_learns(nominal):
     assert samples.weight_change[first + 1 :].min() > 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("when", "share"), [("always", 1.0), ("late", 0.5)])
 def test_the_gate_of_plasticity_is_not_that_of_exploration(nominal, when, share):
     learns = ("adaptation=find", "hebbian=paper", "hebbian.N=0.0001", f"adaptation.plastic_when={when}")

@@ -48,20 +48,6 @@ def test_a_folder_of_someone_else_is_refused_and_left_as_it_is(own, words):
     assert contents(own) == before
 
 
-def test_a_sweep_removes_only_attempts_with_our_names(here):
-    done(*SWEEP, "hydra.sweep.dir=mine")
-    kept = ["unfinished/thesis.txt", "unfinished/20260101-000000-abcdefgh_1/a.txt", ".notes.tmp", "jobs/.draft.tmp"]
-    ours = ["unfinished/20260101-000000-0123abcd_7/half.csv", ".sweep.csv.4242.tmp", "unfinished/stop"]
-    for name in kept + ours:
-        file = here / "mine" / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(name)
-    done(*SWEEP, "hydra.sweep.dir=mine")
-    there = contents(here / "mine")
-    assert all(name in there for name in kept)
-    assert not any(name in there for name in ours)
-
-
 def test_a_run_of_another_verb_is_not_gone_on_with(here):
     done("evaluate", *SMALL, "hydra.run.dir=done")
     before = contents(here / "done")

@@ -481,6 +481,8 @@ def test_the_reference_table_comes_of_the_rows_of_champions(folder):
             kind=row.kind,
             matched_control=row.matched_control,
             evolved_parameters=int(row.evolved_parameters),
+            knowledge=row.knowledge,
+            knowledge_class=row.knowledge_class,
         )
         for row in told.itertuples()
     ]
@@ -495,9 +497,10 @@ def test_the_reference_table_comes_of_the_rows_of_champions(folder):
 @pytest.mark.parametrize("folder", REFERENCES)
 def test_the_page_of_the_reference_results_tells_what_is_in_their_csv(folder, generated):
     told = pd.read_csv(folder / "leaderboard.csv").fillna({"matched_control": ""})
+    worlds = pd.read_csv(folder / "worlds.csv").fillna({"tests": ""})
     for experiment, own in told.groupby("experiment", sort=False):
         page = "reversal" if experiment == board.REVERSAL else "leaderboard"
-        generated(ROOT / "docs" / f"{page}.md", experiment, board.markdown_of(own))
+        generated(ROOT / "docs" / f"{page}.md", experiment, board.markdown_of(own, worlds))
 
 
 # What is refused

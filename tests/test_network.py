@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuckhebb.sim.compiling.simd import whole
-from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer, forward_pass, initial_weights_of, tanh
+from epuckhebb.sim.forward_pass import forward_pass
+from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer, initial_weights_of, tanh
 
 NETWORKS = [PAPER_NETWORK, Network((16, 3, 2)), Network((32, 7, 5, 8, 4, 2)), Network((2, 2))]
 
@@ -30,7 +30,7 @@ def test_forward_is_tanh_of_x_times_w_layer_by_layer(network):
     rng, inputs = np.random.default_rng(1), network.inputs
     weights, activation = rng.uniform(-2, 2, network.synapses), np.zeros(network.neurons)
     activation[:inputs], activation[network.bias] = rng.random(inputs), 1.0
-    forward_pass(network)(weights, activation, np.empty(whole(max(network.post))))
+    forward_pass(network)(weights, activation, np.empty(network.neurons))
     x = np.append(activation[:inputs], 1.0)
     for layer, shape in enumerate(network.shapes):
         gene = network.first_synapse[layer]
@@ -42,7 +42,7 @@ def test_a_bias_weight_acts_without_any_light_or_wall():
     weights, activation = np.zeros(PAPER_NETWORK.synapses), np.zeros(PAPER_NETWORK.neurons)
     activation[PAPER_NETWORK.bias] = 1.0
     weights[PAPER_NETWORK.bias * PAPER_NETWORK.post[0]] = 0.5  # to the first hidden neuron: the last row of its layer
-    forward_pass(PAPER_NETWORK)(weights, activation, np.empty(8))
+    forward_pass(PAPER_NETWORK)(weights, activation, np.empty(PAPER_NETWORK.neurons))
     assert activation[PAPER_NETWORK.first_neuron[1]] == tanh(0.5)
     assert not activation[PAPER_NETWORK.first_neuron[1] + 1 :].any()
 

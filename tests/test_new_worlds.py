@@ -10,7 +10,6 @@ from omegaconf import OmegaConf
 
 from epuckhebb.config.compose import composed
 from epuckhebb.config.names import training_world, world_of
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.maze import SIDES
@@ -91,7 +90,6 @@ NAMES = [*SINGLE, *PAIRS, *THIRD, *THIRD_PAIRS, *OF_THE_SIGNAL]
 DIFFERENCE = {**SINGLE, **THIRD, **OF_THE_SIGNAL}
 TWO = {**PAIRS, **THIRD_PAIRS}
 ON_THE_RIGHT_ALONE = {name for name in DIFFERENCE if name.startswith("lamp")}  # where the lamp is lit
-COMPOSED = ("base_narrow_slip_left", "highlight_wide_lamp_ahead", "base_two_dead_ahead_light_changes")
 BASES = pytest.mark.parametrize("base", list(OTHER_LIGHT))
 
 
@@ -121,13 +119,6 @@ def test_all_worlds_are_in_the_docs_and_the_third_set_has_fifteen_or_more():
     rows = re.findall(r"^\| (`.*?) \|", (Path(__file__).parents[1] / "docs" / "changes.md").read_text(), re.MULTILINE)
     assert re.findall(r"`(\w+)`", " ".join(rows)) == NAMES
     assert len(THIRD) + len(THIRD_PAIRS) >= 15
-
-
-@pytest.mark.parametrize("name", COMPOSED)
-@pytest.mark.parametrize(("command", "schema"), [("evaluate", EvaluateConfig), ("evolve", EvolveConfig)])
-def test_composes_and_nothing_is_changed_but_what_is_in_its_name(command, schema, name):
-    cfg = composed(command, [f"scenario={name}"])
-    assert (typed(cfg, schema).world, cfg.changed) == (world(name), "")
 
 
 def test_another_maze_takes_precedence_over_that_of_a_scenario():

@@ -113,16 +113,11 @@ def test_a_strategy_begins_around_the_fittest_of_its_first_generation(name):
     assert search.ask().shape == (4, 24)
 
 
-def test_sep_cma_es_finds_what_there_is_to_find():
-    search = Search(SepCmaEs(population=12), PLAN, 5)
+@pytest.mark.parametrize(("strategy", "near"), [(SepCmaEs(population=12), 0.02), (OpenEs(), 0.1)])
+def test_a_strategy_finds_what_there_is_to_find(strategy, near):
+    search = Search(strategy, PLAN, 5)
     generations(search, 150)
-    np.testing.assert_allclose(search.candidates()[0], 0.6, atol=0.02)
-
-
-def test_open_es_finds_what_there_is_to_find():
-    search = Search(OpenEs(), PLAN, 5)
-    generations(search, 150)
-    np.testing.assert_allclose(search.candidates()[0], 0.6, atol=0.1)
+    np.testing.assert_allclose(search.candidates()[0], 0.6, atol=near)
 
 
 def test_a_step_of_open_es_goes_by_ranks_of_antithetic_pairs():

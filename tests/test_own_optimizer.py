@@ -101,6 +101,7 @@ def test_runs_by_it_are_shown_replayed_and_rerun_without_the_file(copy):
     assert file.endswith("my_optimizer.py")
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("copy")
 def test_a_point_of_the_archive_is_drawn_evaluated_and_replayed():
     words = ["archive.py", "evolved", "--lamp-on", "0", "--lamp-off", "0"]
@@ -114,6 +115,7 @@ def test_a_point_of_the_archive_is_drawn_evaluated_and_replayed():
     done("sweep", "n_sweep", "genome=evolved/genome.npy", "--dry-run")
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("copy")
 def test_a_multirun_takes_it():
     words = ["evolve", "-m", OWN, *SMALL, "optimizer.generations=1", "optimizer.sigma=0.2,0.5", "hydra/launcher=basic"]
@@ -185,7 +187,6 @@ class Still(Optimizer):
     def tell(self):
         self.generation += 1
 
-class NotOne: pass
 class Deaf(Optimizer):
     start = Still.start
     ask = Still.ask
@@ -244,9 +245,7 @@ def bad(here):
     ("words", "texts"),
     [
         (["climber"], ["must be one of ga, open_es, sep_cma_es, an optimizer of your own, FILE.py:NAME"]),
-        (["nowhere.py:Fine"], ["nowhere.py:Fine: there is no file"]),
         (["bad.py:Fin"], ["has no optimizer Fin", "Did you mean Fine?"]),
-        (["bad.py:NotOne"], ["has no optimizer NotOne", "subclass of epuckhebb.Optimizer"]),
         (["bad.py:Deaf"], ["optimizer Deaf has no method `tell`"]),
         (["bad.py:Mute"], ["Can't instantiate abstract class Mute", "ask"]),
         (["bad.py:Curious"], ["`tell` has the unknown arguments weather; known are fitness, success,", "x, y"]),
@@ -258,7 +257,7 @@ def bad(here):
         (["bad.py:Narrow"], ["`ask` must return genomes", "got shape (3, 233)"]),
         (["bad.py:Undefined"], ["`ask` must return genomes", "nan or infinite"]),
         (["bad.py:Wide"], ["within its limit (optimizer.gene_limit is 2); one is 2.5"]),
-        (["bad.py:Broken"], ["Broken: `ask` failed in line 40: IndexError: list index out of range"]),
+        (["bad.py:Broken"], ["Broken: `ask` failed in line 39: IndexError: list index out of range"]),
         (["bad.py:Lucky"], ["Lucky asks for other genomes with the same seed"]),
         (["bad.py:Fine", "optimizer.sigam=1"], ["optimizer.sigam is no key of", "Did you mean sigma?"]),
         (["bad.py:Fine", "optimizer.sigma=wide"], ["optimizer.sigma must be a finite number"]),
@@ -277,7 +276,7 @@ def test_what_cannot_be_an_optimizer_is_refused_before_anything_runs(words, text
 @pytest.mark.parametrize(
     ("name", "text", "generations"),
     [
-        ("Tired", "optimizer Tired: `tell` failed in line 52: KeyError: 'tired'", 1),
+        ("Tired", "optimizer Tired: `tell` failed in line 51: KeyError: 'tired'", 1),
         ("Candid", "Candid: `candidates` must return genomes, rows of 234 numbers, or None, got shape (1, 1)", 0),
         ("Messy", "optimizer Messy: `tables` must return data frames by name, got 'history'", 0),
     ],

@@ -48,7 +48,7 @@ def initial_state(rule):
 
 
 def by(rule, **values):
-    return SimpleNamespace(**rule(**values).numbers())
+    return SimpleNamespace(**dict(zip(rule.settings(), rule(**values).numbers(), strict=True)))
 
 
 def test_three_steps_of_the_papers_rule():
@@ -123,19 +123,18 @@ def initial_states(rule, network):
 
 def updated(rule, network, weights, genes, activation, rate, w_max, all_of=None, of_updates=None):
     """One update of all weights; the weight change."""
+    of_updates = np.ones(network.synapses) if of_updates is None else of_updates
     return update_of(rule, network)(
         weights,
         initial_states(rule, network) if all_of is None else all_of,
-        genes,
-        np.empty((0, network.synapses)),
+        SimpleNamespace(weights=genes, coefficients=np.empty((0, network.synapses)), signs=of_updates),
         activation,
         rate,
         StepContext(0.5, np.uint64(1), 0),
-        np.empty(0),
-        np.ones(network.synapses) if of_updates is None else of_updates,
-        tuple(rule(N=1.0, w_max=w_max).numbers().values()),
-        np.empty((3, network.synapses)),
-        np.full(weight_change_workspace(network), 7.0),
+        rule(N=1.0, w_max=w_max).numbers(),
+        SimpleNamespace(
+            synapses=np.empty((3, network.synapses)), change=np.full(weight_change_workspace(network), 7.0)
+        ),
     )
 
 

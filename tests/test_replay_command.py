@@ -1,10 +1,8 @@
 """`epuckhebb replay`: where it writes its page and its films, and what it says when there is nothing to replay."""
 
 import contextlib
-import io
 import json
 import re
-import shutil
 import webbrowser
 
 import numpy as np
@@ -91,24 +89,6 @@ def test_a_run_of_evolve_points_to_evaluate(tmp_path):
     with run:
         pass
     assert f"epuckhebb evaluate genome={run.path}" in refused("replay", run.path)
-
-
-@pytest.mark.parametrize("harm", ["missing", "not an archive", "incomplete"])
-def test_traces_that_cannot_be_read(short_run, tmp_path, harm):
-    run = shutil.copytree(short_run, tmp_path / "run")
-    traces = run / "traces.npz"
-    if harm == "missing":
-        traces.unlink()
-    elif harm == "not an archive":
-        traces.write_bytes(b"PK\x03\x04 no more")
-    else:
-        buffer = io.BytesIO()
-        np.savez(buffer, time=np.zeros((4, 1)))
-        traces.write_bytes(buffer.getvalue())
-    result = call("replay", run)
-    assert result.exit_code == 2
-    told = "traces.npz cannot be read (the run is finished)" if harm == "missing" else "is not what this run wrote"
-    assert told in result.output
 
 
 def test_a_place_that_cannot_be_written(short_run, tmp_path):

@@ -90,15 +90,6 @@ def test_interrupted_it_goes_on_to_the_same_bytes(copy, monkeypatch):
     assert Run(copy).status["started"] < told["resumed"][0]["started"]
 
 
-def test_a_failure_is_told_of_and_written_down(copy, monkeypatch):
-    shutil.rmtree(next(copy.glob("test_*")))
-    stopping(monkeypatch, ArithmeticError("the robot is lost"), after=0)
-    result = call(*ALL)
-    assert result.exit_code == 1
-    assert "the robot is lost" in result.stderr
-    assert Run(copy).status["state"] == "failed"
-
-
 def tables(folder):
     return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*.csv")}
 

@@ -18,13 +18,13 @@ from epuckhebb.sim.compiling.kernel import kernel
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.evolved import Evolved
 from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.life import Lifetime
+from epuckhebb.sim.life import Genotype, Lifetime, workspace_for
 from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.sim.plasticity.control import Sign
-from epuckhebb.sim.plasticity.rule import Rule, arguments_of, coefficients, initial_synapse_state
+from epuckhebb.sim.plasticity.rule import Rule, coefficients, initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.plasticity.update import StepContext, update_of
-from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
+from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual, LostRobotError
 
@@ -136,14 +136,11 @@ def test_a_rule_is_compiled_once_and_then_comes_from_disk(monkeypatch, tmp_path)
     genes, seen = np.random.default_rng(0).uniform(-1, 1, network.synapses), []
     for _ in range(2):
         made, weights = kernel(one_update, learn=update_of(Simple, network)), genes.copy()
-        nothing, ones, numbers = (
-            np.empty((0, network.synapses)),
-            np.ones(network.synapses),
-            tuple(Simple().numbers().values()),
-        )
-        room = np.empty((3, network.synapses)), np.empty(weight_change_workspace(network))
         state, now = initial_synapse_state(Simple, network), StepContext(0.5, np.uint64(1), 0)
-        made(weights, state, genes, nothing, np.ones(network.neurons), 0.5, now, np.empty(0), ones, numbers, *room)
+        nothing, ones = np.empty((0, network.synapses)), np.ones(network.synapses)
+        genotype = Genotype(genes, state, nothing, np.empty(0), np.empty(0), ones)
+        workspace = workspace_for(network, EPUCK)
+        made(weights, state, genotype, np.ones(network.neurons), 0.5, now, Simple().numbers(), workspace)
         seen.append((weights.tolist(), sum(made.stats.cache_hits.values()), sum(made.stats.cache_misses.values())))
     assert seen[0][0] == seen[1][0] != genes.tolist()
     assert seen[0][1:] == (0, 1)
@@ -202,7 +199,7 @@ class Silent(Rule):
 )
 def test_a_rule_with_unknown_arguments_is_refused(run_lifetime, rule, message):
     with pytest.raises(ValueError, match=message):
-        arguments_of(rule)
+        rule.check_class()
     genes = np.zeros(plan_of(PAPER_NETWORK, rule).genes)
     with pytest.raises(ValueError, match=message):
         run_lifetime(genes, controller=Controller(name="x", rule=rule(N=1.0)))
@@ -267,7 +264,7 @@ def test_a_rule_that_draws_random_numbers_of_its_own_is_refused(draw):
             return pre + draw(0.1)
 
     with pytest.raises(ValueError, match=r"rule Noisy: .* np\.random"):
-        arguments_of(Noisy)
+        Noisy.check_class()
 
 
 def test_random_numbers_that_a_rule_draws_at_the_start_are_refused_unless_seeded():
@@ -279,6 +276,6 @@ def test_random_numbers_that_a_rule_draws_at_the_start_are_refused_unless_seeded
             return {name: values + random.random() for name, values in parameters.items()}
 
     with pytest.raises(ValueError, match="rule Noisy: express draws from random, "):
-        arguments_of(Noisy)
+        Noisy.check_class()
     Noisy.express = classmethod(lambda *_: {"a": np.random.default_rng(1).random()})
-    assert arguments_of(Noisy) == ("pre",)
+    Noisy.check_class()

@@ -24,7 +24,7 @@ from epuckhebb.runs import evaluate as runs_evaluate
 from epuckhebb.runs import hydra
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.resources import data_folder
-from epuckhebb.store import disk, provenance
+from epuckhebb.store import provenance
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
 from epuckhebb.studies import identity, leaderboard_jobs, sweep
@@ -235,18 +235,6 @@ def test_a_sweep_of_ones_own(here):
     words = ["sweep", "mine", "--config-dir", "more", *FAST, "hydra/launcher=basic", "hydra.sweep.dir=out"]
     done(*words)
     assert list(pd.read_csv(here / "out" / "sweep.csv")["lifetime.noise"].unique()) == [0, 1]
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no such locks")
-def test_two_calls_do_not_work_on_one_sweep(here):
-    words = ["sweep", "obstacles", *TWO, "hydra.sweep.dir=out"]
-    Path("out").mkdir()
-    held = disk.lock(Path("out"))
-    result = call(*words)
-    disk.release(held)
-    assert result.exit_code == 2
-    assert "another process is working on out" in result.stderr
-    assert list((here / "out").iterdir()) == []
 
 
 @pytest.mark.thorough

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from epuckhebb.analysis import rescue
+from epuckhebb.analysis import charts, rescue
+from epuckhebb.analysis.image import image
 from epuckhebb.analysis.statistics import bootstrap_mean, sign_flip
 from epuckhebb.analysis.tables import markdown_table
 from epuckhebb.config.compose import composed
@@ -16,6 +17,7 @@ from epuckhebb.sim.scenario import TRAINED
 ROOT = Path(__file__).parents[1]
 PAGE, REFERENCE = ROOT / "docs" / "unseen_kinds.md", ROOT / "runs" / "reference"
 KINDS, SIGNALS = REFERENCE / "unseen_kinds", REFERENCE / "unseen_signals"
+CHOSEN_ON = REFERENCE / "rescue_new_kinds" / "chosen_on"
 LEARN, HALT, FIND = "find_and_learn_to_stay (anti)", "find_and_stay", "find"
 RECOGNISE, RECOGNISE_HALT = "recognise_and_learn_to_stay", "recognise_and_halt"
 CONTROLS = {
@@ -27,15 +29,11 @@ CONTROLS = {
     "learn_five_times": "N five times as high",
     HALT: "none: a halt, written by hand",
 }
-ORDER = (
-    *("stay", FIND, HALT, LEARN, "hand_written"),
-    *(RECOGNISE_HALT, RECOGNISE, "hand_written_recognises"),
+ORDER = (  # by class of knowledge
+    *("stay", FIND, HALT, LEARN),
+    *("self_check", "careful_self_check", "best", "careful_best", RECOGNISE_HALT, RECOGNISE),
+    *("hand_written", "hand_written_recognises"),
 )
-OF_CONTROLS = {  # their gate never closes, or never opens: they use no clock
-    "stay": ("goal signal", "hand-written"),
-    "hand_written": ("goal signal", "hand-written"),
-    "hand_written_recognises": ("sensor model", "hand-written"),
-}
 FAULTS = {
     "": "exact",
     "signal_late": "1 s late",
@@ -56,6 +54,24 @@ def by_champion():
     return pd.read_csv(KINDS / "rescue_by_champion.csv")
 
 
+@pytest.fixture
+def figure(request):
+    """Draw a figure of the page anew with --regenerate: what each row rescues and harms."""
+
+    def draw(folder, name, over_all):
+        if request.config.getoption("--regenerate"):
+            (folder / "figures" / f"{name}.png").write_bytes(image(charts.rescue_over_all(over_all)))
+        assert f"{folder.name}/figures/{name}.png" in PAGE.read_text()
+
+    return draw
+
+
+def rows_in(table, names):
+    """The rows of these controllers, renamed, in this order in each experiment."""
+    both = [table[table.experiment == one].set_index("controller").loc[list(names)].reset_index() for one in TRAINED]
+    return pd.concat(both).assign(controller=lambda rows: rows.controller.map(names), N=0.0)
+
+
 def row_of(table, experiment, controller):
     (row,) = table[(table.experiment == experiment) & (table.controller == controller)].itertuples()
     return row
@@ -64,7 +80,7 @@ def row_of(table, experiment, controller):
 def knowledge():
     """What each controller of the study is given or has by hand."""
     controllers = typed(composed("evaluate", ["experiment=unseen_kinds"]), EvaluateConfig).controllers
-    return {one.name: one.adaptation.knowledge for one in controllers} | OF_CONTROLS
+    return {one.name: one.knowledge for one in controllers}
 
 
 def paired(by_champion, experiment, one, other, part="rescued", whole="broken"):
@@ -81,20 +97,21 @@ def paired(by_champion, experiment, one, other, part="rescued", whole="broken"):
     return shares.mean(), low, high, sign_flip(difference.to_numpy(np.int64))
 
 
-def test_what_each_knows_and_rescues(generated, over_all):
+def test_what_each_knows_and_rescues(generated, figure, over_all):
     known = knowledge()
     rows = []
     for experiment in TRAINED:
         for name in ORDER:
             row = row_of(over_all, experiment, name)
-            given = ", ".join(["senses", *known[name]])
+            given = ", ".join(known[name])
             counts = rescue.counts(row)
             rows.append([experiment, f"`{name.partition(' ')[0]}`", given, *counts, rescue.in_training(row)])
     head = ["experiment", "adaptation", "knowledge", rescue.RESCUED, rescue.HARMED, rescue.IN_TRAINING]
     generated(PAGE, "methods", markdown_table(head, rows))
+    figure(KINDS, "knowledge", rows_in(over_all, {name: name.partition(" ")[0] for name in ORDER}))
 
 
-def test_the_controls_of_the_plastic_rule(generated, over_all, by_champion):
+def test_the_controls_of_the_plastic_rule(generated, figure, over_all, by_champion):
     rows = []
     for experiment in TRAINED:
         for name, text in CONTROLS.items():
@@ -104,9 +121,24 @@ def test_the_controls_of_the_plastic_rule(generated, over_all, by_champion):
             rows.append([experiment, text, *rescue.counts(row), more])
     head = ["experiment", "what keeps it at the goal", rescue.RESCUED, rescue.HARMED, "rescued more than without"]
     generated(PAGE, "controls", markdown_table(head, rows))
+    figure(KINDS, "controls", rows_in(over_all, {name: text.strip("*") for name, text in CONTROLS.items()}))
 
 
-def test_kind_by_kind(generated):
+def test_the_careful_self_check(generated, over_all, by_champion):
+    chosen_on, rows = pd.read_csv(CHOSEN_ON / "rescue_over_all.csv"), []
+    for experiment in TRAINED:
+        for usual, careful in (("self_check", "careful_self_check"), ("best", "careful_best")):
+            mean, low, high, p = paired(by_champion, experiment, careful, usual, "harmed", "intact")
+            for name in (usual, careful):
+                before, row = (row_of(table, experiment, name) for table in (chosen_on, over_all))
+                less = f"{mean:+.3f} [{low:+.3f}, {high:+.3f}], p = {p:.2g}" if name == careful else "–"
+                known = [f"{before.rescued} of {before.broken}", f"{before.harmed} of {before.intact}"]
+                rows.append([experiment, f"`{name}`", *known, *rescue.counts(row), less])
+    head = ["experiment", "adaptation", "earlier kinds: rescued", "harmed", rescue.RESCUED, rescue.HARMED]
+    generated(PAGE, "careful", markdown_table([*head, "harm less that of the usual one"], rows))
+
+
+def test_kind_by_kind(generated, figure):
     table = pd.read_csv(KINDS / "rescue_and_harm.csv")
     shown = {"stay": "halt only", HALT: "find and halt", LEARN: "find and learn", RECOGNISE_HALT: "recognise and halt"}
     shown |= {RECOGNISE: "recognise and learn"}
@@ -119,11 +151,14 @@ def test_kind_by_kind(generated):
             counts = (f"{row.rescued}/{row.broken}, {row.harmed}/{row.intact}" for row in cells.itertuples())
             rows.append([experiment, kind, *counts])
     generated(PAGE, "kinds", markdown_table(["experiment", "kind of change", *shown.values()], rows))
+    own = table[table.controller == RECOGNISE]
+    kinds = [row.scenario.removeprefix(TRAINED[row.experiment]).strip("_") for row in own.itertuples()]
+    figure(KINDS, "kinds", own.assign(controller=kinds, N=0.0)[[kind != "" for kind in kinds]])
 
 
-def test_goal_signals_that_lie(generated):
+def test_goal_signals_that_lie(generated, figure):
     table = pd.read_csv(SIGNALS / "rescue_and_harm.csv")
-    rows = []
+    rows, drawn = [], []
     for experiment, training in TRAINED.items():
         own = table[table.experiment == experiment]
         for fault, text in FAULTS.items():
@@ -137,7 +172,13 @@ def test_goal_signals_that_lie(generated):
                 one, home = summed.loc[name], alone.loc[name]
                 share = one.rescued / one.broken
                 cells.append(f"{one.rescued} of {one.broken}: {share:.2f}")
-                cells.append(f"{one.harmed + home.harmed} of {one.intact + home.intact}")
+                harmed, intact = one.harmed + home.harmed, one.intact + home.intact
+                cells.append(f"{harmed} of {intact}")
+                shares = {"rescued_share": share, "harmed_share": harmed / intact}
+                does = "halt" if name == HALT else "anti-Hebbian"
+                drawn.append({"experiment": experiment, "controller": f"{text}: {does}", "N": 0.0, **shares})
             rows.append([experiment, text, *cells])
     head = ["experiment", "goal signal", "halt: rescued", "harmed", "anti-Hebbian: rescued", "harmed"]
     generated(PAGE, "signals", markdown_table(head, rows))
+    bounds = [f"{part}_{end}" for part in ("rescued", "harmed") for end in ("low", "high")]
+    figure(SIGNALS, "signals", pd.DataFrame(drawn).reindex(columns=[*drawn[0], *bounds]))

@@ -9,10 +9,12 @@ from cases import first_of
 from epuckhebb.sim.compiling import simd
 from epuckhebb.sim.compiling.code_digest import digest
 from epuckhebb.sim.compiling.kernel import kernel
-from epuckhebb.sim.network import PAPER_NETWORK, Network, forward_pass, tanh
+from epuckhebb.sim.forward_pass import forward_pass
+from epuckhebb.sim.life import Genotype, workspace_for
+from epuckhebb.sim.network import PAPER_NETWORK, Network, tanh
 from epuckhebb.sim.plasticity.rule import Rule, initial_synapse_state
 from epuckhebb.sim.plasticity.update import StepContext, update_of
-from epuckhebb.sim.plasticity.weight_change import weight_change_workspace
+from epuckhebb.sim.robot import EPUCK
 
 SPARE = 8
 
@@ -26,11 +28,9 @@ class Everything(Rule):
         return correlation + 16.0 * pre + 256.0 * post
 
 
-def one_step(weights, activation, drive, state, genes, evolved, context, lengths, signs, numbers, room, change):
-    forward(weights, activation, drive)  # noqa: F821  # a part
-    return learn(  # noqa: F821
-        weights, state, genes, evolved, activation, 1.0, context, lengths, signs, numbers, room, change
-    )
+def one_step(weights, activation, state, genotype, context, numbers, workspace):
+    forward(weights, activation, workspace.drive)  # noqa: F821  # a part
+    return learn(weights, state, genotype, activation, 1.0, context, numbers, workspace)  # noqa: F821
 
 
 def guarded(values):
@@ -67,23 +67,14 @@ def test_layers_of_any_width_are_bit_identical_to_single_numbers(network):
     seen = np.zeros(network.neurons)
     seen[: network.inputs], seen[network.bias] = rng.random(network.inputs), 1.0
     genes = rng.uniform(-2, 2, network.synapses)
-    given = genes, seen, np.zeros(simd.whole(max(network.post)))
+    given = genes, seen, np.zeros(network.neurons)
     (weights, activation, drive), behind = zip(*map(guarded, given), strict=True)
     rows = np.full((4, network.synapses), 7.0)
-    made(
-        weights,
-        activation,
-        drive,
-        initial_synapse_state(Everything, network),
-        genes,
-        np.empty((0, network.synapses)),
-        StepContext(0.5, np.uint64(1), 0),
-        np.empty(0),
-        np.ones(network.synapses),
-        tuple(Everything(N=1.0, w_max=1e6).numbers().values()),
-        rows[:3],
-        np.empty(weight_change_workspace(network)),
-    )
+    state, nothing, ones = initial_synapse_state(Everything, network), np.empty(0), np.ones(network.synapses)
+    genotype = Genotype(genes, state, np.empty((0, network.synapses)), nothing, nothing, ones)
+    workspace = workspace_for(network, EPUCK)._replace(drive=drive, synapses=rows[:3])
+    numbers = Everything(N=1.0, w_max=1e6).numbers()
+    made(weights, activation, state, genotype, StepContext(0.5, np.uint64(1), 0), numbers, workspace)
     neurons, updated = expected_of(network, genes, seen)
     np.testing.assert_array_equal(activation, neurons)
     np.testing.assert_array_equal(weights, updated)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.forward_pass import forward_pass
 from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.network import Network, forward_pass
+from epuckhebb.sim.network import Network
 from epuckhebb.sim.plasticity import update
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.wiring import Wiring

@@ -155,7 +155,7 @@ def individuals_for(
         adaptation = controllers[number].adaptation
         if checks is None or not adaptation.self_check:
             return {}
-        own = checks[side, repeat]
+        own = checks[adaptation.careful, side, repeat]
         counted = {"calibration": own.calibration} if adaptation.calibration_counts else {}
         return {"start": own.end, "corrections": own.corrections, **counted}
 

@@ -18,7 +18,7 @@ from epuckhebb.analysis.reversal import limits
 from epuckhebb.analysis.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson
 from epuckhebb.analysis.tables import code, markdown_table
 from epuckhebb.evolution.training import Training
-from epuckhebb.sim.controller import GA
+from epuckhebb.sim.controller import CLASSES, GA
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.tasks.reversal import Reversal
 
@@ -26,6 +26,8 @@ FIGURE = "leaderboard.png"
 REVERSAL = "reversal"  # the experiment that is not one of the paper's
 PLAIN, EVOLVED, POST_HOC = "plain", "evolved", "post_hoc"  # the kinds of methods
 KINDS = {PLAIN: "no plasticity", EVOLVED: "plasticity during evolution", POST_HOC: "added after evolution"}
+SEEN = {"rescue": "best", "rescue_new_kinds": "find_and_stay"}  # sweep: the first method made in its worlds
+_OF_ROW = ("experiment", "method", "kind", "knowledge_class", "knowledge", "matched_control")
 _NO_WORLD = ("name", "experiment", "paper_N", "paper_duration_s")  # fields of a scenario that change no lifetime
 
 
@@ -38,6 +40,8 @@ class Row:
     kind: str  # one of `KINDS`
     matched_control: str  # the method that it is compared with; empty for plain ones
     evolved_parameters: int
+    knowledge: str = "senses"  # what it uses, with commas between
+    knowledge_class: str = CLASSES[0]
 
 
 def can_be(trained: Scenario, training: Training, world: Scenario) -> bool:
@@ -104,7 +108,9 @@ def of_learner(metrics: pd.DataFrame, task: Reversal) -> tuple[dict[str, int | N
 
 
 def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
-    """The leaderboard: a row for each method and experiment, in order of success.
+    """The leaderboard: a row for each method and experiment, by class of knowledge, then in order of success.
+
+    In reversal learning all rules have the same knowledge, the reward.
 
     champions: a row for each, with its method and the columns of `of_champion` or `of_learner`.
     """
@@ -116,7 +122,7 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
         trials, successes = own.trials.to_numpy(np.int64), own.successes.to_numpy(np.int64)
         found.append(
             {
-                **{name: getattr(row, name) for name in ("experiment", "method", "kind", "matched_control")},
+                **{name: getattr(row, name) for name in _OF_ROW},
                 "champions": len(own),
                 "solved": len(solves),
                 "solved_low": solved_low,
@@ -133,8 +139,11 @@ def table(rows: Sequence[Row], champions: pd.DataFrame) -> pd.DataFrame:
                 "robot_steps": int(own.robot_steps.mean()),
             }
         )
-    order = ["experiment", "success"]
-    return pd.DataFrame(found).sort_values(order, ascending=[True, False], kind="stable", ignore_index=True)
+    board = pd.DataFrame(found)
+    board["place"] = board.knowledge_class.map(CLASSES.index).where(board.experiment != REVERSAL, 0)
+    order = ["experiment", "place", "success"]
+    board = board.sort_values(order, ascending=[True, True, False], kind="stable", ignore_index=True)
+    return board.drop(columns="place")
 
 
 def _success_of(champions: pd.DataFrame, name: str) -> dict[str, float]:
@@ -164,7 +173,13 @@ def _against_control(own: pd.DataFrame, matched_control: pd.DataFrame) -> dict[s
     return means | {"sign_flip_p": sign_flip(more)}
 
 
-def cells(row: Any) -> list[str]:
+def success_in(worlds: pd.DataFrame) -> pd.DataFrame:
+    """Success in the worlds of each sweep, a column each, of methods; worlds: the rows of an experiment."""
+    summed = worlds.groupby(["method", "tests"], sort=False)[["trials", "successes"]].sum()
+    return (summed.successes / summed.trials).unstack("tests")[worlds.tests.unique()]
+
+
+def cells(row: Any, *, of_tests: Sequence[float] = ()) -> list[str]:
     """The cells of a row of `table`, below `head`."""
     matched_control = (
         f"{rescue.difference(row)}, p = {row.sign_flip_p:.2g}, to {code(row.matched_control)}"
@@ -174,8 +189,10 @@ def cells(row: Any) -> list[str]:
     return [
         code(row.method),
         row.kind,
+        *([] if row.experiment == REVERSAL else [row.knowledge]),
         f"{row.solved} of {row.champions}",
         f"**{rescue.share(row.success, row.success_low, row.success_high)}**",
+        *(f"{share:.2f}" for share in of_tests),
         rescue.share(row.retention, row.retention_low, row.retention_high),
         f"{row.best:.2f}",
         matched_control,
@@ -190,21 +207,34 @@ def _or_dash(share: float) -> str:
     return "–" if np.isnan(share) else f"{share:.2f}"
 
 
-def head(experiment: str) -> list[str]:
-    """The headings of the table of an experiment."""
+def head(experiment: str, tests: Sequence[str] = ()) -> list[str]:
+    """The headings of the table of an experiment. tests: sweeps that have a column of their own."""
     if experiment == REVERSAL:
-        success, controls = ["learn", "rewarded share", "of those that learn"], ["rule off", "reward inverted"]
+        given, success, controls = (
+            [],
+            ["learn", "rewarded share", "of those that learn"],
+            ["rule off", "reward inverted"],
+        )
     else:
-        success, controls = ["solves both sides in training", "success over the test worlds", "retention"], ["rule off"]
+        apart = [f"in {code(name)}{f', seen by {code(SEEN[name])}' if name in SEEN else ''}" for name in tests]
+        success = ["solves both sides in training", "success over the test worlds", *apart, "retention"]
+        given, controls = ["knowledge"], ["rule off"]
     return [
-        *("method", "kind", *success, "best champion", "difference to the matched control", *controls),
+        *("method", "kind", *given, *success, "best champion", "difference to the matched control", *controls),
         *("evolved parameters", "million robot-steps"),
     ]
 
 
-def markdown_of(own: pd.DataFrame, costs: pd.DataFrame | None = None) -> str:
-    """The rows of an experiment in Markdown; costs: CPU seconds, for two more columns."""
-    headings, rows = head(str(own.experiment.iloc[0])), [cells(row) for row in own.itertuples()]
+def markdown_of(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None = None) -> str:
+    """The rows of an experiment in Markdown; costs: CPU seconds, for two more columns.
+
+    worlds: a row for each method and test world. Sweeps have columns of their own where there are several.
+    """
+    experiment = str(own.experiment.iloc[0])
+    here = worlds[worlds.experiment == experiment]
+    shares = success_in(here) if here.tests.nunique() > 1 else pd.DataFrame(index=own.method)
+    headings = head(experiment, list(shares.columns))
+    rows = [cells(row, of_tests=shares.loc[str(row.method)].tolist()) for row in own.itertuples()]
     if costs is not None:
         headings += ["CPU s to evolve", "CPU s to test"]
         for row, shown in zip(own.itertuples(), rows, strict=True):
@@ -215,6 +245,7 @@ def markdown_of(own: pd.DataFrame, costs: pd.DataFrame | None = None) -> str:
 
 def markdown(
     board: pd.DataFrame,
+    worlds: pd.DataFrame,
     costs: pd.DataFrame,
     methods: Mapping[str, str],
     tests: Mapping[str, Sequence[str]],
@@ -222,16 +253,16 @@ def markdown(
 ) -> str:
     """The page.
 
-    costs: CPU seconds, a row for each method and experiment. methods: each with its description. tests: the test worlds
-    of each experiment. provenance: lines on the origin of the data.
+    worlds: a row for each method and test world. costs: CPU seconds, a row for each method and experiment. methods:
+    each with its description. tests: the test worlds of each experiment. provenance: lines on the origin of the data.
     """
     parts = ["# Leaderboard\n", f"{provenance}\n", _TERMS]
     for experiment, own in board.groupby("experiment", sort=False):
-        worlds, where = tests[str(experiment)], _TERMS_REVERSAL
-        if worlds:
-            names = ", ".join(map(code, worlds))
-            where = f"Training world: {code(TRAINED[str(experiment)])}. {len(worlds)} test worlds: {names}.\n"
-        parts += [f"## {title(str(experiment))}\n", where, markdown_of(own, costs)]
+        tested, where = tests[str(experiment)], _TERMS_REVERSAL
+        if tested:
+            names = ", ".join(map(code, tested))
+            where = f"Training world: {code(TRAINED[str(experiment)])}. {len(tested)} test worlds: {names}.\n"
+        parts += [f"## {title(str(experiment))}\n", where, markdown_of(own, worlds, costs)]
     parts += [
         "## Figure\n",
         f"![{CAPTION}](figures/{FIGURE})\n\n*{CAPTION}*\n",
@@ -267,6 +298,10 @@ _TERMS = """\
 - *Matched control*: the same optimizer, training worlds, fitness and robot-steps, without plasticity. For a method
   added after evolution: the same champions without it. The difference is paired by seed; p is from an exact sign-flip
   test.
+- *Knowledge*: what a method uses. Rows are ordered by class of knowledge: senses, live fitness, clock, goal signal,
+  sensor model; last the hand-written robot, whose network is never used. Compare a row with `stay`, which halts where
+  it is given the goal signal, and with `hand_written`: that much comes of the knowledge alone.
+- *Seen by*: this method and later ones were made in these test worlds.
 - *Rule off*: the same champions on the same random numbers, without plasticity.
 - *Evolved parameters*, *robot-steps* and CPU seconds are of one champion, with the evolution of the champion that a
   method is added to. CPU seconds depend on the machine: they are on this page and in `cost.csv` alone. All other

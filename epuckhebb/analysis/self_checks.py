@@ -12,21 +12,29 @@ from epuckhebb.sim.scenario import Scenario
 
 _LISTED = "; "  # between the items of a cell
 
-Checks = Mapping[tuple[Side, int], Checked]
+Checks = Mapping[tuple[bool, Side, int], Checked]
 
 
-def self_checks(memory: SelfMemory, scenario: Scenario, noise: float, *, repeats: int, seed: int) -> Checks:
-    """The self-checks of an evaluation, by side and repeat; all controllers with a self-check share them.
+def self_checks(
+    memory: SelfMemory, scenario: Scenario, noise: float, *, repeats: int, seed: int, careful: Iterable[bool] = (False,)
+) -> Checks:
+    """The self-checks of an evaluation, by whether they are careful, side and repeat; controllers share them.
 
-    noise: a factor on the noise of the sensors.
+    noise: a factor on the noise of the sensors. careful: which of the two kinds are wanted.
 
     Raises:
         ValueError: the robot has no self-check, or the memory is of another robot.
     """
     return {
-        (side, repeat): check(
-            memory, scenario, side, random.key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)), noise
+        (kind, side, repeat): check(
+            memory,
+            scenario,
+            side,
+            random.key(seed, Stream.evaluation_noise, repeat, SIDES.index(side)),
+            noise,
+            careful=kind,
         )
+        for kind in sorted(careful)
         for side in SIDES
         for repeat in range(repeats)
     }
@@ -34,7 +42,10 @@ def self_checks(memory: SelfMemory, scenario: Scenario, noise: float, *, repeats
 
 def findings(checks: Checks) -> list[dict[str, object]]:
     """A row for each self-check."""
-    return [{"side": side, "repeat": repeat, **_row(checked)} for (side, repeat), checked in checks.items()]
+    return [
+        {"side": side, "repeat": repeat, **_row(checked), "careful": int(careful)}
+        for (careful, side, repeat), checked in checks.items()
+    ]
 
 
 def _row(checked: Checked) -> dict[str, object]:
@@ -52,6 +63,7 @@ def _row(checked: Checked) -> dict[str, object]:
         "light_misfit": found.light_misfit,
         "unexplained": _LISTED.join(unexplained(found)),
         "corrected": _LISTED.join(checked.corrected),
+        "turned_back": int(checked.turned_back),
     }
 
 
@@ -70,6 +82,8 @@ def text(row: Mapping[str, object]) -> str:
         parts.append(f"sensor{'s' if len(dead) > 1 else ''} {' and '.join(dead)} dead")
     if row["unexplained"]:
         parts.append(f"{str(row['unexplained']).replace(_LISTED, ' and ')} readings unexplained")
+    if row.get("turned_back"):
+        parts.append("the manoeuvre left it turned")
     return ", ".join(parts) or "no change"
 
 

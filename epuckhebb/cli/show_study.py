@@ -84,7 +84,8 @@ def print_leaderboard(path: Path, console: Console) -> None:
                 "" if math.isnan(row.difference_low) else f" [{row.difference_low:+.2f}, {row.difference_high:+.2f}]"
             )
             rows.append((row.method, row.kind, f"{row.solved} of {row.champions}", success, matched_control))
-        method, kind, solved, share, _, _, difference, *_ = board.head(str(experiment))
+        shown = [name for name in board.head(str(experiment)) if name != "knowledge"]
+        method, kind, solved, share, _, _, difference, *_ = shown
         headings = (method, kind, solved, share, difference)
         print_table(console, f"{board.title(str(experiment))} (95 % interval)", headings, rows, text=2)
     print_line(console, f"Report: {path}/report.html")
@@ -92,7 +93,8 @@ def print_leaderboard(path: Path, console: Console) -> None:
 
 def leaderboard_in_short(path: Path) -> str:
     """The best method of each experiment."""
-    best = Run(path).table("leaderboard.csv").groupby("experiment", sort=False).first()
+    methods = Run(path).table("leaderboard.csv").sort_values("success", ascending=False, kind="stable")
+    best = methods.groupby("experiment").first()
     return ", ".join(f"{row.Index}: {row.method} {row.success:.2f}" for row in best.itertuples())
 
 

@@ -5,7 +5,7 @@ A part of the program is a file of a package, named by the part; one of the user
 
 import importlib
 import pkgutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
@@ -13,15 +13,16 @@ from typing import Any
 from epuckhebb.config.plugins import class_named
 from epuckhebb.config.values import part_settings
 from epuckhebb.evolution import optimizers
-from epuckhebb.evolution.optimizer import Algorithm, Optimizer, check_optimizer
+from epuckhebb.evolution.optimizer import Algorithm, Optimizer
 from epuckhebb.runtime import ConfigError
-from epuckhebb.sim import coupling, couplings, own_fitness, physics, tasks, wiring, wirings
+from epuckhebb.sim import couplings, physics, tasks, wirings
 from epuckhebb.sim.coupling import Coupling
+from epuckhebb.sim.own_class import OwnClass
 from epuckhebb.sim.own_fitness import Fitness
 from epuckhebb.sim.own_sensor import Sensor
 from epuckhebb.sim.physics_engine import Physics
 from epuckhebb.sim.plasticity import rules
-from epuckhebb.sim.plasticity.rule import Rule, arguments_of
+from epuckhebb.sim.plasticity.rule import Rule
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.wiring import LAYERS, Wiring
 
@@ -34,16 +35,19 @@ class _Kind:
     """A kind of part.
 
     which: its key that names the class. base: of all its classes. package: where the program's are. usual: the
-    classes that are there besides, by their names. check: of a user's class; None where they can bring none. own: the
-    base of a user's class, if that is another.
+    classes that are there besides, by their names. own: the base of a user's class, if that is another.
     """
 
     which: str
     base: type
     package: ModuleType | None = None
     usual: Mapping[str, type] | None = None
-    check: Callable[[Any], object] | None = None
     own: type | None = None
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a user can bring a class."""
+        return issubclass(self.base, OwnClass)
 
     @property
     def names(self) -> list[str]:
@@ -60,14 +64,14 @@ class Layers:
 
 
 _KINDS = {
-    "rule": _Kind("rule", Rule, rules, check=arguments_of),
-    "fitness": _Kind("function", Fitness, usual={PAPER: Fitness}, check=own_fitness.check_class),
-    "wiring": _Kind("wiring", Wiring, wirings, {LAYERS: Layers}, wiring.check_class),
-    "coupling": _Kind("coupling", Coupling, couplings, check=coupling.check_class),
-    "optimizer": _Kind("algorithm", Algorithm, optimizers, check=check_optimizer, own=Optimizer),
+    "rule": _Kind("rule", Rule, rules),
+    "fitness": _Kind("function", Fitness, usual={PAPER: Fitness}),
+    "wiring": _Kind("wiring", Wiring, wirings, {LAYERS: Layers}),
+    "coupling": _Kind("coupling", Coupling, couplings),
+    "optimizer": _Kind("algorithm", Algorithm, optimizers, own=Optimizer),
     "task": _Kind("kind", Task, tasks),
     "physics": _Kind("kind", Physics, physics),
-    "sensor": _Kind("sensor", Sensor, check=lambda _: None),
+    "sensor": _Kind("sensor", Sensor),
 }
 
 
@@ -76,19 +80,19 @@ def part_names(kind: str) -> list[str]:
     return _KINDS[kind].names
 
 
-def part_class(kind: str, name: Any, key: str) -> type[Any]:
+def part_class(kind: str, name: Any, key: str) -> Any:
     """The class of a part by its name. key: what stands before the name in the configuration, for messages."""
     of, key = _KINDS[kind], f"{key}.{_KINDS[kind].which}"
-    if of.check and ":" in str(name):
-        found: type[Any] = class_named(name, of.own or of.base, key)
+    if of.is_open and ":" in str(name):
+        found: Any = class_named(name, of.own or of.base, key)
         try:
-            of.check(found)
+            found.check_class()
         except ValueError as error:
             raise ConfigError(f"{key}={name}: {error}") from error
         return found
     if name not in of.names:
         own = f"{'an' if kind == 'optimizer' else 'a'} {kind} of your own, FILE.py:NAME"
-        known = [NONE] * (kind == "rule") + of.names + [own] * bool(of.check)
+        known = [NONE] * (kind == "rule") + of.names + [own] * of.is_open
         raise ConfigError(f"{key} must be one of {', '.join(known)}, got {name!r}")
     if of.usual and name in of.usual:
         return of.usual[name]

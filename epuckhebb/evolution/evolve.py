@@ -24,8 +24,9 @@ from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES, Pose
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.outcome import Outcome
+from epuckhebb.sim.own_class import name_of
 from epuckhebb.sim.plasticity.control import signs
-from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, Rule, name_of
+from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, Rule
 from epuckhebb.sim.random import Stream
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Individual
@@ -81,7 +82,6 @@ def evolve(
     genes of a champion's network, if only the rule is evolved; None to evolve the network, too.
 
     Raises:
-        ValueError: network, robot and rule, or scenario and training, do not fit each other; nothing is evolved.
         OptimizerError: the optimizer failed, or asked for what is no genome.
         LostRobotError: a pose or a weight stopped being finite.
     """
@@ -133,9 +133,6 @@ def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> Genome
     """The parts of the genome that are evolved: all, or those of the rule alone.
 
     given: whether the network is given. Random initial weights are not evolved either.
-
-    Raises:
-        ValueError: nothing is left to evolve.
     """
     plan = plan_of(network, type(rule))
     if not given and rule.initial_weights is InitialWeights.evolved:

@@ -18,14 +18,13 @@ from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.genome import GenomePlan
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.own_class import check_fields
+from epuckhebb.sim.own_class import OwnClass, name_of
 from epuckhebb.sim.ranges import check_range
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _PAPER_LIFETIMES = 50 * 30 * 3 * len(SIDES)  # population, generations, loops and sides of the paper's algorithm
-_PROGRAM = __name__.partition(".")[0]
 
 CANDIDATES, CONFIRM = 3, 12  # candidates for the champion of learners, and fresh lifetimes of each
 
@@ -40,7 +39,7 @@ class Schedule(NamedTuple):
     loops: int
 
 
-class Algorithm(ABC):
+class Algorithm(OwnClass, ABC):
     """An optimizer: its settings, and what it remembers of a search; subclasses are dataclasses.
 
     A search is a copy that is started once (`epuckhebb.evolution.search`). To resume, a new copy is given the same
@@ -54,6 +53,7 @@ class Algorithm(ABC):
     (individuals, loops, sides), the lamp-on (right) side first.
     """
 
+    PART: ClassVar[str] = "optimizer"
     key: ClassVar[str] = "optimizer"
     common_random_numbers: ClassVar[bool] = False
     start_noise: float = 0.0
@@ -61,14 +61,16 @@ class Algorithm(ABC):
     tell: Callable[..., None]
 
     @property
-    def is_own(self) -> bool:
-        """Whether it is of a file of the user's."""
-        return type(self).__module__.partition(".")[0] != _PROGRAM
-
-    @property
     def name(self) -> str:
         """The name of its file; of a user's own, that of its class."""
-        return type(self).__name__ if self.is_own else type(self).__module__.rpartition(".")[2]
+        return name_of(type(self))
+
+    @classmethod
+    def check_class(cls, instead: str = "") -> None:
+        """Check that it has a method `tell`; else a ValueError."""
+        if not hasattr(cls, "tell"):
+            raise ValueError(f"{cls.what()} has no method `tell`")
+        super().check_class(instead)
 
     @property
     @abstractmethod
@@ -79,7 +81,7 @@ class Algorithm(ABC):
     def schedule(self, training: Training, lifetime: Lifetime) -> Schedule:
         """How long a search in these worlds is, with open settings filled in."""
 
-    def check(self, plan: GenomePlan) -> None:  # noqa: B027  # most can search any plan
+    def check(self, plan: GenomePlan) -> None:  # most can search any plan
         """Check that these settings fit the parts of a genome; else a ValueError."""
 
     @abstractmethod
@@ -119,7 +121,6 @@ class Optimizer(Algorithm):
     confirm: int = 12
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         for name, bound in self.least.items():
             value = getattr(self, name)
             if value is not None and value < bound:
@@ -175,7 +176,6 @@ class EvolutionStrategy(Optimizer):
     sigma: float = 0.5
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         super().__post_init__()
         check_range(self, "optimizer", "sigma", above=True)
 
@@ -183,17 +183,6 @@ class EvolutionStrategy(Optimizer):
     def first_generation(self) -> int:
         """The size of the first generation."""
         return self.starts
-
-
-def check_optimizer(kind: type[Optimizer]) -> None:
-    """Check a class of the user's.
-
-    Raises:
-        ValueError: it has no method `tell`, or annotations that are no settings.
-    """
-    if not hasattr(kind, "tell"):
-        raise ValueError(f"optimizer {kind.__name__} has no method `tell`")
-    check_fields(f"optimizer {kind.__name__}", kind)
 
 
 def paper_generations(first: int, each: int, last: int, stretch: float) -> int:

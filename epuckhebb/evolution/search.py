@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from epuckhebb.evolution.optimizer import Algorithm, Optimizer
-from epuckhebb.sim import own_class
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.genome import GenomePlan
+from epuckhebb.sim.own_class import arguments
 from epuckhebb.sim.own_fitness import OF_OUTCOME
 
 if TYPE_CHECKING:
@@ -43,12 +43,8 @@ class Results(NamedTuple):
 
 
 def measures_of(optimizer: Algorithm) -> tuple[str, ...]:
-    """The fields of an outcome that an optimizer wants to know: the arguments of its `tell`, but for the fitness.
-
-    Raises:
-        ValueError: an argument is unknown.
-    """
-    names = own_class.arguments(f"optimizer {optimizer.name}", optimizer.tell, (_FITNESS, *OF_OUTCOME), {})
+    """The fields of an outcome that an optimizer wants to know: the arguments of its `tell`, but for the fitness."""
+    names = arguments(optimizer.what(), optimizer.tell, (_FITNESS, *OF_OUTCOME))
     return tuple(name for name in names if name != _FITNESS)
 
 
@@ -62,7 +58,6 @@ class Search:
         """Start a copy of an optimizer for the genes of a plan, and give it the results that are logged.
 
         Raises:
-            ValueError: what is logged is of another search.
             OptimizerError: the optimizer failed, or asks for other genomes than those that are logged.
         """
         self.log: tuple[Results, ...] = ()
@@ -128,7 +123,8 @@ class Search:
             raise OptimizerError(f"optimizer {wanted}, got {'None' if given is None else f'shape {genomes.shape}'}")
         if not np.isfinite(genomes).all():
             raise OptimizerError(f"optimizer {wanted}; one is nan or infinite")
-        if self._settings.is_own and isinstance(self._settings, Optimizer):
+        is_users = not type(self._settings).__module__.startswith("epuckhebb.")
+        if is_users and isinstance(self._settings, Optimizer):
             beyond = np.abs(genomes) > self._settings.limits(self._plan)
             if beyond.any():
                 raise OptimizerError(

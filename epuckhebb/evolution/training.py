@@ -55,7 +55,6 @@ class Training:
     wheel: list[float] = field(default_factory=lambda: [0.8, 1.0])
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         check_range(self, "training", "success_bonus", "start_noise", "unvaried_loops")
         check_range(self, "training", *_SHARES, most=1)
         if self.gain_rad_s is not None:

@@ -64,9 +64,13 @@ def recording(path: Path) -> Recording:
 
 def sentences_of(run: Run, config: EvaluateConfig) -> dict[str, str]:
     """A sentence for each side on what the robots of the recorded lifetimes found in their self-check."""
-    shown = [row for row in read_findings(run) if row["repeat"] == 0]
-    adaptations = " and ".join(f"“{one.name}”" for one in config.controllers if one.adaptation.self_check)
-    return {str(row["side"]): f"Before its life, the robot with {adaptations} found: {text(row)}." for row in shown}
+    checking = [one for one in config.controllers if one.adaptation.self_check]
+    found: dict[str, list[str]] = {}
+    for row in (row for row in read_findings(run) if row["repeat"] == 0):
+        kind = bool(row.get("careful"))  # older runs have none that is careful
+        names = " and ".join(f"“{one.name}”" for one in checking if one.adaptation.careful == kind)
+        found.setdefault(str(row["side"]), []).append(f"Before its life, the robot with {names} found: {text(row)}.")
+    return {side: " ".join(sentences) for side, sentences in found.items()}
 
 
 def write_page(recorded: Recording, target: Path) -> None:

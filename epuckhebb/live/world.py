@@ -14,12 +14,13 @@ from epuckhebb.analysis.evaluate import individuals_for
 from epuckhebb.config import EvaluateConfig, hand, load, quoted, say_unusual
 from epuckhebb.runs import compile_for, evaluate_into, hydra, prepare_evaluation
 from epuckhebb.runtime import ConfigError
+from epuckhebb.sim.changes import step_of
 from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.maze import Side, added
 from epuckhebb.sim.outcome import Outcome
 from epuckhebb.sim.reachable import gap
 from epuckhebb.sim.robot import STEP_S
-from epuckhebb.sim.scenario import Scenario, step_of
+from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.session import Session
 from epuckhebb.store import Run, write_atomic
 

@@ -31,15 +31,16 @@ from epuckhebb.runs import hydra
 from epuckhebb.runs.nominal import Remembered, missing_nominal, remembered_for, training_world
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime import ConfigError, JobFailedError, Need, data_folder, require, say, saying_if_slow
-from epuckhebb.sim import own_fitness, wiring
 from epuckhebb.sim.adaptation.nominal import memory_to_measure_nominal
 from epuckhebb.sim.batch import load_kernel
 from epuckhebb.sim.compiling.code_digest import UnknownPartError, digest
 from epuckhebb.sim.controller import GA_ALONE, Controller
+from epuckhebb.sim.goal_signal import GoalSignal
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.own_class import name_of
 from epuckhebb.sim.own_sensor import own_sensors, reading_names
 from epuckhebb.sim.physics.pymunk import PYMUNK
-from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, evolved_sizes, functions_of, name_of
+from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, evolved_sizes
 from epuckhebb.sim.robot import EPUCK, Robot
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.session import LostRobotError
@@ -64,14 +65,15 @@ class PreparedEvaluation:
     def in_world(self, world: Scenario) -> "PreparedEvaluation":
         """The same evaluation in another world of its experiment, for as long as lifetimes last there.
 
-        The physics is that of the world if this brings one, as `base_3d` does.
+        Physics and goal signal are those of the world if this brings its own, as `base_3d` does.
         """
         if world.name == self.config.world.name:
             return self
         there = copy.copy(self.config)
         ours = self.config.world
         physics = ours.physics if world.physics == PYMUNK else world.physics
-        there.world = replace(world, fitness=ours.fitness, physics=physics)
+        signal = ours.goal_signal if world.goal_signal == GoalSignal() else world.goal_signal
+        there.world = replace(world, fitness=ours.fitness, physics=physics, goal_signal=signal)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
         return PreparedEvaluation(config=there, genome=self.genome)
 
@@ -107,16 +109,16 @@ class PreparedEvaluation:
         """For each controller a digest of what its lifetimes depend on, besides side, repeat and seed."""
         config, genome = self.config, self.genome
         fitness, lifetime = config.world.fitness, replace(config.lifetime, record_every=0)
-        own = [_identity(fitness, own_fitness.functions_of(fitness))]
-        own += [_identity(one, [one.read]) for one in own_sensors(config.world.robot.sensors) if one.read]
+        own = [_identity(fitness, fitness.functions())]
+        own += [_identity(one, one.functions()) for one in own_sensors(config.world.robot.sensors)]
         if genome.network.wiring is not None:
-            own += [_identity(genome.network.wiring, wiring.functions_of(type(genome.network.wiring)))]
+            own += [_identity(genome.network.wiring, genome.network.wiring.functions())]
         everywhere = (genome.sha256, genome.network, config.world, lifetime, *own)
         memories = (genome.nominal_sha256, genome.self_memory_sha256)
         depends: dict[str, tuple[object, ...]] = {GA_ALONE.name: everywhere}
         for controller in config.controllers:
             rule, adaptation = type(controller.rule), controller.adaptation
-            parts = (*everywhere, controller, *_identity(controller.rule, functions_of(rule)))
+            parts = (*everywhere, controller, *_identity(controller.rule, rule.functions()))
             depends[controller.name] = (*parts, *(memories if adaptation.acts else ()))
         return {name: hashlib.sha256(repr(parts).encode()).hexdigest()[:16] for name, parts in depends.items()}
 

@@ -37,8 +37,9 @@ from epuckhebb.sim.adaptation.nominal import Nominal, memory_to_measure_nominal
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
 from epuckhebb.sim.genome import GenomePlan, plan_of
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.own_class import name_of
 from epuckhebb.sim.own_sensor import reading_names
-from epuckhebb.sim.plasticity.rule import NoRule, name_of
+from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 from epuckhebb.store import (
     CHAMPION,

@@ -71,7 +71,9 @@ def remembered_for(genome: Genome, config: EvaluateConfig, threads: int, report:
                 report,
                 lambda one: _self_memory(run_in_training_world(genes, one, 1.0, threads, network), one),
             )
-            checks = self_checks(memory, config.world, config.lifetime.noise, repeats=config.repeats, seed=config.seed)
+            kinds = {one.careful for one in adaptations if one.self_check}
+            world, noise, repeats = config.world, config.lifetime.noise, config.repeats
+            checks = self_checks(memory, world, noise, repeats=repeats, seed=config.seed, careful=kinds)
         except (ValueError, LostRobotError) as error:
             raise error if isinstance(error, ConfigError) else ConfigError(str(error)) from error
     return Remembered(nominal, checks)

@@ -31,7 +31,6 @@ def run_lifetimes(
     Samples have length 0 where a lifetime is not recorded.
 
     Raises:
-        ValueError: genes, network, robot and rule do not fit each other.
         NotCompiledError: a rule does not compile.
         LostRobotError: a pose or a weight stopped being finite; the message says whose and when.
     """
@@ -63,7 +62,6 @@ def load_kernel(
     """Load or compile the kernel of such lifetimes, as the first of them would.
 
     Raises:
-        ValueError: network, robot and rule do not fit each other.
         NotCompiledError: the rule does not compile.
     """
     world = scenario or Scenario()

@@ -4,14 +4,13 @@ Plasticity between agents, after the idea of Masumori, Doi & Ikegami (2024). A c
 every 6.4 s, which costs little beside the steps in between.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from epuckhebb.sim import own_class
 from epuckhebb.sim.arrays import Floats
+from epuckhebb.sim.own_class import Functions, OwnClass
 from epuckhebb.sim.ranges import check_range
 
 
@@ -36,20 +35,36 @@ class Moment(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Coupling:
+class Coupling(OwnClass):
     """How couplings change: w <- max(0, w + N drive - decay (w - 1)), then each row is scaled to the mean 1.
 
     A subclass has `drive`, which gives a number for each pair, or `weights` for another law, and adds settings as
     fields. N: rate of a change. decay: by how much a weight returns to 1.
     """
 
+    PART: ClassVar[str] = "coupling"
+
     N: float = 0.3
     decay: float = 0.03
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         check_range(self, "flock", "N")
         check_range(self, "flock", "decay", most=1.0)
+
+    @classmethod
+    def functions(cls) -> Functions:
+        """The methods that it has of its own."""
+        methods = (cls.drive, cls.weights)
+        return tuple(method for method in methods if method not in (Coupling.drive, Coupling.weights))
+
+    @classmethod
+    def check_class(cls, instead: str = "") -> None:
+        """Check that it has a method; else a ValueError."""
+        if not cls.functions():
+            raise ValueError(
+                f"{cls.what()} has no method `drive`, which moves the weights, and no `weights`, which gives them"
+            )
+        super().check_class(instead)
 
     def drive(self, now: Moment) -> Floats:
         """What moves each weight, (robots, robots); nothing here."""
@@ -112,23 +127,3 @@ def transfer_entropy(series: Floats) -> Floats:
         entropy = -0.5 * np.log1p(-explained / left[:, None])
     known = (added > 1e-14 * variance[None, :]) & np.isfinite(entropy)
     return np.where(known & ~np.eye(len(variance), dtype=bool), entropy, 0.0)
-
-
-def functions_of(kind: type[Coupling]) -> tuple[Callable[..., Floats], ...]:
-    """The methods that a coupling has of its own."""
-    methods = (kind.drive, kind.weights)
-    return tuple(method for method in methods if method not in (Coupling.drive, Coupling.weights))
-
-
-def check_class(kind: type[Coupling]) -> None:
-    """Check the methods of a coupling.
-
-    Raises:
-        ValueError: it has none, a field is not a setting, or it draws random numbers that no run repeats.
-    """
-    what = f"coupling {kind.__name__}"
-    if not functions_of(kind):
-        raise ValueError(f"{what} has no method `drive`, which moves the weights, and no `weights`, which gives them")
-    own_class.check_fields(what, kind)
-    for function in functions_of(kind):
-        own_class.check_repeatable(what, function)

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import compiled
+from epuckhebb.sim.compiling.kernel import compiled, nothing
 from epuckhebb.sim.random import uniform
 from epuckhebb.sim.robot import STEP_S, Robot
 
@@ -34,34 +34,26 @@ FAR = 2**50  # slips are drawn at numbers that neither sensor noise nor explorat
 
 
 class Faults(NamedTuple):
-    """The faults of a robot.
-
-    dead_sensors: numbers of its blind places. distance_gain, distance_offset: factor on its distance readings, and what
-    is added then. left_wheel, right_wheel: share of the commanded speed. left_slip, right_slip: share of the time for
-    which the wheel slips. lag: share of the way to the commanded speed that a step leaves undone. left_distance_gain:
-    one more factor, on the distance readings of the left half. crosstalk: share of both neighbours' distance readings
-    that a reading has besides. levels: how many different values a reading can have, 0 for any. sensor_delay,
-    wheel_delay: steps.
-    """
+    """The faults of a robot, by the names of `Scenario`; lag: share of the way to a commanded speed left undone."""
 
     dead_sensors: NDArray[np.int64]
-    distance_gain: float
-    distance_offset: float
-    left_wheel: float
-    right_wheel: float
-    left_slip: float
-    right_slip: float
-    lag: float
+    left_wheel: float = 1.0
+    right_wheel: float = 1.0
+    lag: float = 0.0
+    distance_gain: float = 1.0
+    distance_offset: float = 0.0
+    left_slip: float = 0.0
+    right_slip: float = 0.0
     left_distance_gain: float = 1.0
     crosstalk: float = 0.0
-    levels: int = 0
-    sensor_delay: int = 0
-    wheel_delay: int = 0
+    sensor_levels: int = 0
+    sensor_delay_steps: int = 0
+    wheel_delay_steps: int = 0
 
     @property
     def more(self) -> bool:
         """Whether there are other faults than dead sensors and weak wheels."""
-        return self != Faults(self.dead_sensors, 1.0, 0.0, self.left_wheel, self.right_wheel, 0.0, 0.0, 0.0)
+        return self != Faults(*self[:3])
 
 
 def initial_past(robot: Robot) -> Floats:
@@ -69,9 +61,10 @@ def initial_past(robot: Robot) -> Floats:
     return np.zeros((LONGEST_DELAY + 1, robot.inputs + 2))
 
 
-def lag_of(mass_ratio: float) -> float:
-    """The lag of a robot with this ratio of its mass to that for which its drive was made."""
-    return 1.0 - 1.0 / mass_ratio
+def faults_of(world: Any) -> Faults:
+    """The faults of the robot in a world, a `Scenario`."""
+    values = {name: kind(getattr(world, name)) for name, kind in _KINDS.items()}
+    return Faults(np.array(world.dead_sensors, np.int64), lag=1.0 - 1.0 / world.mass_ratio, **values)
 
 
 @compiled
@@ -80,6 +73,9 @@ def grip(slip: float, key: np.uint64, step: int, wheel: int) -> float:
     if slip > 0.0 and uniform(key, FAR + 2 * (step // SPELL) + wheel) < slip:
         return SLIPPING
     return 1.0
+
+
+_KINDS = {name: type(usual) for name, usual in Faults._field_defaults.items() if name != "lag"}
 
 
 class Hooks(NamedTuple):
@@ -96,12 +92,7 @@ class Hooks(NamedTuple):
 
 def hooks(robot: Robot, more: bool) -> Hooks:
     """The functions for a robot. more: whether it has other faults than dead sensors and weak wheels."""
-    return Hooks(_miscalibrated(robot), _slow_and_slipping) if more else Hooks(_as_it_is, _at_once)
-
-
-@compiled
-def _as_it_is(readings: Floats, faults: Faults, past: Floats, step: int) -> None:
-    pass
+    return Hooks(_miscalibrated(robot), _slow_and_slipping) if more else Hooks(nothing, _at_once)
 
 
 @compiled
@@ -130,13 +121,14 @@ def _miscalibrated(robot: Robot) -> Callable[..., None]:
                 now[i] = min(1.0, readings[first + i] + faults.crosstalk * beside)
             for i in range(count):
                 readings[first + i] = now[i]
-        if faults.levels > 0:
+        if faults.sensor_levels > 0:
+            steps = faults.sensor_levels - 1.0
             for i in range(inputs):
-                readings[i] = math.floor(readings[i] * (faults.levels - 1.0) + 0.5) / (faults.levels - 1.0)
+                readings[i] = math.floor(readings[i] * steps + 0.5) / steps
         for i in range(inputs):  # kept always: a delay may begin during the lifetime
             now[i] = readings[i]
-        if faults.sensor_delay > 0:
-            then = past[max(0, step - faults.sensor_delay) % past.shape[0]]
+        if faults.sensor_delay_steps > 0:
+            then = past[max(0, step - faults.sensor_delay_steps) % past.shape[0]]
             for i in range(inputs):
                 readings[i] = then[i]
 
@@ -149,9 +141,9 @@ def _slow_and_slipping(
 ) -> tuple[float, float]:
     commands, now = past.shape[1] - 2, past[step % past.shape[0]]
     now[commands], now[commands + 1] = left, right
-    if faults.wheel_delay > 0:
-        then = past[max(0, step - faults.wheel_delay) % past.shape[0]]
-        left, right = (then[commands], then[commands + 1]) if step >= faults.wheel_delay else (0.0, 0.0)
+    if faults.wheel_delay_steps > 0:
+        then = past[max(0, step - faults.wheel_delay_steps) % past.shape[0]]
+        left, right = (then[commands], then[commands + 1]) if step >= faults.wheel_delay_steps else (0.0, 0.0)
     left = gain * faults.left_wheel * left * grip(faults.left_slip, key, step, 0)
     right = gain * faults.right_wheel * right * grip(faults.right_slip, key, step, 1)
     tally.left_speed = left + faults.lag * (tally.left_speed - left)

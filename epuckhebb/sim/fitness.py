@@ -13,7 +13,7 @@
 
 import math
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiling.kernel import compiled
@@ -94,27 +94,20 @@ def light_code(readings: Floats, left: float, right: float) -> float:
 
 @compiled
 def live_fitness(
-    signal: int,
-    readings: Floats,
-    left: float,
-    right: float,
-    behaviour: float,
-    distance: float,
-    trial_steps: float,
-    undirected_sum: float,
-    history: History,
+    plasticity: Any, tally: Any, readings: Floats, left: float, right: float, behaviour: float, step: int
 ) -> float:
     """The live fitness F that scales plasticity at this step.
 
     behaviour: this step's combined fitness (the paper as written). final: its mean with the goal reward at this
-    distance [m]. lifetime_mean: running mean of combined fitness without the junction term, `undirected_sum` over
-    `trial_steps`, after a history. light_code: see there. fitness: the value of the step by the user's own fitness,
-    which the lifetime puts in place of the result.
+    distance [m]. lifetime_mean: running mean of combined fitness without the junction term, over the steps of this
+    trial, after a history. light_code: see there. fitness: the value of the step by the user's own fitness, which the
+    lifetime puts in place of the result.
     """
+    signal, history = plasticity.signal, plasticity.history
     if signal == _FINAL:
-        return (behaviour + reward(distance)) / 2.0
+        return (behaviour + reward(tally.goal_distance)) / 2.0
     if signal == _LIFETIME_MEAN:
-        return (history.sum + undirected_sum) / (history.steps + trial_steps)
+        return float((history.sum + tally.undirected_sum) / (history.steps + (step + 1.0 - tally.began)))
     if signal == _LIGHT_CODE:
         return light_code(readings, left, right)
     return behaviour

@@ -44,9 +44,6 @@ class Flock:
     to the way (the last robot), a knower (the first one), or none. at_s: when [s]. loudness: its noise from then on,
     times that of others. noise: standard deviation of a wanted heading [rad]. range_m: how far a robot perceives
     others [m]. spacing_m: between neighbours at the start. duration_s: of the run.
-
-    Raises:
-        ValueError: a value is out of its range, no robot can break as wanted, or the robots overlap at the start.
     """
 
     robots: int = 10
@@ -60,7 +57,6 @@ class Flock:
     duration_s: float = 2400.0
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         if not 2 <= self.robots <= _MOST:
             raise ValueError(f"flock.robots must be 2 to {_MOST}, got {self.robots}")
         if not 1 <= self.knowers <= self.robots:

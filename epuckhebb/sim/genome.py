@@ -40,11 +40,7 @@ class GenomePlan:
         return sum(part.size for part in self.parts)
 
     def split(self, genes: Floats) -> dict[str, Floats]:
-        """The genes of each part, by name; (..., size) of (..., genes).
-
-        Raises:
-            ValueError: there are more or fewer genes than the plan has.
-        """
+        """The genes of each part, by name; (..., size) of (..., genes)."""
         if genes.shape[-1] != self.genes:
             raise ValueError(f"a genome of {self.text()} has {self.genes} genes, got {genes.shape[-1]}")
         parts, first = {}, 0
@@ -54,11 +50,7 @@ class GenomePlan:
         return parts
 
     def pick(self, genes: Floats, wanted: "GenomePlan") -> Floats:
-        """The genes of another plan's parts, in its order.
-
-        Raises:
-            ValueError: this plan lacks one of them, or has it in another size.
-        """
+        """The genes of another plan's parts, in its order."""
         parts = self.split(genes)
         for part in wanted.parts:
             if part.name not in parts or parts[part.name].shape[-1] != part.size:

@@ -37,7 +37,6 @@ class GoalSignal:
     chance_s: float = 0.0
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         check_range(self, "scenario.goal_signal", "delay_s", most=LONGEST_DELAY_S)
         check_range(self, "scenario.goal_signal", "every_s", "chance_s")
         check_range(self, "scenario.goal_signal", "false_share", most=1)

@@ -4,6 +4,7 @@
 """
 
 import math
+from collections import namedtuple
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,7 +15,6 @@ from epuckhebb.sim.adaptation.adaptation import AdaptationState, Gate
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiling.kernel import compiled
-from epuckhebb.sim.compiling.simd import whole
 from epuckhebb.sim.faults import Faults, initial_past
 from epuckhebb.sim.fitness import History
 from epuckhebb.sim.goal_signal import SignalNumbers
@@ -68,6 +68,8 @@ TALLY = np.dtype(
     ],
     align=True,
 )
+_namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
+_Tally = _namedtuple("_Tally", TALLY.names)  # a whole tally is read in the time that four of its fields take
 _INITIAL_TALLY = np.zeros(1, TALLY)
 _INITIAL_TALLY["time_to_goal"], _INITIAL_TALLY["change_signal"] = math.nan, math.nan
 _INITIAL_TALLY["need"], _INITIAL_TALLY["scale"] = 1.0, 1.0
@@ -87,7 +89,6 @@ class Lifetime:
     record_every: int = 0
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         if not STEP_S <= self.duration_s <= _LONGEST_S:
             raise ValueError(
                 f"lifetime.duration_s must be at least one step, {STEP_S} s, and at most {_LONGEST_S:g} s, "
@@ -122,7 +123,7 @@ def workspace_for(network: Network, robot: Robot, physics: Physics = PYMUNK) -> 
     return Workspace(
         senses=sense_workspace(robot, physics),
         noise=np.zeros(noise_workspace_size(robot.inputs)),
-        drive=np.empty(network.neurons if network.wiring is not None else whole(max(network.post))),
+        drive=np.empty(network.neurons),
         synapses=np.empty((3, network.synapses)),
         change=np.empty(weight_change_workspace(network)),
     )
@@ -187,6 +188,11 @@ def initial_life(
         *(genotype, key, _INITIAL_TALLY.copy(), genotype.weights.copy(), genotype.synapse_state.copy(), activation),
         *(adaptation, trials, fitness.initial_state(), neurons, workspace, initial_past(robot)),
     )
+
+
+def tally_of(life: Life) -> Any:
+    """The numbers of the tally, by name."""
+    return _Tally._make(life.tally[0].item())
 
 
 class Group(NamedTuple):

@@ -14,7 +14,7 @@ from epuckhebb.sim.adaptation.recognise.compass import LIT
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.life import Group, Life, Setup, Trial, life_of
-from epuckhebb.sim.maze import Region
+from epuckhebb.sim.maze import Pose, Region
 from epuckhebb.sim.network import OUTPUTS
 from epuckhebb.sim.physics_engine import Handles, is_lost, pose
 from epuckhebb.sim.plasticity.update import StepContext, effective_rate
@@ -35,29 +35,27 @@ explore = compensate = turn_wheels = move = move_all = to_goal = end_step = _par
 
 def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
     """Run the lifetime of the robot that stands in `space` until before step `until`. life: updated."""
-    tally, trial = life.tally[0], setup.trial
-    x, y, heading = pose(space)
-    tally.goal_distance = to_goal(trial, x, y)
+    tally, trial, at = life.tally[0], setup.trial, pose(space)
+    tally.goal_distance = to_goal(trial, at.x, at.y)
 
     for step in range(tally.step, until):
-        cos, sin = math.cos(heading), math.sin(heading)
-        left, right = decide(life, setup, space, NO_ROBOTS, x, y, heading, cos, sin, step)
+        cos, sin = math.cos(at.heading), math.sin(at.heading)
+        left, right = decide(life, setup, space, NO_ROBOTS, at, cos, sin, step)
 
         # Move.
         left, right = turn_wheels(trial.faults, tally, life.past, left, right, setup.gain, life.key, step)
         move(space, cos, sin, left, right)
-        new_x, new_y, heading = pose(space)
-        if settle(tally, trial, x, y, new_x, new_y, heading, step):
+        before, at = at, pose(space)
+        if settle(tally, trial, before, at, step):
             break
-        x, y = new_x, new_y
 
         # Begin again.
         if HAS_TRIALS:
             end_step(life, space, trial)
             if tally.over:
                 break
-            x, y, heading = pose(space)
-            tally.goal_distance = to_goal(trial, x, y)
+            at = pose(space)
+            tally.goal_distance = to_goal(trial, at.x, at.y)
 
 
 def live_group(group: Group, setup: Setup, space: Any, until: int) -> None:
@@ -65,42 +63,40 @@ def live_group(group: Group, setup: Setup, space: Any, until: int) -> None:
 
     In a step all robots sense and decide, in their order, before any moves.
     """
-    lives, motion, wheels, trial = group.lives, group.motion, group.wheels, setup.trial
+    motion, wheels, before, trial = group.motion, group.wheels, group.before, setup.trial
     robots, lost = motion.shape[0], False
-    for step in range(lives.tally[0][0].step, until):
+    for step in range(group.lives.tally[0][0].step, until):
         for i in range(robots):
-            life, x, y, heading = life_of(group, i), motion[i, 0], motion[i, 1], motion[i, 2]
-            cos, sin = math.cos(heading), math.sin(heading)
-            tally = life.tally[0]
-            tally.goal_distance = to_goal(trial, x, y)
-            left, right = decide(life, setup, space, motion, x, y, heading, cos, sin, step)
+            life, at = life_of(group, i), Pose(motion[i, 0], motion[i, 1], motion[i, 2])
+            tally, cos, sin = life.tally[0], math.cos(at.heading), math.sin(at.heading)
+            tally.goal_distance = to_goal(trial, at.x, at.y)
+            left, right = decide(life, setup, space, motion, at, cos, sin, step)
             left, right = turn_wheels(trial.faults, tally, life.past, left, right, setup.gain, life.key, step)
             wheels[i, 0], wheels[i, 1], wheels[i, 2], wheels[i, 3] = left, right, cos, sin
-            group.before[i, 0], group.before[i, 1] = x, y
+            before[i, 0], before[i, 1] = at.x, at.y
         move_all(space, motion, wheels)
         for i in range(robots):
-            x, y = group.before[i, 0], group.before[i, 1]
-            tally = lives.tally[i][0]
-            lost = settle(tally, trial, x, y, motion[i, 0], motion[i, 1], motion[i, 2], step) or lost
+            tally, was = group.lives.tally[i][0], Pose(before[i, 0], before[i, 1], 0.0)
+            lost = settle(tally, trial, was, Pose(motion[i, 0], motion[i, 1], motion[i, 2]), step) or lost
         if lost:
             break
 
 
 def look(life: Life, setup: Setup, space: Handles, readings: Floats) -> None:
     """Fill the inputs that the next step will have: its noise is numbered, so it is the same then."""
-    x, y, heading = pose(space)
-    life.tally[0].goal_distance = to_goal(setup.trial, x, y)
-    perceive(life, setup, space, NO_ROBOTS, x, y, math.cos(heading), math.sin(heading), life.tally[0].step, readings)
+    tally, at = life.tally[0], pose(space)
+    tally.goal_distance = to_goal(setup.trial, at.x, at.y)
+    perceive(life, setup, space, NO_ROBOTS, at, math.cos(at.heading), math.sin(at.heading), tally.step, readings)
 
 
-def settle(tally: Any, trial: Trial, x: float, y: float, new_x: float, new_y: float, heading: float, step: int) -> bool:
-    """Count a step that moved the robot from (x, y) to a new pose; returns whether it is lost."""
+def settle(tally: Any, trial: Trial, before: Pose, at: Pose, step: int) -> bool:
+    """Count a step that moved the robot to a new pose; returns whether it is lost."""
     tally.step = step + 1
-    if is_lost(new_x, new_y, heading, trial.arena):
+    if is_lost(at.x, at.y, at.heading, trial.arena):
         tally.lost = True
         return True
-    tally.path_length += math.sqrt((new_x - x) * (new_x - x) + (new_y - y) * (new_y - y))
-    tally.goal_distance = to_goal(trial, new_x, new_y)
+    tally.path_length += math.sqrt((at.x - before.x) * (at.x - before.x) + (at.y - before.y) * (at.y - before.y))
+    tally.goal_distance = to_goal(trial, at.x, at.y)
     if math.isnan(tally.time_to_goal) and tally.goal_distance < trial.goal_radius:
         tally.time_to_goal = (step + 1) * STEP_S
     return False
@@ -111,8 +107,7 @@ def perceive(
     setup: Setup,
     space: Handles,
     robots: Floats,
-    x: float,
-    y: float,
+    at: Pose,
     cos: float,
     sin: float,
     step: int,
@@ -122,25 +117,15 @@ def perceive(
     tally, trial, noise = life.tally[0], setup.trial, life.workspace.noise
     if setup.noise_level > 0.0:
         draw_noise(life.key, step, noise)
-    goal = Goal(trial.goal_x, trial.goal_y, tally.goal_distance)
-    workspace = life.workspace.senses
-    sense(x, y, cos, sin, space, setup.lit, noise, setup.noise_level, workspace, readings, goal, robots)
+    goal, workspace = Goal(trial.goal_x, trial.goal_y, tally.goal_distance), life.workspace.senses
+    sense(at.x, at.y, cos, sin, space, setup.lit, noise, setup.noise_level, workspace, readings, goal, robots)
     apply_sensor_faults(readings, trial.faults, life.past, step)
     blind(readings, trial.faults.dead_sensors)
     reward_input(readings, tally.reward)
 
 
 def decide(
-    life: Life,
-    setup: Setup,
-    space: Handles,
-    robots: Floats,
-    x: float,
-    y: float,
-    heading: float,
-    cos: float,
-    sin: float,
-    step: int,
+    life: Life, setup: Setup, space: Handles, robots: Floats, at: Pose, cos: float, sin: float, step: int
 ) -> tuple[float, float]:
     """Sense, act, score and learn at a pose; returns the outputs for the left and the right wheel.
 
@@ -152,7 +137,7 @@ def decide(
     corrections = life.adaptation.corrections
 
     # Sense.
-    perceive(life, setup, space, robots, x, y, cos, sin, step, activation)
+    perceive(life, setup, space, robots, at, cos, sin, step, activation)
     correct(activation, corrections, life.adaptation.correcting)
     scale(activation, weights, tally, life.adaptation.homeostasis, setup.nominal, step)
 
@@ -161,7 +146,7 @@ def decide(
     left, right = activation[WHEELS], activation[WHEELS + 1]
 
     # Score.
-    if is_in(trial.arm, x, y):
+    if is_in(trial.arm, at.x, at.y):
         tally.junction = 1.0
     nearness = nearest(activation)
     undirected = fitness.combined(left, right, nearness, 0.0)
@@ -169,59 +154,35 @@ def decide(
     tally.undirected_sum += undirected
     tally.behaviour_sum += behaviour
     tally.contacts += nearness > CONTACT
-    trial_steps = step + 1.0 - tally.began
-    live_fitness = fitness.live_fitness(
-        plasticity.signal,
-        activation,
-        left,
-        right,
-        behaviour,
-        tally.goal_distance,
-        trial_steps,
-        tally.undirected_sum,
-        plasticity.history,
-    )
-
+    live_fitness = fitness.live_fitness(plasticity, tally, activation, left, right, behaviour, step)
     if HAS_SCORE:
-        contact, own, time_s = nearness > CONTACT, life.score[0], step * STEP_S
+        own, contact = life.score[0], nearness > CONTACT
         worth = score(
-            tally, own, setup.fitness, left, right, nearness, contact, behaviour, x, y, heading, activation, time_s
+            tally, own, setup.fitness, left, right, nearness, contact, behaviour, at, activation, step * STEP_S
         )
         own.sum += worth
         if plasticity.signal == OWN:
             live_fitness = worth
 
     # Learn.
-    need = open_gate(
-        plasticity.gate, tally, life.adaptation, activation, live_fitness, setup.nominal, trial, step, life.key
-    )
+    need = open_gate(life, setup, live_fitness, step)
     if resets and tally.need > 0.0 and need == 0.0:
         reset_to_genes(life)
     tally.need = need
     rate = effective_rate(plasticity.rate, need, live_fitness, plasticity.floor)
     if HAS_RULE and plasticity.rate > 0.0 and need > 0.0:
         rate *= modulate(genotype.modulatory, activation)
+        context = StepContext(live_fitness, life.key, step)
         tally.weight_change = learn(
-            weights,
-            life.synapse_state,
-            genotype.weights,
-            genotype.coefficients,
-            activation,
-            rate,
-            StepContext(live_fitness, life.key, step),
-            genotype.lengths,
-            genotype.signs,
-            plasticity.numbers,
-            workspace.synapses,
-            workspace.change,
+            weights, life.synapse_state, genotype, activation, rate, context, plasticity.numbers, workspace
         )
     tally.weight_change_sum += tally.weight_change + tally.scaling
     if setup.record_every > 0 and step % setup.record_every == 0:
-        record(setup.samples, step // setup.record_every, step * STEP_S, x, y, heading, life, live_fitness, rate)
+        record(setup.samples, step // setup.record_every, step * STEP_S, at, life, live_fitness, rate)
         record_tilt(space, setup.samples.tilt, (step // setup.record_every) % setup.samples.time.shape[0])
 
     # Explore, and compensate for weak wheels.
-    left, right = explore(plasticity.gate, tally, life.adaptation, activation, left, right, setup.gain)
+    left, right = explore(life, setup, left, right)
     left = compensate(left, corrections.left_loss, setup.gain)
     right = compensate(right, corrections.right_loss, setup.gain)
     return left, right
@@ -243,21 +204,11 @@ def reset_to_genes(life: Life) -> None:
 
 
 @compiled
-def record(
-    samples: Samples,
-    number: int,
-    time: float,
-    x: float,
-    y: float,
-    heading: float,
-    life: Life,
-    live_fitness: float,
-    rate: float,
-) -> None:
+def record(samples: Samples, number: int, time: float, at: Pose, life: Life, live_fitness: float, rate: float) -> None:
     """Write the sample of a number; where there is no room left, it replaces the oldest one."""
     tally, place = life.tally[0], number % samples.time.shape[0]
     samples.time[place] = time
-    samples.pose[place, 0], samples.pose[place, 1], samples.pose[place, 2] = x, y, heading
+    samples.pose[place, 0], samples.pose[place, 1], samples.pose[place, 2] = at.x, at.y, at.heading
     inputs, synapses = samples.sensors.shape[1], samples.weights.shape[1]
     wheels = life.activation.shape[0] - OUTPUTS
     for i in range(inputs):

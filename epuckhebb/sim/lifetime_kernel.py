@@ -6,8 +6,9 @@ from typing import Any
 from epuckhebb.sim import faults
 from epuckhebb.sim.adaptation import adaptation
 from epuckhebb.sim.compiling.kernel import kernel, with_parts
+from epuckhebb.sim.forward_pass import forward_pass
 from epuckhebb.sim.lifetime import decide, live, perceive, settle
-from epuckhebb.sim.network import Network, forward_pass
+from epuckhebb.sim.network import Network
 from epuckhebb.sim.own_fitness import PAPER_FITNESS, Fitness, score_of, scored
 from epuckhebb.sim.physics.pymunk import PYMUNK, mover_of_all
 from epuckhebb.sim.physics_engine import Physics
@@ -37,9 +38,6 @@ def kernel_of(
 
     adapted: which functions the adaptation has. more_faults: whether there are other faults than dead sensors and weak
     wheels. task, fitness: only their kinds matter.
-
-    Raises:
-        ValueError: the rule has unknown arguments, or network, robot, task and adaptation do not fit each other.
     """
     hooks, scoring = adaptation.hooks(adapted, robot, network.post[0]), scored(fitness)
     place = (rule, hooks, network, robot, more_faults, type(task), scoring, physics, page)

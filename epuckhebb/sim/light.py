@@ -34,7 +34,6 @@ class Lamp:
     intensity: float = 2.0
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         for name in ("x_m", "y_m", "towards_x", "towards_y"):
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"scenario.lamp.{name} must be a finite number, got {getattr(self, name)}")

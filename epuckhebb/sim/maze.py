@@ -79,9 +79,6 @@ class Maze:
     is at the goal when nearer than this. arms: of each side, the region in which the robot has turned the right way.
     arena_m: half side; a robot farther from the middle is lost.
     wall_height_m: for three-dimensional physics.
-
-    Raises:
-        ValueError: a box has no size, two boxes have one name, or something lies outside.
     """
 
     name: str
@@ -97,7 +94,6 @@ class Maze:
     wall_height_m: float | None = None
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         check_range(self, "maze", "arena_m", most=_LARGEST, above=True)
         check_range(
             self, "maze", "goal_radius_m", *(["wall_height_m"] if self.wall_height_m is not None else []), above=True

@@ -8,7 +8,6 @@ sensors, the only bias there is. Activations of all neurons stand in one array, 
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
@@ -17,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import compiled, in_turn
-from epuckhebb.sim.compiling.simd import WIDTH, alike, plus, read, times, whole, write
-from epuckhebb.sim.forward_pass import blocks_of, wired_pass
-from epuckhebb.sim.wiring import MOST_SYNAPSES, Neurons, Wiring
+from epuckhebb.sim.compiling.kernel import compiled
+from epuckhebb.sim.compiling.simd import WIDTH, whole
+from epuckhebb.sim.wiring import MOST_SYNAPSES, Wiring, blocks_of
 
 WEIGHT_LIMIT = 2.0  # weights are loaded clipped to +-2, the bound of plasticity in the paper
 HIDDEN = (7, 5, 8, 4)  # the paper's hidden layers
@@ -37,10 +35,6 @@ class Network:
 
     layers: how many neurons each layer has, sensors first, the two wheels last. rewarded: whether the last input is a
     reward (`epuckhebb.sim.task`). wiring: another than that of layers; then layers are the inputs and its groups.
-
-    Raises:
-        ValueError: there are fewer than two layers, a layer is empty, the last has not two neurons, or a synapse of a
-            wiring joins what is no neuron.
     """
 
     layers: tuple[int, ...] = (16, *HIDDEN, OUTPUTS)
@@ -48,7 +42,6 @@ class Network:
     wiring: Wiring | None = None
 
     def __post_init__(self) -> None:
-        """Validate the layers."""
         whole = all(isinstance(size, int) and size > 0 for size in self.layers)
         if self.wiring is not None and (len(self.layers) < 2 or not whole or self.layers[-1] < OUTPUTS):
             raise ValueError(
@@ -182,63 +175,6 @@ def tanh(x: float) -> float:
     tanh_d = d * (1.0 + square * (-1.0 / 3.0 + square * (2.0 / 15.0 + square * (-17.0 / 315.0))))
     tanh_a = _TANH[np.uint32(np.int32(k))]  # 32 bits convert fast; an index without a sign needs no test for < 0
     return math.copysign((tanh_a + tanh_d) / (1.0 + tanh_a * tanh_d), x)
-
-
-Pass = Callable[..., None]
-
-
-def forward_pass(network: Network) -> Pass:
-    """The function `forward(weights, activation, drive, neurons)` that passes inputs through: in layers, y = tanh(x W).
-
-    weights: (synapses,). activation: (neurons,), inputs and bias given, the rest filled. drive: workspace, whole
-    vectors of four for the widest layer, a layer's x W; of a wiring for all neurons. neurons: of a wiring. The sizes
-    are constants in the machine code.
-    """
-    if network.wiring is not None:
-        return wired_pass(network.wiring, [*network.first_neuron[1:], network.neurons], network.joined, network.vectors)
-    if isinstance(network, GivenOutputs):
-        return _pass_given(network.wheels)
-    fire = in_turn(_fire, network.vectors, "weights, activation, drive")
-
-    @compiled
-    def forward(weights: Floats, activation: Floats, drive: Floats, neurons: Neurons | None = None) -> None:
-        fire(weights, activation, drive)
-
-    return forward
-
-
-def _pass_given(wheels: int) -> Pass:
-    @compiled
-    def forward(weights: Floats, activation: Floats, drive: Floats, neurons: Neurons | None = None) -> None:
-        activation[wheels], activation[wheels + 1] = weights[0], weights[1]
-
-    return forward
-
-
-def _fire(
-    pre: int,
-    post: int,
-    first: int,
-    inputs: int,
-    outputs: int,
-    vectors: int,
-    weights: Floats,
-    activation: Floats,
-    drive: Floats,
-) -> None:
-    """Pass activations through one layer of connections: from neuron `pre` on to neuron `post` on."""
-    for j in range(0, vectors * WIDTH, WIDTH):
-        sums = alike(0.0)
-        for i in range(inputs):
-            sums = plus(sums, times(alike(activation[pre + i]), read(weights, first + i * outputs + j)))
-        write(drive, j, sums)
-    for j in range(vectors * WIDTH, outputs):
-        summed = 0.0
-        for i in range(inputs):
-            summed += activation[pre + i] * weights[first + i * outputs + j]
-        drive[j] = summed
-    for j in range(outputs):
-        activation[post + j] = tanh(drive[j])
 
 
 def by_layer(network: Network, values: Floats) -> list[Floats]:

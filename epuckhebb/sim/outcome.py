@@ -1,10 +1,18 @@
-"""The outcome of a lifetime: success and all other metrics."""
+"""The outcome of a lifetime: success and all other metrics.
+
+Success is decided in `outcome_of`: the robot is within 5 cm of its goal at the last step.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.sim import fitness
+from epuckhebb.sim.life import Life, tally_of
+from epuckhebb.sim.maze import Pose
+from epuckhebb.sim.plasticity.weight_change import saturated_fraction
+from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.task import NO_TRIALS
 
 
@@ -34,10 +42,6 @@ class Outcome(NamedTuple):
     x: float
     y: float
 
-    def with_fitness(self, fitness: float) -> "Outcome":
-        """The same metrics with another fitness."""
-        return self._replace(fitness=fitness)
-
     @property
     def trials(self) -> NDArray[np.void]:
         """The trials of the lifetime, records of `epuckhebb.sim.task.TRIAL`; none where it is one."""
@@ -54,13 +58,33 @@ class OutcomeOfTrials(Outcome):
         """See `Outcome`."""
         return self._trials
 
-    def with_fitness(self, fitness: float) -> "Outcome":
-        """See `Outcome`."""
-        return self.of(self._replace(fitness=fitness), self._trials)
 
-    @classmethod
-    def of(cls, outcome: Outcome, trials: NDArray[np.void]) -> "OutcomeOfTrials":
-        """The metrics of the whole lifetime, with its trials."""
-        made = cls(*outcome)
-        made._trials = trials
-        return made
+def outcome_of(life: Life, world: Scenario, at_start: float, w_max: float, pose: Pose) -> Outcome:
+    """The metrics of a lifetime so far, of one step or more, in its present world.
+
+    at_start: distance from its start to the nearest goal [m]. w_max: bound of the weights. pose: of the robot now.
+    """
+    tally = tally_of(life)
+    behaviour, goal_reward = tally.behaviour_sum / tally.step, fitness.reward(tally.goal_distance)
+    outcome = Outcome(
+        tally.time_to_goal,
+        tally.path_length,
+        tally.goal_distance,
+        behaviour,
+        goal_reward,
+        tally.weight_change_sum / tally.step,
+        tally.weight_change + tally.scaling,
+        tally.contacts / tally.step,
+        tally.goal_distance < world.maze.goal_radius_m,
+        world.task.fitness(behaviour, goal_reward, life.trials, at_start),
+        tally.step,
+        saturated_fraction(life.weights, w_max),
+        *pose[:2],
+    )
+    if world.fitness.is_own:
+        facts = {**outcome._asdict(), "paper": outcome.fitness, "trials": life.trials}
+        outcome = outcome._replace(fitness=world.fitness.of_lifetime(facts, life.score))
+    if len(life.trials):
+        outcome = OutcomeOfTrials(*outcome)
+        outcome._trials = life.trials
+    return outcome

@@ -1,45 +1,79 @@
-"""Checks a class of a user, such as a rule or a fitness, before its functions are compiled into a kernel."""
+"""Classes of which users write subclasses, such as a rule or a fitness: settings, checks, and calls from a kernel."""
 
 import dis
 import inspect
+import math
+from collections import namedtuple
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import fields
 from enum import Enum
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar, cast
 
 from epuckhebb.sim.compiling.code_digest import random_generator
+from epuckhebb.sim.compiling.kernel import compiled, in_module
+
+namedtuple_of: Any = namedtuple  # mypy wants the names of the fields written out
+Functions = tuple[Callable[..., Any], ...]
 
 
-def number_settings(kind: type) -> tuple[str, ...]:
-    """The names of the settings of a dataclass that are numbers, in the order in which a kernel has them."""
-    return tuple(field.name for field in fields(kind) if not isinstance(field.default, str | Enum))
+class OwnClass:
+    """A dataclass whose fields are its settings, with functions that a kernel calls. PART: what messages call it."""
+
+    PART: ClassVar[str]
+
+    @classmethod
+    def settings(cls) -> tuple[str, ...]:
+        """The names of the settings that are numbers, in the order in which a kernel has them."""
+        return tuple(field.name for field in fields(cast(Any, cls)) if not isinstance(field.default, str | Enum))
+
+    def numbers(self) -> tuple[float, ...]:
+        """The settings that are numbers."""
+        return tuple(float(getattr(self, name)) for name in self.settings())
+
+    @classmethod
+    def functions(cls) -> Functions:
+        """All that the user wrote for it, on which results depend."""
+        return ()
+
+    @classmethod
+    def check_class(cls, instead: str = "") -> None:
+        """Check a subclass; else a ValueError. instead: what its author can do who wants random numbers."""
+        what, of_dataclass = cls.what(), cast(Any, cls)
+        known = {field.name for field in fields(of_dataclass)}
+        for name, annotation in inspect.get_annotations(cls).items():
+            if name not in known and "ClassVar" not in str(annotation):
+                how = "frozen=True, kw_only=True" if of_dataclass.__dataclass_params__.frozen else "kw_only=True"
+                raise ValueError(f"{what}: {name} is not a setting; write @dataclass({how}) above the class")
+        for function in cls.functions():
+            generator = random_generator(function)
+            if generator is not None:
+                advice = f"; {instead}" if instead else ""
+                raise ValueError(
+                    f"{what}: {function.__name__} draws from {generator}, so no run could be repeated{advice}"
+                )
+
+    @classmethod
+    def what(cls) -> str:
+        """It in messages."""
+        return f"{cls.PART} {cls.__name__}"
 
 
-def check_fields(what: str, kind: Any) -> None:
-    """Check that all annotations of a class are settings, so that nobody has left out `@dataclass`.
-
-    Raises:
-        ValueError: one is not.
-    """
-    known = {field.name for field in fields(kind)}
-    for name, annotation in inspect.get_annotations(kind).items():
-        if name not in known and "ClassVar" not in str(annotation):
-            how = "frozen=True, kw_only=True" if kind.__dataclass_params__.frozen else "kw_only=True"  # as its base has
-            raise ValueError(f"{what}: {name} is not a setting; write @dataclass({how}) above the class")
+def name_of(kind: type[OwnClass]) -> str:
+    """What a class is called: as its file, if it is one of the program, or else as itself."""
+    base = kind.__mro__[kind.__mro__.index(OwnClass) - 1]
+    package, _, module = kind.__module__.rpartition(".")
+    return module if package == f"{base.__module__}s" else kind.__name__
 
 
 def arguments(
-    what: str, function: Callable[..., Any], known: Collection[str], records: Mapping[str, tuple[str, ...]]
+    what: str, function: Any, known: Collection[str], records: Mapping[str, tuple[str, ...]] | None = None
 ) -> tuple[str, ...]:
     """The names of the arguments of a static method, in its order.
 
     what: whose it is, for messages. known: names that it may have. records: what each argument that is a record holds.
-
-    Raises:
-        ValueError: an argument is unknown, or a record is asked for what it does not hold.
     """
-    names = tuple(inspect.signature(function).parameters)
+    names, records = tuple(inspect.signature(function).parameters), records or {}
     unknown = [name for name in names if name not in known]
     if unknown:
         raise ValueError(
@@ -56,15 +90,19 @@ def arguments(
     return names
 
 
-def check_repeatable(what: str, function: Callable[..., Any], instead: str = "") -> None:
-    """Check that a function draws no random numbers of its own. instead: what its author can do, for the message.
+def call_of(function: Any, names: Collection[str], how: Mapping[str, str], given: str, **parts: Any) -> Any:
+    """A building block with the arguments `given`, which calls a static method of a user's.
 
-    Raises:
-        ValueError: it does.
+    Only what the method has as arguments is computed, so the call is written when these are known. names: of its
+    arguments. how: how to make each of them. parts: other names in `how`.
     """
-    generator = random_generator(function)
-    if generator is not None:
-        raise ValueError(
-            f"{what}: {function.__name__} draws from {generator}, so no run could be repeated"
-            + (f"; {instead}" if instead else "")
-        )
+    call = f"lambda {given}: function({', '.join(how[name] for name in names)})"
+    return compiled(eval(call, {"function": compiled(in_module(function, __name__)), "math": math, **parts}))
+
+
+def number_of(
+    kind: type[OwnClass], function: Any, names: Collection[str], how: Mapping[str, str], given: str, numbers: str
+) -> Any:
+    """The same for a method that gives a number; its `by` is made of the settings. numbers: where these are."""
+    parts = {"call": call_of(function, names, how, f"{given}, by"), "By": namedtuple_of("By", kind.settings())}
+    return compiled(eval(f"lambda {given}: float(call({given}, By(*{numbers})))", parts))

@@ -5,7 +5,6 @@ Python and called when a lifetime is over, or both. A fitness that has only `lif
 """
 
 import math
-from collections import namedtuple
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -13,13 +12,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim import own_class
-from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import compiled, in_module
+from epuckhebb.sim.compiling.kernel import zero
+from epuckhebb.sim.maze import Pose
+from epuckhebb.sim.own_class import Functions, OwnClass, arguments, number_of
 from epuckhebb.sim.robot import STEP_S
 
 PAPER = "paper"
-_namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
 _OF_STEP = {  # the arguments that `step` may have, and how the kernel has them
     "left": "left",
     "right": "right",
@@ -29,15 +27,15 @@ _OF_STEP = {  # the arguments that `step` may have, and how the kernel has them
     "junction": "tally.junction",
     "goal_distance": "tally.goal_distance",
     "arrived": "not math.isnan(tally.time_to_goal)",
-    "x": "x",
-    "y": "y",
-    "heading": "heading",
+    "x": "at.x",
+    "y": "at.y",
+    "heading": "at.heading",
     "readings": "readings",
     "time_s": "time_s",
     "state": "state",
     "by": "by",
 }
-_ARGUMENTS = "tally, state, numbers, left, right, nearest, contact, behaviour, x, y, heading, readings, time_s"
+_ARGUMENTS = "tally, state, numbers, left, right, nearest, contact, behaviour, at, readings, time_s"
 OF_OUTCOME = (  # the fields of an outcome that `life`, and `tell` of an optimizer, may name
     "success",
     "time_to_goal",
@@ -62,7 +60,7 @@ class FitnessError(ValueError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fitness:
+class Fitness(OwnClass):
     """How well a robot does, a number of which evolution wants more; this one is that of the paper.
 
     A subclass adds settings as fields, and has one or both of these static methods. Each may name any of these
@@ -91,6 +89,7 @@ class Fitness:
     state: name -> initial value, a number or a tuple of numbers, of what is stored from step to step.
     """
 
+    PART: ClassVar[str] = "fitness"
     state: ClassVar[Mapping[str, Any]] = {}
     step: ClassVar[Callable[..., float] | None] = None
     life: ClassVar[Callable[..., float] | None] = None
@@ -106,13 +105,30 @@ class Fitness:
         return type(self) is not Fitness
 
     @classmethod
-    def settings(cls) -> tuple[str, ...]:
-        """The names of the settings that are numbers, in the order in which a kernel has them."""
-        return own_class.number_settings(cls)
+    def functions(cls) -> Functions:
+        """`step` and `life`, as far as it has them."""
+        return tuple(function for function in (cls.step, cls.life) if function is not None)
 
-    def numbers(self) -> tuple[float, ...]:
-        """The settings that are numbers, for `step`."""
-        return tuple(float(getattr(self, name)) for name in self.settings()) if self.step else ()
+    @classmethod
+    def arguments_of_step(cls) -> tuple[str, ...]:
+        """The names of the arguments of `step`, in its order; a ValueError if one is unknown."""
+        return arguments(cls.what(), cls.step, _OF_STEP, {"by": cls.settings(), "state": tuple(cls.state)})
+
+    @classmethod
+    def arguments_of_life(cls) -> tuple[str, ...]:
+        """The same of `life`."""
+        return arguments(cls.what(), cls.life, (*(_WITH_STEP if cls.step else ()), *_OF_LIFE))
+
+    @classmethod
+    def check_class(cls, instead: str = "") -> None:
+        """Check that it has functions, with known arguments; else a ValueError."""
+        if not cls.functions():
+            raise ValueError(f"{cls.what()} has no static method `step` for each step, and no `life` for a lifetime")
+        super().check_class(instead)
+        if cls.step is not None:
+            cls.arguments_of_step()
+        if cls.life is not None:
+            cls.arguments_of_life()
 
     def initial_state(self) -> NDArray[np.void]:
         """One record: the sum over the steps, 0, and what is stored from step to step."""
@@ -124,7 +140,7 @@ class Fitness:
         return record
 
     def of_lifetime(self, facts: Mapping[str, Any], state: NDArray[np.void]) -> float:
-        """The fitness of a lifetime. facts: the values of the arguments `paper` to `trials` by name.
+        """The fitness of a lifetime. facts: the values of the arguments `paper` to `trials`, and others, by name.
 
         Raises:
             FitnessError: `life` failed, or its result is no finite number.
@@ -136,7 +152,7 @@ class Fitness:
             return mean
         known = {**facts, "mean": mean, "state": state.view(np.recarray)[0], "by": self}
         try:
-            value: Any = self.life(**{name: known[name] for name in _arguments_of_life(type(self))})
+            value: Any = self.life(**{name: known[name] for name in self.arguments_of_life()})
         except Exception as error:  # what a user's code may raise has no end
             raise FitnessError(f"fitness {self.name}: `life` failed: {type(error).__name__}: {error}") from error
         is_number = isinstance(value, int | float | np.number | np.bool_)
@@ -153,79 +169,15 @@ def scored(fitness: Fitness) -> type[Fitness]:
     return type(fitness) if fitness.step else Fitness
 
 
-def check_class(kind: type[Fitness]) -> None:
-    """Check the functions of a fitness.
-
-    Raises:
-        ValueError: it has neither, an argument or a state is unknown, or it draws random numbers that no run repeats.
-    """
-    what = f"fitness {kind.__name__}"
-    if kind.step is None and kind.life is None:
-        raise ValueError(f"{what} has no static method `step` for each step, and no `life` for a lifetime")
-    own_class.check_fields(what, kind)
-    if kind.step is not None:
-        _arguments_of_step(kind)
-    if kind.life is not None:
-        _arguments_of_life(kind)
-    for function in functions_of(kind):
-        own_class.check_repeatable(what, function)
-
-
-def _arguments_of_step(kind: type[Fitness]) -> tuple[str, ...]:
-    assert kind.step is not None  # who asks has looked
-    records = {"by": kind.settings(), "state": tuple(kind.state)}
-    return own_class.arguments(f"fitness {kind.__name__}", kind.step, _OF_STEP, records)
-
-
-def _arguments_of_life(kind: type[Fitness]) -> tuple[str, ...]:
-    assert kind.life is not None  # who asks has looked
-    known = (*(_WITH_STEP if kind.step else ()), *_OF_LIFE)
-    return own_class.arguments(f"fitness {kind.__name__}", kind.life, known, {})
-
-
-def functions_of(fitness: Fitness | type[Fitness]) -> tuple[Callable[..., float], ...]:
-    """The functions of a fitness; none of the paper's."""
-    return tuple(function for function in (fitness.step, fitness.life) if function is not None)
-
-
-def facts_of(outcome: Any) -> dict[str, Any]:
-    """The values of the arguments `paper` to `trials` of `life`. outcome: of a lifetime."""
-    return {name: getattr(outcome, name) for name in (*OF_OUTCOME, "trials")} | {"paper": outcome.fitness}
-
-
-def _no_score(
-    tally: Any,
-    state: Any,
-    numbers: tuple[float, ...],
-    left: float,
-    right: float,
-    nearest: float,
-    contact: bool,
-    behaviour: float,
-    x: float,
-    y: float,
-    heading: float,
-    readings: Floats,
-    time_s: float,
-) -> float:
-    """The paper's fitness has no `step`."""
-    return 0.0
-
-
 def score_of(kind: type[Fitness]) -> Score:
     """The function `score(tally, state, numbers, left, ..., time_s)` that gives the value of a step."""
-    if kind.step is None:
-        return compiled(_no_score)
-    # Only what `step` has as arguments is computed, so the call is written when the class is known.
-    given = ", ".join(_OF_STEP[name] for name in _arguments_of_step(kind))
-    parts = {"step": compiled(in_module(kind.step, __name__)), "math": math}
-    value = compiled(eval(f"lambda {_ARGUMENTS}, by: step({given})", parts))
-    parts = {"value": value, "By": _namedtuple("By", kind.settings())}
-    score: Score = compiled(eval(f"lambda {_ARGUMENTS}: float(value({_ARGUMENTS}, By(*numbers)))", parts))
-    return score
+    made: Score = zero
+    if kind.step is not None:
+        made = number_of(kind, kind.step, kind.arguments_of_step(), _OF_STEP, _ARGUMENTS, "numbers")
+    return made
 
 
 def example_arguments(fitness: Fitness, tally: Any, inputs: int) -> tuple[Any, ...]:
     """Arguments with which `score` can be called by itself."""
     state, readings = fitness.initial_state()[0], np.zeros(inputs)
-    return (tally, state, fitness.numbers(), 0.0, 0.0, 0.0, False, 0.0, 0.0, 0.0, 0.0, readings, STEP_S)
+    return (tally, state, fitness.numbers(), 0.0, 0.0, 0.0, False, 0.0, Pose(0.0, 0.0, 0.0), readings, STEP_S)

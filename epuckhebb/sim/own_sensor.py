@@ -1,20 +1,18 @@
 """A sensor of the user's own; in the inputs of the network it stands behind the light and distance sensors."""
 
 import math
-from collections import namedtuple
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from epuckhebb.sim import own_class
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import compiled, in_module
+from epuckhebb.sim.compiling.kernel import compiled, nothing
 from epuckhebb.sim.light import Lamp, lights
-from epuckhebb.sim.sensors import NO_ROBOTS, Goal, Kernels, SensorGroup, Surroundings, nothing
+from epuckhebb.sim.own_class import Functions, OwnClass, arguments, call_of, namedtuple_of
+from epuckhebb.sim.sensors import NO_ROBOTS, Goal, Kernels, SensorGroup, Surroundings
 
-_namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
 _OF_READ = {  # the arguments that `read` may have, and how the kernel has them
     "x": "around.x",
     "y": "around.y",
@@ -32,7 +30,7 @@ class SensorError(ValueError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sensor(SensorGroup):
+class Sensor(OwnClass, SensorGroup):
     """A sensor of the user's own; subclasses add settings as fields, and a static method `read`, compiled by numba.
 
     readings: the name of each reading. noise: standard deviation of the noise on each. `read` gives the reading, or as
@@ -47,6 +45,7 @@ class Sensor(SensorGroup):
         ValueError: the noise is no number of 0 or more.
     """
 
+    PART: ClassVar[str] = "sensor"
     readings: ClassVar[tuple[str, ...]] = ("reading",)
     read: ClassVar[Callable[..., Any] | None] = None
 
@@ -57,7 +56,6 @@ class Sensor(SensorGroup):
         cls.name = cls.label = cls.short = cls.__name__
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         if not (math.isfinite(self.noise) and self.noise >= 0):
             raise ValueError(f"noise of sensor {self.name} must be 0 or more, got {self.noise}")
 
@@ -82,9 +80,7 @@ class Sensor(SensorGroup):
             noisy = value + around.noise_level * noise * around.noise[first + k]
             readings[first + k] = min(1.0, max(0.0, noisy))
 
-        by, parts = self._by(), {"read": self._compiled_read(), "math": math}
-        given = ", ".join(_OF_READ[name] for name in _arguments(type(self)))
-        parts["values"] = compiled(eval(f"lambda around: read({given})", {**parts, "by": by}))
+        parts = {"values": call_of(type(self).read, self.arguments(), _OF_READ, "around", by=self._by())}
         # The calls are written out, because the values of a tuple may be of several types.
         value = "float(values{})" if self.count == 1 else "float(values[{}])"
         puts = ", ".join(
@@ -95,18 +91,23 @@ class Sensor(SensorGroup):
         call = "lambda around, rays, scratch, readings: put_all(values(around), around, scratch, readings)"
         return Kernels(compiled(eval(call, parts)), nothing)
 
-    def check(self) -> None:
-        """Check `read` and what it gives for a robot at the origin.
+    @classmethod
+    def functions(cls) -> Functions:
+        """`read`, if it has it."""
+        return () if cls.read is None else (cls.read,)
 
-        Raises:
-            ValueError: it is missing, has unknown arguments, fails, draws random numbers, or gives no such readings.
-        """
-        kind, what = type(self), f"sensor {self.name}"
+    @classmethod
+    def arguments(cls) -> tuple[str, ...]:
+        """The names of the arguments of `read`, in its order; a ValueError if one is unknown."""
+        return arguments(cls.what(), cls.read, _OF_READ, {"by": cls.settings()})
+
+    def check(self) -> None:
+        """Check `read` and what it gives for a robot at the origin; else a ValueError."""
+        kind, what = type(self), self.what()
         if kind.read is None:
             raise ValueError(f"{what} has no static method `read`, which gives the readings")
-        own_class.check_fields(what, kind)
-        names = _arguments(kind)
-        own_class.check_repeatable(what, kind.read)
+        kind.check_class()
+        names = kind.arguments()
         around = _surroundings()
         values = {name: eval(how, {"around": around, "math": math, "by": self._by()}) for name, how in _OF_READ.items()}
         try:
@@ -130,18 +131,7 @@ class Sensor(SensorGroup):
         return _surroundings(inputs), np.zeros((6, 1)), np.zeros(self.count), np.zeros(inputs)
 
     def _by(self) -> Any:
-        settings = own_class.number_settings(type(self))
-        return _namedtuple("By", settings)(*(float(getattr(self, name)) for name in settings))
-
-    def _compiled_read(self) -> Callable[..., Any]:
-        read = type(self).read
-        assert read is not None  # `check` has looked
-        return compiled(in_module(read, __name__))
-
-
-def _arguments(kind: type[Sensor]) -> tuple[str, ...]:
-    assert kind.read is not None  # `check` has looked
-    return own_class.arguments(f"sensor {kind.__name__}", kind.read, _OF_READ, {"by": own_class.number_settings(kind)})
+        return namedtuple_of("By", self.settings())(*self.numbers())
 
 
 def _surroundings(inputs: int = 1) -> Surroundings:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import compiled
+from epuckhebb.sim.compiling.kernel import compiled, nothing
 from epuckhebb.sim.maze import Pose
 from epuckhebb.sim.robot import Robot
 from epuckhebb.sim.sensors import Kernels, SensorGroup, put_rays
@@ -86,7 +86,7 @@ class Physics(ABC):
 
     def record_tilt(self) -> Callable[..., None]:
         """The function `record(space, tilt, place)` that writes the tilt of the robot into a sample."""
-        return _no_tilt
+        return nothing
 
     def check(self, world: Any) -> None:  # noqa: B027  # most worlds can be in any
         """Check that a world can be in this physics; else a ValueError."""
@@ -109,14 +109,9 @@ def _in_plane(
 
 
 @compiled
-def _no_tilt(space: Handles, tilt: Floats, place: int) -> None:
-    """Nothing: in the plane no robot tilts."""
-
-
-@compiled
-def pose(space: Handles) -> tuple[float, float, float]:
+def pose(space: Handles) -> Pose:
     """The robot's x, y [m] and heading [rad]."""
-    return space.state[0], space.state[1], space.state[2]
+    return Pose(space.state[0], space.state[1], space.state[2])
 
 
 @compiled

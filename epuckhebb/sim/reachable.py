@@ -20,11 +20,7 @@ def gap(x: float, y: float, walls: Floats) -> float:
 
 
 def check_reachable(maze: Maze, goals: Mapping[Side, Place], obstacles: int, layout: int, radius: float) -> None:
-    """Check that a robot of this radius [m] fits at the start of a maze and can reach its goals.
-
-    Raises:
-        ValueError: the start is in a wall, or no way leads to a goal.
-    """
+    """Check that a robot of this radius [m] fits at the start of a maze and can reach its goals; else a ValueError."""
     _check_reachable(boxes(maze, obstacles, layout).tobytes(), maze, tuple(goals[side] for side in SIDES), radius)
 
 

@@ -67,7 +67,6 @@ class Robot:
     sensors: tuple[SensorGroup, ...] = (LightSensors(), DistanceSensors())
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         sizes = ("radius_m", "mass_kg", "inertia_kg_m2", "wheel_radius_m", "axle_m", "motor_limit_rad_s")
         check_range(self, "robot", *sizes, above=True)
         if self.solid is not None:

@@ -11,8 +11,8 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.life import Group, Lifetime, life_of
 from epuckhebb.sim.lifetime import live_group
 from epuckhebb.sim.maze import Pose
@@ -32,10 +32,6 @@ class RobotGroup:
 
     individuals: two or more, in an order that is part of the result, each with its own `start` and `key`. They have the
     same side, controller and network.
-
-    Raises:
-        ValueError: they differ in more, overlap, or do not fit the maze; or they have an adaptation, the world changes,
-            its task has many trials, or one is recorded or carries history, which do not work together.
     """
 
     def __init__(self, individuals: Sequence[Individual], world: Scenario, lifetime: Lifetime | None = None) -> None:
@@ -84,12 +80,8 @@ class RobotGroup:
         return [session.outcome(pose) for session, pose in zip(self._sessions, self.poses, strict=True)]
 
 
-def _check_starts(starts: Sequence[Pose], radius: float, walls: NDArray[np.float64], arena: float) -> None:
-    """Check that robots of this radius [m] have room. walls: (boxes, 4) edges [m]. arena: its half side [m].
-
-    Raises:
-        ValueError: two overlap, one stands in a wall, or one is outside the arena.
-    """
+def _check_starts(starts: Sequence[Pose], radius: float, walls: Floats, arena: float) -> None:
+    """Check that robots of this radius [m] have room. walls: (boxes, 4) edges [m]. arena: its half side [m]."""
     for number, (x, y, _) in enumerate(starts):
         if not max(abs(x), abs(y)) < arena or gap(x, y, walls) < radius:
             raise ValueError(f"robot {number} of {len(starts)} does not fit the maze at its start, {x:g}, {y:g}")

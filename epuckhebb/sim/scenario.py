@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.changes import check_numbers, check_placed, check_put, check_values
+from epuckhebb.sim.changes import (
+    AT_ONCE,
+    GROUPED,
+    STEPS,
+    check_changes,
+    check_kind,
+    check_placed,
+    check_put,
+    step_of,
+)
 from epuckhebb.sim.faults import LONGEST_DELAY
 from epuckhebb.sim.goal_signal import GoalSignal
 from epuckhebb.sim.light import Lamp
@@ -18,7 +27,7 @@ from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.physics_engine import Physics
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.reachable import check_reachable
-from epuckhebb.sim.robot import EPUCK, STEP_S, Robot
+from epuckhebb.sim.robot import EPUCK, Robot
 from epuckhebb.sim.sensors import InputGroup
 from epuckhebb.sim.task import Task
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
@@ -26,19 +35,6 @@ from epuckhebb.sim.tasks.trial import ONE_TRIAL
 _PARTS = ("task", "fitness", "physics")  # with settings of their own
 EXPERIMENTS = ("light", "obstacles")
 TRAINED = {"light": "highlight", "obstacles": "base"}  # the scenario in which each one's controllers are evolved
-STEPS = ("sensor_levels", "sensor_delay_steps", "wheel_delay_steps")  # faults that are whole numbers
-FAULTS = (
-    *("distance_gain", "distance_offset", "left_distance_gain", "crosstalk", *STEPS),
-    *("left_wheel", "right_wheel", "left_slip", "right_slip", "mass_ratio"),
-)
-GROUPED = {"lamp": Lamp, "goal_signal": GoalSignal}  # keys with keys of their own
-SUNLIGHT = ("light", "sun_turn_deg")
-AT_ONCE: Mapping[str, Any] = {"put": None, "reset": False}  # what happens at one step, and is over
-EVENTS = ("lamp_on", "placed", "rate", *AT_ONCE)
-CHANGEABLE = (
-    *(*SUNLIGHT, *GROUPED, "second_lamp", "obstacles", "layout", "goals", "dead_sensors", *FAULTS, "wall_friction"),
-    *EVENTS,
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,13 +102,10 @@ class Scenario:
     physics: Physics = PYMUNK
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         if self.experiment not in EXPERIMENTS:
             raise ValueError(f"scenario.experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
         check_range(self, "scenario", "light")
         check_range(self, "scenario", "sun_turn_deg", least=-180, most=180)
-        if self.second_lamp is not None:
-            _check_second_lamp(self.second_lamp)
         if self.obstacles not in self.maze.obstacle_counts:
             allowed = ", ".join(map(str, self.maze.obstacle_counts))
             raise ValueError(
@@ -122,7 +115,15 @@ class Scenario:
             raise ValueError(f"scenario.layout must be 0 (as in the maze) or more, got {self.layout}")
         if self.layout and not self.maze.niches:
             raise ValueError(f"scenario.layout = {self.layout} needs niches, and maze {self.maze.name} has none")
-        _check_dead(self.dead_sensors, self.robot)
+        for key in ("second_lamp", "lamp_on", "rate", "reset"):
+            check_kind(f"scenario.{key}", getattr(self, key))
+        last, dead = self.robot.sensor_numbers - 1, self.dead_sensors
+        whole = isinstance(dead, list | tuple) and all(type(number) is int and 0 <= number <= last for number in dead)
+        if not whole or len(set(dead)) < len(dead):
+            raise ValueError(
+                f"scenario.dead_sensors must be a list of whole numbers, 0 to {last} for robot {self.robot.name}, each "
+                f"once, for example [0] or [], got {_plain(dead)}"
+            )
         self._check_faults()
         if self.goals is not None and set(self.goals) != set(SIDES):
             raise ValueError(f"scenario.goals must have {' and '.join(SIDES)}, got {sorted(self.goals)}")
@@ -133,7 +134,6 @@ class Scenario:
                     f"{self.maze.name}, got {x:g}, {y:g}; goals are given in metres"
                 )
         self.task.check_lamp(self.lamp.intensity)
-        check_values(lamp_on=self.lamp_on, rate=self.rate, reset=self.reset)
         check_placed(self.placed, self.maze)
         if self.put is not None:
             check_put(self.put, self.maze, self.robot.radius_m, self.boxes)
@@ -141,11 +141,7 @@ class Scenario:
         self._check_changes()
 
     def check(self) -> None:
-        """Check that the robot can get to its goals, before and after each change. Takes some 35 ms for new walls.
-
-        Raises:
-            ValueError: the start is in a wall, or no way leads to a goal.
-        """
+        """Check that the robot can get to its goals, before and after each change. Takes some 35 ms for new walls."""
         events = self.events
         for number, (_, world) in enumerate(self.phases):
             try:
@@ -183,20 +179,8 @@ class Scenario:
         check_range(self, "scenario", "wall_friction")
 
     def _check_changes(self) -> None:
-        for key, changes in (("changes", self.changes), ("hand", self.hand)):
-            last = 0.0
-            for number, change in enumerate(changes):
-                where = f"scenario.{key}[{number}]"
-                unknown = sorted(set(change) - {"at_s", *CHANGEABLE})
-                if unknown or len(change) < 2 or "at_s" not in change:
-                    raise ValueError(
-                        f"{where} must have at_s and one or more of {', '.join(CHANGEABLE)}, "
-                        f"got {', '.join(map(str, change)) or 'nothing'}"
-                    )
-                at_s = change["at_s"]
-                if not (_is_number(at_s) and math.isfinite(at_s) and at_s > last):
-                    raise ValueError(f"{where}.at_s must be more than {last:g} s, the time before it, got {at_s}")
-                last = at_s
+        check_changes("changes", self.changes)
+        check_changes("hand", self.hand)
         now = self
         for where, change in self.events:
             try:
@@ -215,12 +199,11 @@ class Scenario:
         """This world after a change, without changes of its own; what happens at once happens with this one alone.
 
         Raises:
-            ValueError: a new value cannot be.
             TypeError: a new value is of another kind.
         """
         values = {key: value for key, value in change.items() if key != "at_s"}
         for key, value in values.items():
-            _check_kind(key, value)
+            check_kind(key, value)
         if isinstance(values.get("dead_sensors"), list):
             values["dead_sensors"] = tuple(values["dead_sensors"])
         if "placed" in values:
@@ -275,21 +258,13 @@ class Scenario:
         for key in _PARTS:
             part, its_part = getattr(self, key), getattr(named, key)
             if part != its_part:
-                words.append(f"{key}={part.name}")
-                words += [
-                    f"{key}.{setting.name}={_plain(getattr(part, setting.name))}"
-                    for setting in fields(part)
-                    if getattr(part, setting.name) != setting.default
-                ]
+                usual = {setting.name: setting.default for setting in fields(part)}
+                words += [f"{key}={part.name}", *_others(key, part, usual)]
         for field_ in fields(self):
             mine, its = getattr(self, field_.name), getattr(named, field_.name)
-            if field_.name in GROUPED:
-                words += [
-                    f"{field_.name}.{part.name}={_plain(getattr(mine, part.name))}"
-                    for part in fields(mine)
-                    if getattr(mine, part.name) != getattr(its, part.name)
-                    and not (part.name == "intensity" and self.task.has_trials)  # off, as such a task demands
-                ]
+            if field_.name in GROUPED:  # a lamp is off where the task demands it
+                taken = {"intensity": mine.intensity} if field_.name == "lamp" and self.task.has_trials else {}
+                words += _others(field_.name, mine, vars(its) | taken)
             elif field_.name in ("maze", "robot", "name", *_PARTS):
                 continue
             elif field_.name == "goals" and mine != its:
@@ -307,51 +282,10 @@ class Scenario:
         return ", ".join(words)
 
 
-def step_of(change: Mapping[str, Any]) -> int:
-    """The first step that is not before a change."""
-    return math.ceil(float(change["at_s"]) / STEP_S - 1e-9)
-
-
-def _check_dead(dead: object, robot: Robot) -> None:
-    last = robot.sensor_numbers - 1
-    if not isinstance(dead, list | tuple) or not all(
-        isinstance(number, int) and not isinstance(number, bool) and 0 <= number <= last for number in dead
-    ):
-        raise ValueError(
-            f"scenario.dead_sensors must be a list of whole numbers, 0 to {last} for robot {robot.name}, for example "
-            f"[0] or [], got {_plain(dead)}"
-        )
-    if len(set(dead)) < len(dead):
-        raise ValueError(f"scenario.dead_sensors must name each sensor once, got {_plain(dead)}")
-
-
-def _check_second_lamp(lamp: object) -> None:
-    numbers = list(lamp) if isinstance(lamp, list | tuple) else []
-    good = len(numbers) == 3 and all(_is_number(number) and math.isfinite(number) for number in numbers)
-    if not (good and numbers[2] >= 0):
-        raise ValueError(f"scenario.second_lamp must be [x, y, intensity] in m, or null for none, got {_plain(lamp)}")
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _check_kind(key: str, value: object) -> None:
-    if key in (*SUNLIGHT, "wall_friction", *FAULTS) and not _is_number(value):
-        raise ValueError(f"{key} must be a number, got {value!r}")
-    if key in ("obstacles", "layout", *STEPS) and (not isinstance(value, int) or isinstance(value, bool)):
-        raise ValueError(f"{key} must be a whole number, got {value!r}")
-    if key in GROUPED:
-        known = [field_.name for field_ in fields(GROUPED[key])]
-        if not (isinstance(value, Mapping) and set(value) <= set(known) and all(map(_is_number, value.values()))):
-            raise ValueError(f"{key} must have numbers for any of {', '.join(known)}, got {value!r}")
-    if key in ("put", "placed") and value is not None:
-        check_numbers(key, value)
-    if key == "goals" and value is not None:
-        pairs = value.values() if isinstance(value, Mapping) else [None]
-        good = all(isinstance(pair, list | tuple) and len(pair) == 2 and all(map(_is_number, pair)) for pair in pairs)
-        if not (good and isinstance(value, Mapping) and set(value) <= set(SIDES)):
-            raise ValueError(f"goals must be {{left: [x, y], right: [x, y]}}, or one of them, got {value!r}")
+def _others(key: str, part: Any, usual: Mapping[str, Any]) -> list[str]:
+    """The settings of a part that are not the usual ones, as overrides."""
+    values = {name: getattr(part, name) for name in usual}
+    return [f"{key}.{name}={_plain(value)}" for name, value in values.items() if value != usual[name]]
 
 
 def _plain(value: object) -> str:

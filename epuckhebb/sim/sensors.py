@@ -15,7 +15,7 @@ import numpy as np
 
 from epuckhebb.sim import light
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import compiled
+from epuckhebb.sim.compiling.kernel import compiled, nothing
 from epuckhebb.sim.ranges import check_range
 
 
@@ -91,11 +91,6 @@ class Surroundings(NamedTuple):
     robots: Floats
 
 
-@compiled
-def nothing(around: Surroundings, rays: Floats, scratch: Floats) -> None:
-    """Nothing to look for."""
-
-
 class Kernels(NamedTuple):
     """The functions of a group of sensors in a step; first all groups look, then all read.
 
@@ -146,18 +141,13 @@ class SensorGroup(InputGroup, ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class RimSensors(SensorGroup):
-    """Sensors on the rim of the robot. places: where they are. dead: what a dead one reads.
-
-    Raises:
-        ValueError: there is no sensor, or a place is not finite.
-    """
+    """Sensors on the rim of the robot. places: where they are. dead: what a dead one reads."""
 
     dead: ClassVar[float]
 
     places: tuple[Place, ...] = _E_PUCK_PLACES
 
     def __post_init__(self) -> None:
-        """Validate the places."""
         if not self.places:
             raise ValueError(f"robot.{self.name}_places must hold one sensor or more")
         for number, place in enumerate(self.places):
@@ -213,7 +203,6 @@ class DistanceSensors(RimSensors):
     full_scale: float = 2000.0  # as in the published controller
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         super().__post_init__()
         check_range(self, "robot", "stretch", "reach_m", "full_scale", above=True)
         distances = [point.distance for point in self.curve]

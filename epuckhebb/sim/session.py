@@ -5,12 +5,10 @@ lifetimes; with `Session` one can watch a robot, or change its world, between tw
 """
 
 import math
-from collections import namedtuple
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.sim import fitness
 from epuckhebb.sim.adaptation.adaptation import initial_adaptation_state
@@ -24,7 +22,6 @@ from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.forward_pass import neuron_of
 from epuckhebb.sim.genome import NEURON, WEIGHTS
 from epuckhebb.sim.life import (
-    TALLY,
     CalibrationRecord,
     Genotype,
     Life,
@@ -33,12 +30,13 @@ from epuckhebb.sim.life import (
     count_calibration,
     initial_life,
     pad_samples,
+    tally_of,
 )
 from epuckhebb.sim.lifetime import look, reset_to_genes
 from epuckhebb.sim.maze import Pose, Side
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, initial_weights_of
-from epuckhebb.sim.outcome import Outcome, OutcomeOfTrials
-from epuckhebb.sim.own_fitness import FitnessError, example_arguments, facts_of, score_of
+from epuckhebb.sim.outcome import Outcome, outcome_of
+from epuckhebb.sim.own_fitness import FitnessError, example_arguments, score_of
 from epuckhebb.sim.own_sensor import Sensor, own_sensors
 from epuckhebb.sim.plasticity.rule import (
     INITIAL_RANGE,
@@ -48,15 +46,11 @@ from epuckhebb.sim.plasticity.rule import (
     values_of,
 )
 from epuckhebb.sim.plasticity.update import initial_lengths
-from epuckhebb.sim.plasticity.weight_change import saturated_fraction
 from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.samples import empty_samples
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.simulator import Kind, Phase, Simulator, have_more_faults, lights_of, trial_of
 from epuckhebb.sim.wiring import NO_NEURONS, WiringError
-
-_namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
-_Tally = _namedtuple("_Tally", TALLY.names)  # a whole tally is read in the time that four of its fields take
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,14 +65,14 @@ class Individual:
     before, where the live fitness carries its history.
     """
 
-    genes: NDArray[np.float64]
+    genes: Floats
     side: Side
     key: np.uint64
     controller: Controller = GA_ALONE
     network: Network = PAPER_NETWORK
     start: Pose | None = None
     task_key: int = 0
-    signs: NDArray[np.float64] | None = None
+    signs: Floats | None = None
     nominal: NominalOfSide | None = None
     corrections: Corrections | None = None
     calibration: CalibrationRecord | None = None
@@ -98,9 +92,6 @@ class Session:
 
     simulator: shared by lifetimes that run one after the other; without it, any number of sessions may be in progress.
     most_samples: how many are kept, the last ones; None for all. Sample n is in place n modulo this number.
-
-    Raises:
-        ValueError: genes, network, robot and rule do not fit each other.
     """
 
     def __init__(
@@ -194,9 +185,6 @@ class Session:
 
         The world's own `changes` count from the start of the lifetime: past ones hold already, others come in their
         time. A wall that would appear where the robot stands waits until it has left.
-
-        Raises:
-            ValueError: the world has another robot, task, fitness or physics.
         """
         for kind in ("robot", "task", "fitness", "physics"):
             new, old = getattr(world, kind), getattr(self.world, kind)
@@ -224,37 +212,12 @@ class Session:
 
     def outcome(self, pose: Pose | None = None) -> Outcome:
         """The metrics of the lifetime so far, of one step or more. pose: of a robot that is in another's space."""
-        tally, world = self._read_tally(), self.world
-        behaviour, reward = tally.behaviour_sum / tally.step, fitness.reward(tally.goal_distance)
-        nearest = min(math.dist(self._start[:2], goal) for goal in self._first.goals_now.values())
-        outcome = Outcome(
-            tally.time_to_goal,
-            tally.path_length,
-            tally.goal_distance,
-            behaviour,
-            reward,
-            tally.weight_change_sum / tally.step,
-            tally.weight_change + tally.scaling,
-            tally.contacts / tally.step,
-            tally.goal_distance < world.maze.goal_radius_m,
-            world.task.fitness(behaviour, reward, self.life.trials, nearest),
-            tally.step,
-            saturated_fraction(self.life.weights, self.individual.controller.rule.w_max),
-            *(pose or self.pose)[:2],
-        )
-        if len(self.life.trials):
-            outcome = OutcomeOfTrials.of(outcome, self.life.trials)
-        if not world.fitness.is_own:
-            return outcome
-        own = world.fitness.of_lifetime(facts_of(outcome), self.life.score)
-        return outcome.with_fitness(own)
+        at_start = min(math.dist(self._start[:2], goal) for goal in self._first.goals_now.values())
+        return outcome_of(self.life, self.world, at_start, self.individual.controller.rule.w_max, pose or self.pose)
 
     def carry_on(self, life: Life) -> None:
         """Carry on in these arrays: those of robots in one space lie behind one another."""
         self.life, self._tally = life, life.tally[0]
-
-    def _read_tally(self) -> Any:
-        return _Tally._make(self._tally.item())
 
     def _has_ended(self) -> bool:
         return len(self.life.trials) > 0 and bool(self._tally["over"])
@@ -285,7 +248,7 @@ class Session:
             kind.nominal if individual.nominal is None else individual.nominal,
             lights_of(self.world, lamp_on=lamp_on),
             trial_of(self.world, individual.side, self._start),
-            self.world.fitness.numbers(),
+            self.world.fitness.numbers() if self.world.fitness.step else (),
             float(lifetime.gain_rad_s),
             float(lifetime.noise),
             self._record_every,
@@ -313,27 +276,27 @@ class Session:
 
     def explained(self, error: Exception) -> NotCompiledError:
         """Whose fault it is that a kernel does not compile: that of a part that does not compile alone, or the rule."""
-        fitness, rule = self.world.fitness, type(self.individual.controller.rule)
+        fitness, life, network = self.world.fitness, self.life, self.individual.network
+        rule, wiring = type(self.individual.controller.rule), network.wiring
+        parts: list[Any] = [
+            (sensor, sensor.read, sensor.kernels(0, 0.0).read, sensor.example(network.inputs))
+            for sensor in own_sensors(self.world.robot.sensors)
+        ]
         if fitness.step is not None:
-            arguments = example_arguments(fitness, self.life.tally[0], self.individual.network.inputs)
-            alone = compile_error(score_of(type(fitness)), *arguments)
+            arguments = example_arguments(fitness, life.tally[0], network.inputs)
+            parts.insert(0, (fitness, fitness.step, score_of(type(fitness)), arguments))
+        if wiring is not None:
+            arguments = 0, 0, np.zeros(network.neurons), life.activation, life.neurons
+            parts.append((wiring, wiring.neuron, neuron_of(wiring), arguments))
+        for part, function, block, arguments in parts:
+            alone = compile_error(block, *arguments)
             if alone is not None:
-                return explained(f"fitness {fitness.name}", fitness.step, alone, "state")
-        for sensor in own_sensors(self.world.robot.sensors):
-            alone = compile_error(sensor.kernels(0, 0.0).read, *sensor.example(self.individual.network.inputs))
-            if alone is not None and sensor.read is not None:
-                return explained(f"sensor {sensor.name}", sensor.read, alone)
-        wiring = self.individual.network.wiring
-        if wiring is not None and wiring.neuron is not None:
-            drive, life = np.zeros(self.individual.network.neurons), self.life
-            alone = compile_error(neuron_of(wiring), 0, 0, drive, life.activation, life.neurons)
-            if alone is not None:
-                return explained(f"wiring {wiring.name}", wiring.neuron, alone, "state")
-        return explained(f"rule {rule.__name__}", rule.synapse, error, "synapse_state")
+                return explained(f"{part.PART} {part.name}", function, alone, "state" * hasattr(part, "state"))
+        return explained(rule.what(), rule.synapse, error, "synapse_state")
 
     def check(self) -> None:
         """Check that the lifetime still has finite numbers."""
-        life, who, tally = self.life, self.individual, self._read_tally()
+        life, who, tally = self.life, self.individual, tally_of(self.life)
         for group, scratch in zip(self.world.robot.sensors, life.workspace.senses.scratch, strict=True):
             if isinstance(group, Sensor):
                 for reading, value in zip(group.readings, scratch, strict=True):

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim.adaptation.adaptation import AdaptationState, gate_numbers, initial_adaptation_state
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide, no_nominal
+from epuckhebb.sim.arrays import Floats
+from epuckhebb.sim.changes import AT_ONCE
 from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.faults import Faults, lag_of
+from epuckhebb.sim.faults import faults_of
 from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
 from epuckhebb.sim.genome import GenomePlan, plan_of
 from epuckhebb.sim.life import Lifetime, Plasticity, Trial, Workspace, workspace_for
@@ -26,7 +28,7 @@ from epuckhebb.sim.plasticity.rule import Rule, initial_synapse_state
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.reachable import gap
 from epuckhebb.sim.samples import Samples, empty_samples
-from epuckhebb.sim.scenario import AT_ONCE, Scenario
+from epuckhebb.sim.scenario import Scenario
 
 _NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task that has no correct side
 
@@ -37,7 +39,7 @@ class Phase(NamedTuple):
     step: int
     scenario: Scenario
     space: Space
-    walls: NDArray[np.float64]
+    walls: Floats
 
     def is_blocked(self, space: Space) -> bool:
         """Whether the robot of another space stands where this phase has new walls."""
@@ -55,7 +57,7 @@ class Kind(NamedTuple):
     plasticity: Plasticity
     plan: GenomePlan
     synapse_state: NDArray[np.void]
-    signs: NDArray[np.float64] | None
+    signs: Floats | None
     nominal: NominalOfSide
     workspace: Workspace
     unused: AdaptationState | None
@@ -67,9 +69,6 @@ class Simulator:
 
     fallback_rule: individuals without a rule share its kernel, with N = 0. The results are bit-identical, and there is
     one kernel less to compile.
-
-    Raises:
-        ValueError: the wheel gain is above the limit of the robot's motors.
     """
 
     def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: type[Rule] = Paper) -> None:
@@ -126,7 +125,7 @@ class Simulator:
             )
         compiled_for = self._compiled_for(controller)
         own = compiled_for is type(rule)
-        numbers = rule.numbers() if own else dict.fromkeys(compiled_for.settings(), 0.0)
+        numbers = rule.numbers() if own else (0.0,) * len(compiled_for.settings())
         return Kind(
             live=self.kernel(live, controller, network, more_faults),
             plasticity=Plasticity(
@@ -134,7 +133,7 @@ class Simulator:
                 float(rule.floor),
                 int(rule.signal),
                 rule.history,
-                tuple(numbers.values()),
+                numbers,
                 gate_numbers(adaptation),
             ),
             plan=plan_of(network, type(rule)),
@@ -171,22 +170,3 @@ def trial_of(scenario: Scenario, side: Side, start: Pose | None = None) -> Trial
 def lights_of(scenario: Scenario, lamp_on: bool) -> Lights:
     """The lights of a world."""
     return lights(scenario.light, scenario.lamp, lamp_on, scenario.sun_turn_deg, scenario.second_lamp)
-
-
-def faults_of(scenario: Scenario) -> Faults:
-    """The faults of the robot in a world."""
-    return Faults(
-        np.array(scenario.dead_sensors, np.int64),
-        float(scenario.distance_gain),
-        float(scenario.distance_offset),
-        float(scenario.left_wheel),
-        float(scenario.right_wheel),
-        float(scenario.left_slip),
-        float(scenario.right_slip),
-        lag_of(scenario.mass_ratio),
-        float(scenario.left_distance_gain),
-        float(scenario.crosstalk),
-        int(scenario.sensor_levels),
-        int(scenario.sensor_delay_steps),
-        int(scenario.wheel_delay_steps),
-    )

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import compiled
+from epuckhebb.sim.compiling.kernel import compiled, nothing
 from epuckhebb.sim.fitness import distance_to
 from epuckhebb.sim.maze import Place, Pose, Side
 from epuckhebb.sim.sensors import InputGroup, RewardInput
@@ -81,7 +81,7 @@ class Task:
 
     def hooks(self, first: int) -> Hooks:  # noqa: ARG002  # others need it
         """The functions that a lifetime calls. first: the place of the task's first input among the network's."""
-        return Hooks(compiled(_no_reward_input), compiled(_to_one_goal), compiled(_nothing))
+        return Hooks(nothing, _to_one_goal, nothing)
 
     def terms(self, goals: Mapping[Side, Place], start: Pose) -> tuple[Any, ...]:  # noqa: ARG002  # others need them
         """The numbers that these functions need. goals: the ends of the maze. start: of each trial."""
@@ -105,13 +105,6 @@ class Task:
         return (behaviour + reward) / 2.0
 
 
-def _no_reward_input(activation: Floats, reward: float) -> None:
-    pass
-
-
+@compiled
 def _to_one_goal(trial: Any, x: float, y: float) -> float:
     return distance_to(x, y, trial.goal_x, trial.goal_y)
-
-
-def _nothing(life: Any, space: Any, trial: Any) -> None:
-    pass

@@ -12,9 +12,9 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim import own_class
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.evolved import Evolved
+from epuckhebb.sim.own_class import Functions, OwnClass, arguments, name_of
 from epuckhebb.sim.robot import STEP_S
 
 MOST_SYNAPSES = 100_000  # more is surely a typing error
@@ -50,7 +50,7 @@ NO_NEURONS = Neurons(np.zeros(0, [("nothing", np.float64)]), np.zeros((0, 0)))  
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wiring:
+class Wiring(OwnClass):
     """Neurons and the synapses that join them; subclasses add settings as fields, and a static method `neuron`.
 
     sizes: how many neurons each group has. In a step, all neurons of a group receive their drives, and then respond.
@@ -70,6 +70,7 @@ class Wiring:
     `network` or one for each `neuron`.
     """
 
+    PART: ClassVar[str] = "wiring"
     state: ClassVar[Mapping[str, float]] = {}
     evolved: ClassVar[Mapping[str, Evolved]] = {}
     neuron: ClassVar[Callable[..., float] | None] = None
@@ -92,21 +93,34 @@ class Wiring:
 
     @property
     def name(self) -> str:
-        """What it is called: as its file, if it is one of the program, or else as its class."""
-        package, _, module = type(self).__module__.rpartition(".")
-        return module if package == f"{__package__}.wirings" else type(self).__name__
+        """What it is called."""
+        return name_of(type(self))
 
     @classmethod
-    def settings(cls) -> tuple[str, ...]:
-        """The names of the settings that are numbers, in the order in which a kernel has them."""
-        return own_class.number_settings(cls)
+    def functions(cls) -> Functions:
+        """How a neuron responds, who is joined, and how parameters are made of genes."""
+        makers = (evolved.value for evolved in cls.evolved.values())
+        return tuple(one for one in (cls.neuron, cls.synapses, cls.step_s, *makers) if one is not None)
 
     @classmethod
     def arguments(cls) -> tuple[str, ...]:
         """The names of the arguments of `neuron`, in its order; a ValueError if one is unknown."""
-        assert cls.neuron is not None  # `check_class` has looked
         records = {"by": cls.settings(), "state": tuple(cls.state)}
-        return own_class.arguments(f"wiring {cls.__name__}", cls.neuron, [*OF_NEURON, *cls.evolved], records)
+        return arguments(cls.what(), cls.neuron, [*OF_NEURON, *cls.evolved], records)
+
+    @classmethod
+    def check_class(cls, instead: str = "") -> None:
+        """Check its method `neuron`, and what it evolves; else a ValueError."""
+        what = cls.what()
+        if cls.neuron is None:
+            raise ValueError(f"{what} has no static method `neuron`, which gives a neuron's activation")
+        super().check_class(instead)
+        for name, evolved in cls.evolved.items():
+            if not isinstance(evolved, Evolved) or evolved.per not in _PER:
+                raise ValueError(f"{what}: {name} must be Evolved(per=...), one of {', '.join(_PER)}, got {evolved}")
+            if name in OF_NEURON:
+                raise ValueError(f"{what}: an evolved parameter cannot be called {name}, which means something else")
+        cls.arguments()
 
     def parameter_sizes(self) -> dict[str, int]:
         """How many genes each evolved parameter takes."""
@@ -114,11 +128,7 @@ class Wiring:
         return {name: per[str(evolved.per)] for name, evolved in self.evolved.items()}
 
     def initial(self, genes: Mapping[str, Floats], gain_rad_s: float) -> Neurons:
-        """The neurons before the first step. genes: those of each evolved parameter, by name. gain_rad_s: of wheels.
-
-        Raises:
-            ValueError: a value that is made of genes has another shape, or is not finite.
-        """
+        """The neurons before the first step. genes: those of each evolved parameter, by name. gain_rad_s: of wheels."""
         count = sum(self.sizes)
         names, values = list(self.state) or ["nothing"], tuple(self.state.values()) or (0.0,)
         state = np.full(count, np.array(values, [(name, np.float64) for name in names]))
@@ -130,15 +140,10 @@ class Wiring:
                     f"wiring {self.name}: `value` of {name} must give {genes[name].size} finite numbers, got {value}"
                 )
             row[:] = value
-        numbers = tuple(float(getattr(self, name)) for name in self.settings())
-        return Neurons(state, parameters, numbers, float(self.step_s(gain_rad_s)))
+        return Neurons(state, parameters, self.numbers(), float(self.step_s(gain_rad_s)))
 
     def joined(self, inputs: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The presynaptic and the postsynaptic neuron of each synapse, (synapses,) each.
-
-        Raises:
-            ValueError: there is no synapse, or one joins what is no neuron.
-        """
+        """The presynaptic and the postsynaptic neuron of each synapse, (synapses,) each."""
         end = inputs + 1 + sum(self.sizes)
         pairs = [tuple(pair) for pair in islice(self.synapses(inputs), MOST_SYNAPSES + 1)]
         for pair in pairs:
@@ -155,30 +160,32 @@ class Wiring:
         return np.ascontiguousarray(pre), np.ascontiguousarray(post)
 
 
-def check_class(kind: type[Wiring]) -> None:
-    """Check the method `neuron` of a wiring, and what it evolves.
+def blocks_of(pre: NDArray[np.int64], post: NDArray[np.int64], begins: Sequence[int]) -> list[tuple[int, ...]]:
+    """The blocks of a list of synapses, in its order, where all of one row of neurons meet all of another.
 
-    Raises:
-        ValueError: it is missing, has unknown arguments, or draws random numbers; or a parameter is evolved otherwise.
+    Each is its first presynaptic and postsynaptic neuron, first synapse, and how many rows and columns it has. begins:
+    the first neuron of each group; no block lies in two.
     """
-    what = f"wiring {kind.__name__}"
-    if kind.neuron is None:
-        raise ValueError(f"{what} has no static method `neuron`, which gives a neuron's activation")
-    own_class.check_fields(what, kind)
-    for name, evolved in kind.evolved.items():
-        if not isinstance(evolved, Evolved) or evolved.per not in _PER:
-            raise ValueError(f"{what}: {name} must be Evolved(per=...), one of {', '.join(_PER)}, got {evolved}")
-        if name in OF_NEURON:
-            raise ValueError(f"{what}: an evolved parameter cannot be called {name}, which means something else")
-    kind.arguments()
-    for function in functions_of(kind):
-        own_class.check_repeatable(what, function)
-
-
-def functions_of(kind: type[Wiring]) -> tuple[Callable[..., Any], ...]:
-    """The functions of a wiring: how a neuron responds, who is joined, and how parameters are made of genes."""
-    makers = (evolved.value for evolved in kind.evolved.values() if evolved.value is not None)
-    return tuple(function for function in (kind.neuron, kind.synapses, kind.step_s, *makers) if function is not None)
+    blocks: list[tuple[int, ...]] = []
+    first, count = 0, len(pre)
+    while first < count:
+        wide = 1
+        while (
+            first + wide < count
+            and pre[first + wide] == pre[first]
+            and post[first + wide] == post[first] + wide
+            and post[first + wide] not in begins
+        ):
+            wide += 1
+        row, high = np.arange(wide) + post[first], 1
+        while True:
+            here = slice(first + high * wide, first + (high + 1) * wide)
+            if not (np.array_equal(post[here], row) and (pre[here] == pre[first] + high).all()):
+                break
+            high += 1
+        blocks.append((int(pre[first]), int(post[first]), first, high, wide))
+        first += high * wide
+    return blocks
 
 
 def recorded_wiring(name: str, sizes: Sequence[int], pairs: Iterable[Sequence[int]]) -> Wiring:

@@ -91,6 +91,8 @@ FOUND: Columns = {
     "light_misfit": number("the same of the light readings"),
     "unexplained": text_or_empty("`distance`, `light` or both: the misfit is too large, and the findings are not used"),
     "corrected": text_or_empty("what is corrected during the whole lifetime, with `; ` between"),
+    "turned_back": number("1 if the manoeuvre left a careful robot turned, and it turned back, else 0"),
+    "careful": number("1 of a careful self-check (`adaptation.careful`), else 0"),
 }
 REWARDED: Columns = {
     "rewarded_share": number("share of the trials of the lifetime that were rewarded"),
@@ -249,6 +251,8 @@ _METHOD: Columns = {
 LEADERBOARD: Columns = {
     **_METHOD,
     "kind": Column(("plain", "evolved", "post_hoc"), "no plasticity, plasticity in evolution, added afterwards"),
+    "knowledge_class": text("the class by which methods are ordered: what they know decides what they can do"),
+    "knowledge": text("what it uses: its senses, what it is given, what was written by hand"),
     "matched_control": text_or_empty("the method that it is compared with: the same without plasticity, if it has any"),
     "champions": number("how many there are"),
     "solved": number("how many of them solve both sides in training; in `reversal`, how many learn"),
@@ -280,6 +284,7 @@ _CHAMPIONS: Columns = {
 }
 _WORLDS: Columns = {
     **_METHOD,
+    "tests": text_or_empty("the sweep that it belongs to; empty in `reversal`"),
     "scenario": text("a test world"),
     "trials": number("champions times sides"),
     "successes": number("of them: more than half of the repeats succeed"),

@@ -43,14 +43,14 @@ def _report(study: RunFolder, planned: Leaderboard) -> None:
         study.write(f"{name}.csv", frame)
     parts = ["# Leaderboard\n"]
     for experiment, own in table.groupby("experiment", sort=False):
-        parts.append(f"## {board.title(str(experiment))}\n\n{board.markdown_of(own)}")
+        parts.append(f"## {board.title(str(experiment))}\n\n{board.markdown_of(own, worlds)}")
     study.write("leaderboard.md", "\n".join(parts))
     lines = {entry.row.experiment: limits(entry.task) for entry in planned.entries if isinstance(entry.task, Reversal)}
     picture = image(charts.leaderboard_of(table, champions, lines))
     study.write(f"figures/{board.FIGURE}", picture)
     meanings = {entry.method.name: entry.method.description for entry in planned.entries}
     tests = {experiment: list(own) for experiment, own in planned.tests.items()}
-    page = board.markdown(table, costs, meanings, tests, _provenance(planned))
+    page = board.markdown(table, worlds, costs, meanings, tests, _provenance(planned))
     write_report(study, page, {board.FIGURE: small(picture)}, "epuckhebb: leaderboard")
 
 
@@ -100,6 +100,7 @@ def _tables(planned: Leaderboard) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFr
             spent["evolve_cpu_s"].append(sum(_cpu_s(Run(planned.folder / job.run)) for job in evolved))
             spent["test_cpu_s"].append(_cpu_s(Run(planned.folder / test.run)))
         summed = pd.concat(of_worlds).groupby("scenario", sort=False).sum().reset_index()
+        summed.insert(0, "tests", summed.scenario.map(planned.sweep_of).fillna(""))
         worlds += [whose | {str(name): value for name, value in row.items()} for row in summed.to_dict("records")]
         costs.append(whose | {name: round(sum(each) / len(each), 1) for name, each in spent.items()})
     made = pd.DataFrame(champions).astype({"successes_off": "Int64", "successes_inverted": "Int64"})

@@ -25,6 +25,7 @@ from epuckhebb.config import (
 )
 from epuckhebb.runs import compile_for, prepare_evolution
 from epuckhebb.runtime import ConfigError
+from epuckhebb.sim.controller import GA_ALONE
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
 from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.rule import NoRule
@@ -73,6 +74,11 @@ def tests_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, dict[st
     return tests
 
 
+def sweep_of(sweeps: Sequence[str], config_dir: str | None) -> dict[str, str]:
+    """The first sweep that has a test world, by the name of the world."""
+    return {name: sweep for sweep in reversed(sweeps) for name in _swept(sweep, config_dir)}
+
+
 class Planner:
     """Makes the entries of an experiment, each after those that it needs."""
 
@@ -113,8 +119,10 @@ class Planner:
             champions = {seed: self._evolution(method, settings, over, seed) for seed in self._seeds}
             tested = dict(in_training_world(self._training_world, self._task, self._config_dir).values)
             tested |= {group: settings[group] for group in ("hebbian", *_PARTS)}
+            controller = config.controller
         else:
-            tested = self._post_hoc(method, over)
+            evaluation = self._post_hoc(method, over)
+            tested, controller = dict(evaluation.values), next(iter(evaluation.controllers), GA_ALONE)
         tested |= {"seed": self._config.seed, "repeats": self._repeats}
         is_plain = config is not None and isinstance(config.controller.rule, NoRule)
         if is_plain and method.champions_of:
@@ -131,6 +139,8 @@ class Planner:
             kind=PLAIN if is_plain else EVOLVED if method.evolve else POST_HOC,
             matched_control=method.compared_with,
             evolved_parameters=evolved.plan.genes,
+            knowledge=", ".join(controller.knowledge),
+            knowledge_class=controller.knowledge_class,
         )
         return Entry(
             method=method,
@@ -155,7 +165,7 @@ class Planner:
         if plugins.own_files(config.values):
             prepared.compile()
 
-    def _post_hoc(self, method: Method, over: Entry | None) -> Plain:
+    def _post_hoc(self, method: Method, over: Entry | None) -> EvaluateConfig:
         """How champions are tested with what is added after evolution."""
         evolved = over.config.values if over and over.config else {}
         parts = {f"{group}.{key}": value for group in _PARTS for key, value in evolved.get(group, {}).items()}
@@ -168,7 +178,7 @@ class Planner:
                 raise ConfigError(f"{name}: {error}") from error
         if plugins.own_files(config.values):
             compile_for(config.controllers, network_for(config.world, config.shape), config.world)
-        return dict(config.values)
+        return config
 
     def _evolution(self, method: Method, config: Plain, over: Entry | None, seed: int) -> Job:
         words = [*method.overrides("evolve"), f"seed={seed}"]

@@ -23,7 +23,7 @@ from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.store import provenance
 from epuckhebb.studies.champions import search_folders, worlds_digest
 from epuckhebb.studies.jobs import Job, folder_and_launcher, split
-from epuckhebb.studies.leaderboard_jobs import REVERSAL, Entry, Planner, tests_of
+from epuckhebb.studies.leaderboard_jobs import REVERSAL, Entry, Planner, sweep_of, tests_of
 
 EXPERIMENTS = (*TRAINED, REVERSAL)
 QUICK = ("champions=2", "tests=[rescue]", "methods=[ga,sep_cma_es_varied,abcd_shared]")
@@ -38,6 +38,7 @@ class Leaderboard:
 
     config: LeaderboardConfig
     tests: dict[str, dict[str, Scenario]]  # of each experiment, by name; reversal learning has none but its own world
+    sweep_of: dict[str, str]  # the sweep of each test world
     entries: list[Entry]
     folder: Path
     launcher: list[str]  # the arguments for Hydra's launcher
@@ -117,6 +118,7 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
     return Leaderboard(
         config=config,
         tests=tests,
+        sweep_of=sweep_of(config.tests, config_dir),
         entries=entries,
         folder=folder,
         launcher=launcher,

@@ -335,8 +335,7 @@ def test_the_end_of_a_life_is_told(browser, tmp_path, monkeypatch):
         expect(page.locator("#trouble")).to_contain_text("this life has ended")
 
 
-@pytest.mark.parametrize("width", [390, 768, 1280, 1920])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (768, "dark"), (1280, "light"), (1920, "dark")])
 def test_it_fits(play, width, scheme):
     page = play(viewport={"width": width, "height": 844}, color_scheme=scheme)
     assert page.evaluate("document.documentElement.scrollWidth") <= width

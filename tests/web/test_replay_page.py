@@ -4,6 +4,7 @@ See `conftest.py` for the browser, which runs on one core.
 """
 
 import io
+import itertools
 import os
 import re
 from dataclasses import replace
@@ -20,6 +21,7 @@ from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.adaptation.nominal import measure_nominal
 from epuckhebb.sim.controller import GA, HEBBIAN, Controller
 from epuckhebb.sim.life import Lifetime
+from epuckhebb.sim.maze import SIDES
 from epuckhebb.sim.network import PAPER_NETWORK, Network
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import Robot
@@ -124,13 +126,12 @@ def compare_poses(page, traces):
     return now
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-@pytest.mark.parametrize("t", [0, 12.345, 61.44, 249.0])
-def test_robots_stand_where_they_stood(visit, run, traces, side, t):
+def test_robots_stand_where_they_stood(visit, run, traces):
     page = visit(run)
-    page.evaluate("([side, t]) => { replay.show(side); replay.seek(t); }", [side, t])
-    now = compare_poses(page, traces)
-    assert (now["side"], now["t"]) == (side, t)
+    for side, t in itertools.product(SIDES, (0, 12.345, 61.44, 249.0)):
+        page.evaluate("([side, t]) => { replay.show(side); replay.seek(t); }", [side, t])
+        now = compare_poses(page, traces)
+        assert (now["side"], now["t"]) == (side, t)
 
 
 def test_plays_at_the_chosen_speed_and_pauses(visit, run, traces):
@@ -217,14 +218,20 @@ def test_slider_and_charts_seek(visit, run):
     assert state(page)["t"] == pytest.approx(488 * 0.256, abs=0.5)
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-@pytest.mark.parametrize("c", [0, 1])
-def test_network_of_the_page_computes_the_recorded_wheels(visit, run, traces, side, c):
-    page = visit(run, moment=f"#t=0&side={side}")
-    k = lifetime(traces, (GA, HEBBIAN)[c], side)
-    for sample in (0, 1, 100, 500, 976):
-        wheels = page.evaluate("([c, k]) => replay.activations(c, k)", [c, sample])[-2:]
-        np.testing.assert_allclose(wheels, traces["motors"][k, sample], atol=1e-3)
+def compare_wheels(page, traces, side, samples, neurons):
+    """The network of the page turns the wheels of both robots as they were recorded."""
+    page.evaluate("side => replay.show(side)", side)
+    for (c, name), sample in itertools.product(enumerate((GA, HEBBIAN)), samples):
+        activations = page.evaluate("([c, k]) => replay.activations(c, k)", [c, sample])
+        assert len(activations) == neurons
+        expected = traces["motors"][lifetime(traces, name, side), sample]
+        np.testing.assert_allclose(activations[-2:], expected, atol=1e-3)
+
+
+def test_network_of_the_page_computes_the_recorded_wheels(visit, run, traces):
+    page = visit(run)
+    for side in SIDES:
+        compare_wheels(page, traces, side, (0, 1, 100, 500, 976), PAPER_NETWORK.neurons)
 
 
 def test_a_connection_tells_its_gene_weight_and_change(visit, run, traces):
@@ -344,15 +351,10 @@ def test_a_change_that_waits_is_shown(visit, tmp_path):
     )
 
 
-@pytest.mark.parametrize("c", [0, 1])
-def test_any_network_computes_the_recorded_wheels(visit, rays, c):
+def test_any_network_computes_the_recorded_wheels(visit, rays):
     folder, traces = rays
-    page = visit(folder, moment="#t=0&side=left")
-    k = lifetime(traces, (GA, HEBBIAN)[c], "left")
-    for sample in (0, 1, 40, 77):
-        activations = page.evaluate("([c, k]) => replay.activations(c, k)", [c, sample])
-        assert len(activations) == 28 + 7 + 6 + 2
-        np.testing.assert_allclose(activations[-2:], traces["motors"][k, sample], atol=1e-3)
+    page = visit(folder)
+    compare_wheels(page, traces, "left", (0, 1, 40, 77), 28 + 7 + 6 + 2)
     expect(page.get_by_label("its network of 43 neurons and 250 connections").first).to_be_visible()
     expect(page.locator("#through")).to_have_text(", through two layers of neurons")
 
@@ -368,17 +370,14 @@ def fits(page, width, name, folder):
     page.screenshot(path=folder / f"replay_{name}_{width}.png")
 
 
-@pytest.mark.parametrize("width", [390, 1280])
-@pytest.mark.parametrize("which", ["changing", "rays"])
+@pytest.mark.parametrize(("which", "width"), [("changing", 390), ("changing", 1280), ("rays", 390)])
 def test_changes_and_rays_fit_desk_and_phone(visit, changing, rays, tmp_path, which, width):
     folder = {"changing": changing, "rays": rays[0]}[which]
     page = visit(folder, moment="#t=30&side=right", viewport={"width": width, "height": 844})
-    page.wait_for_timeout(300)
     fits(page, width, which, tmp_path)
 
 
-@pytest.mark.parametrize("width", [390, 1280])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("scheme", "width"), [("light", 390), ("dark", 1280)])
 def test_both_schemes_on_desk_and_phone(visit, run, tmp_path, scheme, width):
     page = visit(run, moment="#t=40&side=right", viewport={"width": width, "height": 844}, color_scheme=scheme)
     fits(page, width, scheme, tmp_path)

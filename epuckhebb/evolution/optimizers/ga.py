@@ -63,7 +63,6 @@ class GA(Algorithm):
     start_noise: float = 0.0
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         if self.tournament > _MOST_DRAWS:
             raise ValueError(f"ga.tournament must lie between 1 and {_MOST_DRAWS}, got {self.tournament}")
         check_range(self, "ga", "population", "generations", "loops", "tournament", least=1)

@@ -50,7 +50,6 @@ class OpenEs(EvolutionStrategy):
     merge_every: int = 10
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         super().__post_init__()
         if self.population % 2:
             raise ValueError(f"optimizer.population must be even, as individuals come in pairs, got {self.population}")

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import Enum
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.adaptation import change_signals as signals
-from epuckhebb.sim.adaptation.change_signal import ChangeSignal, NominalOfSide
+from epuckhebb.sim.adaptation.change_signal import ChangeSignal
 from epuckhebb.sim.adaptation.exploration import following, staying, with_motor_noise
 from epuckhebb.sim.adaptation.gate import PlasticWhen, Stay, gates
 from epuckhebb.sim.adaptation.homeostasis import HomeostasisState, homeostasis, initial_homeostasis_state
@@ -28,15 +28,16 @@ from epuckhebb.sim.adaptation.self_check.corrections import (
 )
 from epuckhebb.sim.adaptation.wall_following import wall_following
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import compiled
+from epuckhebb.sim.compiling.kernel import compiled, nothing, one
 from epuckhebb.sim.goal_signal import initial_signal
 from epuckhebb.sim.network import HIDDEN
 from epuckhebb.sim.random import noise_workspace_size
 from epuckhebb.sim.ranges import check_range
-from epuckhebb.sim.robot import Robot
+from epuckhebb.sim.robot import STEP_S, Robot
 
 NONE = "none"
-_WITHOUT_GATE = ("self_check", "calibration_counts", "homeostasis")  # settings that need no signal of change
+NEVER = 1e9  # a threshold that no signal reaches
+_WITHOUT_GATE = ("self_check", "careful", "calibration_counts", "homeostasis")  # settings that need no signal of change
 
 
 @cache
@@ -75,7 +76,8 @@ class Adaptation:
     deviation of noise on both wheels' outputs. plastic_when: when plasticity acts; `late`: while the gate is open, and
     the weights are reset when it closes. stay: what keeps the robot at the goal; `learn`: plasticity, which then keeps
     what it learns there. recognise: whether the robot recognises its goal by the senses, in place of the goal signal.
-    self_check: whether the robot runs a calibration manoeuvre before its lifetime and corrects what it finds.
+    self_check: whether the robot runs a calibration manoeuvre before its lifetime and corrects what it finds. careful:
+    whether it corrects dead sensors alone where readings are unexplained, and turns back where that left it turned.
     calibration_counts: whether that manoeuvre is part of the lifetime; otherwise the clock starts after it.
     homeostasis: whether the weights from the light sensors are scaled until the light looks as in the training world.
     """
@@ -93,11 +95,11 @@ class Adaptation:
     stay: Stay = Stay.none
     recognise: bool = False
     self_check: bool = False
+    careful: bool = False
     calibration_counts: bool = False
     homeostasis: bool = False
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         allowed = (NONE, *change_signals())
         if self.change_signal not in allowed:
             raise ValueError(
@@ -112,9 +114,13 @@ class Adaptation:
             raise ValueError(
                 f"adaptation.rest_s = {self.rest_s:g} needs adaptation.active_s above 0: rests follow active times"
             )
-        if self.calibration_counts and not self.self_check:
+        for key in ("careful", "calibration_counts"):
+            if getattr(self, key) and not self.self_check:
+                raise ValueError(f"adaptation.{key} does nothing without a self-check: give adaptation.self_check=true")
+        if self.careful and self.calibration_counts:
             raise ValueError(
-                "adaptation.calibration_counts does nothing without a self-check: give adaptation.self_check=true"
+                "adaptation.calibration_counts=true needs careful=false: a careful calibration lasts longer in some "
+                "lifetimes than in others"
             )
         if self.exploration is Exploration.wall_following and self.motor_noise > 0:
             raise ValueError(
@@ -181,15 +187,25 @@ class Adaptation:
         return self.needs_nominal or self.self_check
 
     @property
+    def is_network_unused(self) -> bool:
+        """Whether the robot follows walls from its first step until it is at the goal: a hand-written robot."""
+        at_once = self.start_by_s <= STEP_S and self.threshold <= 0 and self.active_s == 0
+        return self.exploration is Exploration.wall_following and at_once
+
+    @property
     def knowledge(self) -> tuple[str, ...]:
         """What it is given or what was written by hand, beside its senses."""
-        uses_goal = self.change_signal in ("late", "shortfall") or self.stay is not Stay.none
+        signals_time = self.change_signal in ("late", "shortfall")
+        times = signals_time and self.threshold < NEVER and not self.is_network_unused
         uses = {
-            "clock": self.change_signal in ("late", "shortfall"),
-            "correct side": self.change_signal in ("late", "shortfall"),
-            "goal signal": self.is_gated and uses_goal and not self.recognise,
+            "clock": times,
+            "correct side": times,
+            "goal signal": self.is_gated and (signals_time or self.stay is not Stay.none) and not self.recognise,
             "sensor model": self.self_check or self.recognise,
-            "hand-written": self.follows_walls or self.recognise,
+            "hand-written": self.follows_walls
+            or self.stay in (Stay.halt, Stay.wait)
+            or self.self_check
+            or self.recognise,
         }
         return tuple(kind for kind, used in uses.items() if used)
 
@@ -251,9 +267,9 @@ class Hooks(NamedTuple):
     """The functions of an adaptation that a lifetime calls.
 
     correct(readings, corrections, state): sensor readings as they would be in the training world. scale(readings,
-    weights, tally, state, nominal, step): scales the light readings. open_gate(gate, tally, state, readings, fitness,
-    nominal, trial, step, key): the need g for plasticity at this step. explore(gate, tally, state, readings, left,
-    right, gain): the wheels' commands, from the network's outputs. compensate(output, loss, gain): the command for a
+    weights, tally, state, nominal, step): scales the light readings. open_gate(life, setup, fitness, step): the need g
+    for plasticity at this step. explore(life, setup, left, right): the wheels' commands, from the network's outputs.
+    compensate(output, loss, gain): the command for a
     wheel that turns too slowly by this share. resets: whether the weights become the genes where the gate closes.
     """
 
@@ -279,23 +295,19 @@ class Parts(NamedTuple):
 
 @cache
 def hooks(parts: Parts, robot: Robot, first_post: int = HIDDEN[0]) -> Hooks:
-    """The functions of an adaptation. first_post: how many neurons the first layer of connections leads to.
-
-    Raises:
-        ValueError: the robot lacks the sensors to follow walls, or to recognise a place.
-    """
+    """The functions of an adaptation. first_post: how many neurons the first layer of connections leads to."""
     gated, limit = parts.change_signal != NONE, robot.motor_limit_rad_s
-    explore, open_gate = _as_it_is, _always_open
+    explore, open_gate = _as_it_is, one
     if gated:
         explore = with_motor_noise(limit)
         if parts.follows_walls:
             explore = following(wall_following(robot), limit)
-        explore = staying(explore, parts.stay is Stay.halt, parts.recognise)
+        explore = staying(explore, parts.stay in (Stay.halt, Stay.wait), parts.recognise)
         recognised = recognition(robot) if parts.recognise else None
         open_gate = gates(_signal(parts.change_signal), parts.plastic_when, parts.stay, recognised)
     return Hooks(
-        correct=corrected_readings if parts.self_check else _as_sensed,
-        scale=homeostasis(robot.light.count, first_post) if parts.homeostasis else _unscaled,
+        correct=corrected_readings if parts.self_check else nothing,
+        scale=homeostasis(robot.light.count, first_post) if parts.homeostasis else nothing,
         open_gate=open_gate,
         explore=explore,
         compensate=corrected_wheel(limit) if parts.self_check else _as_commanded,
@@ -303,40 +315,5 @@ def hooks(parts: Parts, robot: Robot, first_post: int = HIDDEN[0]) -> Hooks:
     )
 
 
-@compiled
-def _as_sensed(readings: Floats, by: Corrections, state: CorrectionState) -> None:
-    pass
-
-
-@compiled
-def _unscaled(
-    readings: Floats, weights: Floats, tally: Any, state: HomeostasisState, nominal: NominalOfSide, step: int
-) -> None:
-    pass
-
-
-@compiled
-def _as_commanded(output: float, loss: float, gain: float) -> float:
-    return output
-
-
-@compiled
-def _always_open(
-    gate: Gate,
-    tally: Any,
-    state: AdaptationState,
-    readings: Floats,
-    fitness: float,
-    nominal: NominalOfSide,
-    trial: Any,
-    step: int,
-    key: np.uint64,
-) -> float:
-    return 1.0
-
-
-@compiled
-def _as_it_is(
-    gate: Gate, tally: Any, state: AdaptationState, readings: Floats, left: float, right: float, gain: float
-) -> tuple[float, float]:
-    return left, right
+_as_commanded = compiled(lambda output, *_: output)
+_as_it_is = compiled(lambda _life, _setup, left, right: (left, right))

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any
 
-from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.random import normal_numbers
 from epuckhebb.sim.robot import STEP_S
@@ -26,12 +25,11 @@ def with_motor_noise(motor_limit: float) -> Explore:
     """Exploration by noise on both wheels."""
 
     @compiled
-    def explore(
-        gate: Any, tally: Any, state: Any, readings: Floats, left: float, right: float, gain: float
-    ) -> tuple[float, float]:
-        if gate.motor_noise > 0.0 and tally.exploring:
-            left = within_motor(left, tally.noise_left, gain, motor_limit)
-            right = within_motor(right, tally.noise_right, gain, motor_limit)
+    def explore(life: Any, setup: Any, left: float, right: float) -> tuple[float, float]:
+        tally = life.tally[0]
+        if setup.plasticity.gate.motor_noise > 0.0 and tally.exploring:
+            left = within_motor(left, tally.noise_left, setup.gain, motor_limit)
+            right = within_motor(right, tally.noise_right, setup.gain, motor_limit)
         return left, right
 
     return explore
@@ -42,13 +40,11 @@ def following(follow: Callable[..., tuple[float, float]], motor_limit: float) ->
     add_noise = with_motor_noise(motor_limit)
 
     @compiled
-    def explore(
-        gate: Any, tally: Any, state: Any, readings: Floats, left: float, right: float, gain: float
-    ) -> tuple[float, float]:
-        if tally.exploring:
-            left, right = follow(readings, state.hand)
-            return add_noise(gate, tally, state, readings, left / gain, right / gain, gain)
-        state.hand[0] = 0.0
+    def explore(life: Any, setup: Any, left: float, right: float) -> tuple[float, float]:
+        if life.tally[0].exploring:
+            left, right = follow(life.activation, life.adaptation.hand)
+            return add_noise(life, setup, left / setup.gain, right / setup.gain)
+        life.adaptation.hand[0] = 0.0
         return left, right
 
     return explore
@@ -60,15 +56,13 @@ def staying(explore: Explore, halts: bool, recognises: bool) -> Explore:
         return explore
 
     @compiled
-    def explore_and_stay(
-        gate: Any, tally: Any, state: Any, readings: Floats, left: float, right: float, gain: float
-    ) -> tuple[float, float]:
-        left, right = explore(gate, tally, state, readings, left, right, gain)
-        if halts and tally.halted:
+    def explore_and_stay(life: Any, setup: Any, left: float, right: float) -> tuple[float, float]:
+        left, right = explore(life, setup, left, right)
+        if halts and life.tally[0].halted:
             left, right = 0.0, 0.0
         if recognises:
-            now = state.place.now[0]
-            now.left, now.right = gain * left, gain * right
+            now = life.adaptation.place.now[0]
+            now.left, now.right = setup.gain * left, setup.gain * right
         return left, right
 
     return explore_and_stay

@@ -10,14 +10,13 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any
 
-import numpy as np
-
 from epuckhebb.sim.adaptation import exploration
-from epuckhebb.sim.adaptation.change_signal import ChangeSignal, NominalOfSide, SignalContext, update_recent
-from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import compiled
+from epuckhebb.sim.adaptation.change_signal import ChangeSignal, SignalContext, update_recent
+from epuckhebb.sim.compiling.kernel import compiled, false
 from epuckhebb.sim.goal_signal import goal_signal
 from epuckhebb.sim.robot import STEP_S
+
+WAIT_S = 1.5  # half as long again as the pauses of a goal signal that comes every second
 
 
 class PlasticWhen(Enum):
@@ -35,10 +34,11 @@ class PlasticWhen(Enum):
 
 
 class Stay(Enum):
-    """What keeps a robot at the goal: nothing new, a halt of its wheels, or what plasticity learns there."""
+    """What keeps a robot at the goal: nothing new, a halt of its wheels for good or for a time, or learning there."""
 
     none = "none"
     halt = "halt"
+    wait = "wait"
     learn = "learn"
 
 
@@ -61,26 +61,20 @@ def gates(
 ) -> Callable[..., float]:
     """The function that opens both gates, `open_gate` of `adaptation.Hooks`. recognised: None for the goal signal."""
     always, at_the_goal = plastic_when is PlasticWhen.always, plastic_when.at_the_goal
-    halts, recognises = stay is Stay.halt, recognised is not None
-    is_here = recognised or _never
+    recognises = recognised is not None
+    halts, for_good = stay in (Stay.halt, Stay.wait), stay is Stay.halt and not recognises
+    wait_s = WAIT_S if stay is Stay.wait else 0.0
+    is_here = recognised or false
 
     @compiled
-    def open_gate(
-        gate: Any,
-        tally: Any,
-        state: Any,
-        readings: Floats,
-        fitness: float,
-        nominal: NominalOfSide,
-        trial: Any,
-        step: int,
-        key: np.uint64,
-    ) -> float:
+    def open_gate(life: Any, setup: Any, fitness: float, step: int) -> float:
+        gate, nominal, trial, state = setup.plasticity.gate, setup.nominal, setup.trial, life.adaptation
+        tally, readings = life.tally[0], life.activation
         update_recent(state.recent, readings, fitness, step)
         if recognises:
             at_goal = is_here(state.place, readings, nominal)
         else:
-            at_goal = goal_signal(trial.signal, tally.goal_distance, trial.goal_radius, state.signal, key, step)
+            at_goal = goal_signal(trial.signal, tally.goal_distance, trial.goal_radius, state.signal, life.key, step)
         tally.arrived = tally.arrived or at_goal
         tally.away_s = 0.0 if at_goal else tally.away_s + STEP_S
         time_s = step * STEP_S
@@ -92,12 +86,12 @@ def gates(
         if open_by > 0.0 and resting(tally.late_s, gate.active_s, gate.rest_s):
             open_by = 0.0
         if gate.motor_noise > 0.0 and step % exploration.HOLD == 0:
-            exploration.draw(key, exploration.FAR + step, state.noise)
+            exploration.draw(life.key, exploration.FAR + step, state.noise)
             tally.noise_left = gate.motor_noise * state.noise[0]
             tally.noise_right = gate.motor_noise * state.noise[1]
         tally.exploring = open_by > 0.0
         if halts:
-            tally.halted = at_goal or (tally.halted and not recognises)
+            tally.halted = at_goal or (tally.halted and (for_good or tally.away_s < wait_s))
         if always:
             return 1.0
         if at_the_goal:
@@ -105,8 +99,3 @@ def gates(
         return open_by
 
     return open_gate
-
-
-@compiled
-def _never(place: Any, readings: Floats, nominal: NominalOfSide) -> bool:
-    return False

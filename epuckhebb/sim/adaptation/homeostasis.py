@@ -79,11 +79,7 @@ def no_patterns(nominal: NominalOfSide, lights: int) -> NominalOfSide:
 
 
 def check_patterns(nominal: NominalOfSide, lights: int) -> None:
-    """Check that nominal statistics have light patterns of a robot with this number of light sensors.
-
-    Raises:
-        ValueError: they do not.
-    """
+    """Check that nominal statistics have light patterns of a robot with this number of light sensors."""
     if nominal.patterns.shape != (lights, PATTERNS):
         raise ValueError(
             f"homeostasis needs nominal statistics with {PATTERNS} patterns of {lights} light sensors, got an array of "

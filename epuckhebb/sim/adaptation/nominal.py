@@ -9,13 +9,13 @@ import zlib
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.sim import random
 from epuckhebb.sim.adaptation.change_signal import RECENT_S, NominalOfSide
 from epuckhebb.sim.adaptation.homeostasis import EVERY, lengths_of, light_patterns
 from epuckhebb.sim.adaptation.recognise.facts import measure_facts
 from epuckhebb.sim.adaptation.recognise.place import can_recognise
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.maze import SIDES, Place, Side
@@ -48,19 +48,18 @@ class Nominal:
     experiment: str
     scenario: str
     gain_rad_s: float
-    success: NDArray[np.float64]
-    time_to_goal_s: NDArray[np.float64]
-    away_s: NDArray[np.float64]
-    fitness: NDArray[np.float64]
-    reading_mean: NDArray[np.float64]
-    reading_spread: NDArray[np.float64]
-    patterns: NDArray[np.float64]
+    success: Floats
+    time_to_goal_s: Floats
+    away_s: Floats
+    fitness: Floats
+    reading_mean: Floats
+    reading_spread: Floats
+    patterns: Floats
     novelty: float
-    sun: NDArray[np.float64] | None = None
-    echo: NDArray[np.float64] | None = None
+    sun: Floats | None = None
+    echo: Floats | None = None
 
     def __post_init__(self) -> None:
-        """Validate the values."""
         if self.experiment not in EXPERIMENTS:
             raise ValueError(f"experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
         if not 0 < self.gain_rad_s < np.inf:
@@ -108,7 +107,7 @@ Recorded = list[tuple[Outcome, Samples]]
 
 
 def measure_nominal(
-    genes: NDArray[np.float64],
+    genes: Floats,
     scenario: Scenario,
     gain_rad_s: float = 1.0,
     threads: int = 1,
@@ -126,7 +125,7 @@ def measure_nominal(
 
 
 def run_in_training_world(
-    genes: NDArray[np.float64],
+    genes: Floats,
     scenario: Scenario,
     gain_rad_s: float = 1.0,
     threads: int = 1,
@@ -189,7 +188,7 @@ def _longest_away(samples: Samples, goal: Place, radius: float) -> float:
     return float((np.diff(visits) - 1).max(initial=0)) * _RECORD_EVERY * STEP_S
 
 
-def _recent_fitness(samples: Samples) -> NDArray[np.float64]:
+def _recent_fitness(samples: Samples) -> Floats:
     """The least recent mean of live fitness in each second of a lifetime."""
     interval = _RECORD_EVERY * STEP_S
     recent, least = samples.fitness[0], np.full(int(samples.time[-1]) + 1, np.inf)

@@ -22,9 +22,6 @@ def wall_following(robot: Robot) -> Callable[[Floats, Floats], tuple[float, floa
     """The function that follows a wall: `follow(readings, hand)` gives the wheels' speeds [rad/s].
 
     hand: (1,) 1 for a wall on its left, -1 on its right, 0 to choose the nearer one; it is written.
-
-    Raises:
-        ValueError: the robot lacks distance sensors ahead or beside.
     """
     front, ahead_left, side_left, ahead_right, side_right = _sensors(robot)
     speed = min(SPEED_RAD_S, robot.motor_limit_rad_s)

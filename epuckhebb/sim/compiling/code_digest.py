@@ -19,6 +19,7 @@ from typing import Any
 import llvmlite
 import numba
 import numpy as np
+from numba.core.dispatcher import Dispatcher
 
 _PLAIN = (type(None), bool, int, float, complex, str, bytes, range, slice, type(...), np.generic, np.dtype)
 _LIBRARIES = [
@@ -57,7 +58,11 @@ def digest(function: Callable[..., Any]) -> str:
     def take(value: object) -> None:
         python = python_of(value)
         if python is not None and python is not value:
-            add(f"{type(value).__name__} {_options(value)}")
+            if not isinstance(value, Dispatcher):
+                raise UnknownPartError(f"numba compiles {value!r} in another way than by njit")
+            numba_made: Any = value
+            only = [] if numba_made._can_compile else numba_made.signatures
+            add(f"{sorted(numba_made.targetoptions.items())} {only}")
             take(python)
         elif isinstance(value, types.ModuleType):
             if not _is_known_module(value):
@@ -123,22 +128,6 @@ def python_of(value: Any) -> types.FunctionType | None:
     if not isinstance(value, types.FunctionType) and _is_known_module(type(value).__module__):
         value = getattr(value, "__wrapped__", None)
     return value if isinstance(value, types.FunctionType) else None
-
-
-def _options(value: Any) -> str:
-    """How numba is to compile an object: its options, and the types that it is restricted to."""
-    inner = getattr(value, "_dispatcher", value)  # of @vectorize and @guvectorize
-    compiler = getattr(inner, "_compiler", None)
-    found = [
-        sorted(getattr(compiler, "targetoptions", {}).items()),
-        getattr(compiler, "locals", None),
-        [getattr(value, name, None) for name in ("_sig", "signature", "identity", "_ctor_kwargs")],
-        [] if getattr(inner, "_can_compile", True) else inner.signatures,
-        value.types if getattr(value, "_frozen", False) else [],
-    ]
-    if " at 0x" in repr(found):
-        raise UnknownPartError(f"the options of {value!r} cannot be read")
-    return repr(found)
 
 
 def random_generator(function: Callable[..., Any]) -> str | None:

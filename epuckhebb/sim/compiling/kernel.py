@@ -48,6 +48,13 @@ def compiled(function: Function) -> Function:
     return cast(Function, _building_block(function))
 
 
+# Parts that do nothing, whatever they are given.
+nothing: Callable[..., None] = compiled(lambda *_: None)
+zero: Callable[..., float] = compiled(lambda *_: 0.0)
+one: Callable[..., float] = compiled(lambda *_: 1.0)
+false: Callable[..., bool] = compiled(lambda *_: False)
+
+
 def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]], arguments: str) -> Any:
     """A building block that calls another one in turn: with each of these constants, then with its own arguments.
 
@@ -55,8 +62,8 @@ def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]],
 
     arguments: their names, separated by commas.
     """
-    calls = [f"function({', '.join(map(str, numbers))}, {arguments})" for numbers in constants]
-    return compiled(eval(f"lambda {arguments}: ({', '.join(calls)},)", {"function": compiled(function)}))
+    calls = "".join(f"function({', '.join(map(str, numbers))}, {arguments}), " for numbers in constants)
+    return compiled(eval(f"lambda {arguments}: ({calls})", {"function": compiled(function)}))
 
 
 def kernel(function: Function, **parts: object) -> Function:
@@ -67,26 +74,31 @@ def kernel(function: Function, **parts: object) -> Function:
     read all code, the kernel is compiled in memory.
     """
     made = _with_globals(function, parts)
-    try:
-        name = digest(made)
-    except UnknownPartError:
-        return cast(Function, _njit(**_OPTIONS)(made))
-    made.__qualname__ = f"{function.__name__}_{name}"  # symbols of kernels that are loaded together must differ
-    made.__module__ = function.__module__
-    folder = _cache_folder(name)
+    with suppress(UnknownPartError):
+        made.__qualname__ = f"{function.__name__}_{digest(made)}"  # symbols of kernels in one process must differ
+        made.__module__ = function.__module__
+        stored = _stored(made)
+        if stored is not None:
+            return cast(Function, stored)
+    return cast(Function, _njit(**_OPTIONS)(made))
+
+
+def _stored(made: types.FunctionType) -> Any:
+    """A kernel whose machine code is kept on disk; None if no folder can be written to."""
+    folder, before = _cache_folder(made.__qualname__.rpartition("_")[2]), _settings.CACHE_DIR
     if folder is None:
-        return cast(Function, _njit(**_OPTIONS)(made))
-    before, _settings.CACHE_DIR = _settings.CACHE_DIR, str(folder)
+        return None
     try:
+        _settings.CACHE_DIR = str(folder)
         dispatcher = _njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(made)
     except (OSError, RuntimeError):  # the folder is gone, full or read-only by now
-        return cast(Function, _njit(**_OPTIONS)(made))
+        return None
     finally:
         _settings.CACHE_DIR = before
     if not Path(dispatcher._cache.cache_path).is_relative_to(folder):  # numba has looked for another place
-        return cast(Function, _njit(**_OPTIONS)(made))
+        return None
     _distrust(dispatcher._cache)
-    return cast(Function, dispatcher)
+    return dispatcher
 
 
 def with_parts(function: Function, **parts: object) -> Function:

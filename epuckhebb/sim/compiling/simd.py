@@ -16,8 +16,8 @@ import numba.extending
 import numpy as np
 from llvmlite import ir
 from numba.core import types
-from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiling.kernel import BUILDING_BLOCK
 
 WIDTH = 4
@@ -93,13 +93,13 @@ def alike(number: float) -> Any:
 
 
 @_in_kernels(_FOUR, lambda builder, numbers, first: builder.load(_place(builder, numbers, first), align=8))
-def read(numbers: NDArray[np.float64], first: int) -> Any:
+def read(numbers: Floats, first: int) -> Any:
     """The four numbers of an array from a place on. In a kernel nothing checks that it has as many."""
     return numbers[first : first + WIDTH].copy()
 
 
 @_in_kernels(types.none, lambda builder, numbers, first, four: builder.store(four, _place(builder, numbers, first), 8))
-def write(numbers: NDArray[np.float64], first: int, four: Any) -> None:
+def write(numbers: Floats, first: int, four: Any) -> None:
     """Write four numbers into an array from a place on. In a kernel nothing checks that there is room for them."""
     numbers[first : first + WIDTH] = four
 

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from pymunk._chipmunk_cffi import ffi, lib
 from pymunk.batch import BodyFields
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.maze import Pose
 from epuckhebb.sim.physics_engine import Move, Physics, Space
@@ -65,8 +66,8 @@ class Handles(NamedTuple):
     of the first robot.
     """
 
-    state: NDArray[np.float64]
-    walls: NDArray[np.float64]
+    state: Floats
+    walls: Floats
     space: int
     body: int
     disc: int
@@ -76,7 +77,7 @@ class Handles(NamedTuple):
     state_count: NDArray[np.int32]
     push_data: int
     push_count: NDArray[np.int32]
-    push: NDArray[np.float64]
+    push: Floats
 
 
 class _Exchange:
@@ -101,7 +102,7 @@ class PymunkSpace(Space):
     every result.
     """
 
-    def __init__(self, boxes: NDArray[np.float64], robot: Robot, wall_friction: float = 0.0, count: int = 1) -> None:
+    def __init__(self, boxes: Floats, robot: Robot, wall_friction: float = 0.0, count: int = 1) -> None:
         self._space = pymunk.Space()
         self._space.damping = 0
         self._space.collision_slop = COLLISION_SLOP
@@ -225,7 +226,7 @@ def mover(robot: Robot) -> Move:
     return move
 
 
-def mover_of_all(robot: Robot) -> Callable[[Handles, NDArray[np.float64], NDArray[np.float64]], None]:
+def mover_of_all(robot: Robot) -> Callable[[Handles, Floats, Floats], None]:
     """The function `move_all(space, motion, wheels)`, as `mover` for all robots of a space at once.
 
     motion: (robots, 6), the view of the space's state. wheels: (robots, 4) left and right wheel [rad/s], and where each
@@ -235,7 +236,7 @@ def mover_of_all(robot: Robot) -> Callable[[Handles, NDArray[np.float64], NDArra
     near, apart = (robot.radius_m + _CLEAR_GAP) ** 2, (2.0 * robot.radius_m + _CLEAR_GAP) ** 2
 
     @compiled
-    def move_all(space: Handles, motion: NDArray[np.float64], wheels: NDArray[np.float64]) -> None:
+    def move_all(space: Handles, motion: Floats, wheels: Floats) -> None:
         robots, state = motion.shape[0], space.state
         clear_for = MOTION * (robots + 1)
         clear = True
@@ -279,7 +280,7 @@ def mover_of_all(robot: Robot) -> Callable[[Handles, NDArray[np.float64], NDArra
 
 
 @compiled
-def _is_clear(x: float, y: float, walls: NDArray[np.float64], near: float) -> bool:
+def _is_clear(x: float, y: float, walls: Floats, near: float) -> bool:
     """Whether a robot with its centre at (x, y) touches no wall. near: square of the distance of contact [m2]."""
     for wall in range(walls.shape[0]):
         beside = max(walls[wall, 0] - x, x - walls[wall, 1], 0.0)
@@ -295,7 +296,7 @@ class Pymunk(Physics):
 
     name: ClassVar[str] = "pymunk"
 
-    def space(self, walls: NDArray[np.float64], world: Any) -> PymunkSpace:
+    def space(self, walls: Floats, world: Any) -> PymunkSpace:
         """See `Physics`."""
         return PymunkSpace(walls, world.robot, world.wall_friction)
 

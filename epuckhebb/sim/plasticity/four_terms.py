@@ -30,7 +30,6 @@ class FourTerms(Rule):
     leak: float = 0.0
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         super().__post_init__()
         check_range(self, "hebbian", "leak")
 

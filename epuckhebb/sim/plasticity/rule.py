@@ -1,7 +1,7 @@
 """A plasticity rule: its settings, the state of each synapse, its evolved parameters, and its update."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, ClassVar
@@ -9,11 +9,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim import own_class
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.evolved import Evolved
 from epuckhebb.sim.fitness import History, Signal
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.own_class import Functions, OwnClass, arguments, name_of
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S
@@ -53,7 +53,7 @@ class Reward(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rule:
+class Rule(OwnClass):
     """A plasticity rule; subclasses add settings as fields, and define what a synapse does.
 
     N: base rate, 0 for a robot that does not learn. N_gain_rad_s: wheel gain at which N holds; at another gain N is
@@ -86,6 +86,7 @@ class Rule:
     each neuron are scaled after each update to their initial length, the root of the sum of their squares.
     """
 
+    PART: ClassVar[str] = "rule"
     synapse_state: ClassVar[Mapping[str, float]] = {}
     evolved: ClassVar[Mapping[str, Evolved]] = {}
     with_reward: ClassVar[Mapping[str, Evolved]] = {}
@@ -105,13 +106,12 @@ class Rule:
     reward: Reward = Reward.given
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         for name in ("N", "N_gain_rad_s", "floor", "w_max"):
             value = getattr(self, name)
             is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
             if not is_number:
                 raise ValueError(f"hebbian.{name} must be a number, an int or a float, got {value!r}")
-        for name, value in self.numbers().items():
+        for name, value in zip(self.settings(), self.numbers(), strict=True):
             if not math.isfinite(value):
                 raise ValueError(f"hebbian.{name} must be a finite number, got {value}")
         check_range(self, "hebbian", "N", "N_gain_rad_s", "floor", "history_s")
@@ -152,13 +152,25 @@ class Rule:
         return gain_rad_s / self.N_gain_rad_s if self.N_gain_rad_s else 1.0
 
     @classmethod
-    def settings(cls) -> tuple[str, ...]:
-        """The names of the settings that are numbers, in the order in which a kernel has them."""
-        return own_class.number_settings(cls)
+    def functions(cls) -> Functions:
+        """How a weight changes, and how its coefficients are made."""
+        makers = (evolved.value for evolved in cls.evolved.values() if evolved.value is not None)
+        return cls.synapse, cls.express.__func__, *makers  # type: ignore[attr-defined]  # of a class method
 
-    def numbers(self) -> dict[str, float]:
-        """The settings that are numbers, by name."""
-        return {name: float(getattr(self, name)) for name in self.settings()}
+    @classmethod
+    def arguments(cls) -> tuple[str, ...]:
+        """The names of the arguments of `synapse`, in its order; a ValueError if one is unknown."""
+        records = {"by": cls.settings(), "synapse_state": tuple(cls.synapse_state)}
+        return arguments(cls.what(), cls.synapse, [*QUANTITIES, *coefficient_names(cls)], records)
+
+    @classmethod
+    def check_class(cls, instead: str = "") -> None:
+        """Check its method `synapse`; else a ValueError."""
+        if cls.synapse is Rule.synapse:
+            raise ValueError(f"{cls.what()} has no static method `synapse`, which gives a weight's direction")
+        instead = "ask for key, step and number in `synapse` and draw as rule `online` does, with epuckhebb.sim.random"
+        super().check_class(instead)
+        cls.arguments()
 
 
 class NoRule(Rule):
@@ -171,31 +183,6 @@ class NoRule(Rule):
 
 
 NO_RULE = NoRule()
-
-
-def arguments_of(rule: type[Rule]) -> tuple[str, ...]:
-    """The names of the arguments of a rule's `synapse`, in its order.
-
-    Raises:
-        ValueError: an argument is unknown, or the rule draws random numbers that no run can repeat.
-    """
-    what = f"rule {rule.__name__}"
-    if rule.synapse is Rule.synapse:
-        raise ValueError(f"{what} has no static method `synapse`, which gives a weight's direction")
-    own_class.check_fields(what, rule)
-    known = [*QUANTITIES, *coefficient_names(rule)]
-    records = {"by": rule.settings(), "synapse_state": tuple(rule.synapse_state)}
-    names = own_class.arguments(what, rule.synapse, known, records)
-    instead = "ask for key, step and number in `synapse` and draw as rule `online` does, with epuckhebb.sim.random"
-    for function in functions_of(rule):
-        own_class.check_repeatable(what, function, instead)
-    return names
-
-
-def functions_of(rule: type[Rule]) -> tuple[Callable[..., Any], ...]:
-    """The functions of a rule: how a weight changes, and how its coefficients are made."""
-    makers = (evolved.value for evolved in rule.evolved.values() if evolved.value is not None)
-    return rule.synapse, rule.express.__func__, *makers  # type: ignore[attr-defined]  # of a class method
 
 
 def coefficient_names(rule: type[Rule]) -> tuple[str, ...]:
@@ -233,11 +220,7 @@ def initial_synapse_state(rule: type[Rule], network: Network) -> NDArray[np.void
 
 
 def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
-    """How many genes each evolved parameter of a rule takes.
-
-    Raises:
-        ValueError: one has an unknown `per`, or the name of something else, or the rule needs layers and has none.
-    """
+    """How many genes each evolved parameter of a rule takes."""
     check_layers(rule, network)
     per = {
         "network": 1,
@@ -327,9 +310,3 @@ def receives_reward(rule: type[Rule]) -> bool:
 
 def _modulator(rule: type[Rule]) -> str | None:
     return next((name for name, evolved in rule.evolved.items() if evolved.per == MODULATOR), None)
-
-
-def name_of(rule: type[Rule]) -> str:
-    """What a rule is called: as its file, if it is one of the program, or else as its class."""
-    package, _, module = rule.__module__.rpartition(".")
-    return module if package == f"{__package__}.rules" else rule.__name__

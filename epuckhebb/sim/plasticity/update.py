@@ -7,21 +7,21 @@
 The weights are a copy of the genes. The genome is never written, so every lifetime starts from the genes.
 """
 
-from collections import namedtuple
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.compiling.kernel import compiled, in_module, in_turn
+from epuckhebb.sim.arrays import Floats
+from epuckhebb.sim.compiling.kernel import compiled, in_turn, nothing, one, zero
 from epuckhebb.sim.compiling.simd import WIDTH, alike, read, times, write
 from epuckhebb.sim.forward_pass import MOST_BLOCKS
 from epuckhebb.sim.network import Network, by_layer, tanh
+from epuckhebb.sim.own_class import call_of, namedtuple_of
 from epuckhebb.sim.plasticity.rule import (
     NoRule,
     Rule,
-    arguments_of,
     coefficient_names,
     is_alike,
     is_modulated,
@@ -29,7 +29,6 @@ from epuckhebb.sim.plasticity.rule import (
 )
 from epuckhebb.sim.plasticity.weight_change import total_of, weight_change
 
-_namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
 PRE, POST, CORRELATION = range(3)  # rows of the workspace of an update
 SCALE = POST  # the row is free when the direction is known
 
@@ -46,11 +45,7 @@ def next_weight(weight: float, rate: float, direction: float, w_max: float) -> f
     return min(max(weight + rate * direction, -w_max), w_max)
 
 
-Fill = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
-
-
-def _pass(activation: NDArray[np.float64], room: NDArray[np.float64]) -> None:
-    """Nothing to do."""
+Fill = Callable[[Floats, Floats], None]
 
 
 _FOURS: dict[int, Any] = {  # of a presynaptic neuron i and four postsynaptic ones from j on
@@ -78,8 +73,8 @@ def _filled(network: Network, quantity: int) -> Fill:
         inputs: int,
         outputs: int,
         vectors: int,
-        activation: NDArray[np.float64],
-        room: NDArray[np.float64],
+        activation: Floats,
+        room: Floats,
     ) -> None:
         row = room[quantity]
         for i in range(inputs):
@@ -97,7 +92,7 @@ def _filled_one_by_one(network: Network, quantity: int) -> Fill:
     (senders, receivers), count, single = network.joined, network.synapses, _SINGLES[quantity]
 
     @compiled
-    def fill(activation: NDArray[np.float64], room: NDArray[np.float64]) -> None:
+    def fill(activation: Floats, room: Floats) -> None:
         for k in range(count):
             room[quantity, k] = single(activation, senders[k], receivers[k])
 
@@ -105,14 +100,14 @@ def _filled_one_by_one(network: Network, quantity: int) -> Fill:
 
 
 def _fill_scale(
-    pre: int,
+    _pre: int,
     post: int,
     first: int,
     inputs: int,
     outputs: int,
-    weights: NDArray[np.float64],
-    lengths: NDArray[np.float64],
-    room: NDArray[np.float64],
+    weights: Floats,
+    lengths: Floats,
+    room: Floats,
 ) -> None:
     """Write the factors that give the incoming weights of one layer of connections their initial length."""
     for j in range(outputs):
@@ -124,11 +119,7 @@ def _fill_scale(
             room[SCALE, first + i * outputs + j] = scale
 
 
-def _fill_nothing(weights: NDArray[np.float64], lengths: NDArray[np.float64], room: NDArray[np.float64]) -> None:
-    """Lengths are not kept."""
-
-
-def initial_lengths(rule: type[Rule], network: Network, genes: NDArray[np.float64]) -> NDArray[np.float64]:
+def initial_lengths(rule: type[Rule], network: Network, genes: Floats) -> Floats:
     """The length of each neuron's incoming weights, (neurons,); empty for a rule that does not keep it.
 
     genes: initial weights.
@@ -148,12 +139,7 @@ class StepContext(NamedTuple):
 
 
 Update = Callable[..., float]
-Modulate = Callable[[NDArray[np.float64], NDArray[np.float64]], float]
-
-
-def _unmodulated(modulatory: NDArray[np.float64], activation: NDArray[np.float64]) -> float:
-    """No modulatory neuron."""
-    return 1.0
+Modulate = Callable[[Floats, Floats], float]
 
 
 def modulation_of(rule: type[Rule], network: Network) -> Modulate:
@@ -164,12 +150,12 @@ def modulation_of(rule: type[Rule], network: Network) -> Modulate:
     modulatory: v, v0, vr. activation: (neurons,).
     """
     if not is_modulated(rule):
-        return compiled(_unmodulated)
+        return one
     hidden, first = network.layers[-2], network.first_neuron[-2]
     rewarded, reward = network.rewarded and receives_reward(rule), network.inputs - 1
 
     @compiled
-    def modulate(modulatory: NDArray[np.float64], activation: NDArray[np.float64]) -> float:
+    def modulate(modulatory: Floats, activation: Floats) -> float:
         drive = float(modulatory[hidden])
         for k in range(hidden):
             drive += modulatory[k] * activation[first + k]
@@ -180,100 +166,68 @@ def modulation_of(rule: type[Rule], network: Network) -> Modulate:
     return modulate
 
 
-def _no_update(
-    weights: NDArray[np.float64],
-    synapse_state: NDArray[np.void],
-    genes: NDArray[np.float64],
-    coefficients: NDArray[np.float64],
-    activation: NDArray[np.float64],
-    rate: float,
-    now: StepContext,
-    lengths: NDArray[np.float64],
-    signs: NDArray[np.float64],
-    numbers: tuple[float, ...],
-    room: NDArray[np.float64],
-    change: NDArray[np.float64],
-) -> float:
-    """No plasticity."""
-    return 0.0
-
-
 def update_of(rule: type[Rule], network: Network) -> Update:
     """The function that updates all weights of a network once by a rule, and returns the weight change.
 
-    The function is
-    `learn(weights, synapse_state, genes, coefficients, activation, rate, now, lengths, signs, numbers, room, change)`:
-    weights (synapses,) and synapse_state are updated; genes: initial weights; coefficients: (names, synapses);
-    activation: (neurons,); rate: N_e; now: the step; lengths: (neurons,) of incoming weights, if the rule keeps them;
-    signs: (synapses,); numbers: the settings; room (3, synapses) and change: workspace.
-
-    Raises:
-        ValueError: an argument of `synapse` is unknown.
+    The function is `learn(weights, synapse_state, genotype, activation, rate, now, numbers, workspace)`: weights
+    (synapses,) and synapse_state are updated; genotype, workspace: see `epuckhebb.sim.life`; activation: (neurons,);
+    rate: N_e; now: the step; numbers: the settings.
     """
     if rule is NoRule:
-        return compiled(_no_update)
-    names = arguments_of(rule)
-    By = _namedtuple("By", rule.settings())
+        return zero
+    rule.check_class()
+    names, By = rule.arguments(), namedtuple_of("By", rule.settings())
     evolved, alike = coefficient_names(rule), is_alike(rule)
-    arguments = {
+    how = {
         "correlation": f"room[{CORRELATION}, k]",
         "pre": f"room[{PRE}, k]",
         "post": f"room[{POST}, k]",
         "weight": "weights[k]",
-        "initial_weight": "genes[k]",
+        "initial_weight": "genotype.weights[k]",
         "fitness": "now.fitness",
         "key": "now.key",
         "step": "now.step",
         "number": "k",
         "synapse_state": "synapse_state[k]",
         "by": "by",
-        **{name: f"alike[{row}]" if alike else f"coefficients[{row}, k]" for row, name in enumerate(evolved)},
+        **{name: f"alike[{row}]" if alike else f"genotype.coefficients[{row}, k]" for row, name in enumerate(evolved)},
     }
-    # Only what the rule's `synapse` has as arguments is computed, so the call is written when the rule is known.
-    direction = compiled(
-        eval(
-            "lambda k, weights, synapse_state, genes, coefficients, alike, now, room, by: "
-            f"synapse({', '.join(arguments[name] for name in names)})",
-            {"synapse": compiled(in_module(rule.synapse, __name__))},
-        )
-    )
+    given = "k, weights, synapse_state, genotype, alike, now, room, by"
+    direction = call_of(rule.synapse, names, how, given)
     # Coefficients that all synapses share are read once.
     read = "".join(f"coefficients[{row}, 0], " for row in range(len(evolved))) if alike and evolved else "0.0,"
     read_alike = compiled(eval(f"lambda coefficients: ({read})"))
-    fill_pre = _filled(network, PRE) if "pre" in names else compiled(_pass)
-    fill_post = _filled(network, POST) if "post" in names else compiled(_pass)
-    fill_correlation = _filled(network, CORRELATION) if "correlation" in names else compiled(_pass)
-    fill_scale = compiled(_fill_nothing)
+    fill_pre = _filled(network, PRE) if "pre" in names else nothing
+    fill_post = _filled(network, POST) if "post" in names else nothing
+    fill_correlation = _filled(network, CORRELATION) if "correlation" in names else nothing
+    fill_scale = nothing
     if rule.keeps_lengths:
         fill_scale = in_turn(_fill_scale, network.connections, "weights, lengths, room")
     scales, synapses, total = rule.keeps_lengths, network.synapses, total_of(network)
 
     @compiled
     def learn(
-        weights: NDArray[np.float64],
+        weights: Floats,
         synapse_state: NDArray[np.void],
-        genes: NDArray[np.float64],
-        coefficients: NDArray[np.float64],
-        activation: NDArray[np.float64],
+        genotype: Any,
+        activation: Floats,
         rate: float,
         now: StepContext,
-        lengths: NDArray[np.float64],
-        signs: NDArray[np.float64],
         numbers: tuple[float, ...],
-        room: NDArray[np.float64],
-        change: NDArray[np.float64],
+        workspace: Any,
     ) -> float:
-        by, alike = By(*numbers), read_alike(coefficients)
+        genes, signs, room, change = genotype.weights, genotype.signs, workspace.synapses, workspace.change
+        by, alike = By(*numbers), read_alike(genotype.coefficients)
         fill_pre(activation, room)
         fill_post(activation, room)
         fill_correlation(activation, room)
         for k in range(synapses):
-            towards = direction(k, weights, synapse_state, genes, coefficients, alike, now, room, by)
+            towards = direction(k, weights, synapse_state, genotype, alike, now, room, by)
             weights[k] = next_weight(weights[k], rate * signs[k], towards, by.w_max)
             if not scales:
                 change[k] = weight_change(weights[k], genes[k])
         if scales:
-            fill_scale(weights, lengths, room)
+            fill_scale(weights, genotype.lengths, room)
             for k in range(synapses):
                 weights[k] = min(max(weights[k] * room[SCALE, k], -by.w_max), by.w_max)
                 change[k] = weight_change(weights[k], genes[k])

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.network import Network
 
@@ -17,7 +17,7 @@ def weight_change_workspace(network: Network) -> int:
     return -(-network.synapses // _LANES) * _LANES
 
 
-def saturated_fraction(weights: NDArray[np.float64], w_max: float) -> float:
+def saturated_fraction(weights: Floats, w_max: float) -> float:
     """The share of the weights whose absolute value is more than `SATURATED` times their bound."""
     return np.count_nonzero(np.abs(weights) > SATURATED * w_max) / len(weights)
 
@@ -28,7 +28,7 @@ def weight_change(weight: float, gene: float) -> float:
     return abs(weight - gene)
 
 
-def total_of(network: Network) -> Callable[[NDArray[np.float64]], float]:
+def total_of(network: Network) -> Callable[[Floats], float]:
     """The function that adds up the changes of a network's weights; it overwrites the array that it receives.
 
     The processor can do four sums at a time in this order: one half is added to the other, four times over; the rest is
@@ -39,11 +39,11 @@ def total_of(network: Network) -> Callable[[NDArray[np.float64]], float]:
     half, quarter, eighth = length // 2, length // 4, length // 8
 
     @compiled
-    def quarters(values: NDArray[np.float64], k: int) -> float:
+    def quarters(values: Floats, k: int) -> float:
         return float((values[k] + values[k + half]) + (values[k + quarter] + values[k + half + quarter]))
 
     @compiled
-    def total(values: NDArray[np.float64]) -> float:
+    def total(values: Floats) -> float:
         for k in range(used, length):
             values[k] = 0.0
         for k in range(left):

@@ -75,7 +75,6 @@ class Reversal(Task):
     progress_bonus: float = 0.1
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         if not 2 <= self.trials <= 1000:
             raise ValueError(f"task.trials must lie between 2 and 1000, got {self.trials}")
         if not 2 <= self.first_switch <= self.last_switch <= self.trials:

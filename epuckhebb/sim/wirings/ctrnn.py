@@ -38,7 +38,6 @@ class CTRNN(Wiring):
     tau_gain_rad_s: float = 4.0
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         check_range(self, "network", "hidden", "tau_gain_rad_s")
 
     @property

@@ -24,7 +24,6 @@ class Elman(Wiring):
     hidden: int = 8
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         check_range(self, "network", "hidden", above=True)
 
     @property

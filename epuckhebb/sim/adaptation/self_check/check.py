@@ -5,6 +5,9 @@ It corrects a finding only if it is clear and explained:
     light    |rho - 1| > max(0.1, 3 standard errors)        if the light readings fit
     wheels   |loss| > max(0.02, 3 standard errors)          if the distance readings fit
     dead     always
+
+A careful robot corrects dead sensors alone where any readings are unexplained: what it does not know may have caused
+the other findings. It also turns back where the manoeuvre has left it turned.
 """
 
 import math
@@ -14,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from epuckhebb.sim import random
-from epuckhebb.sim.adaptation.self_check.calibration import calibrate
+from epuckhebb.sim.adaptation.self_check.calibration import STEPS, calibrate
 from epuckhebb.sim.adaptation.self_check.corrections import Corrections, no_corrections, sunlit
 from epuckhebb.sim.adaptation.self_check.findings import MISFIT, Findings, find
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, check_robot, regression
@@ -26,6 +29,7 @@ from epuckhebb.sim.scenario import Scenario
 
 LEAST_LIGHT, LEAST_LOSS = 0.1, 0.02  # smaller changes are not corrected
 ERRORS = 3.0  # nor those within so many standard errors
+DEAD = "dead sensors"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,13 +37,15 @@ class Checked:
     """The result of a self-check.
 
     calibration: the manoeuvre and its sensor readings. corrected: which of the findings are corrected: `left wheel`,
-    `right wheel`, `light`, `dead sensors`. corrections: as numbers for the lifetime.
+    `right wheel`, `light`, `dead sensors`. corrections: as numbers for the lifetime. turned_back: whether the robot,
+    being careful, noticed that the manoeuvre had left it turned.
     """
 
     calibration: CalibrationRecord
     found: Findings
     corrected: tuple[str, ...]
     corrections: Corrections
+    turned_back: bool
 
     @property
     def end(self) -> Pose:
@@ -48,7 +54,14 @@ class Checked:
 
 
 def check(
-    memory: SelfMemory, world: Scenario, side: Side, key: np.uint64, noise: float = 1.0, start: Pose | None = None
+    memory: SelfMemory,
+    world: Scenario,
+    side: Side,
+    key: np.uint64,
+    noise: float = 1.0,
+    start: Pose | None = None,
+    *,
+    careful: bool = False,
 ) -> Checked:
     """Run the self-check in a world as it is at the start.
 
@@ -63,14 +76,18 @@ def check(
             f"the self-check was measured with a robot of {memory.lights} light sensors and {memory.inputs} "
             f"readings; robot {world.robot.name} has {world.robot.light.count} and {world.robot.inputs}"
         )
-    calibration = calibrate(world.phases[0][1], side, random.key(int(key), Stream.calibration_noise), noise, start)
-    found = find(calibration.readings, memory)
+    own_key = random.key(int(key), Stream.calibration_noise)
+    calibration = calibrate(world.phases[0][1], side, own_key, noise, start, careful=careful)
+    found = find(calibration.readings[: len(STEPS)], memory)
     corrected = tuple(clear(found))
+    if careful and unexplained(found):
+        corrected = tuple(finding for finding in corrected if finding == DEAD)
     return Checked(
         calibration=calibration,
         found=found,
         corrected=corrected,
         corrections=corrections_for(found, corrected, memory, world.robot),
+        turned_back=len(calibration.readings) > len(STEPS),
     )
 
 
@@ -91,13 +108,13 @@ def clear(found: Findings) -> Iterator[str]:
     if "light" not in unknown and large and ratio > 0.0 and math.isfinite(1.0 / ratio):
         yield "light"
     if found.dead_sensors:
-        yield "dead sensors"
+        yield DEAD
 
 
 def corrections_for(found: Findings, corrected: tuple[str, ...], memory: SelfMemory, robot: Robot) -> Corrections:
     """The corrections of these findings, as numbers for a lifetime."""
     by = no_corrections(robot)
-    if "dead sensors" in corrected:
+    if DEAD in corrected:
         places = np.array(found.dead_sensors)
         dead = np.concatenate([places, robot.inputs_of(robot.distance).start + places])
         others = np.setdiff1d(np.arange(robot.inputs), dead)

@@ -30,7 +30,6 @@ class BaldwinN(Rule):
     trace_update: float = 0.05
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         super().__post_init__()
         check_range(self, "hebbian", "trace_decay", "trace_update", most=1)
 

@@ -24,7 +24,6 @@ class BCM(Rule):
     threshold_time_s: float = 5.0
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         super().__post_init__()
         check_range(self, "hebbian", "threshold_time_s", least=STEP_S)
 

@@ -25,7 +25,6 @@ class Differential(Rule):
     trace_time_s: float = 0.16
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         super().__post_init__()
         check_range(self, "hebbian", "trace_time_s", least=STEP_S)
 

@@ -38,7 +38,6 @@ class Online(Rule):
     sigma: float = 0.3
 
     def __post_init__(self) -> None:
-        """Validate the settings."""
         super().__post_init__()
         check_range(self, "hebbian", "window_s", least=STEP_S)
         check_range(self, "hebbian", "sigma", above=True)
