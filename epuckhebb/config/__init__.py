@@ -5,7 +5,7 @@ file that knows Hydra, imports `compose` and `hydra_cache` too. What cannot be u
 `ConfigError`: it names the key, what was given and what is allowed.
 """
 
-from epuckhebb.config import hand, plugins
+from epuckhebb.config import hand
 from epuckhebb.config.build import (
     check_counts,
     check_library,
@@ -39,6 +39,7 @@ from epuckhebb.config.overrides import (
     with_names_compared,
 )
 from epuckhebb.config.parts import part_from, part_names
+from epuckhebb.config.plugins import OWN_CODE, OWN_CODE_KEYS, OwnFile, own_files, own_references, own_sources
 from epuckhebb.config.schema import (
     SCHEMAS,
     Checked,
@@ -52,5 +53,6 @@ from epuckhebb.config.schema import (
     dump,
     say_unusual,
 )
-from epuckhebb.config.stored import from_values, settings, without_own_code
+from epuckhebb.config.stored import from_values, without_own_code
 from epuckhebb.config.words import check_words, explain
+from epuckhebb.config.yaml_file import load as settings

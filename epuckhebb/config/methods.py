@@ -1,6 +1,6 @@
 """The methods of the leaderboard: rows of `conf/methods.yaml`, files of the user's, or plasticity rules of theirs."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -80,21 +80,17 @@ def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]
         elif chosen[method.name] != method:
             raise ConfigError(f"{why}={name}: another rule has the name {method.name}, too; give one of them another")
 
-    for name in _wanted(names, known):
-        read(name, "methods", ())
+    if not names:
+        raise ConfigError(f"methods must name one method or more: {', '.join([ALL, *known])}, or FILE.py:NAME")
+    for name in names:
+        for one in known if name == ALL else [str(name)]:
+            read(one, "methods", ())
     return list(chosen.values())
 
 
 def is_in_groups(key: str, groups: Sequence[str]) -> bool:
     """Whether a key belongs to one of these groups."""
     return key.partition(".")[0] in groups
-
-
-def _wanted(names: Sequence[str], known: Sequence[str]) -> Iterator[str]:
-    if not names:
-        raise ConfigError(f"methods must name one method or more: {', '.join([ALL, *known])}, or FILE.py:NAME")
-    for name in names:
-        yield from known if name == ALL else [str(name)]
 
 
 def _read(name: str, why: str, known: Sequence[str], folders: Sequence[Path]) -> Method:

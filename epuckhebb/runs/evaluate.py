@@ -20,8 +20,8 @@ from epuckhebb.config import (
     check_library,
     dump,
     hand,
+    own_files,
     part_names,
-    plugins,
     quoted,
     say_unusual,
     typed_as,
@@ -280,7 +280,7 @@ def evaluate_into(
     prepared = prepare_evaluation(config)
     genome = prepared.genome
     say_unusual(config)
-    own, notes = plugins.own_files(config.values), notes_of(genome, config)
+    own, notes = own_files(config.values), notes_of(genome, config)
     facts = {
         "seed": config.seed,
         "genome": genome.name,

@@ -22,12 +22,12 @@ from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import (
+    OWN_CODE_KEYS,
     SCHEMAS,
     SWEEP_DIR,
     alternatives,
     explain,
     load,
-    plugins,
     quoted,
     swept_values,
     value_of,
@@ -115,7 +115,7 @@ def _with_own_files_found(argument: str) -> str:
     key = argument.partition("=")[0]
     if key == "robot.sensors":
         return _SENSOR.sub(lambda found: f"{found[1]}{path_of(found[2], key).absolute()}", argument)
-    if key not in plugins.KEYS or ":" not in argument:
+    if key not in OWN_CODE_KEYS or ":" not in argument:
         return argument
     (choices,) = alternatives([argument]).values()
     named = [value_of(choice).rpartition(":") for choice in choices]
