@@ -16,7 +16,7 @@ from epuckhebb.sim.plasticity.rule import InitialWeights
 
 ALL = "all"
 _OWN_PLAIN, _OWN_OVER = "sep_cma_es_varied", "ga"  # what a user's rule is compared with, and whose champions it takes
-RULE_GROUPS, TRAINING_GROUPS = ("hebbian",), ("optimizer", "ga", "training")  # groups of settings
+_OF_RULES, _OF_TRAINING = ("hebbian",), ("optimizer", "ga", "training")  # groups of settings
 REVERSAL_TASK = {"task": "reversal"}  # settings of any life in reversal learning
 
 
@@ -54,7 +54,12 @@ class Method:
     @property
     def rule(self) -> dict[str, Any]:
         """Those of its settings that choose a plasticity rule."""
-        return {key: value for key, value in {**self.evolve, **self.evaluate}.items() if is_in_groups(key, RULE_GROUPS)}
+        return {key: value for key, value in {**self.evolve, **self.evaluate}.items() if _is_in(_OF_RULES, key)}
+
+    @property
+    def is_rule_alone(self) -> bool:
+        """Whether nothing but its rule, and how it is trained, is not as usual."""
+        return all(_is_in((*_OF_RULES, *_OF_TRAINING), key) for key in {**self.evolve, **self.evaluate})
 
 
 _KEYS = [key.name for key in fields(Method) if key.name not in ("name", "description")]
@@ -88,8 +93,7 @@ def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]
     return list(chosen.values())
 
 
-def is_in_groups(key: str, groups: Sequence[str]) -> bool:
-    """Whether a key belongs to one of these groups."""
+def _is_in(groups: Sequence[str], key: str) -> bool:
     return key.partition(".")[0] in groups
 
 

@@ -7,13 +7,10 @@ from pathlib import Path
 from epuckhebb.config import (
     ALL,
     REVERSAL_TASK,
-    RULE_GROUPS,
-    TRAINING_GROUPS,
     LeaderboardConfig,
     Method,
     OwnFile,
     check_config_dir,
-    is_in_groups,
     load,
     methods_named,
     own_files,
@@ -147,7 +144,7 @@ def in_reversal(methods: Sequence[Method], folders: Sequence[Path]) -> list[Meth
     (plain,) = methods_named([_PLAIN], folders)
     found = [replace(plain, evolve={**REVERSAL_TASK, **_REVERSAL_GA})]
     for method in methods:
-        if not all(is_in_groups(key, (*RULE_GROUPS, *TRAINING_GROUPS)) for key in {**method.evolve, **method.evaluate}):
+        if not method.is_rule_alone:
             continue
         made = replace(
             method,
