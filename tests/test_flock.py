@@ -113,6 +113,12 @@ def study(tmp_path_factory):
     return folder / "study"
 
 
+def test_its_figures_are_drawn_again(study, tmp_path):
+    assert "has the figures couplings, flock; got x" in refused("figure", study, "x")
+    done("figure", study, "flock", "-f", "pdf", "-o", tmp_path / "flock.pdf")
+    assert (tmp_path / "flock.pdf").read_bytes().startswith(b"%PDF")
+
+
 def test_a_study_has_its_rows_its_page_and_its_figures(study):
     runs = Run(study).table("runs.csv")
     assert list(runs.coupling.unique()) == ["frozen", "Fitter", "Fitter (shuffled)", "oracle"]

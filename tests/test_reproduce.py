@@ -43,6 +43,11 @@ def test_it_leaves_report_tables_and_figures(made):
     assert len(named) == 9
 
 
+def test_its_figures_are_drawn_again(made, tmp_path):
+    done("figure", made[0], "dose_response_obstacles", "-f", "svg", "-o", tmp_path / "again.svg")
+    assert b"<svg" in (tmp_path / "again.svg").read_bytes()
+
+
 def test_the_page_needs_nothing_else(made):
     page = (made[0] / "report.html").read_text()
     assert "://" not in re.sub(r'src="data:[^"]+"', "", page)

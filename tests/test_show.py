@@ -10,7 +10,7 @@ import pytest
 from cases import call, done
 from rich.console import Console
 
-from epuckhebb.cli import show_run, show_study
+from epuckhebb.cli import results
 from epuckhebb.cli.console import Terminal
 from epuckhebb.sim.maze import SIDES
 from epuckhebb.store import columns
@@ -93,7 +93,7 @@ def test_controllers_that_have_the_same_rate_have_rows_of_their_own(tmp_path, ca
     summary = pd.DataFrame(rows, columns=["genome", "controller", "N", "side"])
     success = {"n": 3, "success": 1.0, "success_noise_low": 0.4, "success_noise_high": 1.0}
     summary.assign(**success).to_csv(tmp_path / "summary.csv", index=False)
-    show_study.print_summary(tmp_path, Terminal())
+    results.print_summary(tmp_path, Terminal())
     assert re.findall("GA|best|late", capsys.readouterr().out) == ["GA", "best", "late"]
 
 
@@ -140,5 +140,5 @@ def test_it_is_told_that_robots_came_to_the_goal_and_drove_on(capsys):
     same = {**dict.fromkeys(columns.METRICS, 0.0), "controller": "GA", "genome": "g", "scenario": "base", "changed": ""}
     lives = (("left", 0, 12.0), ("right", 0, math.nan), ("right", 1, 20.0))
     metrics = [{**same, "side": side, "success": success, "time_to_goal_s": time} for side, success, time in lives]
-    show_run.print_metrics(metrics, Console(width=200))
+    results.print_metrics(metrics, Console(width=200))
     assert "1 of 3 lifetimes reached the goal and drove on" in capsys.readouterr().out

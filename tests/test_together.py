@@ -11,17 +11,20 @@ import pytest
 from epuckhebb.sim.adaptation.adaptation import Adaptation
 from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.life import Lifetime
+from epuckhebb.sim.genome import plan_of
+from epuckhebb.sim.life import Lifetime, life_of
 from epuckhebb.sim.light import Lamp, lights
 from epuckhebb.sim.maze import T_MAZE, Box, Pose
+from epuckhebb.sim.network import Network
 from epuckhebb.sim.physics.pymunk import COLLISION_SLOP, PYMUNK
 from epuckhebb.sim.plasticity.rules.paper import Paper
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.robot_group import RobotGroup
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.senses import sense_workspace, senses
-from epuckhebb.sim.session import Individual
+from epuckhebb.sim.session import Individual, Session
 from epuckhebb.sim.tasks.reversal import Reversal
+from epuckhebb.sim.wirings.ctrnn import CTRNN
 from epuckhebb.store.genome import load_genome
 
 NO_WALLS = SimpleNamespace(walls=np.zeros((0, 4)))
@@ -85,6 +88,37 @@ def test_robots_far_apart_are_bit_identical_to_robots_alone(controller):
         assert group.steps == lifetime.steps
         assert np.array(group.outcomes()).tobytes() == np.array(alone).tobytes()
     assert max(outcome.contact_fraction for outcome in alone) > 0  # pymunk was asked
+
+
+def test_the_order_of_robots_that_sense_each_other_and_do_not_touch_changes_no_bit():
+    world, lifetime = Scenario(maze=ARENA), Lifetime(duration_s=1.0)
+    robots = individuals([Pose(0.11 * (k % 2), 0.11 * (k // 2), 2.0 * k) for k in range(4)])
+    group, other = RobotGroup(robots, world, lifetime), RobotGroup(robots[::-1], world, lifetime)
+    for one in (group, other):
+        one.step(lifetime.steps)
+    assert group.poses == other.poses[::-1]
+    assert np.array(group.outcomes()).tobytes() == np.array(other.outcomes()[::-1]).tobytes()
+    apart = RobotGroup([replace(robots[0], start=Pose(-0.8, -0.8, 0.0)), *robots[1:]], world, lifetime)
+    apart.step(lifetime.steps)
+    assert apart.poses[1] != group.poses[1]  # it sensed the first
+
+
+def test_each_robot_has_neurons_of_its_own():
+    wiring = CTRNN(hidden=1)
+    network = Network((16, *wiring.sizes), wiring=wiring)
+    genes = np.random.default_rng(3).uniform(-1, 1, (2, plan_of(network).genes))
+    robots = [
+        Individual(genes=own, side="left", key=np.uint64(k), start=start, network=network)
+        for k, (own, start) in enumerate(zip(genes, in_arena(2), strict=True))
+    ]
+    world = Scenario(maze=ARENA)
+    group, alone = RobotGroup(robots, world), [Session(one, world).life for one in robots]
+    for k, life in enumerate(alone):
+        own = life_of(group._group, k)
+        own.neurons.state["y"] = k + 1.0
+        assert own.neurons.parameters.tobytes() == life.neurons.parameters.tobytes()
+        assert own.genotype.weights.tobytes() == life.genotype.weights.tobytes()
+    assert group._group.lives.neurons.state["y"].tolist() == [[1.0] * 3, [2.0] * 3]
 
 
 def test_robots_collide_and_another_run_is_bit_identical():

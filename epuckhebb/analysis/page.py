@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 _HERE = Path(__file__).parent
-_PART = re.compile(r"/\*\{\{([\w.]+)\}\}\*/\n?")  # of a template, where a file that pages share belongs
+_PART = re.compile(r"(?:/\*|<!--)\{\{([\w.]+)\}\}(?:\*/|-->)\n?")  # where a file that pages share belongs
 
 
 def filled(template: Path) -> tuple[str, str, str]:

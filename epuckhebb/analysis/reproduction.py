@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import pandas as pd
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from epuckhebb.analysis import charts, figures, findings, published, report
 from epuckhebb.analysis.evaluate import evaluate
-from epuckhebb.analysis.image import image
 from epuckhebb.sim.controller import CONTROLS, HEBBIAN, Controller
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.life import Lifetime
@@ -70,8 +70,8 @@ def figures_of(
     world: Callable[[str], tuple[Scenario, Lifetime]],
     histories: Mapping[str, list[pd.DataFrame]],
     seed: int,
-) -> dict[str, tuple[str, bytes]]:
-    """The figures by the names of their files, each a caption and a PNG, in the order of the report.
+) -> dict[str, tuple[str, Figure]]:
+    """The figures by the names of their files, each with a caption, in the order of the report.
 
     genomes, signals: for each experiment the genes (234,) of the champion that is shown, and the live fitness. world:
     gives the scenario of a name and its lifetime. histories: for each experiment the histories of its champions; empty
@@ -118,4 +118,4 @@ def figures_of(
             f"Learning curves: best and mean fitness, median and quartiles of {found.champions} evolutions.",
             charts.learning_curves(dict(histories)),
         )
-    return {name: (caption, image(drawn)) for name, (caption, drawn) in made.items()}
+    return made

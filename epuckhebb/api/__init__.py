@@ -51,9 +51,6 @@ def load(where: str | Path = "reference", experiment: str = "obstacles") -> Gene
 
     Returns:
         The genes, 234 in the paper's network.
-
-    Raises:
-        ValueError: There is no genome there; the message says why.
     """
     return load_genome(str(resolve_run(str(where), "evolve")), experiment).genes
 
@@ -81,9 +78,6 @@ def evaluate(
     Returns:
         The results: `.metrics` (a row a lifetime), `.table` (the paper's), `.traces` (the arrays of `traces.npz`),
         `.findings` (of self-checks), `.plot()` (the paths) and `.replay()` (the page); a notebook shows the last two.
-
-    Raises:
-        ValueError: A setting or the genome cannot be used; the message says why.
     """
     be_quiet(not progress)
     rule = keys.pop("hebbian") if isinstance(keys.get("hebbian"), Rule) else None
@@ -121,9 +115,6 @@ def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool
 
     Returns:
         The champion of the last generation, and the rows of `history.csv`.
-
-    Raises:
-        ValueError: A setting cannot be used; the message says why.
     """
     be_quiet(not progress)
     config = load_config(EvolveConfig, overrides_of(overrides, keys), _folder(config_dir))
@@ -156,9 +147,6 @@ def play(
     Returns:
         The live world: `.address` of its page, `.open()` it in a new tab, `.close()` ends it. Runs that the page saves
         are in `runs/evaluate/`.
-
-    Raises:
-        ValueError: A setting or the genome cannot be used; the message says why.
     """
     if side not in SIDES:
         raise ConfigError(f"side must be {' or '.join(SIDES)}, got {side!r}")
@@ -189,9 +177,6 @@ def sweep(
     Returns:
         A row a lifetime, each of them once, with the columns of `metrics.csv`. Before them is a column for each key of
         `over` that `metrics.csv` has no column for; it says `any` for the GA if the key is one of plasticity.
-
-    Raises:
-        ValueError: A setting or a genome cannot be used; the message says why.
     """
     if not isinstance(over, Mapping) or not over:
         raise ConfigError(f"over must be keys with their values, as {{'hebbian.N': [0.0002, 0.002]}}, got {over!r}")

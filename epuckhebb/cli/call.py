@@ -33,7 +33,7 @@ def run_command(
     reports: whether the job takes, beside its configuration, a function that is given its folder when the tables are
     in it. They are printed then, before the job ends.
     """
-    from epuckhebb.cli import show
+    from epuckhebb.cli import results
     from epuckhebb.config import check_config_dir, check_words
     from epuckhebb.runs import hydra
 
@@ -50,7 +50,7 @@ def run_command(
 
     def report(run: Path, metrics: "Rows") -> None:
         try:
-            show.print_results(run, Terminal(), metrics)
+            results.print_results(run, Terminal(), metrics)
         except (ConfigError, OSError) as error:  # it does not end the run
             errors.append(error)
 
@@ -82,16 +82,25 @@ def print_runs(command: str, runs: list[Path], as_json: bool, quiet: bool, *, re
 
 def print_study(folder: Path, as_json: bool, quiet: bool) -> None:
     """Print the results of a study."""
-    from epuckhebb.cli import show
+    from epuckhebb.cli import results, show
 
-    print_result(as_json, quiet, lambda: show.as_json(folder), lambda console: show.print_results(folder, console))
+    print_result(as_json, quiet, lambda: show.as_json(folder), lambda console: results.print_results(folder, console))
 
 
 def print_jobs(
-    command: str, folder: Path, jobs: "list[Job]", as_json: bool, quiet: bool, purposes: "dict[str, str] | None" = None
+    command: str,
+    folder: Path,
+    jobs: "list[Job]",
+    as_json: bool,
+    quiet: bool,
+    purposes: "dict[str, str] | None" = None,
+    cpu_s: "dict[str, float] | None" = None,
 ) -> None:
-    """List the jobs of a study that is not run. purposes: of each run; its overrides unless given."""
-    from epuckhebb.cli import show_study
+    """List the jobs of a study that is not run.
+
+    purposes: of each run; its overrides unless given. cpu_s: about how long each run takes [s], if that is known.
+    """
+    from epuckhebb.cli import results
     from epuckhebb.studies import jobs as study_jobs
 
     todo = {job.run for job in study_jobs.todo(folder, jobs)}
@@ -104,5 +113,7 @@ def print_jobs(
         }
         for job in jobs
     ]
-    found = {"command": command, "folder": str(folder), "jobs": listed}
-    print_result(as_json, quiet, lambda: found, lambda console: show_study.print_jobs(folder, listed, console))
+    found: dict[str, Any] = {"command": command, "folder": str(folder), "jobs": listed}
+    if cpu_s:
+        found["cpu_s"] = sum(cpu_s[run] for run in todo)
+    print_result(as_json, quiet, lambda: found, lambda console: results.print_jobs(found, console))

@@ -264,7 +264,7 @@ def sweep(
     as_json: Json = False,
 ) -> None:
     """A named sweep on all cores; again, it does what is not done."""
-    from epuckhebb.cli import show_study
+    from epuckhebb.cli import results
     from epuckhebb.config import check_config_dir
     from epuckhebb.runs import as_evolved
     from epuckhebb.runtime import say
@@ -276,13 +276,13 @@ def sweep(
     check_config_dir(config_dir)
     planned = plan(name, as_evolved(with_genomes_named(overrides), config_dir), config_dir)
     if dry_run:
-        print_jobs("sweep", planned.folder, planned.jobs, as_json, quiet)
+        print_jobs("sweep", planned.folder, planned.jobs, as_json, quiet, cpu_s=planned.cpu_s)
         return
     todo = len(jobs.todo(planned.folder, planned.jobs))
     say(f"{len(planned.jobs)} jobs in {planned.folder}/: {len(planned.jobs) - todo} done before, {todo} to do.")
     outcome = run(planned, fail_fast=fail_fast)
     found = {"command": "sweep", "folder": str(planned.folder), **outcome.as_json()}
-    print_result(as_json, quiet, lambda: found, lambda console: show_study.print_sweep(planned.folder, console))
+    print_result(as_json, quiet, lambda: found, lambda console: results.print_sweep(planned.folder, console))
     if outcome.failures:
         raise JobFailedError(failure_of(planned, outcome))
 

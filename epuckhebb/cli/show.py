@@ -1,4 +1,4 @@
-"""Prints what a run or a folder of runs holds, in the terminal or as JSON."""
+"""Prints what a run, a folder of runs or a champion holds, in the terminal or as JSON."""
 
 import re
 import shlex
@@ -6,17 +6,21 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuckhebb.analysis.evaluate import Rows
-from epuckhebb.cli import show_run, show_study
-from epuckhebb.cli.console import print_line
-from epuckhebb.cli.show_genome import genome_as_json, genomes_named, print_champion
-from epuckhebb.config import settings
-from epuckhebb.runtime import ConfigError, conf
-from epuckhebb.store import CONFIG, Run, below_runs, load_genome, of_multirun, resolve_run
+from epuckhebb.cli import results
+from epuckhebb.cli.console import print_line, print_table
+from epuckhebb.runtime import ConfigError
+from epuckhebb.sim.adaptation.nominal import Nominal
+from epuckhebb.sim.adaptation.self_check.findings import find
+from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
+from epuckhebb.sim.physics.pymunk import PYMUNK
+from epuckhebb.sim.scenario import EXPERIMENTS
+from epuckhebb.store import Genome, Run, below_runs, is_bundled, load_genome, of_multirun, resolve_run
 
 _LATEST = 10  # runs that are listed when none is named
 _NEEDED = re.compile(r"(hebbian|network|physics|robot)[.=]")  # settings without which a champion is not what it was
@@ -24,34 +28,11 @@ _CHANGED = {"light": "lowlight", "obstacles": "4obstacles"}  # a changed world o
 _MANY = 6  # files of a folder that are counted and not named
 
 
-KINDS = {  # file of results -> what prints all of them, and what says them in short
-    "claims.csv": (show_study.print_reproduction, show_study.reproduction_in_short),
-    "flock.csv": (show_study.print_flock, show_study.flock_in_short),
-    "leaderboard.csv": (show_study.print_leaderboard, show_study.leaderboard_in_short),
-    "summary.csv": (show_study.print_sweep, show_study.sweep_in_short),
-    "reversal.csv": (show_run.print_reversal, show_run.reversal_in_short),  # it has metrics.csv, too
-    "metrics.csv": (show_run.print_evaluation, show_run.evaluation_in_short),
-    "history.csv": (show_run.print_evolution, show_run.evolution_in_short),
-}
-
-
-def print_results(path: Path, console: Console, metrics: Rows | None = None) -> None:
-    """Print the results of a run; nothing of a study that has not written its tables yet.
-
-    metrics: the lifetimes of an evaluation; read unless given.
-    """
-    kind = next((file for file in KINDS if Run(path).has(file)), None)
-    if kind == "metrics.csv":
-        show_run.print_evaluation(path, console, metrics)
-    elif kind:
-        KINDS[kind][0](path, console)
-
-
 def print_finished(finished: list[Path], console: Console, *, reported: bool = False) -> None:
     """Print the results of the runs of one call: all of one run unless reported before, a table over many."""
     if len(finished) == 1:
         if not reported:
-            print_results(finished[0], console)
+            results.print_results(finished[0], console)
         print_line(console, f"Run folder: {finished[0]}")
         if Run(finished[0]).has("champion.npz"):
             _print_next_steps(finished[0], console)
@@ -79,9 +60,9 @@ def _print_multirun(finished: list[Path], console: Console, *, each: bool) -> No
         _print_in_short(console, f"{path.name}  {' '.join(Run(path).provenance['overrides'])}", _in_short(path))
     folder = finished[0].parent
     if Run(folder).has("summary.csv"):
-        show_study.print_summary(folder, console)
+        results.print_summary(folder, console)
     if Run(folder).has("rescue_over_all.csv"):
-        show_study.print_rescue(folder, console)
+        results.print_rescue(folder, console)
     print_line(console, f"Run folders: {folder}/{finished[0].name} to {folder}/{finished[-1].name}")
 
 
@@ -152,15 +133,18 @@ def _in_short(path: Path) -> str:
     status = Run(path).status
     if status["state"] != "finished":
         return ": ".join(filter(None, (status["state"], status.get("error", ""))))
-    return next(in_short for file, (_, in_short) in KINDS.items() if Run(path).has(file))(path)
+    return next(in_short for file, (_, in_short) in results.KINDS.items() if Run(path).has(file))(path)
 
 
 def _print_run(path: Path, console: Console) -> None:
-    """Print all of a run: its command, settings, program and state, then its results."""
+    """Print the results of a run, then how it was made: its command, settings, program and files."""
     run, status = Run(path).provenance, Run(path).status
-    code = run["code"]
+    results.print_results(path, console)
+    if Run(path).has("champion.npz"):
+        print_champion(load_genome(str(path), ""), console)
+    code, typed = run["code"], " ".join(run["overrides"])
+    command = " ".join(run["command_line"])
     commit = f", commit {code['commit'][:10]}{' with changes' if code['dirty'] else ''}" if code["commit"] else ""
-    science = f", science {code['science']}" if "science" in code else ""
     resumed = [
         again["started"] + (f" after {again['generations']}" if "generations" in again else "")
         for again in run.get("resumed", [])
@@ -170,15 +154,12 @@ def _print_run(path: Path, console: Console) -> None:
     facts.add_column(style="bold")
     facts.add_column(overflow="fold")
     for name, value in {
-        "Command": " ".join(run["command_line"]),
-        "Overrides": " ".join(run["overrides"]),
+        "Command": command,
+        "Settings": "" if command.endswith(typed) else typed,  # those of one job of a study or a multirun
         "State": status["state"] + (f": {status['error']}" if status.get("error") else ""),
         "Time": f"{status['started']} – {status.get('finished', '')}" if "started" in status else "",
         "Resumed": ", ".join(resumed),
-        "Settings": " ".join(_settings(path)),
-        "Program": f"epuckhebb {code['version']}{commit}{science}, Python {run['python']}",
-        "Packages": ", ".join(f"{name} {number}" for name, number in run["packages"].items() if name != "epuckhebb"),
-        "Machine": f"{run['platform']}, {run['cores']} cores",
+        "Program": f"epuckhebb {code['version']}{commit}; packages and machine: provenance.json",
         "Own code": ", ".join(f"{file} (SHA-256 {sha256})" for file, sha256 in own_code),
         "Genome": f"{run['genome']} (SHA-256 {run['genome_sha256']})" if "genome" in run else "",
         "Files": ", ".join(_files(path)),
@@ -186,21 +167,6 @@ def _print_run(path: Path, console: Console) -> None:
         if value:
             facts.add_row(name, Text(value))
     console.print(facts)
-    if Run(path).has("champion.npz"):
-        print_champion(load_genome(str(path), ""), console)
-    print_results(path, console)
-
-
-def _settings(path: Path) -> Iterator[str]:
-    """The resolved configuration of a run, as it could be typed; of the maze and the robot, only their names."""
-    if not Run(path).has(CONFIG):
-        return
-    config = settings(Run(path).config_file)
-    for key in ("maze", "robot"):
-        if isinstance(config.get(key), dict):
-            config[key] = config[key].get("name")
-    for key, value in conf.flat(config):
-        yield f"{key}={value}"
 
 
 def _files(path: Path) -> Iterator[str]:
@@ -218,3 +184,84 @@ def _files(path: Path) -> Iterator[str]:
             yield f"{entry.name}/ ({len(names)} files)"
     if inside:
         yield f"{inside} runs"
+
+
+def genomes_named(what: str) -> list[tuple[Genome, str]]:
+    """The genomes of a champion's file, or of a bundled champion in either experiment; none if it is something else."""
+    if is_bundled(what):
+        return [(load_genome(what, experiment), experiment) for experiment in EXPERIMENTS]
+    path = Path(what)
+    if path.suffix not in (".npz", ".npy") or path.is_dir():
+        return []
+    genome = load_genome(what, "")
+    return [(genome, genome.experiment or "unknown")]
+
+
+def genome_as_json(genome: Genome, experiment: str) -> dict[str, Any]:
+    """A genome as JSON values."""
+    parts = {part.name: part.size for part in genome.plan.parts}
+    known = {"layers": list(genome.network.layers), "parts": parts, "robot": genome.robot}
+    physics = genome.physics or PYMUNK.name
+    evolved = {"optimizer": genome.optimizer, "training": genome.training, "physics": physics}
+    return {"genome": genome.name, "sha256": genome.sha256, "experiment": experiment, **known, **evolved}
+
+
+def print_champion(genome: Genome, console: Console) -> None:
+    """What a champion is made of, what it remembers of its training world, and how well it can check itself."""
+    print_line(console, f"Genome: {genome.plan.text()}; network {genome.network}; robot {genome.robot}")
+    if genome.optimizer:
+        rule = f", with rule {genome.rule}" if genome.rule else ""
+        task = f", for task {genome.task}" if genome.task else ""
+        fitness = f", for fitness {genome.fitness_function}" if genome.fitness_function else ""
+        physics = f", in physics {genome.physics or PYMUNK.name}"
+        line = f"Evolved by {genome.optimizer}, in training worlds {genome.training}{physics}{rule}{task}{fitness}"
+        print_line(console, line)
+    if genome.nominal is not None:
+        _print_nominal(genome.nominal, genome, console)
+    if genome.self_memory is not None:
+        _print_self_memory(genome.self_memory, console)
+
+
+def _print_self_memory(memory: SelfMemory, console: Console) -> None:
+    """How well a robot that remembers this can check itself."""
+    expected = find(memory.mean[0], memory)
+    rows = [
+        (f"{wheel} wheel", f"± {100 * error:.1f} % of its speed")
+        for wheel, error in zip(("Left", "Right"), expected.wheel_loss_error, strict=True)
+    ]
+    rows.append(("Light", f"± {100 * expected.light_ratio_error:.1f} % of {memory.scenario}'s"))
+    title = f"Self-check: a calibration of {len(memory.spread)} steps, remembered of {memory.scenario}; standard errors"
+    print_table(console, title, ("", "is known to"), rows)
+
+
+def _print_nominal(nominal: Nominal, genome: Genome, console: Console) -> None:
+    """What a champion remembers of its training world."""
+    rows: list[tuple[str, ...]] = []
+    for name, numbers in {
+        "At the goal in the end": nominal.success,
+        "Slowest arrival (s)": nominal.time_to_goal_s,
+        "Longest away afterwards (s)": nominal.away_s,
+    }.items():
+        rows.append((name, *("never" if np.isnan(number) else f"{number:g}" for number in numbers.round(2))))
+    rows.append((f"Least live fitness, over {nominal.fitness.shape[1]} s", *map(_course, nominal.fitness)))
+    own = genome.sensors.split(", ") if genome.sensors else []
+    end = genome.network.inputs - len(own)
+    names = [f"Light reading {place}" for place in range(genome.lights)]
+    names += [f"Distance reading {place}" for place in range(end - genome.lights)]
+    for name, means, spreads in zip([*names, *own], nominal.reading_mean.T, nominal.reading_spread.T, strict=True):
+        cells = (f"{mean:.2f} ± {spread:.2f}" for mean, spread in zip(means, spreads, strict=True))
+        rows.append((name, *cells))
+    if nominal.sun is not None and nominal.echo is not None:
+        bearing, level, lamp_side = nominal.sun
+        rows.append(("Sun: from the start's heading, level", f"{np.degrees(bearing):.1f}°, {level:.2f}", ""))
+        rows.append(("Goal when the lamp is lit", "" if lamp_side < 0 else "here", "here" if lamp_side < 0 else ""))
+        nearest, farthest = 1000 * nominal.echo[1, [0, -1]]
+        rows.append(("Echo curve", f"{nominal.echo.shape[1]} points", f"{nearest:.0f} to {farthest:.0f} mm"))
+    title = f"Nominal: {nominal.scenario} at {nominal.gain_rad_s:g} rad/s"
+    print_table(console, title, ("", "left (lamp off)", "right (lamp on)"), rows)
+
+
+def _course(fitness: NDArray[np.float64]) -> str:
+    """The course of fitness as twelve bars from 0 to 1, and the means of its first and last twelfth."""
+    parts = [part.mean() for part in np.array_split(fitness, min(12, len(fitness)))]
+    return "".join("▁▂▃▄▅▆▇█"[min(7, int(8 * max(0.0, part)))] for part in parts) + f" {parts[0]:.2f} → {parts[-1]:.2f}"

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -10,7 +11,15 @@ from matplotlib.figure import Figure
 from epuckhebb.analysis import charts, figures, leaderboard, summary
 from epuckhebb.analysis.image import KINDS, MM, image
 from epuckhebb.analysis.reversal import limits
-from epuckhebb.config import Config, EvaluateConfig, EvolveConfig, from_values, settings, without_own_code
+from epuckhebb.config import (
+    Config,
+    EvaluateConfig,
+    EvolveConfig,
+    FlockConfig,
+    from_values,
+    settings,
+    without_own_code,
+)
 from epuckhebb.export.replay import recording
 from epuckhebb.runs import figures as of_runs
 from epuckhebb.runtime import ConfigError
@@ -18,6 +27,7 @@ from epuckhebb.sim.controller import GA
 from epuckhebb.sim.samples import Samples
 from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.store import Run, load_genome, write_atomic
+from epuckhebb.studies import flock, reproduce
 
 _LEAST_SHARE, _MOST_MM = 0.5, 1000.0  # of a figure's own width, below which its letters overlap; of any figure
 
@@ -26,31 +36,23 @@ def _config(run: Run, schema: type[Config]) -> Config:
     return from_values(without_own_code(settings(run.config_file)), schema, str(run.path))
 
 
-def _maze(run: Run) -> Figure:
-    return figures.maze(recording(run.path).config.world)
-
-
-def _trajectories(run: Run) -> Figure:
+def _recorded(run: Run, name: str) -> Figure:
+    """A figure of what a run recorded; those about plasticity show the first controller that has it."""
     made = recording(run.path)
-    return of_runs.trajectories(made.config, made.title, made.traces)
-
-
-def _plastic(run: Run) -> tuple[str, dict[str, Samples]]:
-    """The name of the first controller with plasticity, and its lifetime on each side."""
-    traces = recording(run.path).traces
-    name = next((one for one in traces.controller if one != GA), GA)
-    own = [k for k, one in enumerate(traces.controller) if one == name]
-    return name, {traces.side[k]: Samples(*(array[k] for array in traces.samples)) for k in own}
-
-
-def _network(run: Run) -> Figure:
-    made, (name, lifetimes) = recording(run.path), _plastic(run)
-    return charts.network(made.weights, lifetimes, f"{name} in {made.title}", made.network, made.config.world.robot)
-
-
-def _weight_change(run: Run) -> Figure:
-    made, (name, lifetimes) = recording(run.path), _plastic(run)
-    return charts.weight_change({name: lifetimes}, "fitness", made.config.world.name, made.config.world.robot)
+    world, traces = made.config.world, made.traces
+    if name == "maze":
+        return figures.maze(world)
+    if name == "trajectories":
+        return of_runs.trajectories(made.config, made.title, traces)
+    plastic = next((one for one in traces.controller if one != GA), GA)
+    lifetimes = {
+        side: Samples(*(array[k] for array in traces.samples))
+        for k, (controller, side) in enumerate(zip(traces.controller, traces.side, strict=True))
+        if controller == plastic
+    }
+    if name == "network":
+        return charts.network(made.weights, lifetimes, f"{plastic} in {made.title}", made.network, world.robot)
+    return charts.weight_change({plastic: lifetimes}, "fitness", world.name, world.robot)
 
 
 def _reversal(run: Run) -> Figure:
@@ -88,16 +90,34 @@ def _leaderboard(run: Run) -> Figure:
 
 
 _DRAWN: dict[str, tuple[str, Callable[[Run], Figure]]] = {  # name -> the file that it needs, and what draws it
-    "trajectories": ("traces.npz", _trajectories),
-    "maze": ("traces.npz", _maze),
-    "network": ("traces.npz", _network),
-    "weight_change": ("traces.npz", _weight_change),
+    **{
+        name: ("traces.npz", partial(_recorded, name=name))
+        for name in ("trajectories", "maze", "network", "weight_change")
+    },
     "reversal": ("reversal.csv", _reversal),
     "learning": ("history.csv", _learning),
     "dose_response": ("sweep.csv", _dose_response),
     "leaderboard": ("leaderboard.csv", _leaderboard),
     "rescue_and_harm": ("rescue_over_all.csv", _rescue_and_harm),
 }
+_STUDIES: dict[str, Callable[[Run], dict[str, Figure]]] = {  # file of results -> what draws all figures again
+    "flock.csv": lambda run: flock.figures(
+        from_values(settings(run.config_file), FlockConfig, str(run.path)),
+        run.table("curves.csv"),
+        run.table("flock.csv"),
+    ),
+    "claims.csv": lambda run: reproduce.figures(run.path),
+}
+
+
+def _drawn(run: Run, name: str) -> Figure:
+    """A figure of a run by its name."""
+    study = next((draw for file, draw in _STUDIES.items() if run.has(file)), None)
+    known = [one for one, (file, _) in _DRAWN.items() if run.has(file)]
+    known += sorted(file.stem for file in (run.path / "figures").glob("*.png")) if study else []
+    if name not in known:
+        raise ConfigError(f"{run.path} has the figures {', '.join(known) or 'none'}; got {name}")
+    return study(run)[f"{name}.png"] if study else _DRAWN[name][1](run)
 
 
 def draw(path: Path, name: str, kind: str, width_mm: float | None, output: Path | None) -> Path:
@@ -106,13 +126,9 @@ def draw(path: Path, name: str, kind: str, width_mm: float | None, output: Path 
     kind: png, svg or pdf. width_mm: of the figure; None for its own width. output: the file; None for one in the run
     folder.
     """
-    run = Run(path)
-    known = [one for one, (file, _) in _DRAWN.items() if run.has(file)]
-    if name not in known:
-        raise ConfigError(f"{path} has the figures {', '.join(known) or 'none'}; got {name}")
     if kind not in KINDS:
         raise ConfigError(f"--format must be one of {', '.join(KINDS)}, got {kind}")
-    drawn, target = _DRAWN[name][1](run), output or path / "figures" / f"{name}.{kind}"
+    drawn, target = _drawn(Run(path), name), output or path / "figures" / f"{name}.{kind}"
     least = _LEAST_SHARE * drawn.get_figwidth() * MM
     if width_mm is not None and not least <= width_mm <= _MOST_MM:
         raise ConfigError(f"--width of this figure must lie between {least:.0f} and {_MOST_MM:g} mm, got {width_mm:g}")

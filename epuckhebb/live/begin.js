@@ -29,14 +29,9 @@ const acts = {
   play: () => setPlaying(!shown.playing),
   step: () => { seek(END); ask({ do: "step" }); },
   now: () => seek(END),
-  theme: () => {
-    const root = document.documentElement.style, isDark = root.colorScheme ? root.colorScheme === "dark" : dark.matches;
-    root.colorScheme = isDark ? "light" : "dark";
-    repaint();
-  },
+  theme: () => { changeScheme(); repaint(); },
 };
 
-const dark = matchMedia("(prefers-color-scheme: dark)");
 document.querySelector("main").hidden = $("transport").hidden = false;
 $("title").textContent = data.title;
 document.documentElement.dataset.side = data.sides[0];

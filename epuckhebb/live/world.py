@@ -64,9 +64,6 @@ class LiveWorld:
     words: settings, as on the command line. side: which trial. config, genome: what they make. robots: one lifetime in
     progress for each controller, the first without plasticity. kept: how many of their last samples are kept; a saved
     lifetime does not need them. changes: what was done by hand.
-
-    Raises:
-        ConfigError: a setting or the genome cannot be used.
     """
 
     def __init__(self, words: Sequence[str], side: Side, config_dir: str | None = None) -> None:
@@ -184,11 +181,7 @@ class LiveWorld:
         return Record(duration_s, list(self.changes), [robot.outcome() for robot in self.robots])
 
     def save(self, record: Record, folder: Path = Path("runs")) -> Saved:
-        """Run the lifetime again as `evaluate` does, into a run folder.
-
-        Raises:
-            ConfigError: it cannot be written.
-        """
+        """Run the lifetime again as `evaluate` does, into a run folder."""
         name = f"{hydra.new_stamp()}_{self.config.world.name}_seed{self.config.seed}_played"
         words = [word for word in self.words if word.partition("=")[0] not in _SETTINGS]
         words += [f"lifetime.duration_s={record.duration_s!r}", "repeats=1"]

@@ -58,9 +58,6 @@ class SignalNumbers(NamedTuple):
     radius_ratio: float
 
 
-EXACT = GoalSignal().numbers()
-
-
 def initial_signal() -> NDArray[np.bool_]:
     """The goal signal of the last steps, of which a late one is made."""
     return np.zeros(round(LONGEST_DELAY_S / STEP_S) + 1, np.bool_)

@@ -247,7 +247,7 @@ class Session:
             kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate), history=self._history),
             kind.nominal if individual.nominal is None else individual.nominal,
             lights_of(self.world, lamp_on=lamp_on),
-            trial_of(self.world, individual.side, self._start),
+            trial_of(self.world, individual.side, self._start, phase.faults),
             self.world.fitness.numbers() if self.world.fitness.step else (),
             float(lifetime.gain_rad_s),
             float(lifetime.noise),
@@ -301,29 +301,26 @@ class Session:
             if isinstance(group, Sensor):
                 for reading, value in zip(group.readings, scratch, strict=True):
                     group.check_value(value, reading)
+        where = f"on a {who.side} trial of scenario {self.world.name}"
+        when = f"at step {tally.step - tally.lost} of {self.lifetime.steps}"
         if self.world.fitness.step is not None and not math.isfinite(life.score["sum"][0]):
-            raise FitnessError(
-                f"fitness {self.world.fitness.name}: `step` gave infinite or nan values on a {who.side} trial of "
-                f"scenario {self.world.name}; noticed at step {tally.step} of {self.lifetime.steps}"
-            )
+            name = self.world.fitness.name
+            raise FitnessError(f"fitness {name}: `step` gave infinite or nan values {where}; noticed {when}")
         if who.network.wiring is not None and not np.isfinite(life.activation).all():
-            raise WiringError(
-                f"wiring {who.network.wiring.name}: `neuron` gave infinite or nan activations on a {who.side} trial of "
-                f"scenario {self.world.name}; noticed at step {tally.step} of {self.lifetime.steps}"
-            )
+            name = who.network.wiring.name
+            raise WiringError(f"wiring {name}: `neuron` gave infinite or nan activations {where}; noticed {when}")
         finite = bool(np.isfinite(life.weights).all() and np.isfinite(life.synapse_state.view(np.float64)).all())
         finite = finite and math.isfinite(tally.weight_change_sum)
         sums = tally.behaviour_sum + tally.path_length + tally.goal_distance
         if finite and not tally.lost and math.isfinite(sums):
             return
-        where = f"on a {who.side} trial of scenario {self.world.name}, controller {who.controller.name},"
-        when = f"at step {tally.step - tally.lost} of {self.lifetime.steps}"
-        if not finite:
-            raise LostRobotError(
-                f"{where} the rule {type(who.controller.rule).__name__} made weights, their change, or what synapses "
-                f"keep, infinite or nan; noticed {when}"
-            )
-        raise LostRobotError(f"{where} the robot's pose {self._space.lost} {when}")
+        where = f"{where}, controller {who.controller.name},"
+        if finite:
+            raise LostRobotError(f"{where} the robot's pose {self._space.lost} {when}")
+        raise LostRobotError(
+            f"{where} the rule {type(who.controller.rule).__name__} made weights, their change, or what synapses keep, "
+            f"infinite or nan; noticed {when}"
+        )
 
 
 def _genotype_of(individual: Individual, kind: Kind, world: Scenario, gain_rad_s: float) -> Genotype:
@@ -335,9 +332,12 @@ def _genotype_of(individual: Individual, kind: Kind, world: Scenario, gain_rad_s
     if individual.corrections is not None:
         check_corrections(individual.corrections, world.robot)
     of_updates = kind.signs if individual.signs is None else individual.signs
-    if of_updates is None:
-        raise ValueError("a rule with sign=shuffled needs the signs of its updates, Individual.signs")
     rule, network = individual.controller.rule, individual.network
+    if of_updates is None or of_updates.shape != (network.synapses,):
+        raise ValueError(
+            f"a rule with sign=shuffled needs the signs of its updates, Individual.signs, one for each of the "
+            f"{network.synapses} weights of network {network}"
+        )
     parts = values_of(type(rule), network, kind.plan.split(individual.genes))
     inherited = parts[WEIGHTS]
     if rule.initial_weights is InitialWeights.random:

@@ -194,8 +194,3 @@ def recorded_wiring(name: str, sizes: Sequence[int], pairs: Iterable[Sequence[in
     kind: Any = type(name, (Wiring,), {"sizes": tuple(sizes), "synapses": lambda _, __: known})
     wiring: Wiring = kind()
     return wiring
-
-
-def is_recorded(wiring: Wiring | None) -> bool:
-    """Whether a wiring is only what was recorded of one, so that nothing can run."""
-    return wiring is not None and wiring.neuron is None

@@ -40,13 +40,9 @@ COST = "cost.json"
 def job_of(overrides: list[str], config: Plain, *, champion: str = "", **more: Any) -> Job:
     """A job that evolves a champion or, if it is given `worlds`, tests one.
 
-    Args:
-        overrides: The settings to type for it.
-        config: Its configuration.
-        champion: The run of the champion that it tests, or whose weights it is given; "" for the genome of the
-            configuration.
-        more: `worlds`, by name; `config_dir`, where the user's are; `name` of the champion in tables; `rates`,
-            `signal` and `experiment` for the paper's rule and its controls in place of the controllers of `config`.
+    champion: the run of the champion that it tests, or whose weights it is given; "" for the genome of `config`. more:
+    `worlds`, by name; `config_dir`, where the user's are; `name` of the champion in tables; `rates`, `signal` and
+    `experiment` for the paper's rule and its controls in place of the controllers of `config`.
     """
     job = {"config": config, "champion": champion, **more}
     return Job(number=0, overrides=overrides, run=identity(job), config=job)

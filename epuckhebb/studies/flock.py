@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -22,6 +22,9 @@ from epuckhebb.sim.flock import CHANGE_S, Flock, Record, run
 from epuckhebb.store import Run, RunFolder, digest, science_version, versions
 from epuckhebb.studies import jobs
 from epuckhebb.studies.jobs import Job
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 QUICK = (
     "seed=1",  # those of the study are not looked at in a smoke test
@@ -37,10 +40,6 @@ def flock(arguments: list[str], *, quick: bool, config_dir: str | None = None) -
     """Do what is missing and write the tables, the figures and the page; returns the folder.
 
     arguments: overrides, of the study and of Hydra.
-
-    Raises:
-        ConfigError: A key or the coupling cannot be used.
-        JobFailedError: A job failed.
     """
     own, of_hydra = jobs.split("flock", arguments)
     config = load(FlockConfig, [*(QUICK if quick else ()), *own], config_dir)
@@ -85,11 +84,7 @@ def shown(config: FlockConfig) -> tuple[Flock, dict[str, Record]]:
 
 
 def replay_page(path: Path) -> str:
-    """The page that replays a finished study: its first flock runs again.
-
-    Raises:
-        ConfigError: The folder holds no study of flocks, or the flock does not run as it did.
-    """
+    """The page that replays a finished study: its first flock runs again."""
     done = Run(path)
     config = from_values(settings(done.config_file), FlockConfig, str(path))
     flock, records = shown(config)
@@ -132,15 +127,10 @@ def _work(path: Path, job: Plain, facts: dict[str, Any]) -> None:
         folder.write("minutes.csv", pd.DataFrame(minutes))
 
 
-def _report(folder: RunFolder, config: FlockConfig, done: list[Run]) -> None:
+def figures(config: FlockConfig, curves: pd.DataFrame, table: pd.DataFrame) -> "dict[str, Figure]":
+    """The figures of a study by the names of their files, of two of its tables; its first flock runs again."""
     from epuckhebb.analysis import flock_figure  # matplotlib takes a while to load
-    from epuckhebb.analysis.image import image, small
 
-    runs = pd.concat([one.table("runs.csv") for one in done], ignore_index=True)
-    table, checks = tables.table(runs, config.seed), tables.estimator(config.seed)
-    curves = tables.curves(done[0].table("minutes.csv"), config.seed)
-    for name, frame in (("runs", runs), ("flock", table), ("curves", curves), ("estimator", checks)):
-        folder.write(f"{name}.csv", frame)
     first, records = shown(config)
     at = int(first.at_s / CHANGE_S)
     networks = {name: (record.weights[at], record.weights[-1]) for name, record in records.items()}
@@ -148,17 +138,20 @@ def _report(folder: RunFolder, config: FlockConfig, done: list[Run]) -> None:
         "flock.png": flock_figure.curves(curves, first.at_s, config.repeats),
         "couplings.png": flock_figure.couplings(networks, first.broken, first.knowers),
     }
-    if len(config.cells) > 1:
-        drawn["sweep.png"] = flock_figure.sweep(table)
+    return drawn | ({"sweep.png": flock_figure.sweep(table)} if len(config.cells) > 1 else {})
+
+
+def _report(folder: RunFolder, config: FlockConfig, done: list[Run]) -> None:
+    runs = pd.concat([one.table("runs.csv") for one in done], ignore_index=True)
+    table, checks = tables.table(runs, config.seed), tables.estimator(config.seed)
+    curves = tables.curves(done[0].table("minutes.csv"), config.seed)
+    for name, frame in (("runs", runs), ("flock", table), ("curves", curves), ("estimator", checks)):
+        folder.write(f"{name}.csv", frame)
+    drawn, first = figures(config, curves, table), config.cells[0].flocks[-1]
     few = "**A smoke test: so few flocks say nothing about a coupling.** " if config.repeats < 8 else ""
     made = (
         f"{few}Made by `epuckhebb flock`: {config.flock.robots} robots, {config.repeats} flocks of the usual "
         f"condition, seeds {config.seed} to {config.seed + config.repeats - 1}; {first.duration_s / 60:g} minutes, and "
         f"the break after {first.at_s / 60:g}."
     )
-    pictures = {name: image(figure) for name, figure in drawn.items()}
-    page = tables.page(table, checks, made, list(pictures))
-    for name, picture in pictures.items():
-        folder.write(f"figures/{name}", picture)
-    shown_small = {name: small(picture) for name, picture in pictures.items()}
-    jobs.write_report(folder, page, shown_small, "epuckhebb: flock")
+    jobs.write_report(folder, tables.page(table, checks, made, list(drawn)), drawn, "epuckhebb: flock")

@@ -6,6 +6,7 @@ from functools import cache
 from epuckhebb.config import EvaluateConfig, Plain, check_counts, from_values, own_sources
 from epuckhebb.runs import prepare_evaluation
 from epuckhebb.runtime import ConfigError
+from epuckhebb.sim.maze import SIDES
 from epuckhebb.store import digest, load_genome, science_version, versions
 from epuckhebb.studies.jobs import NO_EFFECT
 
@@ -37,9 +38,6 @@ class Identities:
 
         Besides the settings these are the genome, what it remembers if that is used, the user's own files, the science,
         and the numeric packages.
-
-        Raises:
-            ConfigError: A value or the genome cannot be used.
         """
         try:
             check_counts(config)
@@ -59,6 +57,12 @@ class Identities:
         if shared not in self._shared:
             self._shared[shared] = load() if load else from_values(config, EvaluateConfig, "a job")
         return shared
+
+    def robot_steps(self, config: Plain) -> int:
+        """How many steps all robots of an evaluation run."""
+        shared = self._shared[self.validate_shared(config)]
+        lifetimes = len(SIDES) * (1 + len(shared.controllers)) * int(config["repeats"])
+        return lifetimes * shared.lifetime.steps
 
     def _depends_on(self, config: Plain, shared: EvaluateConfig) -> Plain:
         """What the results of a configuration depend on besides its settings."""

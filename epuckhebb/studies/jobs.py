@@ -15,12 +15,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from epuckhebb.config import SWEEP_DIR, Checked, Plain, dump, quoted, value_of
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, JobFailedError, counting, say
 from epuckhebb.store import SCHEMA, UNFINISHED, OwnFile, Run, RunFolder, as_json, set_aside, write_atomic
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 NO_EFFECT = ("threads", "figures")  # keys on which no result depends
 _LIST, _JOBS, _STOP = "sweep.json", "jobs", "stop"
@@ -29,18 +32,11 @@ AT_ONCE = 1000  # jobs that a launcher gets at a time: as many as SLURM takes in
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """A part of a study that any launcher of Hydra's can do.
+    """A part of a study that any launcher of Hydra's can do."""
 
-    Attributes:
-        number: Its place, from 0.
-        overrides: The settings to type for it.
-        run: The name of its run folder, which follows from all that its results depend on.
-        config: Its configuration, as plain values.
-    """
-
-    number: int
-    overrides: list[str]
-    run: str
+    number: int  # its place, from 0
+    overrides: list[str]  # the settings to type for it
+    run: str  # the name of its run folder, which follows from all that its results depend on
     config: Plain
 
     @property
@@ -77,17 +73,9 @@ def open_study(
 ) -> Iterator[RunFolder]:
     """Work on a study in its folder, and write in its `status.json` how that ends.
 
-    Args:
-        folder: The folder; it is made if it is missing, and what killed calls left half done is removed.
-        command: The command of the command line.
-        config: The configuration, if the whole study has one.
-        arguments: What followed the command.
-        jobs: Its jobs; an interruption reports how many of them are done.
-        own: The user's files, which the folder keeps as copies.
-
-    Raises:
-        ConfigError: Another process works on this study, or its folder cannot be written to.
-        JobFailedError: The study began and could not be finished.
+    The folder is made if it is missing, and what killed calls left half done is removed. config: None if each job has
+    its own. arguments: what followed the command. jobs: an interruption reports how many are done. own: the user's
+    files, which the folder keeps as copies.
     """
 
     def left_behind() -> str:
@@ -134,11 +122,7 @@ def folder_and_launcher(hydras: Sequence[str], usual: Path, jobs: int) -> tuple[
 def launch_in_turn(
     study: RunFolder, stages: Sequence[tuple[str, Sequence[Job]]], launcher: list[str], do: Callable[[Any], None]
 ) -> None:
-    """Do the jobs that are missing, one stage after the other; what is done in each is named before it.
-
-    Raises:
-        JobFailedError: A job failed.
-    """
+    """Do the jobs that are missing, one stage after the other; what is done in each is named before it."""
     for what, jobs in stages:
         missing = len(todo(study.path, jobs))
         say(f"{what}: {len(jobs)} jobs, {len(jobs) - missing} done before, {missing} to do.")
@@ -148,12 +132,16 @@ def launch_in_turn(
             raise JobFailedError(f"{failed} of {len(jobs)} jobs to {what} failed; {job.run}: {why}")
 
 
-def write_report(study: RunFolder, page: str, shown: Mapping[str, bytes], title: str) -> None:
-    """Write the page of a study as Markdown and as HTML. shown: its pictures by the names of their files."""
+def write_report(study: RunFolder, page: str, figures: "Mapping[str, Figure]", title: str) -> None:
+    """Write the figures of a study, and its page as Markdown and as HTML. figures: by the names of their files."""
     from epuckhebb.analysis import report
+    from epuckhebb.analysis.image import image, small
 
+    pictures = {name: small(image(figure)) for name, figure in figures.items()}
+    for name, picture in pictures.items():
+        study.write(f"figures/{name}", picture)
     study.write("report.md", page)
-    study.write("report.html", report.html(page, shown.__getitem__, title))
+    study.write("report.html", report.html(page, pictures.__getitem__, title))
 
 
 def launch(
@@ -167,13 +155,8 @@ def launch(
 ) -> Outcome:
     """Do the jobs that are not done, on any launcher of Hydra's.
 
-    Args:
-        study: The folder, from `open_study`.
-        name: The name of the study, for the provenance of its runs.
-        jobs: All jobs of the study.
-        launcher: The overrides that choose and set up the launcher.
-        do: A function at the top of a module, which calls `one_job`.
-        fail_fast: Whether to start no job after one has failed.
+    study: of `open_study`. name: for the provenance of runs. launcher: the overrides that set it up. do: a function at
+    the top of a module, which calls `one_job`. fail_fast: whether to start no job after one has failed.
     """
     folder = study.path
     missing = todo(folder, jobs)
@@ -220,11 +203,9 @@ def count(folder: Path, jobs: Sequence[Job], attempts: Sequence[Path]) -> tuple[
 def one_job(cfg: Any, name_of: Callable[[Plain], str], work: Callable[[Path, Plain, dict[str, Any]], None]) -> None:
     """Do one job of a study, in the process that the launcher gives it.
 
-    Args:
-        cfg: What Hydra knows of the job: its name.
-        name_of: A function from a configuration to the name of its run, which must still be that of the job.
-        work: A function that does the job. It gets a folder, which is renamed afterwards; the file of the job; and
-            facts for `provenance.json`.
+    cfg: what Hydra knows of the job: its name. name_of: from a configuration to the name of its run, which must still
+    be that of the job. work: does the job; it gets a folder, which is renamed afterwards, the file of the job, and
+    facts for `provenance.json`.
     """
     attempt = hydra.output_folder()
     folder, run = attempt.parents[1], str(cfg.job)

@@ -35,7 +35,6 @@ def leaderboard(planned: Leaderboard) -> None:
 def _report(study: RunFolder, planned: Leaderboard) -> None:
     """Write the tables, the figure and the page over all champions."""
     from epuckhebb.analysis import charts  # matplotlib takes a while to load
-    from epuckhebb.analysis.image import image, small
 
     champions, worlds, costs = _tables(planned)
     table = board.table([entry.row for entry in planned.entries], champions)
@@ -46,12 +45,11 @@ def _report(study: RunFolder, planned: Leaderboard) -> None:
         parts.append(f"## {board.title(str(experiment))}\n\n{board.markdown_of(own, worlds)}")
     study.write("leaderboard.md", "\n".join(parts))
     lines = {entry.row.experiment: limits(entry.task) for entry in planned.entries if isinstance(entry.task, Reversal)}
-    picture = image(charts.leaderboard_of(table, champions, lines))
-    study.write(f"figures/{board.FIGURE}", picture)
+    figures = {board.FIGURE: charts.leaderboard_of(table, champions, lines)}
     meanings = {entry.method.name: entry.method.description for entry in planned.entries}
     tests = {experiment: list(own) for experiment, own in planned.tests.items()}
     page = board.markdown(table, worlds, costs, meanings, tests, _provenance(planned))
-    write_report(study, page, {board.FIGURE: small(picture)}, "epuckhebb: leaderboard")
+    write_report(study, page, figures, "epuckhebb: leaderboard")
 
 
 def _provenance(planned: Leaderboard) -> str:

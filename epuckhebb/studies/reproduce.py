@@ -11,12 +11,12 @@ from typing import Any
 
 import pandas as pd
 import yaml
+from matplotlib.figure import Figure
 
 from epuckhebb.analysis import report, reproduction
 from epuckhebb.analysis.evaluate import memory_to_evaluate
-from epuckhebb.analysis.image import small
 from epuckhebb.analysis.tables import code
-from epuckhebb.config import EvaluateConfig, EvolveConfig, ReproduceConfig, from_values, load, part_from
+from epuckhebb.config import EvaluateConfig, EvolveConfig, ReproduceConfig, from_values, load, part_from, settings
 from epuckhebb.runs import prepare_evolution
 from epuckhebb.runtime import ConfigError, Need, data_folder, require
 from epuckhebb.sim.life import Lifetime
@@ -25,7 +25,7 @@ from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.store import Genome, Run, RunFolder, load_genome, science_version
 from epuckhebb.studies.champions import champion_job, in_training_world, job_of
-from epuckhebb.studies.jobs import Job, folder_and_launcher, launch_in_turn, open_study, split, write_report
+from epuckhebb.studies.jobs import Job, folder_and_launcher, launch_in_turn, open_study, split, todo, write_report
 
 EXPERIMENTS = {"light": ("light",), "obstacles": ("obstacles",), "all": ("light", "obstacles")}
 QUICK = ("champions=3", "repeats=3", "rates=[0.000015,0.002]")
@@ -42,11 +42,7 @@ class _Champion:
 
 
 def reproduce(experiment: str, arguments: list[str], *, quick: bool) -> Path:
-    """Do what is missing and write the report; returns its folder. arguments: overrides, of the study and of Hydra.
-
-    Raises:
-        ConfigError: The experiment, a key, the genome, or what an earlier run left cannot be used.
-    """
+    """Do what is missing and write the report; returns its folder. arguments: overrides, of the study and of Hydra."""
     if experiment not in EXPERIMENTS:
         raise ConfigError(f"reproduce {experiment}: the experiment must be one of {', '.join(EXPERIMENTS)}")
     own, of_hydra = split("reproduce", arguments)
@@ -115,13 +111,28 @@ def _folder(experiment: str, config: ReproduceConfig, given: Genome | None) -> P
     return Path("runs") / "reproduce" / f"{experiment}_{who}_seed{config.first_seed}_{digest}"
 
 
-def _report(study: RunFolder, config: ReproduceConfig, champions: list[_Champion], given: Genome | None) -> None:
-    """Write the tables, the figures and the report over all lifetimes."""
-    found = _findings(study, config, champions, given)
+def figures(path: Path) -> dict[str, Figure]:
+    """The figures of a finished reproduction by the names of their files, drawn again."""
+    config = from_values(settings(Run(path).config_file), ReproduceConfig, str(path))
+    given = None if config.genome is None else _given(config.genome)
+    champions = [
+        champion
+        for experiment in Run(path).table("claims.csv").experiment.unique()
+        for champion in _planned(config, experiment, given)
+    ]
+    if todo(path, [one.test for one in champions]):
+        raise ConfigError(f"{path} was made by another version of the program; run it again")
+    found, _ = _findings(path, config, champions, given)
+    return {name: figure for name, (_, figure) in _figures(path, config, champions, given, found).items()}
+
+
+def _figures(
+    folder: Path, config: ReproduceConfig, champions: list[_Champion], given: Genome | None, found: report.Findings
+) -> dict[str, tuple[str, Figure]]:
     shown, histories = dict[str, Any](), dict[str, list[pd.DataFrame]]()
     for one in found.showcase:
         evolutions = {champion.name: champion.evolution for champion in champions if champion.experiment == one}
-        runs = {name: Run(study.path / job.run) for name, job in evolutions.items() if job}
+        runs = {name: Run(folder / job.run) for name, job in evolutions.items() if job}
         best = found.showcase[one][0]
         shown[one] = given.genes if given else load_genome(str(runs[best].path), one).genes
         if runs:
@@ -132,18 +143,24 @@ def _report(study: RunFolder, config: ReproduceConfig, champions: list[_Champion
         there = load(EvaluateConfig, [f"scenario={scenario}"])
         return replace(there.world, physics=part_from("physics", config.physics, "physics")), there.lifetime
 
-    made = reproduction.figures_of(found, shown, signals, world, histories, config.seed)
+    return reproduction.figures_of(found, shown, signals, world, histories, config.seed)
+
+
+def _report(study: RunFolder, config: ReproduceConfig, champions: list[_Champion], given: Genome | None) -> None:
+    """Write the tables, the figures and the report over all lifetimes."""
+    found, tables = _findings(study.path, config, champions, given)
+    for name, table in tables.items():
+        study.write(f"{name}.csv", table)
+    made = _figures(study.path, config, champions, given, found)
     text = report.markdown(found, {name: caption for name, (caption, _) in made.items()})
-    pictures = {name: small(png) for name, (_, png) in made.items()}
-    for name, png in pictures.items():
-        study.write(f"figures/{name}", png)
-    write_report(study, text, pictures, "epuckhebb: the paper's experiment, reproduced")
+    drawn = {name: figure for name, (_, figure) in made.items()}
+    write_report(study, text, drawn, "epuckhebb: the paper's experiment, reproduced")
 
 
 def _findings(
-    study: RunFolder, config: ReproduceConfig, champions: list[_Champion], given: Genome | None
-) -> report.Findings:
-    """The findings; their tables are written."""
+    folder: Path, config: ReproduceConfig, champions: list[_Champion], given: Genome | None
+) -> tuple[report.Findings, dict[str, pd.DataFrame]]:
+    """The findings, and all tables by their names."""
     last = config.first_seed + config.champions - 1
     who = f"{config.champions} champions of each experiment, evolved from seeds {config.first_seed} to {last}"
     if given:
@@ -152,8 +169,8 @@ def _findings(
     paper: Mapping[str, Any] = yaml.safe_load(
         (data_folder("conf") / "paper" / "tables.yaml").read_text(encoding="utf-8")
     )
-    found, tables = reproduction.findings_of(
-        pd.concat([Run(study.path / one.test.run).table("metrics.csv") for one in champions], ignore_index=True),
+    return reproduction.findings_of(
+        pd.concat([Run(folder / one.test.run).table("metrics.csv") for one in champions], ignore_index=True),
         paper,
         dict.fromkeys([one.experiment for one in champions], count),  # else a job would have failed
         champions=count,
@@ -162,6 +179,3 @@ def _findings(
         provenance=f"Made by `epuckhebb reproduce`: {who}; {config.repeats} repeats of every condition "
         f"(seed {config.seed}); live fitness: {config.signal.value}; physics: {config.physics['kind']}.",
     )
-    for name, table in tables.items():
-        study.write(f"{name}.csv", table)
-    return found

@@ -22,6 +22,8 @@ from epuckhebb.store import Run, RunFolder, as_bytes, digest, read_table, write_
 from epuckhebb.studies import identity
 from epuckhebb.studies.jobs import Job, Outcome, folder_and_launcher, launch, one_job, open_study, split
 
+_JOB_S, _STEP_S = 0.3, 1e-6  # CPU time of a job besides its lifetimes, and of a step of a robot: docs/scale.md
+
 
 def evaluate_job(cfg: Any) -> None:
     """Do one evaluation of a study."""
@@ -35,21 +37,21 @@ def _evaluate(path: Path, job: Plain, facts: dict[str, Any]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
-    """A named sweep: its jobs, its folder, the arguments of its command, and those for Hydra's launcher."""
+    """A named sweep: its jobs, its folder, the arguments of its command, and those for Hydra's launcher.
+
+    cpu_s: about how long each run takes on one core [s].
+    """
 
     name: str
     jobs: list[Job]
+    cpu_s: dict[str, float]
     folder: Path
     arguments: list[str]
     launcher: list[str]
 
 
 def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Sweep:
-    """List the jobs of a sweep, each composed and checked; two that would do the same are one.
-
-    Raises:
-        ConfigError: There is no such sweep, or a key, a value or the genome cannot be used.
-    """
+    """List the jobs of a sweep, each composed and checked; two that would do the same are one."""
     own, of_hydra = split("sweep", arguments)
     check_words("evaluate", arguments, config_dir, several=True)
     named = [f"experiment={name}"]
@@ -60,9 +62,10 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     choices = alternatives([*swept, *own])
     listed: dict[str, Job] = {}
     again: list[Job] = []
-    identities = identity.Identities()
+    identities, cpu_s = identity.Identities(), dict[str, float]()
     for overrides, config in combinations("evaluate", named, choices, config_dir, identities.validate_shared):
         run = identities.of(config)
+        cpu_s[run] = _JOB_S + _STEP_S * identities.robot_steps(config)
         job = Job(number=len(listed), overrides=[*named, *overrides], run=run, config=config)
         if listed.setdefault(run, job) is not job:
             again.append(job)
@@ -73,7 +76,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     usual = Path("runs") / "sweep" / f"{name}_{settings[:8]}"
     folder, launcher = folder_and_launcher(of_hydra, usual, len(jobs))
     words_typed = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]
-    return Sweep(name=name, jobs=jobs, folder=folder, arguments=words_typed, launcher=launcher)
+    return Sweep(name=name, jobs=jobs, cpu_s=cpu_s, folder=folder, arguments=words_typed, launcher=launcher)
 
 
 def sweep(planned: Sweep, *, fail_fast: bool) -> Outcome:

@@ -161,15 +161,7 @@ class Adaptation:
     @property
     def parts(self) -> "Parts":
         """Which functions it has."""
-        return Parts(
-            self.change_signal,
-            self.follows_walls,
-            self.plastic_when,
-            self.stay,
-            self.recognise,
-            self.self_check,
-            self.homeostasis,
-        )
+        return Parts(*(getattr(self, name) for name in Parts._fields))
 
     @property
     def is_gated(self) -> bool:
@@ -202,10 +194,7 @@ class Adaptation:
             "correct side": times,
             "goal signal": self.is_gated and (signals_time or self.stay is not Stay.none) and not self.recognise,
             "sensor model": self.self_check or self.recognise,
-            "hand-written": self.follows_walls
-            or self.stay in (Stay.halt, Stay.wait)
-            or self.self_check
-            or self.recognise,
+            "hand-written": self.follows_walls or self.stay.halts or self.self_check or self.recognise,
         }
         return tuple(kind for kind, used in uses.items() if used)
 
@@ -302,7 +291,7 @@ def hooks(parts: Parts, robot: Robot, first_post: int = HIDDEN[0]) -> Hooks:
         explore = with_motor_noise(limit)
         if parts.follows_walls:
             explore = following(wall_following(robot), limit)
-        explore = staying(explore, parts.stay in (Stay.halt, Stay.wait), parts.recognise)
+        explore = staying(explore, parts.stay.halts, parts.recognise)
         recognised = recognition(robot) if parts.recognise else None
         open_gate = gates(_signal(parts.change_signal), parts.plastic_when, parts.stay, recognised)
     return Hooks(

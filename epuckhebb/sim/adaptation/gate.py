@@ -41,6 +41,11 @@ class Stay(Enum):
     wait = "wait"
     learn = "learn"
 
+    @property
+    def halts(self) -> bool:
+        """Whether the wheels stop at the goal."""
+        return self in (Stay.halt, Stay.wait)
+
 
 @compiled
 def need(signal: float, threshold: float, slope: float) -> float:
@@ -62,7 +67,7 @@ def gates(
     """The function that opens both gates, `open_gate` of `adaptation.Hooks`. recognised: None for the goal signal."""
     always, at_the_goal = plastic_when is PlasticWhen.always, plastic_when.at_the_goal
     recognises = recognised is not None
-    halts, for_good = stay in (Stay.halt, Stay.wait), stay is Stay.halt and not recognises
+    halts, for_good = stay.halts, stay is Stay.halt and not recognises
     wait_s = WAIT_S if stay is Stay.wait else 0.0
     is_here = recognised or false
 

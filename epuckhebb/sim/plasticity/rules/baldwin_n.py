@@ -13,25 +13,17 @@ from typing import Any, ClassVar
 
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.evolved import Evolved
-from epuckhebb.sim.plasticity.rule import Rule
-from epuckhebb.sim.ranges import check_range
+from epuckhebb.sim.plasticity.rules.paper import Paper
 
 
 @dataclass(frozen=True, kw_only=True)
-class BaldwinN(Rule):
-    """The paper's rule with an evolved rate. trace_decay, trace_update: share of the old trace and of the new C."""
+class BaldwinN(Paper):
+    """The paper's rule with an evolved rate."""
 
-    synapse_state: ClassVar = {"trace": 0.0}
     evolved: ClassVar = {"theta": Evolved(start=1.0, limit=1.5)}
     coefficients: ClassVar = ("factor",)
 
     N_gain_rad_s: float = 4.0
-    trace_decay: float = 0.95
-    trace_update: float = 0.05
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_range(self, "hebbian", "trace_decay", "trace_update", most=1)
 
     @classmethod
     def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:
@@ -39,7 +31,9 @@ class BaldwinN(Rule):
         return {"factor": 10.0 ** parameters["theta"]}
 
     @staticmethod
-    def synapse(correlation: float, synapse_state: Any, factor: float, by: Any) -> float:
+    def synapse(  # type: ignore[override]  # arguments go by name
+        correlation: float, synapse_state: Any, factor: float, by: Any
+    ) -> float:
         """T' = 0.95 T + 0.05 C, D = 10^theta T'."""
         synapse_state.trace = by.trace_decay * synapse_state.trace + by.trace_update * correlation
         return float(factor * synapse_state.trace)
