@@ -32,7 +32,7 @@ from epuckhebb.sim.life import (
     pad_samples,
     tally_of,
 )
-from epuckhebb.sim.lifetime import look, reset_to_genes
+from epuckhebb.sim.lifetime import look
 from epuckhebb.sim.maze import Pose, Side
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.sim.outcome import Outcome, outcome_of
@@ -242,7 +242,9 @@ class Session:
             self._space = phase.space  # there is room for it among the new walls
             self._space.place_robot(self.world.put)
         if self.world.reset:
-            reset_to_genes(self.life)
+            genotype = self.life.genotype
+            self.life.weights[:], self.life.synapse_state[:] = genotype.weights, genotype.synapse_state
+            self._tally["weight_change"] = 0.0
         self.setup = Setup(
             kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate), history=self._history),
             kind.nominal if individual.nominal is None else individual.nominal,
