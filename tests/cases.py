@@ -1,6 +1,8 @@
 """What many tests do alike: call the program, look at what it left, and leave dear cases to the thorough suite."""
 
 import re
+import shutil
+from contextlib import chdir
 from pathlib import Path
 
 import pytest
@@ -8,6 +10,9 @@ from typer.testing import CliRunner
 
 from epuckhebb.cli.commands import app
 from epuckhebb.runtime.errors import USAGE
+
+SHORT = ["lifetime.duration_s=2", "repeats=1"]
+SMALL_GA = ["ga.population=4", "ga.loops=1", "ga.elites=1", "lifetime.duration_s=2", "scenario.paper_duration_s=10"]
 
 
 def call(*words):
@@ -29,6 +34,35 @@ def refused(*words):
     assert isinstance(result.exception, SystemExit)
     assert len(re.findall("^Error: ", result.stderr, re.MULTILINE)) == 1, result.output
     return result.stderr
+
+
+def refused_before(out, words, texts):
+    """Call the program, which must refuse with all of these texts, before there is a folder of this name."""
+    said = refused(*words)
+    assert [text for text in texts if text not in said] == [], said
+    assert not Path(out).exists()
+
+
+def runs_of(folder, example, *commands, place="."):
+    """A folder outside the package with an example at a place in it, and with what these commands leave."""
+    shutil.copytree(example, folder / place, dirs_exist_ok=True)
+    with chdir(folder):
+        for words in commands:
+            done(*words)
+    return folder
+
+
+def check_resumed(words, generations, names=("history.csv", "champion.npz")):
+    """An evolution by these words that is stopped, and goes on, leaves the same bytes as the one in `evolved`."""
+
+    def same():
+        return all(Path("again", name).read_bytes() == Path("evolved", name).read_bytes() for name in names)
+
+    some, all_of_them = generations
+    done("evolve", *words, some, "hydra.run.dir=again")
+    assert not same()
+    done("evolve", "resume=again", all_of_them, "-q")
+    assert same()
 
 
 def contents(folder="."):

@@ -2,6 +2,7 @@
 
 import gc
 import re
+import shutil
 import signal
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,7 +30,7 @@ def pytest_configure():
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    hydra_cache._MOST_KEPT = 5_000  # the tests compose more than a user does, and the same in their next run
+    hydra_cache._MOST_KEPT = 2_000  # the tests compose more than a user does, and the same in their next run
 
 
 def pytest_collection_finish():
@@ -48,6 +49,13 @@ def here(tmp_path, monkeypatch):
     """An empty folder of the test's own, which is the current one."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def copy(runs, tmp_path, monkeypatch):
+    """A copy of the folder `runs` of a test file, in which anything may be done, and which is the current one."""
+    monkeypatch.chdir(shutil.copytree(runs, tmp_path / "own"))
+    return Path.cwd()
 
 
 @pytest.fixture(scope="session")

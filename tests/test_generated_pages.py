@@ -29,7 +29,7 @@ from epuckhebb.store.traces import traces_file
 
 ROOT = Path(__file__).parents[1]
 FILES, KEYS, METHODS = (ROOT / "docs" / f"{name}.md" for name in ("files", "keys", "methods"))
-OF_THE_MODEL = ("hebbian", "lifetime", "ga")  # groups whose keys the page of methods lists
+OF_THE_MODEL = ("hebbian", "adaptation", "lifetime", "ga")  # groups whose keys the page of methods lists
 REFERENCE = ROOT / "runs" / "reference"
 
 
@@ -162,6 +162,7 @@ def test_every_array_of_a_champion_is_told():
                 "rewarded",
                 "fitness_function",
                 "sensors",
+                "physics",
                 "wiring",
                 "joined",
                 "wiring_settings",

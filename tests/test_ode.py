@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from cases import done
 
 from epuckhebb.analysis import rescue
 from epuckhebb.analysis.tables import markdown_table
@@ -17,6 +18,7 @@ from epuckhebb.gym import TMaze
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runs import prepare_evaluation, repeat
 from epuckhebb.runs.nominal import training_world
+from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.sim import libode
 from epuckhebb.sim.batch import run_lifetimes
@@ -191,15 +193,32 @@ def test_a_life_changed_by_hand_is_kept_with_roll_and_pitch_and_repeats(here):
 
 @needs_ode
 def test_a_test_world_of_a_study_has_its_own_physics_or_that_of_the_study():
-    of_plane, of_ode = (prepare_evaluation(load(EvaluateConfig, words)) for words in ([], ["physics=ode"]))
-    for prepared, name, physics in (
+    of_plane, of_ode = [], ["physics=ode"]
+    for words, name, physics in (
         (of_plane, "base_3d", "ode"),
         (of_plane, "4obstacles", "pymunk"),
         (of_ode, "4obstacles", "ode"),
+        (of_ode, "base_plane", "pymunk"),
     ):
-        there = prepared.in_world(world_named(name, None)).config
+        there = prepare_evaluation(load(EvaluateConfig, words)).in_world(world_named(name, None)).config
+        assert there.world.physics.name == load(EvaluateConfig, [f"scenario={name}", *words]).world.physics.name
         assert there.world.physics.name == physics
-        assert training_world(there).physics.name == prepared.config.world.physics.name
+
+
+@needs_ode
+@pytest.mark.usefixtures("here")
+def test_a_champion_knows_its_physics_and_compares_with_a_life_in_it():
+    small = ["ga.population=4", "ga.elites=1", "ga.loops=1", "ga.generations=1", "scenario.paper_duration_s=10"]
+    done("evolve", "physics=ode", *small, "lifetime.duration_s=1", "hydra.run.dir=deep", "-q")
+    assert "in physics ode" in done("show", "deep/champion.npz").stdout
+    asked = load(EvaluateConfig, ["genome=deep", "scenario=base", "hebbian=none"])
+    genome = load_genome("deep", "obstacles")
+    assert genome.physics == "ode"
+    assert training_world(asked, genome.physics).physics.name == "ode"
+    (note,) = notes_of(genome, asked)
+    assert "evolved with physics=ode" in note
+    assert notes_of(genome, load(EvaluateConfig, ["genome=deep", "physics=ode"])) == []
+    assert notes_of(load_genome("reference_7", "obstacles"), asked) == []
 
 
 @needs_ode
@@ -222,11 +241,10 @@ def test_an_adaptation_is_added_in_three_dimensions_to_what_a_champion_knows_of_
 
 def test_the_page_has_what_the_gap_breaks_rescues_and_harms(generated):
     table = pd.read_csv(ROOT / "runs" / "reference" / "gap" / "rescue_and_harm.csv")
-    alone = table[table.scenario.isin(["base_3d", "highlight_3d"])]
-    broken = [
-        f"{one.broken} of {one.solved} in {one.scenario}" for one in alone.drop_duplicates("scenario").itertuples()
-    ]
-    rows = [[one.scenario, rescue.label(one.controller, one.N), *rescue.counts(one)] for one in alone.itertuples()]
-    head = ["world", "controller", rescue.RESCUED, rescue.HARMED]
-    text = f"Of the trials solved in training, three dimensions break {' and '.join(broken)}.\n\n"
+    worlds = {world: table[table.scenario == world].set_index("controller") for world in ("base_3d", "highlight_3d")}
+    broken = [f"{one.broken.iloc[0]} of {one.solved.iloc[0]} in {world}" for world, one in worlds.items()]
+    names = worlds["base_3d"].index
+    rows = [[name, *(cell for one in worlds.values() for cell in rescue.counts(one.loc[name]))] for name in names]
+    head = ["controller", *(f"{world}: {what}" for world in worlds for what in (rescue.RESCUED, rescue.HARMED))]
+    text = f"Of the trials solved in training, the other physics breaks {' and '.join(broken)}.\n\n"
     generated(ROOT / "docs" / "ode.md", "gap", text + markdown_table(head, rows))

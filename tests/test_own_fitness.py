@@ -1,14 +1,12 @@
 """A fitness of the user's own: evolved, resumed, evaluated, replayed and rerun; it scales plasticity; bad ones."""
 
 import math
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
-from cases import done, refused
+from cases import SHORT, SMALL_GA, check_resumed, done, refused, refused_before, runs_of
 
 import epuckhebb
 from epuckhebb import Fitness, Lifetime
@@ -32,28 +30,17 @@ from epuckhebb.store.run import Run
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "own_fitness" / "my_fitness.py"
 OWN = "fitness.function=my_fitness.py:Explorer"
-SMALL_GA = ["ga.population=4", "ga.loops=1", "ga.elites=1", "lifetime.duration_s=2", "scenario.paper_duration_s=10"]
-SHORT = ["lifetime.duration_s=2", "repeats=1"]
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """A folder outside the package with the example, and runs by it; not to be changed."""
-    folder = tmp_path_factory.mktemp("fitness")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        shutil.copy(EXAMPLE, folder)
-        done("evolve", OWN, "fitness.goal=2", *SMALL_GA, "ga.generations=2", "hydra.run.dir=evolved")
-        words = [OWN, "fitness.goal=2", "hebbian.signal=fitness", *SHORT]
-        done("evaluate", "genome=evolved", *words, "hydra.run.dir=evaluated")
-    return folder
-
-
-@pytest.fixture
-def copy(runs, tmp_path, monkeypatch):
-    """A copy of that folder, in which anything may be done."""
-    monkeypatch.chdir(shutil.copytree(runs, tmp_path / "own"))
-    return Path.cwd()
+    own = [OWN, "fitness.goal=2"]
+    return runs_of(
+        tmp_path_factory.mktemp("fitness"),
+        EXAMPLE.parent,
+        ["evolve", *own, *SMALL_GA, "ga.generations=2", "hydra.run.dir=evolved"],
+        ["evaluate", "genome=evolved", *own, "hebbian.signal=fitness", *SHORT, "hydra.run.dir=evaluated"],
+    )
 
 
 def explorer():
@@ -61,10 +48,7 @@ def explorer():
 
 
 def test_an_evolution_by_it_is_resumed_to_the_same_champion(copy):
-    done("evolve", OWN, "fitness.goal=2", *SMALL_GA, "ga.generations=1", "hydra.run.dir=again")
-    done("evolve", "resume=again", "ga.generations=2", "-q")
-    for name in ("champion.npz", "history.csv"):
-        assert (copy / "again" / name).read_bytes() == (copy / "evolved" / name).read_bytes()
+    check_resumed([OWN, "fitness.goal=2", *SMALL_GA], ("ga.generations=1", "ga.generations=2"))
     (copy / "my_fitness.py").write_text(EXAMPLE.read_text() + "\n# another\n")
     assert "my_fitness.py, or a file that it imports, is not" in refused("evolve", "resume=again", "ga.generations=3")
 
@@ -132,7 +116,7 @@ def test_every_step_and_the_lifetime_are_as_plain_python_has_them(genomes):
 
 
 def test_scoring_alone_changes_nothing_in_a_lifetime(genomes):
-    outcome, samples = lived_by(explorer()(), genomes[0], Signal.behaviour)
+    outcome, samples = lived_by(explorer()(goal=2.0), genomes[0], Signal.behaviour)
     usual, of_usual = lived_by(PAPER_FITNESS, genomes[0], Signal.behaviour)
     for mine, its in zip(samples, of_usual, strict=True):
         np.testing.assert_array_equal(mine, its)
@@ -174,7 +158,7 @@ def test_a_lifetime_of_many_trials_keeps_them():
 
 def test_a_lifetime_in_pieces_is_the_same(genomes):
     individual = Individual(genes=genomes[0], side="right", key=np.uint64(3))
-    world, lifetime = Scenario(fitness=explorer()()), Lifetime(duration_s=4, gain_rad_s=4)
+    world, lifetime = Scenario(fitness=explorer()(goal=2.0)), Lifetime(duration_s=4, gain_rad_s=4)
     session = Session(individual, world, lifetime)
     while session.step(7):
         pass
@@ -261,22 +245,7 @@ class Fine(Fitness):
 )
 def test_what_cannot_be_a_fitness_is_refused_before_anything_runs(words, texts):
     Path("bad.py").write_text(BAD)
-    said = refused("evaluate", *words, *SHORT, "hydra.run.dir=out")
-    for text in texts:
-        assert text in said
-    assert not Path("out").exists()
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("copy")
-def test_a_multirun_and_a_sweep_take_it():
-    words = [OWN, *SHORT, "lifetime.record_every=0"]
-    done("evaluate", "-m", "fitness.goal=1,3", *words, "hydra.sweep.dir=out", "hydra/launcher=basic")
-    tables = [pd.read_csv(f"out/{job}/metrics.csv") for job in (0, 1)]
-    assert [set(table.changed) for table in tables] == [
-        {"fitness=Explorer, lifetime.duration_s=2"},
-        {"fitness=Explorer, fitness.goal=3, lifetime.duration_s=2"},
-    ]
+    refused_before("out", ["evaluate", *words, *SHORT, "hydra.run.dir=out"], texts)
 
 
 def test_an_object_from_python_is_refused_with_the_way_to_name_it():

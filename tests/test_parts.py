@@ -2,13 +2,12 @@
 
 import hashlib
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from cases import call, done, first_of, refused
+from cases import SHORT, SMALL_GA, call, done, first_of, refused
 
 import epuckhebb
 from epuckhebb.config.compose import composed
@@ -18,10 +17,8 @@ from epuckhebb.sim import session
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
 
+ONE_GENERATION = [*SMALL_GA, "ga.generations=1"]
 BRIEF = ["lifetime.duration_s=2", "lifetime.record_every=0", "repeats=1"]
-SHORT = ["lifetime.duration_s=2", "repeats=1"]
-SMALL_GA = ["ga.population=4", "ga.generations=1", "ga.loops=1", "ga.elites=1", "lifetime.duration_s=2"]
-SMALL_GA += ["scenario.paper_duration_s=10"]
 EXAMPLES = Path(__file__).parents[1] / "examples"
 MY_RULES = '''\
 """Oja's rule, with a setting of its own."""
@@ -66,29 +63,22 @@ def own(here):
 
 
 @pytest.fixture(scope="module")
-def lived(tmp_path_factory):
+def runs(tmp_path_factory):
     """A folder with a rule of one's own, and runs by it: `evaluated`, and `evolved` from scratch; not to be changed."""
     folder = tmp_path_factory.mktemp("own")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         Path("my_rules.py").write_text(MY_RULES)
         done("evaluate", *OJA, "hebbian.decay=2", "scenario=4obstacles", *SHORT, "hydra.run.dir=evaluated")
-        done("evolve", *OJA, *SMALL_GA, "hydra.run.dir=evolved")
+        done("evolve", *OJA, *ONE_GENERATION, "hydra.run.dir=evolved")
     return folder
-
-
-@pytest.fixture
-def copy(lived, tmp_path, monkeypatch):
-    """A copy of that folder, in which anything may be done."""
-    monkeypatch.chdir(shutil.copytree(lived, tmp_path / "own"))
-    return Path.cwd()
 
 
 # A rule of one's own
 
 
-def test_a_rule_of_ones_own_lives_and_is_kept(lived):
-    run = lived / "evaluated"
+def test_a_rule_of_ones_own_lives_and_is_kept(runs):
+    run = runs / "evaluated"
     rows = metrics(run)
     assert list(rows.controller.unique()) == ["GA", "oja"]
     plastic = rows[rows.controller == "oja"]
@@ -151,19 +141,9 @@ def test_a_copy_that_was_changed_or_lost_is_refused(copy, copied):
     assert not (copy / "runs").exists()
 
 
-@pytest.mark.thorough
-@pytest.mark.usefixtures("copy")
-def test_an_evolution_by_it_goes_on_and_its_champion_lives():
-    assert hashes("evolved") == hashes("evaluated")
-    assert copies("evolved") == [MY_RULES]
-    done("evolve", "resume=evolved", "ga.generations=2", "-q")
-    assert len(pd.read_csv("evolved/history.csv")) == 2
-    done("evaluate", "genome=evolved", *OJA, *BRIEF, "hydra.run.dir=out")
-
-
 @pytest.mark.usefixtures("own")
 def test_an_evolution_does_not_go_on_with_another_rule():
-    words = [*SMALL_GA, "lifetime.duration_s=0.1"]
+    words = [*ONE_GENERATION, "lifetime.duration_s=0.1"]
     done("evolve", *OJA, *words, "hydra.run.dir=evolved")
     Path("my_rules.py").write_text(ANOTHER)
     assert "my_rules.py, or a file that it imports, is not what evolved began with" in refused(
@@ -221,16 +201,6 @@ def test_in_a_sweep_and_changed_it_makes_new_jobs():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("launcher", ["basic", "joblib"])
-def test_in_a_multirun(own, launcher):
-    rule = f"hebbian.rule={own}/my_rules.py:oja"  # workers that are kept from an earlier call stay in its folder
-    words = ["-m", "hebbian.N=0.0001,0.0002", rule, f"hydra/launcher={launcher}"]
-    done("evaluate", *words, *BRIEF, f"hydra.sweep.dir={own}/out")
-    rows = pd.concat([metrics(own / "out" / str(job)) for job in (0, 1)])
-    assert list(rows[rows.controller == "oja"].N.unique()) == [0.0001, 0.0002]
-
-
-@pytest.mark.thorough
 @pytest.mark.usefixtures("own")
 def test_an_object_from_python():
     rule = part_class("rule", "my_rules.py:oja", "hebbian")
@@ -248,7 +218,7 @@ def test_an_object_from_python():
 def test_what_a_rule_evolves_goes_with_the_champion():
     """In a file and in Python; a champion that lacks it is refused."""
     own = [f"hebbian.rule={EXAMPLES}/own_rule/evolved_rule.py:Layered", "hebbian.N=0.0001"]
-    done("evolve", *own, *SMALL_GA, "hydra.run.dir=evolved")
+    done("evolve", *own, *ONE_GENERATION, "hydra.run.dir=evolved")
     genome = load_genome("evolved", "obstacles")
     assert genome.plan.text() == "234 weights, 5 grow, 5 leak"
     assert "234 weights, 5 grow, 5 leak" in done("show", "evolved").stdout
@@ -258,7 +228,7 @@ def test_what_a_rule_evolves_goes_with_the_champion():
     measured = ["controller", "weight_change_mean", "path_length_m", "fitness"]
     pd.testing.assert_frame_equal(rows[measured], written[measured])
     assert (rows.weight_change_mean[rows.controller == "layered"] > 0).all()
-    champion, _ = epuckhebb.evolve(*own, *SMALL_GA)
+    champion, _ = epuckhebb.evolve(*own, *ONE_GENERATION)
     np.testing.assert_array_equal(champion, genome.genes)
     assert "takes grow, leak from the genome" in refused("evaluate", *own, *BRIEF)
 
@@ -343,8 +313,8 @@ def test_the_robot_follows_from_the_champion_unless_it_is_named(here):
 def others(tmp_path_factory):
     """Champions of a robot with a LiDAR, and of a small network."""
     folder = tmp_path_factory.mktemp("others")
-    done("evolve", "robot=epuck_lidar", *SMALL_GA, f"hydra.run.dir={folder}/lidar")
-    done("evolve", "network.layers=[16,10,6,2]", *SMALL_GA, f"hydra.run.dir={folder}/small")
+    done("evolve", "robot=epuck_lidar", *ONE_GENERATION, f"hydra.run.dir={folder}/lidar")
+    done("evolve", "network.layers=[16,10,6,2]", *ONE_GENERATION, f"hydra.run.dir={folder}/small")
     return folder
 
 

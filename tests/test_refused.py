@@ -143,7 +143,7 @@ evaluate genome=nan.npy                                 | finite
 evaluate genome=text.npz                                | text.npz
 evaluate genome=layers.npz                              | layers.npz | 152
 evaluate genome=empty                                   | genome=empty | champion.npz
-evaluate genome=reference_77                            | reference_77 | 301 to 304
+evaluate genome=reference_77                            | reference_77 | 301 to 310
 evaluate genome=reference network.layers=[16,4,2]       | [16, 7, 5, 8, 4, 2] | [16, 4, 2]
 evaluate robot=epuck_lidar                              | epuck_lidar
 evaluate genome=lidar.npz robot=epuck                   | epuck_lidar

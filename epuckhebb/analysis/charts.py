@@ -4,7 +4,6 @@ Colours are Okabe and Ito's, which colour-blind readers can distinguish; line st
 """
 
 from collections.abc import Iterable, Mapping
-from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -17,7 +16,7 @@ from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatt
 from numpy.typing import NDArray
 
 from epuckhebb.analysis import leaderboard, rescue
-from epuckhebb.analysis.figures import SIDE_COLOUR, plain
+from epuckhebb.analysis.figures import SIDE_COLOUR, plain, tidy
 from epuckhebb.sim.controller import CONTROLS, GA
 from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.sim.robot import EPUCK, Robot
@@ -32,14 +31,6 @@ _SCENARIO_STYLE = {
     "highlight": ("#0072B2", "o", "-"),
     "lowlight": ("#D55E00", "^", "--"),
 }
-
-
-def _tidy(axes: Axes, grid: Literal["x", "y"] | None = None) -> None:
-    """No frame above and at the right; a light grid across an axis, if one is named."""
-    axes.spines[["top", "right"]].set_visible(False)
-    if grid:
-        axes.grid(axis=grid, color="#ddd", linewidth=0.6)
-        axes.set_axisbelow(True)
 
 
 def _name_rates(axes: Axes, places: Iterable[float], rates: Iterable[float]) -> None:
@@ -70,7 +61,7 @@ def dose_response(doses: pd.DataFrame, harm: pd.DataFrame, experiment: str, cham
             axes.errorbar(x, y, [y - low, high - y], capsize=2, label=scenario, **look)
         axes.set(ylabel=label, xlabel="base Hebbian rate N (0: GA alone)")
         _name_rates(axes, at.values(), at)
-        _tidy(axes, "y" if axes is low_left else None)
+        tidy(axes, "y" if axes is low_left else None)
     top_left.legend(frameon=False, fontsize=9)
     top_left.set_ylim(-0.04, 1.04)
     low_left.set_yscale("symlog", linthresh=0.1)
@@ -98,7 +89,7 @@ def _rescue_and_harm(axes: Axes, harm: pd.DataFrame, at: Mapping[float, int]) ->
     axes.set(ylabel=f"rescued of {broken}, harmed of {intact} trials", xlabel="base Hebbian rate N")
     axes.set_ylim(-0.04, 1.04)
     _name_rates(axes, at.values(), at)
-    _tidy(axes)
+    tidy(axes)
     axes.legend(frameon=False, fontsize=8)
 
 
@@ -132,7 +123,7 @@ def rates(doses: pd.DataFrame, mean_over: str) -> Figure:
             at = sorted(set(own.N[own.N > 0]))
             _name_rates(axes, at, at)
             axes.set_xticks([], minor=True)
-            _tidy(axes, "y")
+            tidy(axes, "y")
         panels[0].set_title(plain(condition), fontsize=10, loc="left")
         panels[0].set_ylim(-0.04, 1.04)
         if (own.weight_change_mean > 0).any():  # an adaptation may never act
@@ -164,7 +155,7 @@ def learning_curves(histories: Mapping[str, list[pd.DataFrame]]) -> Figure:
         least, most = axes.dataLim.intervaly
         axes.set_ylim(min(0.0, least), max(1.0, 1.02 * most))  # a bonus can bring fitness above 1
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        _tidy(axes)
+        tidy(axes)
         axes.legend(frameon=False, fontsize=9, loc="lower right")
     if any(len(runs) > 1 for runs in histories.values()):
         figure.suptitle("Median over evolutions, with quartiles", fontsize=10)
@@ -189,7 +180,7 @@ def weight_change(
             title=plain(f"{name} (n = {len(samples.time) - 1} samples a side)"), xlabel=_AGAINST[against], yscale="log"
         )
         axes.title.set_fontsize(10)
-        _tidy(axes)
+        tidy(axes)
         axes.yaxis.set_minor_formatter(NullFormatter())
     panels[0].set_ylabel("weight change between samples, sum |ΔW|")
     panels[0].legend(frameon=False, fontsize=9, markerscale=2)
@@ -281,7 +272,7 @@ def rescue_over_all(over_all: pd.DataFrame) -> Figure:
         axes.set_yticks(places, names, fontsize=8)
         axes.set(xlim=(-0.02, 1.02), ylim=(0.5 - len(own), 0.6), xlabel="share of trials")
         axes.set_title(f"{experiment} experiment", fontsize=10)
-        _tidy(axes, "x")
+        tidy(axes, "x")
     handles = panels[-1].get_legend_handles_labels()
     drawn.legend(*handles, frameon=False, fontsize=8, loc="outside lower center", ncols=2)
     return drawn
@@ -323,7 +314,7 @@ def leaderboard_of(board: pd.DataFrame, champions: pd.DataFrame, limits: Mapping
         for axes in (left, right):
             axes.set_ylim(0.6 - len(own), 0.6)
             axes.title.set_fontsize(10)
-            _tidy(axes, "x")
+            tidy(axes, "x")
         right.set_yticks(left.get_yticks())
     panels[-1][0].set_xlabel("share of trials that succeed")
     panels[-1][1].set_xlabel("difference of that share")

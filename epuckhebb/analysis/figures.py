@@ -4,7 +4,7 @@ import textwrap
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -105,6 +105,14 @@ def _signs() -> frozenset[int]:
     return frozenset(get_font(findfont(FontProperties())).get_charmap())
 
 
+def tidy(axes: Axes, grid: Literal["x", "y"] | None = None) -> None:
+    """No frame above and at the right; a light grid across an axis, if one is named."""
+    axes.spines[["top", "right"]].set_visible(False)
+    if grid:
+        axes.grid(axis=grid, color="#ddd", linewidth=0.6)
+        axes.set_axisbelow(True)
+
+
 def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
     """Walls, obstacles, lamp and goals, to scale [m]; returns them.
 
@@ -141,7 +149,7 @@ def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
             _label(axes, name, (x, y), (9 if on_the_right else -9, -3), "black", "left" if on_the_right else "right")
         )
     axes.set(xlim=edges[:2], ylim=edges[2:], aspect="equal", xlabel="X (m)", ylabel="Y (m)")
-    axes.spines[["top", "right"]].set_visible(False)
+    tidy(axes)
     return drawn
 
 

@@ -5,7 +5,7 @@ the same noise, so differences are paired by seed.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,7 +25,11 @@ METRICS = (
 )  # fmt: skip
 _GOOD = 0.9  # cosine of heading to the goal
 _BOUNDS = dict.fromkeys(("before", "just_after", "long_after"), (-1.0, 1.0))
-_TITLES = {"stranger": "A robot that knows nothing breaks", "knower": "A robot that knows the way breaks"}
+WHAT_BREAKS = {
+    "stranger": "a robot that knows nothing breaks",
+    "knower": "a robot that knows the way breaks",
+    "none": "no robot breaks",
+}
 _STEPS, _SETS = 200_000, 60  # of series with a known transfer entropy, and how many short ones
 
 
@@ -117,7 +121,8 @@ def estimator(seed: int) -> pd.DataFrame:
     entropy than a pair without one, in one window of 16 s; one half says nothing.
     """
     drawn = rng(seed, Stream.flock, 3)
-    rows = [("independent series, 199 steps", float(np.mean(list(_independent(drawn)))), 1 / (2 * 199))]
+    independent = [transfer_entropy(drawn.standard_normal((200, 6))).sum() / 30 for _ in range(_SETS)]
+    rows = [("independent series, 199 steps", float(np.mean(independent)), 1 / (2 * 199))]
     x, noise = drawn.standard_normal(_STEPS), drawn.standard_normal(_STEPS)
     copy = np.roll(x, 1) + 0.5 * noise
     rows.append(("copy with error, one half of the signal", *_one(x, copy), np.log(1 + 4) / 2))
@@ -141,11 +146,6 @@ def estimator(seed: int) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["case", "estimate", "expected"])
 
 
-def _independent(drawn: np.random.Generator) -> Iterator[float]:
-    for _ in range(_SETS):
-        yield transfer_entropy(drawn.standard_normal((200, 6))).sum() / 30
-
-
 def _one(source: NDArray[np.float64], target: NDArray[np.float64]) -> tuple[float]:
     return (float(transfer_entropy(np.stack([source, target], axis=1))[1, 0]),)
 
@@ -161,8 +161,7 @@ def _wirings(drawn: np.random.Generator) -> dict[str, NDArray[np.float64]]:
 
 def _area(linked: NDArray[np.float64], others: NDArray[np.float64]) -> float:
     """Area under the receiver operating characteristic (Mann & Whitney)."""
-    above = (linked[:, None] > others).mean() + (linked[:, None] == others).mean() / 2
-    return float(above)
+    return float((linked[:, None] > others).mean() + (linked[:, None] == others).mean() / 2)
 
 
 def usual(table: pd.DataFrame) -> pd.DataFrame:
@@ -187,9 +186,7 @@ def main_table(table: pd.DataFrame) -> str:
             cells += [f"{row['good'] * row['runs']:.0f} of {row['runs']}"]
             cells += [_with_interval(row, name, 2) for name in METRICS[3:7]]
             rows.append([_name(row["coupling"]), *cells, f"{1000 * row['least_gap_m']:.1f}"])
-        parts.append(
-            f"{_TITLES.get(str(breaks), 'No robot breaks')} (n = {row['runs']}):\n\n{markdown_table(head, rows)}"
-        )
+        parts.append(f"{WHAT_BREAKS[str(breaks)].capitalize()} (n = {row['runs']}):\n\n{markdown_table(head, rows)}")
     return "\n".join(parts)
 
 
@@ -241,6 +238,11 @@ def _with_interval(row: dict[str, float], name: str, digits: int = 3) -> str:
         return "–"
     form = f"{'+' if name == 'difference' else ''}.{digits}f"
     return f"{row[name]:{form}} [{low:{form}}, {high:{form}}]"
+
+
+def title_of(coupling: str) -> str:
+    """A coupling in a picture."""
+    return coupling.replace("_", " ").replace(" x ", " × ")
 
 
 def _name(coupling: object) -> str:

@@ -5,13 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from epuckhebb.analysis.flock import by_minute
+from epuckhebb.analysis.flock import WHAT_BREAKS, by_minute, title_of
 from epuckhebb.analysis.replay import packed, with_data
 from epuckhebb.sim.flock import CHANGE_S, SAMPLE_S, Flock, Record
 from epuckhebb.sim.robot import EPUCK
 
 _EVERY = 2  # samples, of which the page has one
-_WHAT = {"stranger": "a robot that knows nothing breaks", "knower": "a robot that knows the way breaks"}
 
 
 def page(flock: Flock, records: Mapping[str, Record], title: str) -> str:
@@ -20,12 +19,12 @@ def page(flock: Flock, records: Mapping[str, Record], title: str) -> str:
     for name, record in records.items():
         path = record.path[::_EVERY].copy()
         path[..., 2] = np.remainder(path[..., 2] + np.pi, 2 * np.pi) - np.pi
-        flocks[name.replace("_", " ").replace(" x ", " × ")] = {
+        flocks[title_of(name)] = {
             "path": packed(path),
             "weights": packed(record.weights),
             "cosine": [round(cosine, 3) for cosine in by_minute(flock, record)],
         }
-    what = _WHAT.get(flock.breaks)
+    after, what = f"{flock.robots} robots; after {flock.at_s / 60:g} minutes", WHAT_BREAKS[flock.breaks]
     content = {
         "flocks": flocks,
         "robots": flock.robots,
@@ -37,6 +36,6 @@ def page(flock: Flock, records: Mapping[str, Record], title: str) -> str:
         "changes": len(record.weights),
         "every": CHANGE_S,
         "radius": EPUCK.radius_m,
-        "outcome": f"{flock.robots} robots; after {flock.at_s / 60:g} minutes {what}" if what else "No robot breaks",
+        "outcome": f"{after} {what}" if flock.broken >= 0 else what.capitalize(),
     }
     return with_data(Path(__file__).with_name("flock.html"), title, content)

@@ -31,8 +31,6 @@ from epuckhebb.sim.samples import Samples
 from epuckhebb.sim.scenario import Scenario
 from epuckhebb.sim.sensors import Place, RimSensors
 
-__all__ = ["Arrival", "arrival", "outcome", "page"]
-
 _MOST_SAMPLES = 1000  # of a lifetime; of more, every so many-th is kept
 _LARGEST = 32767  # of a 16-bit integer
 _CONSTANT = "its weights stay at their initial values"
@@ -57,7 +55,49 @@ def page(
     speed [rad/s] at a network output of 1. network: of these genes. found: for each side a sentence on the findings of
     a self-check, if any. notes: lines beside the outcome.
     """
-    content = _content(traces, genes, scenario, gain_rad_s, network, found or {})
+    controllers = list(dict.fromkeys(traces.controller))
+    place = {of: k for k, of in reversed(list(enumerate(zip(traces.controller, traces.side, strict=True))))}
+    sides = [side for side in SIDES if side in traces.side]
+    time = traces.samples.time[0]
+    every = math.ceil(len(time) / _MOST_SAMPLES)
+    interval = float(time[1] - time[0]) * every if len(time) > 1 else STEP_S
+    initial = initial_weights_of(genes[: network.synapses]).astype(np.float32)
+    named = zip(traces.controller, traces.samples.weight_change, strict=True)
+    changed = {name for name, weight_change in named if weight_change.any()}
+    lifetimes, outcomes = {}, {}
+    has_trials = scenario.task.has_trials
+    for side in sides:
+        of_side = [Samples(*(array[place[name, side]] for array in traces.samples)) for name in controllers]
+        arrivals = [arrival(samples.time, samples.pose, scenario, side) for samples in of_side]
+        sentence = reversal_outcome(side, controllers, of_side) if has_trials else outcome(side, controllers, arrivals)
+        outcomes[side] = " ".join(filter(None, [sentence, (found or {}).get(side)]))
+        lifetimes[side] = [
+            {
+                "arrival": None if has_trials else arrived.time,
+                "stayed": arrived.stayed and not has_trials,
+                "resets": np.ceil(put_back(samples.time, samples.pose, scenario) / every).astype(int).tolist(),
+                "begins": [since for since, _ in begins(scenario, samples.time, samples.pose)],
+                **_embedded(samples, initial, every),
+            }
+            for samples, arrived in zip(of_side, arrivals, strict=True)
+        ]
+    hebbian = {HEBBIAN, *CONTROLS.values()}
+    content = {
+        **fixed_facts(scenario, network, gain_rad_s, controllers, [name in changed for name in controllers]),
+        "sides": sides,
+        "hebbian": all(name in hebbian for name in controllers if name != GA),
+        "outcomes": outcomes,
+        "samples": len(time[::every]),
+        "interval": interval,  # s between samples
+        "steps": round(interval / STEP_S),  # of 32 ms between samples
+        "initial": [round(weight, 7) for weight in initial.tolist()],
+        "worlds": [world_facts(world) for _, world in scenario.phases],
+        "changes": [
+            {"at": float(change["at_s"]), "text": change_text(change), "byHand": where.startswith("scenario.hand")}
+            for where, change in scenario.events
+        ],
+        "lifetimes": lifetimes,
+    }
     return with_data(Path(__file__).with_suffix(".html"), title, content, notes)
 
 
@@ -102,59 +142,6 @@ def _with(controller: str) -> str:
     return {GA: "Without plasticity", HEBBIAN: "With plasticity"}.get(controller, f"With {known}")
 
 
-def _content(
-    traces: Traces,
-    genes: NDArray[np.float64],
-    scenario: Scenario,
-    gain_rad_s: float,
-    network: Network,
-    found: Mapping[str, str],
-) -> dict[str, Any]:
-    controllers = list(dict.fromkeys(traces.controller))
-    place = {of: k for k, of in reversed(list(enumerate(zip(traces.controller, traces.side, strict=True))))}
-    sides = [side for side in SIDES if side in traces.side]
-    time = traces.samples.time[0]
-    every = math.ceil(len(time) / _MOST_SAMPLES)
-    interval = float(time[1] - time[0]) * every if len(time) > 1 else STEP_S
-    initial = initial_weights_of(genes[: network.synapses]).astype(np.float32)
-    named = zip(traces.controller, traces.samples.weight_change, strict=True)
-    changed = {name for name, weight_change in named if weight_change.any()}
-    lifetimes, outcomes = {}, {}
-    has_trials = scenario.task.has_trials
-    for side in sides:
-        of_side = [Samples(*(array[place[name, side]] for array in traces.samples)) for name in controllers]
-        arrivals = [arrival(samples.time, samples.pose, scenario, side) for samples in of_side]
-        sentence = reversal_outcome(side, controllers, of_side) if has_trials else outcome(side, controllers, arrivals)
-        outcomes[side] = " ".join(filter(None, [sentence, found.get(side)]))
-        lifetimes[side] = [
-            {
-                "arrival": None if has_trials else arrived.time,
-                "stayed": arrived.stayed and not has_trials,
-                "resets": np.ceil(put_back(samples.time, samples.pose, scenario) / every).astype(int).tolist(),
-                "begins": [since for since, _ in begins(scenario, samples.time, samples.pose)],
-                **_embedded(samples, initial, every),
-            }
-            for samples, arrived in zip(of_side, arrivals, strict=True)
-        ]
-    hebbian = {HEBBIAN, *CONTROLS.values()}
-    return {
-        **fixed_facts(scenario, network, gain_rad_s, controllers, [name in changed for name in controllers]),
-        "sides": sides,
-        "hebbian": all(name in hebbian for name in controllers if name != GA),
-        "outcomes": outcomes,
-        "samples": len(time[::every]),
-        "interval": interval,  # s between samples
-        "steps": round(interval / STEP_S),  # of 32 ms between samples
-        "initial": [round(weight, 7) for weight in initial.tolist()],
-        "worlds": [world_facts(world) for _, world in scenario.phases],
-        "changes": [
-            {"at": float(change["at_s"]), "text": change_text(change), "byHand": where.startswith("scenario.hand")}
-            for where, change in scenario.events
-        ],
-        "lifetimes": lifetimes,
-    }
-
-
 def fixed_facts(
     scenario: Scenario, network: Network, gain_rad_s: float, controllers: Sequence[str], changes: Sequence[bool]
 ) -> dict[str, Any]:
@@ -191,29 +178,26 @@ def fixed_facts(
 def world_facts(world: Scenario) -> dict[str, Any]:
     """All of a world that can change during a lifetime."""
     lamp = world.lamp
-    dead = " and ".join(map(str, world.dead_sensors))
-    faults = [f"sensor{'s' if len(world.dead_sensors) > 1 else ''} {dead} dead"] if dead else []
-    turning = (("left", world.left_wheel), ("right", world.right_wheel))
-    slipping = (("left", world.left_slip), ("right", world.right_slip))
-    faults += [f"{side} wheel at {100 * turns:g} %" for side, turns in turning if turns < 1]
-    faults += [f"{side} wheel slips {100 * slip:g} % of the time" for side, slip in slipping if slip]
-    if world.distance_gain != 1 or world.distance_offset:
-        faults.append(f"distance readings times {world.distance_gain:g} plus {world.distance_offset:g}")
-    more = {
-        "infra-red on the left times {:g}": (world.left_distance_gain, 1),
-        "cross-talk of {:g}": (world.crosstalk, 0),
-        "{:g} levels a reading": (world.sensor_levels, 0),
-        "readings {:g} steps late": (world.sensor_delay_steps, 0),
-        "wheels {:g} steps late": (world.wheel_delay_steps, 0),
-        "sun turned by {:g} degrees": (world.sun_turn_deg, 0),
+    dead = world.dead_sensors
+    faults = {
+        f"sensor{'s' if len(dead) > 1 else ''} {' and '.join(map(str, dead))} dead": dead,
+        f"left wheel at {100 * world.left_wheel:g} %": world.left_wheel < 1,
+        f"right wheel at {100 * world.right_wheel:g} %": world.right_wheel < 1,
+        f"left wheel slips {100 * world.left_slip:g} % of the time": world.left_slip,
+        f"right wheel slips {100 * world.right_slip:g} % of the time": world.right_slip,
+        f"distance readings times {world.distance_gain:g} plus {world.distance_offset:g}": (
+            world.distance_gain != 1 or world.distance_offset
+        ),
+        f"infra-red on the left times {world.left_distance_gain:g}": world.left_distance_gain != 1,
+        f"cross-talk of {world.crosstalk:g}": world.crosstalk,
+        f"{world.sensor_levels:g} levels a reading": world.sensor_levels,
+        f"readings {world.sensor_delay_steps:g} steps late": world.sensor_delay_steps,
+        f"wheels {world.wheel_delay_steps:g} steps late": world.wheel_delay_steps,
+        f"sun turned by {world.sun_turn_deg:g} degrees": world.sun_turn_deg,
+        "a second lamp": world.second_lamp is not None,
+        f"{world.mass_ratio:g} times as heavy": world.mass_ratio != 1,
+        f"wall friction {world.wall_friction:g}": world.wall_friction,
     }
-    faults += [text.format(value) for text, (value, intact) in more.items() if value != intact]
-    if world.second_lamp is not None:
-        faults.append("a second lamp")
-    if world.mass_ratio != 1:
-        faults.append(f"{world.mass_ratio:g} times as heavy")
-    if world.wall_friction:
-        faults.append(f"wall friction {world.wall_friction:g}")
     return {
         "obstacles": world.boxes[len(world.maze.walls) :].tolist(),
         "goals": {side: list(map(float, goal)) for side, goal in world.goals_now.items()},
@@ -226,8 +210,8 @@ def world_facts(world: Scenario) -> dict[str, Any]:
             "beam": lamp.beam_rad,
             "intensity": lamp.intensity,
         },
-        "dead": list(world.dead_sensors),
-        "faults": ", ".join(faults),
+        "dead": list(dead),
+        "faults": ", ".join(text for text, is_there in faults.items() if is_there),
     }
 
 

@@ -6,7 +6,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from epuckhebb.analysis.figures import plain
+from epuckhebb.analysis.figures import plain, tidy
 from epuckhebb.analysis.reversal import CHANCE, OPTIMUM
 
 _COLOURS = ("#999999", "#009E73", "#CC79A7", "#0072B2", "#D55E00", "#E69F00")
@@ -51,7 +51,7 @@ def _around_switch(trials: pd.DataFrame) -> "pd.Series[float]":
 
 def _lines(axes: Axes, levels: Mapping[str, float]) -> None:
     axes.set_ylim(0, 1.05)
-    axes.spines[["top", "right"]].set_visible(False)
+    tidy(axes)
     left, right = axes.get_xlim()
     for name, height in levels.items():
         axes.axhline(height, color="#222222", linewidth=1.0, linestyle="--", zorder=0.5)

@@ -220,10 +220,10 @@ def sweep_in_short(folder: Path) -> str:
 def print_rescue(folder: Path, console: Console) -> None:
     """Print what each plasticity rescued and harmed."""
     over_all = Run(folder).table("rescue_over_all.csv")
-    rows = []
-    for row in over_all.itertuples():
-        plasticity = rescue.label(str(row.controller), float(row.N))
-        rows.append((row.experiment, plasticity, *rescue.counts(row), rescue.in_training(row)))
+    rows = [
+        (row.experiment, rescue.label(row.controller, row.N), *rescue.counts(row), rescue.in_training(row))
+        for row in over_all.itertuples()
+    ]
     headings = ("experiment", "plasticity", rescue.RESCUED, rescue.HARMED, rescue.IN_TRAINING)
     print_table(console, "Rescue and harm (95 % interval over champions)", headings, rows, text=2)
     print_line(

@@ -18,6 +18,7 @@ from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.adaptation.nominal import Nominal
 from epuckhebb.sim.adaptation.self_check.findings import find
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.scenario import EXPERIMENTS
 from epuckhebb.store import Genome, Run, below_runs, is_bundled, load_genome, of_multirun, resolve_run
 
@@ -200,7 +201,8 @@ def genome_as_json(genome: Genome, experiment: str) -> dict[str, Any]:
     """A genome as JSON values."""
     parts = {part.name: part.size for part in genome.plan.parts}
     known = {"layers": list(genome.network.layers), "parts": parts, "robot": genome.robot}
-    evolved = {"optimizer": genome.optimizer, "training": genome.training}
+    physics = genome.physics or PYMUNK.name
+    evolved = {"optimizer": genome.optimizer, "training": genome.training, "physics": physics}
     return {"genome": genome.name, "sha256": genome.sha256, "experiment": experiment, **known, **evolved}
 
 
@@ -211,7 +213,9 @@ def print_champion(genome: Genome, console: Console) -> None:
         rule = f", with rule {genome.rule}" if genome.rule else ""
         task = f", for task {genome.task}" if genome.task else ""
         fitness = f", for fitness {genome.fitness_function}" if genome.fitness_function else ""
-        print_line(console, f"Evolved by {genome.optimizer}, in training worlds {genome.training}{rule}{task}{fitness}")
+        physics = f", in physics {genome.physics or PYMUNK.name}"
+        line = f"Evolved by {genome.optimizer}, in training worlds {genome.training}{physics}{rule}{task}{fitness}"
+        print_line(console, line)
     if genome.nominal is not None:
         _print_nominal(genome.nominal, genome, console)
     if genome.self_memory is not None:

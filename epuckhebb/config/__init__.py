@@ -27,7 +27,7 @@ from epuckhebb.config.methods import (
     methods_named,
     typed_as,
 )
-from epuckhebb.config.names import training_world, world_of
+from epuckhebb.config.names import brings_physics, training_world, usual_physics, world_of
 from epuckhebb.config.overrides import (
     SWEEP_DIR,
     alternatives,

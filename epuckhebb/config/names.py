@@ -20,7 +20,7 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.config.build import scenario_from
 from epuckhebb.config.choices import BROUGHT, OURS, choice_names, choice_of, known_choice
 from epuckhebb.config.overrides import literal
-from epuckhebb.config.parts import NONE, PAPER, part_class
+from epuckhebb.config.parts import NONE, PAPER, part_class, part_from
 from epuckhebb.config.parts_from_yaml import maze_from
 from epuckhebb.config.schema import ScenarioConfig, plain, said
 from epuckhebb.evolution.training import Training
@@ -74,6 +74,9 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
         _own_rule(cfg, chosen.get("hebbian", ""), folders)
         if cfg.scenario.get("hand") is not None:
             cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
+        brought = _of_scenario("physics", chosen["scenario"], folders)
+        if brought and brought["kind"] != cfg.physics.get("kind"):  # of a study whose training is in another
+            cfg.physics = brought
         try:
             changes = [_changed(cfg, chosen["scenario"], folders), *_changed_lifetime(cfg, chosen, folders)]
             changes += _changed_network(cfg.network)
@@ -282,14 +285,29 @@ def training_world(
 ) -> Scenario:
     """The world in which controllers of an experiment are evolved, for a robot in the maze of another world.
 
-    If that scenario brings its maze or its physics, as a change, training is in the usual one.
+    If that scenario brings its maze, as a change, training is in the usual one. physics: of their evolution.
     """
     brought = _of_scenario("maze", scenario, OURS)
     if brought is not None and maze_from(brought) == maze_from(maze):
         maze = _usual_maze()
     world = world_of(TRAINED[experiment], robot, maze=maze)
     assert world is not None  # the program has these files
-    return world if _of_scenario("physics", scenario, OURS) else replace(world, physics=physics)
+    return replace(world, physics=physics)
+
+
+@functools.cache
+def usual_physics(name: str) -> Physics:
+    """The physics of this name with the settings of its file."""
+    found = choice_of("physics", name, OURS)
+    if found is None:
+        raise ConfigError(f"there is no physics {name}; the program has {', '.join(choice_names('physics', OURS))}")
+    physics: Physics = part_from("physics", plain(found.settings), "physics")
+    return physics
+
+
+def brings_physics(scenario: str) -> bool:
+    """Whether a scenario puts a physics in place of the usual one, as `base_3d` does."""
+    return _of_scenario("physics", scenario, OURS) is not None
 
 
 def _of_scenario(group: str, scenario: str, folders: Sequence[Path]) -> dict[str, Any] | None:

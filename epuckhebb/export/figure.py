@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -35,31 +36,23 @@ def _config(run: Run, schema: type[Config]) -> Config:
     return from_values(without_own_code(settings(run.config_file)), schema, str(run.path))
 
 
-def _maze(run: Run) -> Figure:
-    return figures.maze(recording(run.path).config.world)
-
-
-def _trajectories(run: Run) -> Figure:
+def _recorded(run: Run, name: str) -> Figure:
+    """A figure of what a run recorded; those about plasticity show the first controller that has it."""
     made = recording(run.path)
-    return of_runs.trajectories(made.config, made.title, made.traces)
-
-
-def _plastic(run: Run) -> tuple[str, dict[str, Samples]]:
-    """The name of the first controller with plasticity, and its lifetime on each side."""
-    traces = recording(run.path).traces
-    name = next((one for one in traces.controller if one != GA), GA)
-    own = [k for k, one in enumerate(traces.controller) if one == name]
-    return name, {traces.side[k]: Samples(*(array[k] for array in traces.samples)) for k in own}
-
-
-def _network(run: Run) -> Figure:
-    made, (name, lifetimes) = recording(run.path), _plastic(run)
-    return charts.network(made.weights, lifetimes, f"{name} in {made.title}", made.network, made.config.world.robot)
-
-
-def _weight_change(run: Run) -> Figure:
-    made, (name, lifetimes) = recording(run.path), _plastic(run)
-    return charts.weight_change({name: lifetimes}, "fitness", made.config.world.name, made.config.world.robot)
+    world, traces = made.config.world, made.traces
+    if name == "maze":
+        return figures.maze(world)
+    if name == "trajectories":
+        return of_runs.trajectories(made.config, made.title, traces)
+    plastic = next((one for one in traces.controller if one != GA), GA)
+    lifetimes = {
+        side: Samples(*(array[k] for array in traces.samples))
+        for k, (controller, side) in enumerate(zip(traces.controller, traces.side, strict=True))
+        if controller == plastic
+    }
+    if name == "network":
+        return charts.network(made.weights, lifetimes, f"{plastic} in {made.title}", made.network, world.robot)
+    return charts.weight_change({plastic: lifetimes}, "fitness", world.name, world.robot)
 
 
 def _reversal(run: Run) -> Figure:
@@ -97,10 +90,10 @@ def _leaderboard(run: Run) -> Figure:
 
 
 _DRAWN: dict[str, tuple[str, Callable[[Run], Figure]]] = {  # name -> the file that it needs, and what draws it
-    "trajectories": ("traces.npz", _trajectories),
-    "maze": ("traces.npz", _maze),
-    "network": ("traces.npz", _network),
-    "weight_change": ("traces.npz", _weight_change),
+    **{
+        name: ("traces.npz", partial(_recorded, name=name))
+        for name in ("trajectories", "maze", "network", "weight_change")
+    },
     "reversal": ("reversal.csv", _reversal),
     "learning": ("history.csv", _learning),
     "dose_response": ("sweep.csv", _dose_response),

@@ -124,5 +124,10 @@ def _rule(controller: Controller) -> dict[str, Any]:
             "adaptation, with its own signs, evolved initial weights, and an N that holds at any gain; or none "
             "(hebbian=none)"
         )
+    if rule.carries_history:
+        raise ConfigError(
+            "hebbian.carries_history=true cannot be taken to Webots, where each trial is a simulation of its own; give "
+            "hebbian.carries_history=false"
+        )
     settings = {key: value.name if isinstance(value, Enum) else value for key, value in asdict(rule).items()}
     return {**settings, "history_steps": rule.history.steps}

@@ -17,6 +17,7 @@ from epuckhebb.analysis.self_checks import findings
 from epuckhebb.config import (
     EvaluateConfig,
     alternatives,
+    brings_physics,
     check_library,
     dump,
     hand,
@@ -39,7 +40,6 @@ from epuckhebb.sim.goal_signal import GoalSignal
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.own_class import name_of
 from epuckhebb.sim.own_sensor import own_sensors, reading_names
-from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, evolved_sizes
 from epuckhebb.sim.robot import EPUCK, Robot
 from epuckhebb.sim.scenario import TRAINED, Scenario
@@ -74,7 +74,7 @@ class PreparedEvaluation:
             return self
         there = copy.copy(self.config)
         ours = self.config.world
-        physics = ours.physics if world.physics == PYMUNK else world.physics
+        physics = world.physics if brings_physics(world.name) else ours.physics
         signal = ours.goal_signal if world.goal_signal == GoalSignal() else world.goal_signal
         there.world = replace(world, fitness=ours.fitness, physics=physics, goal_signal=signal)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
@@ -152,7 +152,7 @@ def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> 
         Need(records, "what is recorded", "lower lifetime.duration_s, or raise lifetime.record_every"),
     ]
     if missing_nominal(config, genome.nominal):
-        duration_s, gain = training_world(config).paper_duration_s, config.lifetime.gain_rad_s
+        duration_s, gain = training_world(config, genome.physics).paper_duration_s, config.lifetime.gain_rad_s
         nominal = memory_to_measure_nominal(duration_s, gain, genome.network)
         needed.append(Need(nominal, "lifetimes in the training world at this gain", "raise lifetime.gain_rad_s"))
     require(needed)

@@ -39,6 +39,7 @@ from epuckhebb.sim.genome import GenomePlan, plan_of
 from epuckhebb.sim.network import Network
 from epuckhebb.sim.own_class import name_of
 from epuckhebb.sim.own_sensor import reading_names
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.tasks.trial import ONE_TRIAL
 from epuckhebb.store import (
@@ -137,6 +138,7 @@ class PreparedEvolution:
             task="" if config.world.task == ONE_TRIAL else config.world.task.name,
             fitness_function=config.world.fitness.name if config.world.fitness.is_own else "",
             sensors=reading_names(config.world.robot.sensors),
+            physics="" if config.world.physics.name == PYMUNK.name else config.world.physics.name,
             nominal=nominal,
             self_memory=self_memory,
         )

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.self_checks import Checks, self_checks
-from epuckhebb.config import EvaluateConfig, part_from
+from epuckhebb.config import EvaluateConfig, check_library, part_from, usual_physics
 from epuckhebb.config import training_world as world_of_training
 from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.adaptation.nominal import (
@@ -20,6 +20,7 @@ from epuckhebb.sim.adaptation.nominal import (
 )
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, can_check_itself, measure_self
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.sim.session import LostRobotError
 from epuckhebb.store import Genome
@@ -121,7 +122,8 @@ def _remembered(
     if known is not None and not missing:
         return known
     report(f"genome={genome.name} {missing}: it runs {REPEATS} lifetimes a side in {TRAINED[experiment]} first.")
-    world = training_world(config)
+    world = training_world(config, genome.physics)
+    check_library(world)
     key = (missing, genome.sha256, genome.network, repr(world))
     if key not in _made:
         if len(_made) >= _MOST_MADE:
@@ -130,10 +132,15 @@ def _remembered(
     return cast(_Memory, _made[key])
 
 
-def training_world(config: EvaluateConfig) -> Scenario:
-    """The world in which controllers of this experiment are evolved, in the maze of the evaluation, for its robot."""
-    scenario, physics = config.scenario.name, part_from("physics", config.physics, "physics")  # not that of a test
-    return world_of_training(config.world.experiment, scenario, config.maze, config.robot, physics)
+def training_world(config: EvaluateConfig, evolved_in: str = "") -> Scenario:
+    """The world in which controllers of this experiment are evolved, in the maze of the evaluation, for its robot.
+
+    evolved_in: the name of their physics, which may be another than that of the evaluation; "" for that of the plane.
+    """
+    physics = part_from("physics", config.physics, "physics")
+    if physics.name != (evolved_in or PYMUNK.name):
+        physics = usual_physics(evolved_in or PYMUNK.name)
+    return world_of_training(config.world.experiment, config.scenario.name, config.maze, config.robot, physics)
 
 
 def remember_training_world(

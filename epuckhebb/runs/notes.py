@@ -8,6 +8,7 @@ from epuckhebb.config import EvaluateConfig, training_world
 from epuckhebb.runtime import REFERENCE, data_folder
 from epuckhebb.sim.controller import HEBBIAN
 from epuckhebb.sim.own_fitness import PAPER_FITNESS
+from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.scenario import EXPERIMENTS, Scenario
 from epuckhebb.store import Genome, load_genome
 
@@ -20,6 +21,7 @@ def notes_of(genome: Genome, config: EvaluateConfig) -> list[str]:
         showcase(genome, "" if named else here, rates[0] if rates else 0.0),
         _other_experiment(genome, config),
         _other_fitness(genome, config),
+        _other_physics(genome, config),
     ]
     return [note for note in notes if note]
 
@@ -79,6 +81,17 @@ def _other_fitness(genome: Genome, config: EvaluateConfig) -> str:
         return ""
     key = "fitness=paper" if trained == PAPER_FITNESS.name else f"fitness.function=FILE.py:{trained}"
     return f"This champion was evolved for fitness {trained}; the fitness shown here is {own}. For that: {key}."
+
+
+def _other_physics(genome: Genome, config: EvaluateConfig) -> str:
+    """That the physics of this world is not that of a champion's evolution, nor of what it remembers."""
+    evolved_in, here = genome.physics or PYMUNK.name, config.world.physics.name
+    if not genome.experiment or evolved_in == here:
+        return ""
+    return (
+        f"This champion was evolved with physics={evolved_in}, in which its nominal statistics are measured, too; this "
+        f"world has physics={here}. See docs/ode.md."
+    )
 
 
 def _facts(world: Scenario) -> dict[str, str]:

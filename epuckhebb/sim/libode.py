@@ -9,7 +9,10 @@ from functools import cache
 from typing import Any
 
 import llvmlite.binding
+import numpy as np
 from numba import types
+
+from epuckhebb.sim.arrays import Floats
 
 _NAMES = ("libode.so.8", "libode.8.dylib")  # of version 0.16, whose functions and records these are
 _PRECISION = b"ODE_double_precision"
@@ -97,3 +100,21 @@ def library() -> Any:
         address = ctypes.cast(getattr(found, name), ctypes.c_void_p).value
         llvmlite.binding.add_symbol(name, address)
     return found
+
+
+def own_threading() -> tuple[int, int]:
+    """What lets several threads each step a world of their own: functions, and what they work on."""
+    made = library().dThreadingAllocateSelfThreadedImplementation()
+    return library().dThreadingImplementationGetFunctions(made), made
+
+
+def rotation(x: float, y: float, z: float, angle: float) -> Floats:
+    """The matrix of a rotation about an axis [rad]."""
+    rows = np.zeros(12)
+    library().dRFromAxisAndAngle(rows.ctypes.data, x, y, z, angle)
+    return rows.reshape(3, 4)[:, :3]
+
+
+def rows_of(matrix: Floats) -> Floats:
+    """A matrix as ODE has it: rows of four numbers."""
+    return np.hstack([matrix, np.zeros((3, 1))]).ravel()

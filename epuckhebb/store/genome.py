@@ -28,8 +28,9 @@ from epuckhebb.store.run import Run
 
 _NOMINAL = "memory_"  # how the names of the arrays of nominal statistics begin
 _SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
-_OF_SEED = re.compile(rf"{REFERENCE}_\d+")
-_FACTS = ("rule", "task", "fitness_function", "sensors", "wiring_settings")  # of a champion, where there are such
+_OF_SEED = re.compile(rf"{REFERENCE}_(ode_)?(\d+)")
+# Of a champion, where there are such:
+_FACTS = ("rule", "task", "fitness_function", "sensors", "wiring_settings", "physics")
 _TEXTS = ("robot", "experiment", "optimizer", "training", *_FACTS)
 
 
@@ -50,6 +51,7 @@ class Genome:
         fitness_function: The name of the fitness that its evolution maximised, if it is not the paper's.
         wiring_settings: Those of the wiring, as JSON; "" for layers.
         sensors: The readings of the robot's own sensors, by name, with `, ` between; "" without any.
+        physics: The name of the physics in which it was evolved, if it is not that of the plane.
         nominal: Statistics of the champion in its training world.
         self_memory: What its self-check compares with.
     """
@@ -68,6 +70,7 @@ class Genome:
     fitness_function: str = ""
     sensors: str = ""
     wiring_settings: str = ""
+    physics: str = ""
     nominal: Nominal | None = None
     self_memory: SelfMemory | None = None
 
@@ -118,8 +121,9 @@ def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | N
 
     Args:
         where: `reference` (the bundled champion of this experiment), `reference_7` (the champion of seed 7 in the
-            reference results), a run folder with a `champion.npz`, or a `.npz` or `.npy` file with as many numbers as
-            the network has weights, 234 in the paper.
+            reference results; `reference_ode_301` was evolved with `physics=ode`), a run folder with a
+            `champion.npz`, or a `.npz` or `.npy` file with as many numbers as the network has weights, 234 in the
+            paper.
         experiment: The name of the experiment, `light` or `obstacles`.
         shape: The layers of the network, or its wiring; None for what the file names, or else the paper's layers.
     """
@@ -203,9 +207,12 @@ def network_from(arrays: Arrays, layers: tuple[int, ...], *, rewarded: bool = Fa
 
 def _champion_of_seed(where: str, experiment: str) -> Path:
     champions = data_folder("runs/reference") / "champions"
-    path = champions / f"{experiment}_seed{int(where.partition('_')[2]):03d}.npz"
+    named = _OF_SEED.fullmatch(where)
+    assert named is not None  # the caller has looked
+    kind = f"{experiment}_{named[1] or ''}seed"
+    path = champions / f"{kind}{int(named[2]):03d}.npz"
     if not path.is_file():
-        seeds = sorted(int(file.stem[-3:]) for file in champions.glob(f"{experiment}_seed*.npz"))
+        seeds = sorted(int(file.stem[-3:]) for file in champions.glob(f"{kind}*.npz"))
         first = [seed for seed in seeds if seed - 1 not in seeds]
         last = [seed for seed in seeds if seed + 1 not in seeds]
         there = ", ".join(f"{a} to {b}" for a, b in zip(first, last, strict=True))

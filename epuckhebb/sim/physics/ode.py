@@ -26,6 +26,9 @@ from epuckhebb.sim.libode import (
     copy_rotation,
     create_contact,
     empty_group,
+    own_threading,
+    rotation,
+    rows_of,
     set_hinge,
     world_step,
 )
@@ -80,7 +83,7 @@ class _Body:
 
     def __init__(self, physics: "Ode", robot: Robot, solid: Solid, pose: Pose) -> None:
         ode = libode.library()
-        self.world, self.group, threading = ode.dWorldCreate(), ode.dJointGroupCreate(0), _own_threading(ode)
+        self.world, self.group, threading = ode.dWorldCreate(), ode.dJointGroupCreate(0), own_threading()
         ode.dWorldSetStepThreadingImplementation(self.world, *threading)
         ode.dWorldSetGravity(self.world, 0.0, 0.0, -physics.gravity_m_s2)
         ode.dWorldSetERP(self.world, physics.erp)
@@ -96,9 +99,9 @@ class _Body:
         for shape, middle in ((hull, (low + high) / 2), (box, under.middle)):
             ode.dGeomSetBody(shape, self.hull)
             ode.dGeomSetOffsetPosition(shape, 0.0, 0.0, middle - centre)
-        turned = _rotation(0.0, 0.0, 1.0, pose.heading) @ _rotation(*physics.put_down)
-        across = _rows(_rotation(1.0, 0.0, 0.0, math.pi / 2))
-        rows, foot = _rows(turned), np.array([pose.x, pose.y, 0.0])
+        turned = rotation(0.0, 0.0, 1.0, pose.heading) @ rotation(*physics.put_down)
+        across = rows_of(rotation(1.0, 0.0, 0.0, math.pi / 2))
+        rows, foot = rows_of(turned), np.array([pose.x, pose.y, 0.0])
         ode.dBodySetPosition(self.hull, *(foot + turned @ (0.0, 0.0, centre)))
         ode.dBodySetRotation(self.hull, rows.ctypes.data)
         self.hinges, tyres = [], []
@@ -126,30 +129,12 @@ class _Body:
         weakref.finalize(self, _destroy, ode, self.world, self.group, threading[1], [hull, box, *tyres])
 
 
-def _own_threading(ode: Any) -> tuple[int, int]:
-    """What lets several threads each step a world of their own: functions, and what they work on."""
-    made = ode.dThreadingAllocateSelfThreadedImplementation()
-    return ode.dThreadingImplementationGetFunctions(made), made
-
-
 def _destroy(ode: Any, world: int, group: int, threading: int, shapes: list[int]) -> None:
     for shape in shapes:
         ode.dGeomDestroy(shape)
     ode.dJointGroupDestroy(group)
     ode.dWorldDestroy(world)
     ode.dThreadingFreeImplementation(threading)
-
-
-def _rotation(x: float, y: float, z: float, angle: float) -> Floats:
-    """The matrix of a rotation about an axis [rad]."""
-    rows = np.zeros(12)
-    libode.library().dRFromAxisAndAngle(rows.ctypes.data, x, y, z, angle)
-    return rows.reshape(3, 4)[:, :3]
-
-
-def _rows(matrix: Floats) -> Floats:
-    """A matrix as ODE has it: rows of four numbers."""
-    return np.hstack([matrix, np.zeros((3, 1))]).ravel()
 
 
 class OdeSpace(Space):
