@@ -38,13 +38,7 @@ from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, initial_weigh
 from epuckhebb.sim.outcome import Outcome, outcome_of
 from epuckhebb.sim.own_fitness import FitnessError, example_arguments, score_of
 from epuckhebb.sim.own_sensor import Sensor, own_sensors
-from epuckhebb.sim.plasticity.rule import (
-    INITIAL_RANGE,
-    InitialWeights,
-    coefficients,
-    modulatory_weights,
-    values_of,
-)
+from epuckhebb.sim.plasticity.rule import INITIAL_RANGE, InitialWeights, coefficients, modulatory_weights, values_of
 from epuckhebb.sim.plasticity.update import initial_lengths
 from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.samples import empty_samples
@@ -87,8 +81,7 @@ class LostRobotError(ArithmeticError):
 class Session:
     """A lifetime in progress, run with `step`, in a world that `change` may replace at any time.
 
-    individual, lifetime: as given. world: the present scenario. life, genotype: the present state, and what it started
-    with. setup: what holds in that world. samples: what is recorded, of length 0 where nothing is.
+    individual, lifetime: as given. world: the present scenario. life: the present state. setup: what holds in that world. samples: what is recorded, of length 0 where nothing is.
 
     simulator: shared by lifetimes that run one after the other; without it, any number of sessions may be in progress.
     most_samples: how many are kept, the last ones; None for all. Sample n is in place n modulo this number.
