@@ -81,7 +81,8 @@ class LostRobotError(ArithmeticError):
 class Session:
     """A lifetime in progress, run with `step`, in a world that `change` may replace at any time.
 
-    individual, lifetime: as given. world: the present scenario. life: the present state. setup: what holds in that world. samples: what is recorded, of length 0 where nothing is.
+    individual, lifetime: as given. world: the present scenario. life: the present state. setup: what holds in that
+    world. samples: what is recorded, of length 0 where nothing is.
 
     simulator: shared by lifetimes that run one after the other; without it, any number of sessions may be in progress.
     most_samples: how many are kept, the last ones; None for all. Sample n is in place n modulo this number.
