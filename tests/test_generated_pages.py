@@ -162,6 +162,7 @@ def test_every_array_of_a_champion_is_told():
                 "rewarded",
                 "fitness_function",
                 "sensors",
+                "physics",
                 "wiring",
                 "joined",
                 "wiring_settings",

@@ -10,7 +10,7 @@ import pytest
 from cases import call, done, refused
 from PIL import Image
 
-from epuckhebb.analysis import movie
+from epuckhebb.export import replay
 from epuckhebb.store.folder import RunFolder
 
 
@@ -68,7 +68,7 @@ def test_mp4(short_run, tmp_path):
 
 
 def test_mp4_without_ffmpeg_says_what_to_install(short_run, tmp_path, monkeypatch):
-    monkeypatch.setattr(movie, "can_make_mp4", lambda: False)
+    monkeypatch.setattr(replay, "find_spec", lambda _: None)
     assert 'pip install "epuckhebb[video]"' in refused(
         "replay", short_run, "--mp4", tmp_path / "film.mp4", "--output", tmp_path / "page.html"
     )

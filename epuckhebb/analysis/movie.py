@@ -1,6 +1,5 @@
 """Recorded lifetimes as a GIF or an MP4: all trials at once, at eight times their speed."""
 
-import importlib.util
 import io
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -60,11 +59,6 @@ def _palette(frame: NDArray[np.uint8]) -> Image.Image:
     palette = Image.new("P", (1, 1))
     palette.putpalette(chosen.ravel().tolist())
     return palette
-
-
-def can_make_mp4() -> bool:
-    """Whether imageio-ffmpeg is installed."""
-    return importlib.util.find_spec("imageio_ffmpeg") is not None
 
 
 def mp4(traces: Traces, scenario: Scenario, title: str, track: Track = iter) -> bytes:

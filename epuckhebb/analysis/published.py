@@ -51,9 +51,7 @@ def compare(published: pd.DataFrame, each: pd.DataFrame, showcase: Mapping[str, 
     """
     rows = []
     for _, cell in published[published.experiment.isin(list(showcase))].iterrows():
-        rate = 0.0 if cell.controller == GA else PAPER_N[cell.experiment]
-        here = each[(each.experiment == cell.experiment) & (each.scenario == cell.scenario) & (each.side == cell.side)]
-        here = here[(here.controller == cell.controller) & (rate == here.N)].set_index("genome")
+        here = _at_cell(each, cell).set_index("genome")
         values = here[cell.metric] if cell.metric in here else here.path_length_m / _DURATION_S[cell.experiment]
         ours = float(values.get(showcase[cell.experiment], np.nan))
         if cell.metric == "weight_change_mean" and cell.controller == GA:
@@ -74,13 +72,16 @@ def with_repeats(comparison: pd.DataFrame, lifetimes: pd.DataFrame) -> pd.DataFr
     """
     rows = []
     for _, cell in comparison[comparison.published.notna()].iterrows():
-        rate = 0.0 if cell.controller == GA else PAPER_N[cell.experiment]
-        here = lifetimes[(lifetimes[["experiment", *CELL]] == cell[["experiment", *CELL]]).all(axis=1)]
-        values = here[rate == here.N][cell.metric].dropna().to_numpy(float)
+        values = _at_cell(lifetimes, cell)[cell.metric].dropna().to_numpy(float)
         low, high = np.quantile(values, [0.025, 0.975]) if len(values) else (np.nan, np.nan)
         below = (values < cell.published).mean() + (values == cell.published).mean() / 2 if len(values) else np.nan
         rows.append({**cell, "n": len(values), "low": low, "high": high, "percentile": 100 * below})
     return pd.DataFrame(rows)
+
+
+def _at_cell(table: pd.DataFrame, cell: "pd.Series[Any]") -> pd.DataFrame:
+    rate = 0.0 if cell.controller == GA else PAPER_N[cell.experiment]
+    return table[(table[["experiment", *CELL]] == cell[["experiment", *CELL]]).all(axis=1) & (rate == table.N)]
 
 
 def to_markdown(comparison: pd.DataFrame, *, of_all: bool) -> str:

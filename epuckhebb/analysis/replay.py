@@ -178,29 +178,26 @@ def fixed_facts(
 def world_facts(world: Scenario) -> dict[str, Any]:
     """All of a world that can change during a lifetime."""
     lamp = world.lamp
-    dead = " and ".join(map(str, world.dead_sensors))
-    faults = [f"sensor{'s' if len(world.dead_sensors) > 1 else ''} {dead} dead"] if dead else []
-    turning = (("left", world.left_wheel), ("right", world.right_wheel))
-    slipping = (("left", world.left_slip), ("right", world.right_slip))
-    faults += [f"{side} wheel at {100 * turns:g} %" for side, turns in turning if turns < 1]
-    faults += [f"{side} wheel slips {100 * slip:g} % of the time" for side, slip in slipping if slip]
-    if world.distance_gain != 1 or world.distance_offset:
-        faults.append(f"distance readings times {world.distance_gain:g} plus {world.distance_offset:g}")
-    more = {
-        "infra-red on the left times {:g}": (world.left_distance_gain, 1),
-        "cross-talk of {:g}": (world.crosstalk, 0),
-        "{:g} levels a reading": (world.sensor_levels, 0),
-        "readings {:g} steps late": (world.sensor_delay_steps, 0),
-        "wheels {:g} steps late": (world.wheel_delay_steps, 0),
-        "sun turned by {:g} degrees": (world.sun_turn_deg, 0),
+    dead = world.dead_sensors
+    faults = {
+        f"sensor{'s' if len(dead) > 1 else ''} {' and '.join(map(str, dead))} dead": dead,
+        f"left wheel at {100 * world.left_wheel:g} %": world.left_wheel < 1,
+        f"right wheel at {100 * world.right_wheel:g} %": world.right_wheel < 1,
+        f"left wheel slips {100 * world.left_slip:g} % of the time": world.left_slip,
+        f"right wheel slips {100 * world.right_slip:g} % of the time": world.right_slip,
+        f"distance readings times {world.distance_gain:g} plus {world.distance_offset:g}": (
+            world.distance_gain != 1 or world.distance_offset
+        ),
+        f"infra-red on the left times {world.left_distance_gain:g}": world.left_distance_gain != 1,
+        f"cross-talk of {world.crosstalk:g}": world.crosstalk,
+        f"{world.sensor_levels:g} levels a reading": world.sensor_levels,
+        f"readings {world.sensor_delay_steps:g} steps late": world.sensor_delay_steps,
+        f"wheels {world.wheel_delay_steps:g} steps late": world.wheel_delay_steps,
+        f"sun turned by {world.sun_turn_deg:g} degrees": world.sun_turn_deg,
+        "a second lamp": world.second_lamp is not None,
+        f"{world.mass_ratio:g} times as heavy": world.mass_ratio != 1,
+        f"wall friction {world.wall_friction:g}": world.wall_friction,
     }
-    faults += [text.format(value) for text, (value, intact) in more.items() if value != intact]
-    if world.second_lamp is not None:
-        faults.append("a second lamp")
-    if world.mass_ratio != 1:
-        faults.append(f"{world.mass_ratio:g} times as heavy")
-    if world.wall_friction:
-        faults.append(f"wall friction {world.wall_friction:g}")
     return {
         "obstacles": world.boxes[len(world.maze.walls) :].tolist(),
         "goals": {side: list(map(float, goal)) for side, goal in world.goals_now.items()},
@@ -213,8 +210,8 @@ def world_facts(world: Scenario) -> dict[str, Any]:
             "beam": lamp.beam_rad,
             "intensity": lamp.intensity,
         },
-        "dead": list(world.dead_sensors),
-        "faults": ", ".join(faults),
+        "dead": list(dead),
+        "faults": ", ".join(text for text, is_there in faults.items() if is_there),
     }
 
 

@@ -3,12 +3,13 @@
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.analysis import movie, replay
+from epuckhebb.analysis import replay
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.self_checks import text
 from epuckhebb.config import EvaluateConfig, from_values, hand, settings, without_own_code
@@ -91,7 +92,7 @@ def write_movie(recorded: Recording, target: Path, make: Callable[..., bytes]) -
 
 def require_video() -> None:
     """Check that imageio-ffmpeg is installed, which makes films."""
-    if not movie.can_make_mp4():
+    if find_spec("imageio_ffmpeg") is None:
         raise ConfigError('--mp4 needs imageio-ffmpeg, which is not installed: pip install "epuckhebb[video]"')
 
 

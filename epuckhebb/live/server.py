@@ -146,16 +146,14 @@ class _Handler(BaseHTTPRequestHandler):
     def _send(
         self, content: bytes, kind: str, more: dict[str, str] | None = None, status: HTTPStatus = HTTPStatus.OK
     ) -> None:
+        self._begin(kind, {"Content-Length": str(len(content)), **(more or {})}, status)
+        self.wfile.write(content)
+
+    def _begin(self, kind: str, more: dict[str, str], status: HTTPStatus = HTTPStatus.OK) -> None:
         self.send_response(status)
-        for name, value in {
-            "Content-Type": kind,
-            "Content-Length": str(len(content)),
-            **_HEADERS,
-            **(more or {}),
-        }.items():
+        for name, value in {"Content-Type": kind, **_HEADERS, **more}.items():
             self.send_header(name, value)
         self.end_headers()
-        self.wfile.write(content)
 
     def _stream(self) -> None:
         """Send what is new until the page has gone or the world has ended."""
@@ -163,12 +161,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.close_connection = True
         engine.watch(1)
         try:
-            self.send_response(HTTPStatus.OK)
-            self.send_header("Content-Type", "application/octet-stream")
-            self.send_header("Connection", "close")
-            for name, value in _HEADERS.items():
-                self.send_header(name, value)
-            self.end_headers()
+            self._begin("application/octet-stream", {"Connection": "close"})
             view = page.View(engine)
             while news := view.news(_QUIET_S):
                 self.wfile.write(news)

@@ -247,7 +247,7 @@ class Session:
             kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate), history=self._history),
             kind.nominal if individual.nominal is None else individual.nominal,
             lights_of(self.world, lamp_on=lamp_on),
-            trial_of(self.world, individual.side, self._start),
+            trial_of(self.world, individual.side, self._start, phase.faults),
             self.world.fitness.numbers() if self.world.fitness.step else (),
             float(lifetime.gain_rad_s),
             float(lifetime.noise),

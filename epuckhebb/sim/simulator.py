@@ -13,7 +13,7 @@ from epuckhebb.sim.adaptation.change_signal import NominalOfSide, no_nominal
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.changes import AT_ONCE
 from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.faults import faults_of
+from epuckhebb.sim.faults import Faults, faults_of
 from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
 from epuckhebb.sim.genome import GenomePlan, plan_of
 from epuckhebb.sim.life import Lifetime, Plasticity, Trial, Workspace, workspace_for
@@ -34,12 +34,13 @@ _NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task
 
 
 class Phase(NamedTuple):
-    """The world from a step on: its scenario and the space with its walls."""
+    """The world from a step on: its scenario, the space with its walls, and the faults of the robot."""
 
     step: int
     scenario: Scenario
     space: Space
     walls: Floats
+    faults: Faults
 
     def is_blocked(self, space: Space) -> bool:
         """Whether the robot of another space stands where this phase has new walls."""
@@ -97,7 +98,7 @@ class Simulator:
             same = last and np.array_equal(last.walls, walls) and last.scenario.wall_friction == now.wall_friction
             space = last.space if last and same else now.physics.space(walls, now)
             has_begun = step < since and step > 0  # what was to happen at once has happened
-            phases.append(Phase(step, replace(now, **AT_ONCE) if has_begun else now, space, walls))
+            phases.append(Phase(step, replace(now, **AT_ONCE) if has_begun else now, space, walls, faults_of(now)))
         return phases
 
     def kind_of(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
@@ -148,11 +149,14 @@ class Simulator:
 
 def have_more_faults(phases: list[Phase]) -> bool:
     """Whether one of these phases has other faults than dead sensors and weak wheels."""
-    return any(faults_of(phase.scenario).more for phase in phases)
+    return any(phase.faults.more for phase in phases)
 
 
-def trial_of(scenario: Scenario, side: Side, start: Pose | None = None) -> Trial:
-    """The task and faults of a robot on this side in a world. start: of each trial; None for the maze's."""
+def trial_of(scenario: Scenario, side: Side, start: Pose | None = None, faults: Faults | None = None) -> Trial:
+    """The task and faults of a robot on this side in a world. start: of each trial; None for the maze's.
+
+    faults: those of this world, if they are known.
+    """
     goals, maze, task = scenario.goals_now, scenario.maze, scenario.task
     goal = goals[side]
     return Trial(
@@ -162,7 +166,7 @@ def trial_of(scenario: Scenario, side: Side, start: Pose | None = None) -> Trial
         scenario.goal_signal.numbers(),
         _NOWHERE if task.has_trials else Region(*map(float, maze.arms[side])),
         float(maze.arena_m),
-        faults_of(scenario),
+        faults_of(scenario) if faults is None else faults,
         task.terms(goals, maze.start if start is None else start),
     )
 

@@ -479,6 +479,7 @@ CHAMPION: Mapping[str, Array] = {
     "rewarded": Array((), "", "beside `task`: 1 if the last input of the network is the reward, else 0"),
     "fitness_function": Array((), "", "the fitness that its evolution maximised, unless it is the paper's"),
     "sensors": Array((), "", "the readings of the user's own sensors, with `, ` between, if it has any"),
+    "physics": Array((), "", "the physics in which it evolved, unless it is `pymunk`"),
     "memory_*": Array((), "", "nominal statistics of its training world, for adaptations"),
     "self_*": Array((), "", "what a self-check compares with"),
 }

@@ -30,7 +30,7 @@ def provenance(command: str, arguments: list[str]) -> dict[str, Any]:
         "command": command,
         "command_line": ["epuckhebb", command, *arguments],
         "overrides": arguments,
-        "code": _code_version(),
+        "code": dict(_code_version()),
         "packages": versions(_PACKAGES),
         "python": platform.python_version(),
         "platform": platform.platform(),
@@ -38,6 +38,7 @@ def provenance(command: str, arguments: list[str]) -> dict[str, Any]:
     }
 
 
+@cache
 def _code_version() -> dict[str, Any]:
     """The version of this program and of its science, and its git commit where it runs from a checkout."""
 
@@ -50,9 +51,11 @@ def _code_version() -> dict[str, Any]:
         return done.stdout.decode(errors="replace").strip()
 
     known: dict[str, Any] = {"version": __version__, "science": science_version(), "commit": None, "dirty": None}
-    if git("ls-files", "--error-unmatch", "__init__.py") is not None:
-        known["commit"] = git("rev-parse", "HEAD")
-        known["dirty"] = bool(git("status", "--porcelain", "--", str(_PACKAGE)))
+    tracked = git("ls-files", "--error-unmatch", "__init__.py") is not None
+    if tracked and (told := git("status", "--porcelain=v2", "--branch", "--", str(_PACKAGE))):
+        commit, *others = told.splitlines()
+        known["commit"] = commit.removeprefix("# branch.oid ")
+        known["dirty"] = any(not line.startswith("# ") for line in others)
     return known
 
 
