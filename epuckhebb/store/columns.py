@@ -65,7 +65,7 @@ METRICS: Columns = {
     "repeat": number("number of the repeat, from 0; all controllers of a repeat have the same random numbers"),
     "seed": number("seed of the random numbers"),
     "success": number("1 if the robot is within 5 cm of its goal at the last step, else 0"),
-    "time_to_goal_s": number_or_empty("s until it was first within 5 cm of its goal; empty: never. It need not stay"),
+    "time_to_goal_s": number_or_empty("s until it was first within 5 cm of its goal; empty: never. It may leave again"),
     "path_length_m": number("m that it travelled: the sum of all steps"),
     "average_speed_m_s": number("m/s: the path over the whole lifetime, which includes the time at the goal"),
     "final_position_error_m": number("m from its goal at the last step"),
@@ -192,7 +192,7 @@ _RESCUE_AND_HARM: Columns = {
 }
 _RETENTION: Columns = {
     **_some(_CONDITION, "experiment", "controller", "N"),
-    "solves": Column(("any", "both"), "`any`: all solved in training; `both`: of champions that solve both sides"),
+    "solves": Column(("any", "both"), "`any`: all solved in training; `both`: only of champions that solve both sides"),
     "champions": number_or_empty("how many champions have such trials"),
     "trials": number("these trials in all changed worlds"),
     "retained": number("of them: succeed there"),
@@ -310,6 +310,7 @@ _OF_FLOCK: Columns = {
     "polarisation": number("in that half: length of the mean heading, 1 if all drive one way"),
     "spread_m": number("in that half: mean distance from the middle of the flock, m"),
 }
+_SEEDS = "mean over seeds: "
 _RUNS: Columns = {
     **_FLOCK,
     "seed": number("seed of the flock"),
@@ -321,7 +322,7 @@ _OVER_RUNS: Columns = {
     "runs": number("how many there are, one from each seed"),
     "good": number("share of runs with `long_after` above 0.9"),
     **_interval("good_"),
-    **{end: one for name, (kind, what) in _OF_FLOCK.items() for end, one in _mean(name, what, kind=kind).items()},
+    **{end: one for name, (kind, of) in _OF_FLOCK.items() for end, one in _mean(name, _SEEDS + of, kind=kind).items()},
     "least_gap_m": number("the least of all runs"),
     **_mean("difference", "`long_after` less that of the frozen flock", ", from a bootstrap over seeds", NUMBER),
 }
