@@ -46,6 +46,9 @@ evaluate +hebian.N=0.9                                  | hebbian
 evaluate +hebbian.trace_decya=1                         | trace_decay
 evaluate N=0.1                                          | hebbian.N
 evaluate rule=oja                                       | hebbian=oja
+evaluate network=ctrnn                                  | network.wiring=ctrnn
+evaluate compare=late                                   | compare=[late]
+evaluate change.a={{physics:od}}                          | change.a.physics | pymunk
 evaluate genome=best                                    | genome=best | latest
 evaluate compare=[1]                                    | compare
 evaluate compare.a={{adaptation:latte}}                 | compare.a.adaptation | late_steady
