@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -225,16 +224,6 @@ def test_fail_fast_starts_no_further_job(here):
     told = json.loads(result.stdout)
     assert (len(told["failed"]), told["left_out"], told["done_now"]) == (1, 3, 0)
     assert len(pd.read_csv(only_sweep(here) / "failed.csv")) == 1
-
-
-@pytest.mark.usefixtures("here")
-def test_a_sweep_of_ones_own(here):
-    Path("more", "experiment").mkdir(parents=True)
-    text = "# @package _global_\nhydra: {sweeper: {params: {lifetime.noise: '0,1'}}}\n"
-    Path("more", "experiment", "mine.yaml").write_text(text)
-    words = ["sweep", "mine", "--config-dir", "more", *FAST, "hydra/launcher=basic", "hydra.sweep.dir=out"]
-    done(*words)
-    assert list(pd.read_csv(here / "out" / "sweep.csv")["lifetime.noise"].unique()) == [0, 1]
 
 
 @pytest.mark.thorough
