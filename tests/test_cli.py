@@ -53,14 +53,6 @@ def test_evaluate_leaves_a_whole_run(here):
     assert json.loads((run / "status.json").read_text())["state"] == "finished"
 
 
-def test_the_same_command_twice_and_on_other_threads_gives_the_same_bytes(here):
-    for threads in (1, 1, 2):
-        assert call("evaluate", *FAST, f"threads={threads}", "-q").stdout == ""
-    written = {run.joinpath("metrics.csv").read_bytes() for run in (here / "runs" / "evaluate").iterdir()}
-    assert len(list((here / "runs" / "evaluate").iterdir())) == 3
-    assert len(written) == 1
-
-
 @pytest.mark.parametrize("launcher", first_of(["basic", "joblib"]))
 def test_multirun_sweeps(here, launcher):
     words = ["-m", "hebbian.N=0,0.002", "scenario=base,4obstacles", f"hydra/launcher={launcher}", "seed=3"]
@@ -142,10 +134,8 @@ def test_help_imports_nothing_heavy():
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
-def test_python_m_is_the_program():
-    told = subprocess.run(
-        [sys.executable, "-m", "epuckhebb", "--help"], capture_output=True, text=True, check=True
-    ).stdout
+def test_help_names_the_commands():
+    told = done("--help").stdout
     assert all(command in told for command in ("evolve", "evaluate", "sweep", "reproduce", "replay", "show", "rerun"))
     assert "..." not in told.partition("Commands:")[2]
 

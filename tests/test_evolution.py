@@ -93,16 +93,6 @@ def test_best_fitness_never_falls_without_noise():
     assert best[-1] > best[0]
 
 
-def test_three_generations_and_three_more_equal_six():
-    whole = list(evolve(TINY, Scenario(), SHORT, seed=5))
-    resumed = list(evolve(TINY, Scenario(), SHORT, seed=5, threads=2, after=whole[2]))
-    assert [g.number for g in resumed] == [3, 4, 5]
-    for one, other in zip(whole[3:], resumed, strict=True):
-        np.testing.assert_array_equal(one.fitness, other.fitness)
-        np.testing.assert_array_equal(one.champion, other.champion)
-        assert [results.digest for results in one.log] == [results.digest for results in other.log]
-
-
 @pytest.mark.thorough
 def test_controllers_that_learn_and_other_networks_evolve_too():
     network = Network((16, 10, 6, 2))

@@ -48,13 +48,6 @@ def test_a_folder_of_someone_else_is_refused_and_left_as_it_is(own, words):
     assert contents(own) == before
 
 
-@pytest.mark.parametrize("words", [[*SWEEP, "hydra.sweep.dir="], ["evaluate", *SMALL, "hydra.run.dir="]])
-def test_an_empty_name_of_a_folder_is_refused(own, words):
-    before = contents(own.parent)
-    assert "must name a folder" in refused(*words)
-    assert contents(own.parent) == before
-
-
 def test_a_run_of_another_verb_is_not_gone_on_with(here):
     done("evaluate", *SMALL, "hydra.run.dir=done")
     before = contents(here / "done")

@@ -5,12 +5,10 @@ import sys
 
 import pytest
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
-from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
 from epuckhebb.config import choices, compose, hydra_cache
 from epuckhebb.config.compose import _composed, composed
-from epuckhebb.config.schema import SCHEMAS
 from epuckhebb.runtime.resources import data_folder
 
 ASKED = [
@@ -105,12 +103,12 @@ def test_a_folder_elsewhere_is_followed(tmp_path):
 
 
 @pytest.mark.usefixtures("kept")
-@pytest.mark.parametrize("part", ["schema", "Python", "Hydra"])
-def test_versions_and_the_schema_are_part_of_the_key(tmp_path, monkeypatch, made, part):
+@pytest.mark.parametrize("part", ["program", "Python", "Hydra"])
+def test_versions_and_the_program_are_part_of_the_key(tmp_path, monkeypatch, made, part):
     composed("evaluate", [])
     monkeypatch.setattr(hydra_cache, "_versions", hydra_cache._versions.__wrapped__)
-    if part == "schema":
-        monkeypatch.setitem(ConfigStore.instance().repo, "another.yaml", SCHEMAS["evolve"].command)
+    if part == "program":
+        monkeypatch.setattr(hydra_cache, "__file__", str(tmp_path / "config" / "hydra_cache.py"))
     elif part == "Python":
         monkeypatch.setattr(sys, "version", "another")
     else:

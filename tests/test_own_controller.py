@@ -68,6 +68,7 @@ def test_a_champion_of_another_wiring_is_refused_with_both_names():
     ):
         said = refused("evaluate", *words, *SHORT)
         assert f"is for network.wiring={theirs}, and the settings have network.wiring={asked}" in said
+        assert f"give network.wiring={'FILE.py:Ring' if theirs == 'Ring' else theirs}, " in said
     said = refused("evaluate", "genome=evolved", OWN, *SHORT)
     assert "16-5-2 (Ring) of 100 synapses; the settings below network make 16-8-2 (Ring) of 160" in said
 

@@ -91,13 +91,6 @@ def test_a_rule_of_ones_own_lives_and_is_kept(runs):
     assert "trace_decay" not in config  # is the paper's rule's
 
 
-def test_what_is_left_as_it_is_in_the_class_is_written_down_too(tmp_path):
-    (tmp_path / "mine.py").write_text(MY_RULES)
-    asked = f"hebbian.rule={tmp_path / 'mine.py'}:oja"
-    assert composed("evaluate", [asked]).hebbian.decay == 1.0
-    assert composed("evaluate", [asked, "hebbian.decay=2"]).hebbian.decay == 2
-
-
 @pytest.mark.thorough
 @pytest.mark.usefixtures("own")
 def test_its_setting_matters_and_the_same_rule_gives_the_same_numbers():
@@ -109,12 +102,6 @@ def test_its_setting_matters_and_the_same_rule_gives_the_same_numbers():
     pd.testing.assert_frame_equal(one, again)
     pd.testing.assert_frame_equal(one, ours)
     assert not one.equals(two)
-
-
-def test_it_is_replayed_and_shown(copy):
-    assert "oja" in done("show", "evaluated").stdout
-    done("replay", "evaluated")
-    assert "oja" in (copy / "evaluated" / "replay.html").read_text()
 
 
 @pytest.mark.parametrize(("run", "after"), first_of([("evaluated", "changed"), ("evolved", "removed")]))

@@ -108,7 +108,7 @@ def test_all_files_of_the_users_count_wherever_they_are_found(tmp_path, monkeypa
 def test_an_identity_changes_with_a_file_that_a_rule_imports(tmp_path):
     write(tmp_path, {"my": RULE, "helper": "DECAY = 1.0\n"})
     config = plain(composed("evaluate", [f"hebbian.rule={tmp_path}/my.py:oja", "hebbian.decay=1"]))
-    before, files = Identities().of(config), plugins.sources(config)
+    before, files = Identities().of(config), plugins.own_sources(config)
     assert sorted(files) == [f"{tmp_path}/helper.py", f"{tmp_path}/my.py"]
     assert Identities().of(config) == before
     write(tmp_path, {"helper": "DECAY = 3.0\n"})  # as long as before, and within the same second

@@ -96,7 +96,7 @@ def in_flocks(coupling):
     return *FLOCKS, {**USUAL_FLOCK, "breaks": "knower", "coupling": coupling}
 
 
-FINDINGS = [  # sentence, unit, row (table, what is counted, of what, which), and rows whose counts stand in the sentence
+FINDINGS = [  # sentence, unit, row (table, what is counted, of what, which), and rows whose counts are in the sentence
     (
         "In dimmed light, most solved trials fail without plasticity. The paper's rule rescues few of these",
         "trials",
@@ -124,8 +124,8 @@ FINDINGS = [  # sentence, unit, row (table, what is counted, of what, which), an
         in_flocks("transfer_entropy"),
     ),
     (
-        "[When the reward changes sides](docs/reversal.md) within a lifetime, a controller needs plasticity. With a rule "
-        "that one neuron modulates, half of the champions learn it; without plasticity none does",
+        "[When the reward changes sides](docs/reversal.md) within a lifetime, a controller needs plasticity. With a "
+        "rule that one neuron modulates, half of the champions learn it; without plasticity none does",
         "champions",
         ("reversal/leaderboard", "solved", "champions", {"method": "modulated"}),
     ),

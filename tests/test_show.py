@@ -65,6 +65,8 @@ def test_without_runs_it_says_how_to_begin():
 
 @pytest.mark.usefixtures("_there")
 def test_latest_is_the_one_of_the_last_call():
+    for file in Path("runs/evolve").glob("*/status.json"):
+        file.touch()  # as where runs are copied
     assert json.loads(shown("latest", "--json"))["command"] == "sweep"
 
 
@@ -81,7 +83,9 @@ def test_a_multirun_is_a_line_a_run_and_a_table_over_all():
         ("0.0001", "Hebbian"),
         ("0.002", "Hebbian"),
     ]
-    assert str(multirun / "figures" / "dose_response.png") in told
+    figure = multirun / "figures" / "dose_response.png"
+    assert str(figure) in told
+    assert figure.read_bytes().startswith(b"\x89PNG")
 
 
 def test_controllers_that_have_the_same_rate_have_rows_of_their_own(tmp_path, capsys):
@@ -93,18 +97,6 @@ def test_controllers_that_have_the_same_rate_have_rows_of_their_own(tmp_path, ca
     summary.assign(**success).to_csv(tmp_path / "summary.csv", index=False)
     results.print_summary(tmp_path, Terminal())
     assert re.findall("GA|best|late", capsys.readouterr().out) == ["GA", "best", "late"]
-
-
-@pytest.mark.usefixtures("_there")
-def test_a_multirun_leaves_a_summary_with_the_genes_alone_once_and_a_figure():
-    (multirun,) = Path("runs/evaluate").glob("*_multirun")
-    summary = pd.read_csv(multirun / "summary.csv")
-    assert list(zip(summary.controller, summary.N, summary.side, strict=True)) == [
-        *(("GA", 0, side) for side in ("left", "right")),
-        *(("Hebbian", rate, side) for rate in (0.0001, 0.002) for side in ("left", "right")),
-    ]
-    assert set(summary.n) == {1}
-    assert (multirun / "figures" / "dose_response.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.usefixtures("_there")

@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -66,7 +65,8 @@ def test_a_dry_run_lists_the_jobs_and_writes_nothing(here, name):
     many = name == "adaptive" or name.startswith("rescue")
     few = ["genome=reference_101", "scenario=base,highlight,lowlight"] if many else []
     result = done("sweep", name, *few, "seed=1,2", "--dry-run", "--json")
-    assert "0 done, " in call("sweep", name, *few, "seed=1,2", "--dry-run").stdout
+    told = call("sweep", name, *few, "seed=1,2", "--dry-run").stdout
+    assert re.search(r"0 done, \d+ to do; nothing was run.\nAbout \d+ minutes on the \d+ cores", told)
     listed = json.loads(result.stdout)["jobs"]
     assert len({job["run"] for job in listed}) == len(listed) >= 6
     assert not any(job["done"] for job in listed)
@@ -225,16 +225,6 @@ def test_fail_fast_starts_no_further_job(here):
     told = json.loads(result.stdout)
     assert (len(told["failed"]), told["left_out"], told["done_now"]) == (1, 3, 0)
     assert len(pd.read_csv(only_sweep(here) / "failed.csv")) == 1
-
-
-@pytest.mark.usefixtures("here")
-def test_a_sweep_of_ones_own(here):
-    Path("more", "experiment").mkdir(parents=True)
-    text = "# @package _global_\nhydra: {sweeper: {params: {lifetime.noise: '0,1'}}}\n"
-    Path("more", "experiment", "mine.yaml").write_text(text)
-    words = ["sweep", "mine", "--config-dir", "more", *FAST, "hydra/launcher=basic", "hydra.sweep.dir=out"]
-    done(*words)
-    assert list(pd.read_csv(here / "out" / "sweep.csv")["lifetime.noise"].unique()) == [0, 1]
 
 
 @pytest.mark.thorough

@@ -20,7 +20,7 @@ from epuckhebb.sim.adaptation.self_check.findings import find
 from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
 from epuckhebb.sim.physics.pymunk import PYMUNK
 from epuckhebb.sim.scenario import EXPERIMENTS
-from epuckhebb.store import Genome, Run, below_runs, is_bundled, load_genome, of_multirun, resolve_run
+from epuckhebb.store import CONFIG, Genome, Run, below_runs, is_bundled, load_genome, of_multirun, resolve_run
 
 _LATEST = 10  # runs that are listed when none is named
 _NEEDED = re.compile(r"(hebbian|network|physics|robot)[.=]")  # settings without which a champion is not what it was
@@ -144,6 +144,7 @@ def _print_run(path: Path, console: Console) -> None:
         print_champion(load_genome(str(path), ""), console)
     code, typed = run["code"], " ".join(run["overrides"])
     command = " ".join(run["command_line"])
+    own = "as in the command" if typed and command.endswith(typed) else typed  # a job of a study has some of its own
     commit = f", commit {code['commit'][:10]}{' with changes' if code['dirty'] else ''}" if code["commit"] else ""
     resumed = [
         again["started"] + (f" after {again['generations']}" if "generations" in again else "")
@@ -155,7 +156,7 @@ def _print_run(path: Path, console: Console) -> None:
     facts.add_column(overflow="fold")
     for name, value in {
         "Command": command,
-        "Settings": "" if command.endswith(typed) else typed,  # those of one job of a study or a multirun
+        "Settings": f"{own or 'as by default'}; all are in {CONFIG}" if Run(path).has(CONFIG) else own,
         "State": status["state"] + (f": {status['error']}" if status.get("error") else ""),
         "Time": f"{status['started']} – {status.get('finished', '')}" if "started" in status else "",
         "Resumed": ", ".join(resumed),

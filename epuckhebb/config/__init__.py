@@ -5,7 +5,7 @@ file that knows Hydra, imports `compose` and `hydra_cache` too. What cannot be u
 `ConfigError`: it names the key, what was given and what is allowed.
 """
 
-from epuckhebb.config import hand, plugins
+from epuckhebb.config import hand
 from epuckhebb.config.build import (
     check_counts,
     check_library,
@@ -17,22 +17,12 @@ from epuckhebb.config.build import (
 from epuckhebb.config.compose import combinations, load, swept_values
 from epuckhebb.config.flock import Row, shorter
 from epuckhebb.config.keys import Group, Key, all_groups, group_named
-from epuckhebb.config.methods import (
-    ALL,
-    REVERSAL_TASK,
-    RULE_GROUPS,
-    TRAINING_GROUPS,
-    Method,
-    is_in_groups,
-    methods_named,
-    typed_as,
-)
+from epuckhebb.config.methods import ALL, REVERSAL_TASK, Method, methods_named, typed_as
 from epuckhebb.config.names import brings_physics, training_world, usual_physics, world_of
 from epuckhebb.config.overrides import (
     SWEEP_DIR,
     alternatives,
     check_config_dir,
-    check_folders,
     overrides_of,
     quoted,
     value_of,
@@ -40,6 +30,7 @@ from epuckhebb.config.overrides import (
     with_names_compared,
 )
 from epuckhebb.config.parts import part_from, part_names
+from epuckhebb.config.plugins import OWN_CODE, OWN_CODE_KEYS, OwnFile, own_files, own_references, own_sources
 from epuckhebb.config.schema import (
     SCHEMAS,
     Checked,
@@ -53,5 +44,6 @@ from epuckhebb.config.schema import (
     dump,
     say_unusual,
 )
-from epuckhebb.config.stored import from_values, settings, without_own_code
+from epuckhebb.config.stored import from_values, without_own_code
 from epuckhebb.config.words import check_words, explain
+from epuckhebb.config.yaml_file import load as settings

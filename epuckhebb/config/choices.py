@@ -75,7 +75,7 @@ def found_by_hydra(group: str, name: str, folders: Sequence[Path]) -> DictConfig
     """A row of a table as Hydra is to compose it, or a scenario with changes; None for other choices."""
     if group in ("adaptation", "scenario") and choice_file(group, name, folders) is None:
         held = _held(group, name, folders)
-        return None if held is None else OmegaConf.create(OmegaConf.to_container(held))
+        return None if held is None else DictConfig(OmegaConf.to_container(held))
     change = choice_of(group, name, folders) if group == "change" else None
     if change is None:
         return None

@@ -33,16 +33,7 @@ keep_compositions()
 
 
 def load(schema: type[Config], overrides: list[str], config_dir: str | None = None) -> Config:
-    """The checked configuration of a command: `conf/`, the user's folder and overrides.
-
-    Args:
-        schema: Its dataclass, which belongs to one command.
-        overrides: As on the command line.
-        config_dir: A folder with more configuration files.
-
-    Raises:
-        ConfigError: They do not make one, or a value is outside its range; the message names the key.
-    """
+    """The checked configuration of a command, that of the schema: `conf/`, the user's folder and overrides as typed."""
     return typed(composed(schema.command, overrides, config_dir), schema)
 
 
@@ -118,15 +109,9 @@ def combinations(
 ) -> Iterator[tuple[list[str], Plain]]:
     """Every combination of the choices (as from `alternatives`), as overrides and as a configuration of plain values.
 
-    A genome, a seed and the like are put into the plain values of what differs in nothing else.
-
-    Args:
-        command: The command.
-        fixed: Overrides that all have.
-        choices: For each key the overrides that it has in turn.
-        config_dir: A folder with more configuration files.
-        validate_shared: Is given each configuration that others share but for a genome, a seed and the like, as plain
-            values, and a function that makes the checked configuration of it.
+    A genome, a seed and the like are put into the plain values of what differs in nothing else. validate_shared: is
+    given these values of each configuration, and a function that makes the checked configuration of them. fixed: the
+    overrides that all have.
     """
 
     @functools.cache

@@ -67,11 +67,7 @@ class FlockKeys:
 
 
 def check(keys: FlockKeys, seed: int, repeats: int, threads: int) -> tuple[list[Row], list[Condition]]:
-    """The rows of the tables, and the conditions of the sweep, the usual one first.
-
-    Raises:
-        ValueError: a value is outside its range; ConfigError, which is one: the coupling is unknown.
-    """
+    """The rows of the tables, and the conditions of the sweep, the usual one first."""
     check_counts({"seed": seed, "repeats": repeats, "threads": threads})
     check_range(keys.sweep, "flock.sweep", "repeats", least=1)
     names = [keys.breaks] if isinstance(keys.breaks, str) else keys.breaks

@@ -12,7 +12,6 @@ from epuckhebb.sim.changes import CHANGEABLE
 
 NAME = "hand.json"  # of the copy in a run folder
 _KEY = "scenario.hand"
-_LARGEST = 2**24  # bytes; ten thousand changes take 1 MB
 
 
 def read(text: str) -> tuple[dict[str, Any], ...]:
@@ -28,11 +27,8 @@ def read(text: str) -> tuple[dict[str, Any], ...]:
 
 def content(text: str) -> bytes:
     """The bytes of a file of changes."""
-    path = path_of(text, _KEY)
     try:
-        if path.is_file() and path.stat().st_size > _LARGEST:
-            raise ConfigError(f"{_KEY}={text} has {path.stat().st_size} bytes, at most {_LARGEST} are allowed")
-        return path.read_bytes()
+        return path_of(text, _KEY).read_bytes()
     except OSError as error:
         raise ConfigError(f"{_KEY}={text} cannot be read: {error.strerror}") from error
 

@@ -10,7 +10,6 @@ found by the other overrides, by the content of every file on the search path, a
 
 import functools
 import hashlib
-import io
 import itertools
 import os
 import pickle
@@ -26,7 +25,6 @@ import hydra
 from hydra._internal.config_loader_impl import ConfigLoaderImpl, get_overrides_dirname
 from hydra._internal.core_plugins.file_config_source import FileConfigSource
 from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
-from hydra.core.config_store import ConfigStore
 from hydra.core.object_type import ObjectType
 from hydra.core.override_parser.types import Override
 from hydra.core.plugins import Plugins
@@ -187,20 +185,11 @@ def _state(loader: ConfigLoaderImpl) -> str | None:
 
 @functools.cache
 def _versions() -> bytes:
-    """What the program, Hydra and its plug-ins are in this process; and the schemas that all of them have declared."""
+    """What the program, Hydra and its plug-ins are in this process."""
     installed = sorted(file.name for file in Path(hydra.__file__).parents[1].glob("*.dist-info"))
-    ours = [file.read_bytes() for file in sorted(Path(__file__).parent.glob("*.py"))]
-    declared = io.BytesIO()
-    _ClassesByName(declared).dump(ConfigStore.instance().repo)
-    return repr((sys.version, sys.platform, installed, ours, declared.getvalue())).encode()
-
-
-class _ClassesByName(pickle.Pickler):
-    """Writes a class as its name: in the worker of a launcher, Hydra has loaded plug-ins twice, and so classes too."""
-
-    def reducer_override(self, value: object) -> Any:
-        """See pickle."""
-        return (repr, (f"{value.__module__}.{value.__qualname__}",)) if isinstance(value, type) else NotImplemented
+    files = ((file, file.stat()) for file in sorted(Path(__file__).parents[1].rglob("*.py")))
+    ours = [(str(file), known.st_size, known.st_mtime_ns) for file, known in files]
+    return repr((sys.version, sys.platform, installed, ours)).encode()
 
 
 def _kept(key: str, make: Callable[[], DictConfig]) -> DictConfig:

@@ -1,6 +1,6 @@
 """The methods of the leaderboard: rows of `conf/methods.yaml`, files of the user's, or plasticity rules of theirs."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from epuckhebb.sim.plasticity.rule import InitialWeights
 
 ALL = "all"
 _OWN_PLAIN, _OWN_OVER = "sep_cma_es_varied", "ga"  # what a user's rule is compared with, and whose champions it takes
-RULE_GROUPS, TRAINING_GROUPS = ("hebbian",), ("optimizer", "ga", "training")  # groups of settings
+_OF_RULES, _OF_TRAINING = ("hebbian",), ("optimizer", "ga", "training")  # groups of settings
 REVERSAL_TASK = {"task": "reversal"}  # settings of any life in reversal learning
 
 
@@ -54,18 +54,21 @@ class Method:
     @property
     def rule(self) -> dict[str, Any]:
         """Those of its settings that choose a plasticity rule."""
-        return {key: value for key, value in {**self.evolve, **self.evaluate}.items() if is_in_groups(key, RULE_GROUPS)}
+        return {key: value for key, value in {**self.evolve, **self.evaluate}.items() if _is_in(_OF_RULES, key)}
+
+    @property
+    def is_rule_alone(self) -> bool:
+        """Whether nothing but its rule, and how it is trained, is not as usual."""
+        return all(_is_in((*_OF_RULES, *_OF_TRAINING), key) for key in {**self.evolve, **self.evaluate})
 
 
 _KEYS = [key.name for key in fields(Method) if key.name not in ("name", "description")]
 
 
 def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]:
-    """The methods of these names, each after those that it needs: the one that it is compared with.
+    """The methods of these names, each after the one that it is compared with.
 
-    Args:
-        names: Names of methods, `FILE.py:NAME` for a rule, or `all`.
-        folders: Where to look for `method/`, first found first taken.
+    names: of methods, `FILE.py:NAME` for a rule, or `all`. folders: with `method/`, first found first taken.
     """
     known = sorted(choice_names("method", folders))
     chosen: dict[str, Method] = {}
@@ -82,21 +85,16 @@ def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]
         elif chosen[method.name] != method:
             raise ConfigError(f"{why}={name}: another rule has the name {method.name}, too; give one of them another")
 
-    for name in _wanted(names, known):
-        read(name, "methods", ())
-    return list(chosen.values())
-
-
-def is_in_groups(key: str, groups: Sequence[str]) -> bool:
-    """Whether a key belongs to one of these groups."""
-    return key.partition(".")[0] in groups
-
-
-def _wanted(names: Sequence[str], known: Sequence[str]) -> Iterator[str]:
     if not names:
         raise ConfigError(f"methods must name one method or more: {', '.join([ALL, *known])}, or FILE.py:NAME")
     for name in names:
-        yield from known if name == ALL else [str(name)]
+        for one in known if name == ALL else [str(name)]:
+            read(one, "methods", ())
+    return list(chosen.values())
+
+
+def _is_in(groups: Sequence[str], key: str) -> bool:
+    return key.partition(".")[0] in groups
 
 
 def _read(name: str, why: str, known: Sequence[str], folders: Sequence[Path]) -> Method:

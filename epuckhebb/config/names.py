@@ -42,12 +42,9 @@ _LONGEST = 80  # characters of a world in the name of a folder
 
 
 def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> DictConfig:
-    """The configuration with all names in it.
+    """The configuration with all names in it. cfg: as Hydra composed it; it is changed.
 
-    Args:
-        cfg: As Hydra composed it; it is changed.
-        choices: The file that was chosen of each group.
-        folders: Where Hydra looked for files, first found first taken.
+    choices: the file that was chosen of each group. folders: where Hydra looked for files, first found first taken.
     """
     if ":" in str((cfg.get("flock") or {}).get("coupling")):
         cfg.flock.coupling = _absolute(cfg.flock.coupling, "flock.coupling")
@@ -64,7 +61,8 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
         for group in _GROUPS:
             if group in cfg and not cfg[group].get("name"):
                 cfg[group].name = chosen.get(group, "")
-        if "adaptation" in cfg and cfg.adaptation.name == NONE and _acts(cfg.adaptation):
+        added = cfg.get("adaptation")
+        if added and added.name == NONE and (added.change_signal != NONE or added.self_check or added.homeostasis):
             cfg.adaptation.name = chosen.get("adaptation", NONE)
         if "training" in cfg and _is_changed(cfg.training, chosen.get("training", ""), folders):
             cfg.training.name += " changed"
@@ -110,10 +108,6 @@ def _make(key: str, settings: Any, cfg: DictConfig, folders: Sequence[Path]) -> 
         cfg.scenario.merge_with(settings)
     except OmegaConfBaseException as error:
         raise ConfigError(f"{key}: {said(error)}") from error
-
-
-def _acts(adaptation: DictConfig) -> bool:
-    return bool(adaptation.change_signal != NONE or adaptation.self_check or adaptation.homeostasis)
 
 
 def _is_changed(training: DictConfig, name: str, folders: Sequence[Path]) -> bool:

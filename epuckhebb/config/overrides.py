@@ -104,14 +104,6 @@ def check_config_dir(config_dir: str | None) -> None:
         say(f"Files of yours in {mine} replace the program's: {names}.")
 
 
-def check_folders(arguments: list[str]) -> None:
-    """Refuse an empty name of a folder, which would be the current one."""
-    for argument in arguments:
-        key, _, value = argument.partition("=")
-        if key in ("hydra.run.dir", "hydra.sweep.dir") and not value.strip("'\""):
-            raise ConfigError(f"{key} must name a folder, got nothing; leave it out for one below runs/")
-
-
 def overrides_of(overrides: Sequence[Any], keys: Mapping[str, Any]) -> list[str]:
     """Overrides as on the command line, of texts and of keywords."""
     for override in overrides:

@@ -25,8 +25,15 @@ from epuckhebb.config import hand
 from epuckhebb.runtime import ConfigError, did_you_mean, path_of
 from epuckhebb.sim.compiling.code_digest import is_installed
 
-KEYS = ("hebbian.rule", "fitness.function", "network.wiring", "optimizer.algorithm", "flock.coupling")  # FILE.py:NAME
-FOLDER = "own_code"  # of the copies in a run folder
+# Keys whose value may be FILE.py:NAME.
+OWN_CODE_KEYS = (
+    "hebbian.rule",
+    "fitness.function",
+    "network.wiring",
+    "optimizer.algorithm",
+    "flock.coupling",
+)  # FILE.py:NAME
+OWN_CODE = "own_code"  # of the copies in a run folder
 _NAMED = re.compile(r"(.+\.py):([^\W\d]\w*)", re.DOTALL)
 _PREFIX = "epuckhebb_own_"
 _US = __name__.partition(".")[0]
@@ -62,12 +69,12 @@ class OwnFile:
     @property
     def copy(self) -> str:
         """The place of the file's copy in a run folder."""
-        return f"{FOLDER}/{self.digest}/{self.file.name}"
+        return f"{OWN_CODE}/{self.digest}/{self.file.name}"
 
     @property
     def copies(self) -> dict[str, bytes]:
         """The content of all copies by their place in a run folder."""
-        return {f"{FOLDER}/{self.digest}/{place}": content for place, (_, content) in self.sources.items()}
+        return {f"{OWN_CODE}/{self.digest}/{place}": content for place, (_, content) in self.sources.items()}
 
     @property
     def sha256(self) -> dict[str, str]:
@@ -86,13 +93,13 @@ _loaded: dict[Path, OwnFile] = {}  # by where the named file is
 _packages: dict[str, OwnFile] = {}  # by the name of the package
 
 
-def references(config: Any) -> Iterator[tuple[Any, str, Path, str]]:
+def own_references(config: Any) -> Iterator[tuple[Any, str, Path, str]]:
     """All `FILE.py:NAME` in a configuration: the mapping that holds it, its key there, the file and the name."""
     for key, value in config.items():
         several = value if isinstance(value, Sequence) and not isinstance(value, str) else [value]
         for part in several:
             if isinstance(part, Mapping):
-                yield from references(part)
+                yield from own_references(part)
         if several is value:
             continue
         if isinstance(value, str) and (found := _NAMED.fullmatch(value)):
@@ -101,24 +108,18 @@ def references(config: Any) -> Iterator[tuple[Any, str, Path, str]]:
 
 def own_files(config: Any) -> dict[Path, OwnFile]:
     """The user's files that a configuration names, as they are now, by their paths as they stand there."""
-    loaded = {file: load(file, str(file)) for _, _, file, _ in references(config)}
+    loaded = {file: load(file, str(file)) for _, _, file, _ in own_references(config)}
     return {file: replace(own, sources=dict(own.sources)) for file, own in loaded.items()}
 
 
-def sources(config: Any) -> dict[str, str]:
+def own_sources(config: Any) -> dict[str, str]:
     """The SHA-256, by path, of all the user's files that results of a configuration depend on."""
     own = {path: sha256 for own in own_files(config).values() for path, sha256 in own.sha256.items()}
     return own | hand.source(config)
 
 
 def class_named(text: str, base: type[Base], key: str) -> type[Base]:
-    """The subclass of a base class that `FILE.py:NAME` names.
-
-    Args:
-        text: The file and the name.
-        base: The base class, of which `epuckhebb` has the name.
-        key: Where in the configuration it stands, for messages.
-    """
+    """The subclass of a base class (one that `epuckhebb` has) that `FILE.py:NAME` names. key: whose value that is."""
     file, _, name = text.rpartition(":")
     module = load(path_of(file, key), f"{key}={text}").module
     kind = getattr(module, name, None)
@@ -223,7 +224,7 @@ class _Source(SourceFileLoader):
             name: str, given: Any = None, local: Any = None, fromlist: Sequence[str] | None = (), level: int = 0
         ) -> ModuleType:
             own, top = _packages.get(package), name.partition(".")[0]
-            if level or own is None or not _is_own(top, own):
+            if level or own is None or not (f"{package}.{top}" in sys.modules or _find(top, own)):
                 return builtins.__import__(name, given, local, fromlist or (), level)
             if fromlist:
                 return builtins.__import__(f"{package}.{name}", given, local, fromlist)
@@ -232,10 +233,6 @@ class _Source(SourceFileLoader):
 
         vars(module)["__builtins__"] = {**vars(builtins), "__import__": import_}
         super().exec_module(module)
-
-
-def _is_own(name: str, own: OwnFile) -> bool:
-    return f"{own.package}.{name}" in sys.modules or _find(name, own) is not None
 
 
 def _find(name: str, own: OwnFile) -> ModuleSpec | None:

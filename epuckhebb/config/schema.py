@@ -16,22 +16,7 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.config.build import (
-    check_counts,
-    check_homeostasis,
-    check_self_check,
-    check_signal,
-    check_stay,
-    check_task,
-    check_wheel_gain,
-    compared,
-    controller_from,
-    network_for,
-    optimizer_from,
-    scenario_from,
-    shape_from,
-    with_controls,
-)
+from epuckhebb.config import build
 from epuckhebb.config.flock import FlockKeys, check
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
@@ -140,15 +125,15 @@ class WorldConfig(Checked):
 
     def __post_init__(self) -> None:
         """Validate the settings."""
-        check_counts(vars(self))
-        self.world = scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
+        build.check_counts(vars(self))
+        self.world = build.scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
         memory = grid_bytes(self.world.maze.arena_m)
         require([Need(memory, "a way to the goals of so large a maze", "lower maze.arena_m")])
         self.world.check()
-        self.shape = shape_from(self.network)
+        self.shape = build.shape_from(self.network)
         if self.shape is not None:
-            network_for(self.world, self.shape)
-        check_wheel_gain(self.lifetime, self.world)
+            build.network_for(self.world, self.shape)
+        build.check_wheel_gain(self.lifetime, self.world)
 
 
 @dataclass(kw_only=True)
@@ -168,9 +153,9 @@ class EvaluateConfig(WorldConfig):
     def __post_init__(self) -> None:
         """Validate the settings."""
         super().__post_init__()
-        main = controller_from(self.hebbian, self.adaptation)
-        given = with_controls(main, self.world.task)
-        others = [compared(name, settings, self.scenario.paper_N) for name, settings in self.compare.items()]
+        main = build.controller_from(self.hebbian, self.adaptation)
+        given = build.with_controls(main, self.world.task)
+        others = [build.compared(name, settings, self.scenario.paper_N) for name, settings in self.compare.items()]
         self.controllers = [*given, *(other for other in others if other != main)]
         names = [GA_ALONE.name, *(controller.name for controller in self.controllers)]
         twice = next((name for name in names if names.count(name) > 1), None)
@@ -180,11 +165,11 @@ class EvaluateConfig(WorldConfig):
                 f"{', '.join(names)}. Give hebbian.name, adaptation.name or the name below compare another one"
             )
         for controller in self.controllers:
-            check_signal(controller, self.world)
-            check_task(controller, self.world.task)
-            check_self_check(controller.adaptation, self.world, self.lifetime)
-            check_stay(controller, self.world, self.lifetime)
-            check_homeostasis(controller.adaptation, self.shape)
+            build.check_signal(controller, self.world)
+            build.check_task(controller, self.world.task)
+            build.check_self_check(controller.adaptation, self.world, self.lifetime)
+            build.check_stay(controller, self.world, self.lifetime)
+            build.check_homeostasis(controller.adaptation, self.shape)
 
 
 @dataclass(kw_only=True)
@@ -207,18 +192,18 @@ class EvolveConfig(WorldConfig):
         super().__post_init__()
         if self.scenario.hand is not None:
             raise ValueError(f"scenario.hand={self.scenario.hand} is for `epuckhebb evaluate`; evolve takes changes")
-        self.controller = controller_from(self.hebbian, Adaptation())
-        check_signal(self.controller, self.world)
-        check_task(self.controller, self.world.task)
+        self.controller = build.controller_from(self.hebbian, Adaptation())
+        build.check_signal(self.controller, self.world)
+        build.check_task(self.controller, self.world.task)
         if self.controller.rule.carries_history:
             raise ValueError(
                 "hebbian.carries_history=true is for `epuckhebb evaluate`; in evolution no lifetime follows another: "
                 "give hebbian.carries_history=false"
             )
-        self.algorithm = optimizer_from(self.optimizer, self.ga)
+        self.algorithm = build.optimizer_from(self.optimizer, self.ga)
         self.schedule = self.algorithm.schedule(self.training, self.lifetime)
         self.training.check(self.world, self.lifetime, self.schedule.loops)
-        network = network_for(self.world, self.shape)
+        network = build.network_for(self.world, self.shape)
         self.plan = evolved_plan(network, self.controller.rule, given=self.genome is not None)
         self.algorithm.check(self.plan)
 
@@ -269,7 +254,7 @@ class ReproduceConfig(Checked):
 
     def __post_init__(self) -> None:
         """Validate the settings."""
-        check_counts(vars(self))
+        build.check_counts(vars(self))
         for rate in self.rates:
             if not (math.isfinite(rate) and rate > 0):
                 raise ValueError(f"rates must be numbers above 0 (0 is always run, as the GA alone), got {rate}")
@@ -290,7 +275,7 @@ class LeaderboardConfig(Checked):
 
     def __post_init__(self) -> None:
         """Validate the settings."""
-        check_counts(vars(self))
+        build.check_counts(vars(self))
         if not self.tests:
             raise ValueError(
                 "tests must name one sweep of conf/experiment/ or more, in whose worlds champions are tested"
@@ -332,19 +317,14 @@ Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig, Leader
 
 
 def typed(cfg: DictConfig, schema: type[Config]) -> Config:
-    """The composed configuration as plain dataclasses, checked.
-
-    Raises:
-        ConfigError: A value is outside its range; the message names the key.
-    """
+    """The composed configuration as plain dataclasses, checked."""
     try:
         config: Any = OmegaConf.to_object(cfg)
     except ConfigError:
         raise
     except (ValueError, OmegaConfBaseException) as error:
         raise ConfigError(said(error)) from error
-    if not isinstance(config, schema):
-        raise ConfigError("the configuration is not one of this command")
+    assert isinstance(config, schema)
     config.composed = cfg
     return config
 

@@ -3,15 +3,13 @@
 import copy
 import functools
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.config import yaml_file
 from epuckhebb.config.overrides import literal
-from epuckhebb.config.plugins import references
+from epuckhebb.config.plugins import own_references
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, typed
 from epuckhebb.config.words import explain
 from epuckhebb.runtime import ConfigError
@@ -58,14 +56,6 @@ def _literally(value: Any) -> Any:
     return literal(value) if isinstance(value, str) else value
 
 
-def settings(file: Path) -> dict[str, Any]:
-    """The settings in such a file as they stand there, whatever they are."""
-    held = yaml_file.load(file)
-    if not held:
-        raise ConfigError(f"{file} cannot be used: it holds no settings")
-    return held
-
-
 def _within(values: Plain, group: str) -> Plain:
     """The settings of a group; none where a damaged file has lost them, which the schema then refuses."""
     found = values.get(group)
@@ -81,7 +71,7 @@ def without_own_code(values: Plain) -> Plain:
     values = copy.deepcopy(values)
     rules = [rule for rule in (values.get("hebbian"), *_within(values, "compare").values()) if isinstance(rule, dict)]
     rules = [rule for rule in rules if rule.get("signal") == _OWN_SIGNAL]
-    rules += [part for part, key, *_ in references(values) if key == "rule"]
+    rules += [part for part, key, *_ in own_references(values) if key == "rule"]
     for part in _within(values, "robot").get("sensors", []):
         name = part.pop("sensor").rpartition(":")[2]
         readings = part["readings"]

@@ -19,10 +19,10 @@ from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean, near
 
 _WHOLE = {"network": "network.wiring={}", "compare": "compare=[{}]"}  # keys that are no groups; a name, as it is given
 _BOTH = ("evaluate", "evolve")  # a misspelt key of one may be a key of the other
+_BELOW = tuple(f"{key}." for key in (*OPEN, "hydra"))  # the schema does not know what keys there are
 _MANY, _SOME = 30, 4  # choices that are no longer listed in a message, and how many of them are
 _FEW = 3  # names in a question
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}  # what is missing of Hydra's -> the extra of this package that has it
-_KINDS = {"Float": "a number", "Integer": "a whole number", "Boolean": "true or false"}  # OmegaConf's words, and ours
 
 
 def check_words(command: str, words: Sequence[str], config_dir: str | None = None, *, several: bool = False) -> None:
@@ -53,7 +53,7 @@ def check_words(command: str, words: Sequence[str], config_dir: str | None = Non
             _check_choice(override, choices.get(key, []))
         elif key in _WHOLE and isinstance(value, str) and "{" not in value:
             raise ConfigError(f"{key} has settings, and no choices; give {_WHOLE[key].format(value)}")
-        elif not _is_key(command, key):
+        elif key not in known_keys(command) and key != "hydra" and not key.startswith(_BELOW):
             raise ConfigError(_no_key(command, key, value))
 
 
@@ -82,12 +82,6 @@ def _is_folder(key: str, config_dir: str | None) -> bool:
     if any(key in known_keys(command) for command in SCHEMAS):
         return False
     return any((Path(folder) / key).is_dir() for folder in (data_folder("conf"), config_dir) if folder)
-
-
-def _is_key(command: str, key: str) -> bool:
-    """Whether the schema has a key, or does not know what is below it."""
-    below = tuple(f"{open_}." for open_ in (*OPEN, "hydra"))
-    return key in known_keys(command) or key == "hydra" or key.startswith(below)
 
 
 def _no_key(command: str, key: str, value: Any) -> str:
@@ -143,11 +137,6 @@ def explain(error: BaseException) -> str:
         return whole
     (message, key), file = found.groups(), re.match(r"In '(\w+)/([^']+)'", whole)
     where = f"{file[1]}/{file[2]}.yaml: " if file else ""
-    kind = re.match(r"Value '(.*)' of type '\w+' could not be converted to (\w+)", message)
-    if kind and kind[2] in _KINDS:
-        return f"{where}{key} must be {_KINDS[kind[2]]}, got {kind[1]}"
-    if "is not Optional" in message or "value 'None'" in message:
-        return f"{where}{key} must have a value, got null"
     if not message.startswith("Key "):
         return f"{where}{key}: {message}"
     if file and re.match(rf"Key '{file[1]}' ", message):

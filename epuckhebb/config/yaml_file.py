@@ -18,10 +18,7 @@ _GROUP = re.compile(r"^(override +|optional +)*/?|@.*$")  # what stands around a
 def check(path: Path, root: Path, above: tuple[Path, ...] = ()) -> None:
     """Refuse a file of the configuration that is not plain settings with a list of defaults, which end somewhere.
 
-    Args:
-        path: The file.
-        root: The folder of its group's folder.
-        above: The files whose defaults name this one.
+    root: the folder of its group's folder. above: the files whose defaults name this one.
     """
     if path in above:
         circle = " -> ".join(str(one.relative_to(root)) for one in (*above[above.index(path) :], path))

@@ -21,8 +21,8 @@ from epuckhebb.config import (
     check_library,
     dump,
     hand,
+    own_files,
     part_names,
-    plugins,
     quoted,
     say_unusual,
     typed_as,
@@ -51,11 +51,8 @@ from epuckhebb.store import Genome, RunFolder, check_wiring, load_genome, traces
 if TYPE_CHECKING:
     import pandas as pd
 
-Report = Callable[[Path, Rows], None]
-
-
-def _no_report(*_: object) -> None:
-    """Report nothing."""
+Report = Callable[[Path, Rows], object]
+_NO_REPORT: Report = lambda *_: None  # noqa: E731
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,13 +132,7 @@ def _identity(part: object, functions: Sequence[Callable[..., object]]) -> tuple
 
 
 def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> PreparedEvaluation:
-    """Check that a genome fits the settings, and that there is memory for the lifetimes.
-
-    genome: the one that the settings name, unless given.
-
-    Raises:
-        ConfigError: The genome cannot be read, is for another robot, task or rule, or memory is too small.
-    """
+    """Check that a genome, the one that the settings name unless given, fits them, and that memory is large enough."""
     check_library(config.world)
     if genome is None:
         genome = load_genome(config.genome, config.world.experiment, config.shape)
@@ -159,7 +150,7 @@ def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> 
     return PreparedEvaluation(config=config, genome=genome)
 
 
-def evaluate_job(cfg: Any, report: Report = _no_report) -> None:
+def evaluate_job(cfg: Any, report: Report = _NO_REPORT) -> None:
     """Do one job of Hydra's: evaluate into its folder. cfg: as Hydra composed it. report: as in `evaluate_into`."""
     with hydra.job_of("evaluate", cfg) as job:
         _evaluate(job, report)
@@ -170,7 +161,7 @@ def _evaluate(job: hydra.Job, report: Report) -> None:
     evaluate_into(job.path, job.config, job.overrides, job.facts, threads=threads, report=report)
 
 
-def recorded_job(cfg: Any, report: Report = _no_report) -> None:
+def recorded_job(cfg: Any, report: Report = _NO_REPORT) -> None:
     """Do one job of Hydra's that must record its lifetimes. The arguments are those of `evaluate_job`."""
     with hydra.job_of("evaluate", cfg) as job:
         if not job.config.lifetime.record_every:
@@ -279,21 +270,17 @@ def evaluate_into(
     facts: dict[str, Any],
     *,
     threads: int,
-    report: Report = _no_report,
+    report: Report = _NO_REPORT,
 ) -> None:
     """Claim a folder and evaluate into it. overrides, facts: as for `RunFolder.new`.
 
     report: is given the folder and the lifetimes as soon as its tables are written. Figures come later: they take
-    longer than lifetimes.
-
-    Raises:
-        ConfigError: The settings cannot be used.
-        JobFailedError: A figure cannot be drawn. The run has failed then, and keeps what it wrote.
+    longer than lifetimes. If one cannot be drawn, the run has failed, and keeps what it wrote.
     """
     prepared = prepare_evaluation(config)
     genome = prepared.genome
     say_unusual(config)
-    own, notes = plugins.own_files(config.values), notes_of(genome, config)
+    own, notes = own_files(config.values), notes_of(genome, config)
     facts = {
         "seed": config.seed,
         "genome": genome.name,

@@ -17,13 +17,15 @@ import yaml
 from numpy.typing import NDArray
 
 from epuckhebb.config import (
+    OWN_CODE,
     EvolveConfig,
+    OwnFile,
     Plain,
     check_library,
     dump,
     from_values,
     network_for,
-    plugins,
+    own_files,
     say_unusual,
     settings,
 )
@@ -53,7 +55,7 @@ from epuckhebb.store import (
     champion_file,
     check_wiring,
     load_genome,
-    provenance,
+    science_version,
 )
 
 RESUME = "resume="
@@ -73,11 +75,8 @@ def evolve_job(cfg: Any) -> None:
 class PreparedEvolution:
     """An evolution whose settings, memory and given weights are checked.
 
-    Attributes:
-        config: The settings.
-        network: The network that is evolved.
-        plan: The parts of a champion's genes.
-        given: The genes of the network that all individuals are given; None if these evolve.
+    plan: the parts of a champion's genes. given: the genes of the network that all individuals are given; None if these
+    evolve.
     """
 
     config: EvolveConfig
@@ -117,11 +116,7 @@ class PreparedEvolution:
         return remember_training_world(self.network_genes(champion), world, threads, self.network)
 
     def champion(
-        self,
-        last: Generation,
-        seed: int,
-        nominal: Nominal | None = None,
-        self_memory: SelfMemory | None = None,
+        self, last: Generation, seed: int, nominal: Nominal | None = None, self_memory: SelfMemory | None = None
     ) -> bytes:
         """The `champion.npz` of a generation."""
         config, rule = self.config, self.config.controller.rule
@@ -149,9 +144,6 @@ def prepare_evolution(config: EvolveConfig, *, has_genome: bool = True) -> Prepa
     """Check that the given weights fit, that the optimizer starts, and that there is memory for all individuals.
 
     has_genome: whether the genome that the settings name exists yet; else nothing is read.
-
-    Raises:
-        ConfigError: The genome is for another robot or network, memory is too small, or the optimizer fails.
     """
     world, key, individuals = config.world, config.algorithm.key, config.algorithm.individuals
     check_library(world)
@@ -187,7 +179,7 @@ def prepare_evolution(config: EvolveConfig, *, has_genome: bool = True) -> Prepa
 def new_evolution(path: Path, config: EvolveConfig, overrides: list[str], facts: dict[str, Any]) -> RunFolder:
     """Claim the folder of an evolution."""
     facts = {"seed": config.seed, **facts}
-    return RunFolder.new(path, "evolve", dump(config), overrides, facts, plugins.own_files(config.values))
+    return RunFolder.new(path, "evolve", dump(config), overrides, facts, own_files(config.values))
 
 
 def evolve_into(
@@ -248,7 +240,7 @@ def resume(arguments: list[str]) -> Path:
         raise ConfigError(f"resume={path} is a run of `epuckhebb {facts['command']}`; only evolutions can be resumed")
     values = settings(path / CONFIG)  # the checkpoint knows whether it fits
     changeable = _changeable(from_values(values, EvolveConfig, str(path / CONFIG)))
-    own = plugins.own_files(values)
+    own = own_files(values)
     _check_own_files(path, own, facts.get("own_code", {}))
     _change(values, path, changes, changeable)
     config = from_values(values, EvolveConfig, f"resume={path}")
@@ -269,7 +261,7 @@ def resume(arguments: list[str]) -> Path:
     if generations == done and before.status["state"] == "finished":
         say(f"{path} has all of its {done} generations; {key}={2 * done} would add {done}.")
         return path
-    if facts["code"].get("science") != provenance.science_version():
+    if facts["code"].get("science") != science_version():
         say("The program has changed since this evolution began; it may end otherwise than one that never stopped.")
     run = RunFolder.resume(path, "evolve", dump(config), arguments, {"generations": done}, own)
     say(f"Resuming after {done} of {generations} generations.")
@@ -285,13 +277,13 @@ def _check_weights(prepared: PreparedEvolution, after: Checkpoint | None, path: 
         raise ConfigError(f"genome={prepared.config.genome} does not hold the weights with which {path} began")
 
 
-def _check_own_files(path: Path, own: Mapping[Path, plugins.OwnFile], before: Mapping[str, Any]) -> None:
+def _check_own_files(path: Path, own: Mapping[Path, OwnFile], before: Mapping[str, Any]) -> None:
     """Refuse to resume with other files of the user's than those with which the evolution began."""
     for file, now in own.items():
         if str(file) not in before or now.copy != before[str(file)]["copy"]:
             raise ConfigError(
                 f"{file}, or a file that it imports, is not what {path} began with; put it back as it was (a copy is "
-                f"in {path / plugins.FOLDER}), or begin another evolution"
+                f"in {path / OWN_CODE}), or begin another evolution"
             )
 
 

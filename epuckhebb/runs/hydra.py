@@ -22,13 +22,12 @@ from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import (
+    OWN_CODE_KEYS,
     SCHEMAS,
     SWEEP_DIR,
     alternatives,
-    check_folders,
     explain,
     load,
-    plugins,
     quoted,
     swept_values,
     value_of,
@@ -90,7 +89,6 @@ def run(command: str, job: Callable[[Any], None], arguments: list[str], config_d
 
     Returns the folders of the runs, in the order of the jobs. config_dir: a folder with more configuration files.
     """
-    check_folders(arguments)
     arguments = [with_names_compared(_with_own_files_found(argument)) for argument in arguments]
     stamp = new_stamp()
     folders: list[Path] = []
@@ -117,7 +115,7 @@ def _with_own_files_found(argument: str) -> str:
     key = argument.partition("=")[0]
     if key == "robot.sensors":
         return _SENSOR.sub(lambda found: f"{found[1]}{path_of(found[2], key).absolute()}", argument)
-    if key not in plugins.KEYS or ":" not in argument:
+    if key not in OWN_CODE_KEYS or ":" not in argument:
         return argument
     (choices,) = alternatives([argument]).values()
     named = [value_of(choice).rpartition(":") for choice in choices]

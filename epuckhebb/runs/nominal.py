@@ -41,9 +41,6 @@ def remembered_for(genome: Genome, config: EvaluateConfig, threads: int, report:
     """What the adaptations of an evaluation compare with.
 
     It is in the champion's file, or is measured in the training world again; then `report` is given a sentence.
-
-    Raises:
-        ConfigError: The champion remembers another experiment, arrived nowhere, met no wall, or cannot check itself.
     """
     adaptations = [controller.adaptation for controller in config.controllers]
     genes, network, gain = genome.network_genes, genome.network, config.lifetime.gain_rad_s
@@ -51,12 +48,7 @@ def remembered_for(genome: Genome, config: EvaluateConfig, threads: int, report:
     if any(one.needs_nominal for one in adaptations):
         missing, known = missing_nominal(config, genome.nominal), genome.nominal
         nominal = _remembered(
-            genome,
-            config,
-            known,
-            missing,
-            report,
-            lambda one: measure_nominal(genes, one, gain, threads, network),
+            genome, config, known, missing, report, lambda one: measure_nominal(genes, one, gain, threads, network)
         )
         is_new = known is None or known.gain_rad_s != gain
         if is_new and "late" in {one.change_signal for one in adaptations} and np.isnan(nominal.time_to_goal_s).all():

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from epuckhebb.config import EvaluateConfig, EvolveConfig, Plain, from_values, hand, plugins, settings
+from epuckhebb.config import EvaluateConfig, EvolveConfig, Plain, from_values, hand, own_references, settings
 from epuckhebb.runs.evaluate import evaluate_into, prepare_evaluation
 from epuckhebb.runs.evolve import evolve_into, new_evolution, prepare_evolution
 from epuckhebb.runs.hydra import new_stamp
 from epuckhebb.runtime import ConfigError, say, thread_count
-from epuckhebb.store import Run, load_genome, provenance
+from epuckhebb.store import Run, load_genome, science_version, versions
 
 
 def repeat(path: Path) -> tuple[Path, str]:
@@ -22,9 +22,9 @@ def repeat(path: Path) -> tuple[Path, str]:
         raise ConfigError(f"{path} is a run of `epuckhebb {command}`; rerun repeats those of evaluate and evolve")
     if state != "finished":
         raise ConfigError(f"{path} is {state}; only a finished run can be compared with")
-    if facts["code"].get("science") != provenance.science_version():
+    if facts["code"].get("science") != science_version():
         say("The program has changed since this run.")
-    for name, number in provenance.versions(provenance.NUMERIC).items():
+    for name, number in versions().items():
         before = facts.get("packages", {}).get(name)
         if before not in (None, number):
             say(f"{name} was {before} in this run, and is {number} now; digits may differ.")
@@ -60,7 +60,7 @@ def repeat(path: Path) -> tuple[Path, str]:
 def _take_copies(values: Plain, run: Run) -> None:
     """Take the user's own files from their copies in the run folder."""
     own_code = run.provenance.get("own_code", {})
-    for part, key, file, name in plugins.references(values):
+    for part, key, file, name in own_references(values):
         if str(file) not in own_code:
             raise ConfigError(f"{run.path} has no copy of {file}, which {key} names")
         copy = own_code[str(file)]["copy"]

@@ -144,12 +144,7 @@ def track(what: str, moments: Sequence[float]) -> Iterator[float]:
 
 @contextmanager
 def counting(total: int, count: Callable[[], tuple[int, int]]) -> Iterator[None]:
-    """Show how many of so many jobs are done, whatever launcher runs them; a thread counts them.
-
-    Args:
-        total: The number of jobs.
-        count: A function that says how many jobs are done, and how many have failed.
-    """
+    """Show how many of so many jobs are done, whatever launcher runs them; a thread counts done and failed ones."""
     if is_quiet():
         yield
         return

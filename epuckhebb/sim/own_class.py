@@ -10,6 +10,9 @@ from enum import Enum
 from itertools import pairwise
 from typing import Any, ClassVar, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
 from epuckhebb.sim.compiling.code_digest import random_generator
 from epuckhebb.sim.compiling.kernel import compiled, in_module
 
@@ -64,6 +67,12 @@ def name_of(kind: type[OwnClass]) -> str:
     base = kind.__mro__[kind.__mro__.index(OwnClass) - 1]
     package, _, module = kind.__module__.rpartition(".")
     return module if package == f"{base.__module__}s" else kind.__name__
+
+
+def stored(initial: Mapping[str, float], count: int) -> NDArray[np.void]:
+    """The initial state of so many neurons or synapses, records with a field for each name."""
+    names, values = list(initial) or ["nothing"], tuple(initial.values()) or (0.0,)
+    return np.full(count, np.array(values, [(name, np.float64) for name in names]))
 
 
 def arguments(

@@ -8,16 +8,7 @@ from typing import Any
 import numpy as np
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.changes import (
-    AT_ONCE,
-    GROUPED,
-    STEPS,
-    check_changes,
-    check_kind,
-    check_placed,
-    check_put,
-    step_of,
-)
+from epuckhebb.sim.changes import AT_ONCE, GROUPED, STEPS, check_changes, check_kind, check_placed, check_put, step_of
 from epuckhebb.sim.faults import LONGEST_DELAY
 from epuckhebb.sim.goal_signal import GoalSignal
 from epuckhebb.sim.light import Lamp

@@ -32,19 +32,13 @@ from epuckhebb.sim.life import (
     pad_samples,
     tally_of,
 )
-from epuckhebb.sim.lifetime import look, reset_to_genes
+from epuckhebb.sim.lifetime import look
 from epuckhebb.sim.maze import Pose, Side
 from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.sim.outcome import Outcome, outcome_of
 from epuckhebb.sim.own_fitness import FitnessError, example_arguments, score_of
 from epuckhebb.sim.own_sensor import Sensor, own_sensors
-from epuckhebb.sim.plasticity.rule import (
-    INITIAL_RANGE,
-    InitialWeights,
-    coefficients,
-    modulatory_weights,
-    values_of,
-)
+from epuckhebb.sim.plasticity.rule import INITIAL_RANGE, InitialWeights, coefficients, modulatory_weights, values_of
 from epuckhebb.sim.plasticity.update import initial_lengths
 from epuckhebb.sim.random import Stream, rng
 from epuckhebb.sim.samples import empty_samples
@@ -87,8 +81,8 @@ class LostRobotError(ArithmeticError):
 class Session:
     """A lifetime in progress, run with `step`, in a world that `change` may replace at any time.
 
-    individual, lifetime: as given. world: the present scenario. life, genotype: the present state, and what it started
-    with. setup: what holds in that world. samples: what is recorded, of length 0 where nothing is.
+    individual, lifetime: as given. world: the present scenario. life: the present state. setup: what holds in that
+    world. samples: what is recorded, of length 0 where nothing is.
 
     simulator: shared by lifetimes that run one after the other; without it, any number of sessions may be in progress.
     most_samples: how many are kept, the last ones; None for all. Sample n is in place n modulo this number.
@@ -242,7 +236,9 @@ class Session:
             self._space = phase.space  # there is room for it among the new walls
             self._space.place_robot(self.world.put)
         if self.world.reset:
-            reset_to_genes(self.life)
+            genotype = self.life.genotype
+            self.life.weights[:], self.life.synapse_state[:] = genotype.weights, genotype.synapse_state
+            self._tally["weight_change"] = 0.0
         self.setup = Setup(
             kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate), history=self._history),
             kind.nominal if individual.nominal is None else individual.nominal,

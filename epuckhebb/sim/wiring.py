@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.evolved import Evolved
-from epuckhebb.sim.own_class import Functions, OwnClass, arguments, name_of
+from epuckhebb.sim.own_class import Functions, OwnClass, arguments, name_of, stored
 from epuckhebb.sim.robot import STEP_S
 
 MOST_SYNAPSES = 100_000  # more is surely a typing error
@@ -130,8 +130,6 @@ class Wiring(OwnClass):
     def initial(self, genes: Mapping[str, Floats], gain_rad_s: float) -> Neurons:
         """The neurons before the first step. genes: those of each evolved parameter, by name. gain_rad_s: of wheels."""
         count = sum(self.sizes)
-        names, values = list(self.state) or ["nothing"], tuple(self.state.values()) or (0.0,)
-        state = np.full(count, np.array(values, [(name, np.float64) for name in names]))
         parameters = np.empty((len(self.evolved), count))
         for row, (name, evolved) in zip(parameters, self.evolved.items(), strict=True):
             value = genes[name] if evolved.value is None else np.asarray(evolved.value(genes[name]))
@@ -140,7 +138,7 @@ class Wiring(OwnClass):
                     f"wiring {self.name}: `value` of {name} must give {genes[name].size} finite numbers, got {value}"
                 )
             row[:] = value
-        return Neurons(state, parameters, self.numbers(), float(self.step_s(gain_rad_s)))
+        return Neurons(stored(self.state, count), parameters, self.numbers(), float(self.step_s(gain_rad_s)))
 
     def joined(self, inputs: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The presynaptic and the postsynaptic neuron of each synapse, (synapses,) each."""

@@ -64,23 +64,16 @@ class Checkpoint:
     ) -> "Checkpoint | None":
         """Read the checkpoint in a run folder; None if its first generation never ended.
 
-        Args:
-            run: The folder.
-            genes: The number of genes that each individual must have.
-            resume: A function that resumes a search from its log; a ValueError says what is wrong.
-            settings: The digest that the checkpoint must have.
+        genes: how many each individual must have. resume: resumes a search from its log. settings: the digest, which
+        must be that of `as_bytes`.
         """
         path = run / CHECKPOINT
         if not path.exists():
             return None
         with one_error(f"{path} cannot be read as a checkpoint of this run's configuration"):
             arrays = Arrays(Run(run).content(CHECKPOINT))
-            known, history, fitness = (
-                arrays.text("settings"),
-                arrays.text("history"),
-                arrays.take("fitness", "f", (None,)),
-            )
-            if known != settings:
+            history, fitness = arrays.text("history"), arrays.take("fitness", "f", (None,))
+            if arrays.text("settings") != settings:
                 raise ConfigError(
                     f"{run}/.hydra/config.yaml is not what this evolution began with, and to resume it would mix two "
                     f"evolutions: put it back as it was. The number of generations and threads may be changed"

@@ -36,9 +36,14 @@ def _interval(name: str = "", method: str = "", kind: str = NUMBER_OR_EMPTY) -> 
     return {f"{name}low": lower, f"{name}high": Column(kind, "upper end of it")}
 
 
-def _mean(name: str, known: Column) -> Columns:
-    """The three columns of a mean over seeds."""
-    return {name: Column(known.kind, f"mean over seeds: {known.meaning}"), **_interval(f"{name}_")}
+def _mean(name: str, meaning: str, method: str = "", kind: str | tuple[str, ...] = NUMBER_OR_EMPTY) -> Columns:
+    """The three columns of a mean; method: how its interval was found."""
+    return {name: Column(kind, meaning), **_interval(f"{name}_", method)}
+
+
+def _some(known: Columns, *names: str) -> Columns:
+    """Some of the columns of a table."""
+    return {name: known[name] for name in names}
 
 
 _CONDITION: Columns = {
@@ -60,26 +65,16 @@ METRICS: Columns = {
     "repeat": number("number of the repeat, from 0; all controllers of a repeat have the same random numbers"),
     "seed": number("seed of the random numbers"),
     "success": number("1 if the robot is within 5 cm of its goal at the last step, else 0"),
-    "time_to_goal_s": number_or_empty(
-        "s until it was first within 5 cm of its goal; empty if it never was. It can drive on and end with success 0"
-    ),
+    "time_to_goal_s": number_or_empty("s until it was first within 5 cm of its goal; empty: never. It may leave again"),
     "path_length_m": number("m that it travelled: the sum of all steps"),
     "average_speed_m_s": number("m/s: the path over the whole lifetime, which includes the time at the goal"),
     "final_position_error_m": number("m from its goal at the last step"),
-    "weight_change_mean": number(
-        "how far plasticity moved the weights: mean over the steps of the sum of abs(W - W_gene) over all weights"
-    ),
+    "weight_change_mean": number("sum of abs(W - W_gene) over all weights: its mean over the steps"),
     "weight_change_final": number("the same sum at the last step"),
-    "fitness": number(
-        "as in `evolve`: half the sum of the mean combined fitness over the steps and the reward for the goal"
-    ),
+    "fitness": number("as in `evolve`: half of the mean combined fitness over the steps and the reward for the goal"),
     "contact_fraction": number("share of the steps in which a distance sensor read above 0.8: next to touching"),
-    "changed": text_or_empty(
-        "what differs from the named scenario, the paper's maze and robot, and its lifetimes; empty: nothing"
-    ),
-    "saturated_fraction": number(
-        f"share of weights with abs(W) above {SATURATED:g} of `hebbian.w_max` at the last step"
-    ),
+    "changed": text_or_empty("what differs from the named scenario, its lifetimes, and the paper's maze and robot"),
+    "saturated_fraction": number(f"share of weights that end with abs(W) above {SATURATED:g} of `hebbian.w_max`"),
 }
 FOUND: Columns = {
     "side": METRICS["side"],
@@ -104,9 +99,9 @@ REWARDED: Columns = {
     "switch_trial": number_or_empty("first trial, from 1, that rewards the end opposite to `side`; empty: none"),
 }
 REVERSAL_TRIALS: Columns = {
-    **{name: METRICS[name] for name in ("genome", "controller")},
+    **_some(METRICS, "genome", "controller"),
     "side": Column(SIDES, "the end that is rewarded first"),
-    **{name: METRICS[name] for name in ("repeat", "seed")},
+    **_some(METRICS, "repeat", "seed"),
     "trial": number("its number, from 1"),
     "rewarded_side": Column(SIDES, "the end that is rewarded"),
     "reached_side": text_or_empty("the end that the robot reached; empty: none"),
@@ -132,22 +127,19 @@ HISTORY: Columns = {
 _JOB: Columns = {
     "job": number("number of the job, from 0"),
     "run": text("its run folder in the folder of the sweep"),
-    "KEY": text_or_empty(
-        "a column for each key that was set and has none below, as `hebbian.N` has; `any`: the row is of `GA`"
-    ),
+    "KEY": text_or_empty("a column for each key that was set and has none below; `any`: the row is of `GA`"),
 }
 SUMMARY: Columns = {
     "n": number("lifetimes of this condition, champion, controller and side: seeds times repeats"),
     "success": number("share of them that ended at the goal"),
     **_interval("success_noise_", " (Wilson's): about the noise alone, for this champion", NUMBER),
 }
+_OF_CHAMPIONS = "mean over the champions, each of them the mean of its lifetimes"
 OVER_CHAMPIONS: Columns = {
     "champions": number("champions with this condition, controller and side"),
     "lifetimes": number("their lifetimes"),
-    "success": number_or_empty("mean over the champions, each of them the mean of its lifetimes"),
-    **_interval("success_", ", from a bootstrap over champions"),
-    "weight_change_mean": number_or_empty("mean over the champions, each of them the mean of its lifetimes"),
-    **_interval("weight_change_mean_", ", from a bootstrap over champions"),
+    **_mean("success", _OF_CHAMPIONS, ", from a bootstrap over champions"),
+    **_mean("weight_change_mean", _OF_CHAMPIONS, ", from a bootstrap over champions"),
 }
 _OUTCOMES = [*list(METRICS)[list(METRICS).index("success") + 1 : -2], "saturated_fraction"]
 SUMMARY_MEANS: Columns = {
@@ -187,25 +179,20 @@ RESCUE: Columns = {
     "training_solved": number("of how many"),
 }
 _RESCUE_BY_CHAMPION: Columns = {
-    **{key: RESCUE[key] for key in ("experiment", "controller", "N")},
+    **_some(RESCUE, "experiment", "controller", "N"),
     "genome": METRICS["genome"],
-    **{key: RESCUE[key] for key in ("broken", "rescued", "intact", "harmed")},
+    **_some(RESCUE, "broken", "rescued", "intact", "harmed"),
 }
 _RESCUE_AND_HARM: Columns = {
     **_CONDITION,
     "solved": number("trials that the genes alone solve in the training world"),
     **_COUNTS,
-    "difference": number("success with plasticity minus success without, over all trials, solved or not"),
-    **_interval("difference_"),
+    **_mean("difference", "success with plasticity minus success without, over all trials", kind=NUMBER),
     "sign_flip_p": number_or_empty("exact p value of the difference, signs flipped by champion"),
 }
 _RETENTION: Columns = {
-    "experiment": _CONDITION["experiment"],
-    "controller": _CONDITION["controller"],
-    "N": _CONDITION["N"],
-    "solves": Column(
-        ("any", "both"), "`any`: all trials solved in training; `both`: only those of champions that solve both sides"
-    ),
+    **_some(_CONDITION, "experiment", "controller", "N"),
+    "solves": Column(("any", "both"), "`any`: all solved in training; `both`: only of champions that solve both sides"),
     "champions": number_or_empty("how many champions have such trials"),
     "trials": number("these trials in all changed worlds"),
     "retained": number("of them: succeed there"),
@@ -233,18 +220,13 @@ _SUCCESS: Columns = {
 }
 _DOSE_RESPONSE: Columns = {
     **_CONDITION,
-    "success": number_or_empty("mean over the champions"),
-    **_interval("success_"),
-    "time_to_goal_s": number_or_empty("mean over the champions"),
-    **_interval("time_to_goal_s_"),
-    "weight_change_mean": number_or_empty("mean over the champions"),
-    **_interval("weight_change_mean_"),
+    **_mean("success", "mean over the champions"),
+    **_mean("time_to_goal_s", "mean over the champions"),
+    **_mean("weight_change_mean", "mean over the champions"),
 }
 _COMPARISON: Columns = {
     "table": text("which table of the paper"),
-    "experiment": _CONDITION["experiment"],
-    "scenario": _CONDITION["scenario"],
-    "controller": _CONDITION["controller"],
+    **_some(_CONDITION, "experiment", "scenario", "controller"),
     "side": METRICS["side"],
     "metric": text("which column of `metrics.csv`"),
     "published": number_or_empty("the number in the paper"),
@@ -268,14 +250,10 @@ _METHOD: Columns = {
 }
 LEADERBOARD: Columns = {
     **_METHOD,
-    "kind": Column(
-        ("plain", "evolved", "post_hoc"), "no plasticity, plasticity during evolution, or added after evolution"
-    ),
+    "kind": Column(("plain", "evolved", "post_hoc"), "no plasticity, plasticity in evolution, added afterwards"),
     "knowledge_class": text("the class by which methods are ordered: what they know decides what they can do"),
     "knowledge": text("what it uses: its senses, what it is given, what was written by hand"),
-    "matched_control": text_or_empty(
-        "the method that it is compared with: the same without plasticity; empty for plain ones"
-    ),
+    "matched_control": text_or_empty("the method that it is compared with: the same without plasticity, if it has any"),
     "champions": number("how many there are"),
     "solved": number("how many of them solve both sides in training; in `reversal`, how many learn"),
     **_interval("solved_"),
@@ -284,12 +262,8 @@ LEADERBOARD: Columns = {
     "success": number("`successes` over `trials`"),
     **_interval("success_", ", from a bootstrap over champions", NUMBER),
     "best": number("`success` of the champion that does best"),
-    "retention": number_or_empty("`success` of those champions alone that are `solved`"),
-    **_interval("retention_"),
-    "difference": number_or_empty(
-        "`success` less that of the matched control, as the mean over pairs of champions of a seed"
-    ),
-    **_interval("difference_", ", from a bootstrap over pairs"),
+    **_mean("retention", "`success` of those champions alone that are `solved`"),
+    **_mean("difference", "`success` less that of the matched control", ", from a bootstrap over pairs of a seed"),
     "sign_flip_p": number_or_empty("exact p value of the difference, signs flipped by champion"),
     "success_off": number_or_empty("`success` of the same champions with the rule and the adaptation off"),
     "success_inverted": number_or_empty("the same with the reward inverted, for rules that receive one"),
@@ -336,6 +310,7 @@ _OF_FLOCK: Columns = {
     "polarisation": number("in that half: length of the mean heading, 1 if all drive one way"),
     "spread_m": number("in that half: mean distance from the middle of the flock, m"),
 }
+_SEEDS = "mean over seeds: "
 _RUNS: Columns = {
     **_FLOCK,
     "seed": number("seed of the flock"),
@@ -347,17 +322,15 @@ _OVER_RUNS: Columns = {
     "runs": number("how many there are, one from each seed"),
     "good": number("share of runs with `long_after` above 0.9"),
     **_interval("good_"),
-    **{end: column for name, known in _OF_FLOCK.items() for end, column in _mean(name, known).items()},
+    **{end: one for name, (kind, of) in _OF_FLOCK.items() for end, one in _mean(name, _SEEDS + of, kind=kind).items()},
     "least_gap_m": number("the least of all runs"),
-    "difference": number("`long_after` less that of the frozen flock of the same seed, mean over seeds"),
-    **_interval("difference_", ", from a bootstrap over seeds"),
+    **_mean("difference", "`long_after` less that of the frozen flock", ", from a bootstrap over seeds", NUMBER),
 }
 _CURVES: Columns = {
     "breaks": _FLOCK["breaks"],
     "coupling": _FLOCK["coupling"],
     "minute": number("middle of the minute, since the start"),
-    "cosine": number("mean cosine of heading to the goal, of intact robots and over flocks"),
-    **_interval("cosine_", ", from a bootstrap over seeds"),
+    **_mean("cosine", "mean cosine of heading to the goal, of intact robots", ", from a bootstrap over seeds", NUMBER),
 }
 _ESTIMATOR: Columns = {
     "case": text("series with a known transfer entropy, or a wiring with known links"),
@@ -388,7 +361,7 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
         {**_JOB, "KEY": text_or_empty("a column for each key that was set"), "error": text("why")},
     ),
     "rescue_over_all.csv": (
-        "Of sweeps and `evaluate -m` over champions, in their training world and in changed ones: a row a plasticity.",
+        "Of sweeps and `evaluate -m` over champions, in training and changed worlds: a row for each plasticity.",
         RESCUE,
     ),
     "rescue_by_champion.csv": ("Of the same: the counts of each champion.", _RESCUE_BY_CHAMPION),
@@ -410,19 +383,11 @@ TABLES: Mapping[str, tuple[str, Columns]] = {
     "curves.csv": ("Of `flock`: a row for each minute, in the usual condition.", _CURVES),
     "minutes.csv": (
         "Of each condition of `flock`: the same for each run.",
-        {
-            **dict(list(_CURVES.items())[:2]),
-            "seed": _RUNS["seed"],
-            "minute": _CURVES["minute"],
-            "cosine": number("mean"),
-        },
+        {**_some(_CURVES, "breaks", "coupling"), **_some(_RUNS, "seed"), **_some(_CURVES, "minute", "cosine")},
     ),
     "estimator.csv": ("Of `flock`: a row for each known case.", _ESTIMATOR),
     "comparison.csv": ("Of `reproduce`: a row for each number of the paper's tables.", _COMPARISON),
-    "repeats.csv": (
-        "Of `reproduce genome=FILE`: a row for each number of the paper's tables, over all repeats.",
-        _REPEATS,
-    ),
+    "repeats.csv": ("Of `reproduce genome=FILE`: a row for each number of the paper's tables.", _REPEATS),
 }
 
 

@@ -38,13 +38,8 @@ def lock(folder: Path, patience_s: float = 0.0) -> BaseFileLock | None:
     """Lock a folder for this process; give the result to `release`, or just end.
 
     The system releases a lock when its process ends, however that ends. On file systems without locks the result is
-    None, and no process is kept out.
-
-    folder: one that exists. patience_s: how long to try while another process has the lock, perhaps only to look.
-
-    Raises:
-        BlockingIOError: Another process has the lock.
-        OSError: The folder does not exist, or cannot be written to.
+    None, and no process is kept out. If another process has the lock, perhaps only to look, for longer than
+    `patience_s`, that is a BlockingIOError.
     """
     file_lock = FileLock(folder / LOCK, timeout=patience_s, thread_local=False, fallback_to_soft=False)
     try:

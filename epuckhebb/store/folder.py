@@ -200,11 +200,7 @@ class RunFolder:
             release(self._lock)
 
     def _begin(
-        self,
-        facts: dict[str, Any],
-        config: str | None,
-        overrides: list[str] | None,
-        own: Mapping[Path, OwnFile] | None,
+        self, facts: dict[str, Any], config: str | None, overrides: list[str] | None, own: Mapping[Path, OwnFile] | None
     ) -> None:
         """Write down what runs here: its state first, and `provenance.json`, by which a run is known, after that."""
         self._earlier.pop(PROVENANCE, None)

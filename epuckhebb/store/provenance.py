@@ -14,7 +14,7 @@ from epuckhebb.runtime import cores
 from epuckhebb.store.disk import SCHEMA
 
 _PACKAGE = Path(__file__).resolve().parents[1]
-NUMERIC = ("cmaes", "numba", "numpy", "pymunk")  # the packages on which digits may depend
+_NUMERIC = ("cmaes", "numba", "numpy", "pymunk")  # the packages on which digits may depend
 _PACKAGES = ("epuckhebb", "cmaes", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
 
 
@@ -60,8 +60,8 @@ def _code_version() -> dict[str, Any]:
 
 
 @cache
-def versions(packages: tuple[str, ...]) -> dict[str, str]:
-    """The versions of packages that are installed."""
+def versions(packages: tuple[str, ...] = _NUMERIC) -> dict[str, str]:
+    """The versions of packages that are installed; by default of those on which digits may depend."""
     return {name: version(name) for name in packages}
 
 

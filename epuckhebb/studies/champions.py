@@ -22,14 +22,15 @@ from epuckhebb.config import (
     dump,
     from_values,
     load,
-    plugins,
+    own_files,
+    own_references,
     world_of,
 )
 from epuckhebb.runs import evolve_into, hydra, new_evolution, prepare_evaluation, prepare_evolution
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder
 from epuckhebb.sim.fitness import Signal
 from epuckhebb.sim.scenario import TRAINED, Scenario
-from epuckhebb.store import RunFolder, as_json, provenance, write_atomic
+from epuckhebb.store import RunFolder, as_json, digest, science_version, versions, write_atomic
 from epuckhebb.studies import jobs as study_jobs
 from epuckhebb.studies.jobs import NO_EFFECT, Job
 
@@ -49,10 +50,10 @@ def job_of(overrides: list[str], config: Plain, *, champion: str = "", **more: A
 
 def identity(job: Plain) -> str:
     """The name of the run of a job."""
-    config, own = copy.deepcopy(job["config"]), plugins.own_files(job["config"])
+    config, own = copy.deepcopy(job["config"]), own_files(job["config"])
     for key in (*NO_EFFECT, "genome"):
         config.pop(key)
-    for part, key, _, name in list(plugins.references(config)):
+    for part, key, _, name in list(own_references(config)):
         part[key] = name  # wherever the file is
     worlds, config_dir = tuple(job.get("worlds", ())), job.get("config_dir")
     depends = {
@@ -60,10 +61,10 @@ def identity(job: Plain) -> str:
         "config": config,
         "worlds": worlds_digest(worlds, config_dir),
         "own_code": [one.digest for one in own.values()],
-        "science": provenance.science_version(),
-        "packages": provenance.versions(provenance.NUMERIC),
+        "science": science_version(),
+        "packages": versions(),
     }
-    return f"{'test' if worlds else 'champion'}_{provenance.digest(depends)[:12]}"
+    return f"{'test' if worlds else 'champion'}_{digest(depends)[:12]}"
 
 
 @functools.cache
@@ -99,7 +100,7 @@ def search_folders(config_dir: str | None) -> list[Path]:
 @functools.cache
 def worlds_digest(worlds: tuple[str, ...], config_dir: str | None) -> str:
     """A digest of worlds: equal for equal worlds."""
-    return provenance.digest({name: repr(world_named(name, config_dir)) for name in worlds})
+    return digest({name: repr(world_named(name, config_dir)) for name in worlds})
 
 
 def champion_job(cfg: Any) -> None:
@@ -135,7 +136,7 @@ def _test(path: Path, config: EvaluateConfig, job: Plain, overrides: list[str], 
     prepared = replace(prepared, genome=replace(genome, name=job.get("name", genome.name)))
     prepared.compile()
     facts = {"seed": config.seed, "genome": genome.name, "genome_sha256": genome.sha256, **facts}
-    own = plugins.own_files(config.values)
+    own = own_files(config.values)
     with RunFolder.new(path, facts["command_line"][1], dump(config), overrides, facts, own) as run:
         began = time.process_time()
         rows: Rows = []

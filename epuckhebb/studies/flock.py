@@ -14,12 +14,12 @@ import pandas as pd
 
 from epuckhebb.analysis import flock as tables
 from epuckhebb.analysis import flock_replay
-from epuckhebb.config import FlockConfig, Plain, Row, dump, from_values, load, plugins, settings, shorter
+from epuckhebb.config import FlockConfig, Plain, Row, dump, from_values, load, own_files, settings, shorter
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, thread_count
 from epuckhebb.sim.coupling import CouplingError
 from epuckhebb.sim.flock import CHANGE_S, Flock, Record, run
-from epuckhebb.store import Run, RunFolder, provenance
+from epuckhebb.store import Run, RunFolder, digest, science_version, versions
 from epuckhebb.studies import jobs
 from epuckhebb.studies.jobs import Job
 
@@ -47,11 +47,10 @@ def flock(arguments: list[str], *, quick: bool, config_dir: str | None = None) -
     _run_all([(row, smoke_test, config.seed) for row in config.rows], 1)  # a coupling that gives no weights ends here
     planned = [_job(config.values, number) for number in range(len(config.cells))]
     name = f"{config.flock.coupling.rpartition(':')[2]}_seed{config.seed}"
-    digest = provenance.digest([job.run for job in planned])[:8]
-    usual = Path("runs") / "flock" / f"{name}_{digest}"
+    usual = Path("runs") / "flock" / f"{name}_{digest([job.run for job in planned])[:8]}"
     folder, launcher = jobs.folder_and_launcher(of_hydra, usual, len(planned))
     words = [*(["--quick"] if quick else []), *arguments]
-    with jobs.open_study(folder, "flock", config, words, planned, plugins.own_files(config.values)) as study:
+    with jobs.open_study(folder, "flock", config, words, planned, own_files(config.values)) as study:
         jobs.launch_in_turn(study, [("run flocks", planned)], launcher, flock_job)
         _report(study, config, [Run(folder / job.run) for job in planned])
     return folder
@@ -71,10 +70,10 @@ def _identity(job: Plain) -> str:
     """The name of the run of a job, from what it depends on: other conditions of the sweep leave it as it is."""
     config = from_values(job["config"], FlockConfig, "a job of flock")
     rows = [(row.name, repr(row.coupling), row.other) for row in config.rows]
-    own = [file.digest for file in plugins.own_files(job["config"]).values()]  # wherever they are
-    program = provenance.science_version(), provenance.versions(provenance.NUMERIC)
+    own = [file.digest for file in own_files(job["config"]).values()]  # wherever they are
+    program = science_version(), versions()
     depends = [rows, repr(config.cells[job["cell"]]), config.seed, own, *program]
-    return f"flock_{provenance.digest(depends)[:12]}"
+    return f"flock_{digest(depends)[:12]}"
 
 
 def shown(config: FlockConfig) -> tuple[Flock, dict[str, Record]]:
@@ -115,7 +114,7 @@ def _work(path: Path, job: Plain, facts: dict[str, Any]) -> None:
     condition, threads = config.cells[job["config"]["cell"]], hydra.threads_of_job(config.threads)
     seeds = range(config.seed, config.seed + condition.repeats)
     rows, minutes = [], []
-    own = plugins.own_files(config.values)
+    own = own_files(config.values)
     with RunFolder.new(path, "flock", dump(config), job["overrides"], {"seed": config.seed, **facts}, own) as folder:
         for flock, row in product(condition.flocks, config.rows):
             here = {"breaks": flock.breaks, "coupling": row.name}

@@ -3,11 +3,11 @@
 from collections.abc import Callable, Sequence
 from functools import cache
 
-from epuckhebb.config import EvaluateConfig, Plain, check_counts, from_values, plugins
+from epuckhebb.config import EvaluateConfig, Plain, check_counts, from_values, own_sources
 from epuckhebb.runs import prepare_evaluation
 from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.maze import SIDES
-from epuckhebb.store import load_genome, provenance
+from epuckhebb.store import digest, load_genome, science_version, versions
 from epuckhebb.studies.jobs import NO_EFFECT
 
 _APART = ("seed", "repeats", "threads")  # keys that are checked by `check_counts` alone
@@ -15,7 +15,7 @@ _APART = ("seed", "repeats", "threads")  # keys that are checked by `check_count
 
 def settings(config: Plain) -> str:
     """A digest of a configuration without the keys on which no result depends."""
-    return provenance.digest(_without(config, NO_EFFECT))
+    return digest(_without(config, NO_EFFECT))
 
 
 def _without(config: Plain, keys: Sequence[str]) -> Plain:
@@ -46,14 +46,14 @@ class Identities:
         shared = self.validate_shared(config)
         if (shared, config["genome"]) not in self._more:
             self._more[shared, config["genome"]] = self._depends_on(config, self._shared[shared])
-        return f"job_{provenance.digest([settings(config), self._more[shared, config['genome']]])[:12]}"
+        return f"job_{digest([settings(config), self._more[shared, config['genome']]])[:12]}"
 
     def validate_shared(self, config: Plain, load: Callable[[], EvaluateConfig] | None = None) -> str:
         """Check, once, what many configurations share with this one; returns a digest of that.
 
         load: a quicker way to the checked configuration, if there is one.
         """
-        shared = provenance.digest(_without(config, (*_APART, "genome")))
+        shared = digest(_without(config, (*_APART, "genome")))
         if shared not in self._shared:
             self._shared[shared] = load() if load else from_values(config, EvaluateConfig, "a job")
         return shared
@@ -73,7 +73,7 @@ class Identities:
             "genome": genome.sha256,
             "nominal": genome.nominal_sha256 if any(one.needs_nominal for one in adaptations) else "",
             "self_memory": genome.self_memory_sha256 if any(one.self_check for one in adaptations) else "",
-            "own_code": plugins.sources(config),
-            "science": provenance.science_version(),
-            "packages": provenance.versions(provenance.NUMERIC),
+            "own_code": own_sources(config),
+            "science": science_version(),
+            "packages": versions(),
         }

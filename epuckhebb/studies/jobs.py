@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from epuckhebb.config import SWEEP_DIR, Checked, Plain, check_folders, dump, quoted, value_of
+from epuckhebb.config import SWEEP_DIR, Checked, Plain, dump, quoted, value_of
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, JobFailedError, counting, say
 from epuckhebb.store import SCHEMA, UNFINISHED, OwnFile, Run, RunFolder, as_json, set_aside, write_atomic
@@ -104,7 +104,6 @@ def split(command: str, arguments: Sequence[str]) -> tuple[list[str], list[str]]
             raise ConfigError(
                 f"{argument}: `{command}` lists its jobs itself, and another sweeper has no use there; leave it out"
             )
-    check_folders(hydras)
     return [argument for argument in arguments if argument not in hydras], hydras
 
 

@@ -19,7 +19,7 @@ from epuckhebb.config import (
     check_wheel_gain,
     load,
     network_for,
-    plugins,
+    own_files,
     swept_values,
     typed_as,
 )
@@ -162,7 +162,7 @@ class Planner:
                     "it elsewhere, or leave these tests out"
                 )
         prepared = prepare_evolution(config, has_genome=False)
-        if plugins.own_files(config.values):
+        if own_files(config.values):
             prepared.compile()
 
     def _post_hoc(self, method: Method, over: Entry | None) -> EvaluateConfig:
@@ -176,7 +176,7 @@ class Planner:
                 check_wheel_gain(replace(config.lifetime, duration_s=world.paper_duration_s), world)
             except ValueError as error:
                 raise ConfigError(f"{name}: {error}") from error
-        if plugins.own_files(config.values):
+        if own_files(config.values):
             compile_for(config.controllers, network_for(config.world, config.shape), config.world)
         return config
 

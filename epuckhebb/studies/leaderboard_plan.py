@@ -7,20 +7,18 @@ from pathlib import Path
 from epuckhebb.config import (
     ALL,
     REVERSAL_TASK,
-    RULE_GROUPS,
-    TRAINING_GROUPS,
     LeaderboardConfig,
     Method,
+    OwnFile,
     check_config_dir,
-    is_in_groups,
     load,
     methods_named,
-    plugins,
+    own_files,
     quoted,
 )
 from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.scenario import TRAINED, Scenario
-from epuckhebb.store import provenance
+from epuckhebb.store import digest, science_version
 from epuckhebb.studies.champions import search_folders, worlds_digest
 from epuckhebb.studies.jobs import Job, folder_and_launcher, split
 from epuckhebb.studies.leaderboard_jobs import REVERSAL, Entry, Planner, sweep_of, tests_of
@@ -42,7 +40,7 @@ class Leaderboard:
     entries: list[Entry]
     folder: Path
     launcher: list[str]  # the arguments for Hydra's launcher
-    own_files: dict[Path, plugins.OwnFile]
+    own_files: dict[Path, OwnFile]
     arguments: list[str]  # of the command
 
     @property
@@ -112,8 +110,8 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
     jobs = [job for entry in entries for job in entry.tests.values()]
     tested = [name for worlds in all_tests.values() for name in worlds]
     depends = [worlds_digest(tuple(tested), config_dir), config.first_seed, config.seed, config.repeats]
-    depends += [config.reversal_repeats, provenance.science_version()]
-    usual = Path("runs") / "leaderboard" / f"seed{config.first_seed}_{provenance.digest(depends)[:8]}"
+    depends += [config.reversal_repeats, science_version()]
+    usual = Path("runs") / "leaderboard" / f"seed{config.first_seed}_{digest(depends)[:8]}"
     folder, launcher = folder_and_launcher(of_hydra, usual, 2 * len(jobs))
     return Leaderboard(
         config=config,
@@ -122,7 +120,7 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
         entries=entries,
         folder=folder,
         launcher=launcher,
-        own_files={file: own for job in jobs for file, own in plugins.own_files(job.config["config"]).items()},
+        own_files={file: own for job in jobs for file, own in own_files(job.config["config"]).items()},
         arguments=typed_words,
     )
 
@@ -146,7 +144,7 @@ def in_reversal(methods: Sequence[Method], folders: Sequence[Path]) -> list[Meth
     (plain,) = methods_named([_PLAIN], folders)
     found = [replace(plain, evolve={**REVERSAL_TASK, **_REVERSAL_GA})]
     for method in methods:
-        if not all(is_in_groups(key, (*RULE_GROUPS, *TRAINING_GROUPS)) for key in {**method.evolve, **method.evaluate}):
+        if not method.is_rule_alone:
             continue
         made = replace(
             method,

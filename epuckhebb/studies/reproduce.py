@@ -23,7 +23,7 @@ from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.network import PAPER_NETWORK
 from epuckhebb.sim.robot import EPUCK
 from epuckhebb.sim.scenario import TRAINED, Scenario
-from epuckhebb.store import Genome, Run, RunFolder, load_genome, provenance
+from epuckhebb.store import Genome, Run, RunFolder, load_genome, science_version
 from epuckhebb.studies.champions import champion_job, in_training_world, job_of
 from epuckhebb.studies.jobs import Job, folder_and_launcher, launch_in_turn, open_study, split, todo, write_report
 
@@ -104,7 +104,7 @@ def _planned(config: ReproduceConfig, experiment: str, given: Genome | None) -> 
 def _folder(experiment: str, config: ReproduceConfig, given: Genome | None) -> Path:
     """The folder of these settings; other settings, or another version of the science, have another folder."""
     depends = {key: value for key, value in config.values.items() if key not in ("threads", "genome")}
-    depends |= {"experiment": experiment, "science": provenance.science_version()}
+    depends |= {"experiment": experiment, "science": science_version()}
     depends["genome"] = given.sha256 if given else None
     digest = hashlib.sha256(repr(sorted(depends.items())).encode()).hexdigest()[:8]
     who = given.name if given else f"champions{config.champions}"

@@ -18,7 +18,7 @@ from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather, repeated
 from epuckhebb.config import EvaluateConfig, Plain, alternatives, check_words, combinations, from_values, swept_values
 from epuckhebb.runs import evaluate_into, hydra
 from epuckhebb.runtime import ConfigError, say
-from epuckhebb.store import Run, RunFolder, as_bytes, provenance, read_table, write_atomic
+from epuckhebb.store import Run, RunFolder, as_bytes, digest, read_table, write_atomic
 from epuckhebb.studies import identity
 from epuckhebb.studies.jobs import Job, Outcome, folder_and_launcher, launch, one_job, open_study, split
 
@@ -72,7 +72,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     jobs = list(listed.values())
     if again:
         say(repeated(len(again), again[0].settings, listed[again[0].run].settings))
-    settings = provenance.digest([identity.settings(job.config) for job in jobs])
+    settings = digest([identity.settings(job.config) for job in jobs])
     usual = Path("runs") / "sweep" / f"{name}_{settings[:8]}"
     folder, launcher = folder_and_launcher(of_hydra, usual, len(jobs))
     words_typed = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]

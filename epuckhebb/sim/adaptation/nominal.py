@@ -107,11 +107,7 @@ Recorded = list[tuple[Outcome, Samples]]
 
 
 def measure_nominal(
-    genes: Floats,
-    scenario: Scenario,
-    gain_rad_s: float = 1.0,
-    threads: int = 1,
-    network: Network = PAPER_NETWORK,
+    genes: Floats, scenario: Scenario, gain_rad_s: float = 1.0, threads: int = 1, network: Network = PAPER_NETWORK
 ) -> Nominal:
     """Run lifetimes in the training world and measure nominal statistics; the same genome always gives the same.
 
@@ -125,11 +121,7 @@ def measure_nominal(
 
 
 def run_in_training_world(
-    genes: Floats,
-    scenario: Scenario,
-    gain_rad_s: float = 1.0,
-    threads: int = 1,
-    network: Network = PAPER_NETWORK,
+    genes: Floats, scenario: Scenario, gain_rad_s: float = 1.0, threads: int = 1, network: Network = PAPER_NETWORK
 ) -> list[Recorded]:
     """Ten recorded lifetimes a side in the training world, without plasticity; see `measure_nominal`."""
     lifetime = Lifetime(

@@ -13,7 +13,7 @@ from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.evolved import Evolved
 from epuckhebb.sim.fitness import History, Signal
 from epuckhebb.sim.network import Network
-from epuckhebb.sim.own_class import Functions, OwnClass, arguments, name_of
+from epuckhebb.sim.own_class import Functions, OwnClass, arguments, name_of, stored
 from epuckhebb.sim.plasticity.control import Sign
 from epuckhebb.sim.ranges import check_range
 from epuckhebb.sim.robot import STEP_S
@@ -214,9 +214,7 @@ def values_of(rule: type[Rule], network: Network, genes: Mapping[str, Floats]) -
 
 def initial_synapse_state(rule: type[Rule], network: Network) -> NDArray[np.void]:
     """The initial state of the synapses, (synapses,) records with a field for each name."""
-    names = list(rule.synapse_state) or ["nothing"]
-    values = tuple(rule.synapse_state.values()) or (0.0,)
-    return np.full(network.synapses, np.array(values, [(name, np.float64) for name in names]))
+    return stored(rule.synapse_state, network.synapses)
 
 
 def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
