@@ -31,7 +31,7 @@ CONTROLS = {
 }
 ORDER = (  # by class of knowledge
     *("stay", FIND, HALT, LEARN),
-    *(RECOGNISE_HALT, RECOGNISE),
+    *("self_check", "careful_self_check", "best", "careful_best", RECOGNISE_HALT, RECOGNISE),
     *("hand_written", "hand_written_recognises"),
 )
 FAULTS = {
@@ -124,14 +124,18 @@ def test_the_controls_of_the_plastic_rule(generated, figure, over_all, by_champi
     figure(KINDS, "controls", rows_in(over_all, {name: text.strip("*") for name, text in CONTROLS.items()}))
 
 
-def test_the_careful_self_check(generated):
+def test_the_careful_self_check(generated, over_all, by_champion):
     chosen_on, rows = pd.read_csv(CHOSEN_ON / "rescue_over_all.csv"), []
     for experiment in TRAINED:
-        for name in ("self_check", "careful_self_check", "best", "careful_best"):
-            row = row_of(chosen_on, experiment, name)
-            rows.append([experiment, f"`{name}`", *rescue.counts(row), rescue.in_training(row)])
-    head = ["experiment", "adaptation", rescue.RESCUED, rescue.HARMED, rescue.IN_TRAINING]
-    generated(PAGE, "careful", markdown_table(head, rows))
+        for usual, careful in (("self_check", "careful_self_check"), ("best", "careful_best")):
+            mean, low, high, p = paired(by_champion, experiment, careful, usual, "harmed", "intact")
+            for name in (usual, careful):
+                before, row = (row_of(table, experiment, name) for table in (chosen_on, over_all))
+                less = f"{mean:+.3f} [{low:+.3f}, {high:+.3f}], p = {p:.2g}" if name == careful else "–"
+                known = [f"{before.rescued} of {before.broken}", f"{before.harmed} of {before.intact}"]
+                rows.append([experiment, f"`{name}`", *known, *rescue.counts(row), less])
+    head = ["experiment", "adaptation", "earlier kinds: rescued", "harmed", rescue.RESCUED, rescue.HARMED]
+    generated(PAGE, "careful", markdown_table([*head, "harm, less that of the usual one"], rows))
 
 
 def test_kind_by_kind(generated, figure):
