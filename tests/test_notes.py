@@ -40,7 +40,7 @@ def test_a_showcase_is_known_by_its_genes_and_says_how_many_champions_show_its_p
         for genome in ("reference", "reference_20", str(copy)):
             (note,) = notes(genome, f"scenario={scenario}")
             assert note.startswith(f"A showcase: {counted} = {rate:g}. ")
-            assert note.endswith("-m genome=reference_1,...,reference_20")
+            assert note.endswith(f"-m scenario={scenario} hebbian.N={rate:g} genome=reference_1,...,reference_20")
 
 
 @pytest.mark.parametrize("words", [["scenario=base_half"], ["scenario.light=0.3"]])

@@ -36,9 +36,10 @@ def parsed(words: Iterable[str]) -> list[Override]:
     try:
         return list(OverridesParser.create().parse_overrides(list(words)))
     except HydraException as error:
+        given = str(getattr(error, "override", error))
         raise ConfigError(
-            f"{getattr(error, 'override', error)} cannot be read; settings are written KEY=VALUE, for example "
-            "scenario=4obstacles. Signs such as ~ need quotes within quotes, for example \"genome='~/champion.npz'\""
+            f"{given} cannot be read; settings are written KEY=VALUE, without spaces, for example scenario=4obstacles"
+            + (". A ~ needs quotes within quotes, for example \"genome='~/champion.npz'\"" if "~" in given else "")
         ) from error
 
 

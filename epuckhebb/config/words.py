@@ -74,7 +74,8 @@ def _choices_of(group: str, known: Sequence[str]) -> str:
     if len(known) > _MANY:
         some = f"one of its {len(known)} choices, for example {', '.join(known[:_SOME])}"
         return f"{group} must be {some}; `epuckhebb keys {group}` lists all"
-    return f"{group} must be one of {', '.join(known)}" if known else f"{group} must be the name of a file"
+    changed = ", or one of these with changes, for example base_slip_left" if group == "scenario" else ""
+    return f"{group} must be one of {', '.join(known)}{changed}" if known else f"{group} must be the name of a file"
 
 
 def _is_folder(key: str, config_dir: str | None) -> bool:

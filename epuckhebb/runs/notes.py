@@ -42,14 +42,14 @@ def showcase(genome: Genome, scenario: str | None = None, rate: float = 0.0) -> 
         known = [row for row in csv.DictReader(file) if (row["experiment"], row["side"]) == (experiment, "both")]
     n = max(int(row["n"]) for row in known)
     here = {(row["scenario"], row["controller"], float(row["N"])): row["gained"] for row in known}
-    cell = (scenario, HEBBIAN, rate)
+    cell, where = (scenario, HEBBIAN, rate), f"scenario={scenario} hebbian.N={rate:g} "
     if scenario is None:
-        pattern = "chosen because it shows the paper's pattern in the paper's worlds"
+        pattern, where = "chosen because it shows the paper's pattern in the paper's worlds", ""
     elif cell in here:
         pattern = f"{here[cell]} of {n} champions fail in {scenario} without plasticity and succeed with N = {rate:g}"
     else:
         return ""
-    return f"A showcase: {pattern}. To run all {n}: epuckhebb evaluate -m genome={REFERENCE}_1,...,{REFERENCE}_{n}"
+    return f"A showcase: {pattern}. To run all {n}: epuckhebb evaluate -m {where}genome={REFERENCE}_1,...,{REFERENCE}_{n}"
 
 
 @functools.cache

@@ -198,11 +198,11 @@ def tally_of(life: Life) -> Any:
 class Group(NamedTuple):
     """What robots in one space carry, first axis of arrays the robots.
 
-    lives: a `Life`, in which adaptation, trials and workspace are those of one robot. motion: (robots, 6), the view of
+    records: a `Life`, in which adaptation, trials and workspace are those of one robot. motion: (robots, 6), the view of
     the space's state. wheels: (robots, 4) and before: (robots, 2), workspace.
     """
 
-    lives: Life
+    records: Life
     keys: NDArray[np.uint64]
     motion: Floats
     wheels: Floats
@@ -212,7 +212,7 @@ class Group(NamedTuple):
 @compiled
 def life_of(group: Group, i: int) -> Life:
     """The lifetime of one robot of a group."""
-    lives, genes, neurons = group.lives, group.lives.genotype, group.lives.neurons
+    records, genes, neurons = group.records, group.records.genotype, group.records.neurons
     return Life(
         Genotype(
             genes.weights[i],
@@ -224,16 +224,16 @@ def life_of(group: Group, i: int) -> Life:
             genes.neurons,
         ),
         group.keys[i],
-        lives.tally[i],
-        lives.weights[i],
-        lives.synapse_state[i],
-        lives.activation[i],
-        lives.adaptation,
-        lives.trials,
-        lives.score[i],
+        records.tally[i],
+        records.weights[i],
+        records.synapse_state[i],
+        records.activation[i],
+        records.adaptation,
+        records.trials,
+        records.score[i],
         Neurons(neurons.state[i], neurons.parameters[i], neurons.numbers, neurons.step_s),
-        lives.workspace,
-        lives.past[i],
+        records.workspace,
+        records.past[i],
     )
 
 

@@ -65,7 +65,7 @@ def live_group(group: Group, setup: Setup, space: Any, until: int) -> None:
     """
     motion, wheels, before, trial = group.motion, group.wheels, group.before, setup.trial
     robots, lost = motion.shape[0], False
-    for step in range(group.lives.tally[0][0].step, until):
+    for step in range(group.records.tally[0][0].step, until):
         for i in range(robots):
             life, at = life_of(group, i), Pose(motion[i, 0], motion[i, 1], motion[i, 2])
             tally, cos, sin = life.tally[0], math.cos(at.heading), math.sin(at.heading)
@@ -76,7 +76,7 @@ def live_group(group: Group, setup: Setup, space: Any, until: int) -> None:
             before[i, 0], before[i, 1] = at.x, at.y
         move_all(space, motion, wheels)
         for i in range(robots):
-            tally, was = group.lives.tally[i][0], Pose(before[i, 0], before[i, 1], 0.0)
+            tally, was = group.records.tally[i][0], Pose(before[i, 0], before[i, 1], 0.0)
             lost = settle(tally, trial, was, Pose(motion[i, 0], motion[i, 1], motion[i, 2]), step) or lost
         if lost:
             break

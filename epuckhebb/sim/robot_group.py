@@ -46,7 +46,7 @@ class RobotGroup:
         _check_starts(starts, world.robot.radius_m, world.boxes, world.maze.arena_m)
         self._space.place_robot(*starts)
         self._group = Group(
-            lives=_stacked([session.life for session in self._sessions]),
+            records=_stacked([session.life for session in self._sessions]),
             keys=np.array([one.key for one in individuals], np.uint64),
             motion=self._space.handles.state[: MOTION * count].reshape(count, MOTION),
             wheels=np.zeros((count, 4)),
