@@ -118,7 +118,7 @@ def test_each_robot_has_neurons_of_its_own():
         own.neurons.state["y"] = k + 1.0
         assert own.neurons.parameters.tobytes() == life.neurons.parameters.tobytes()
         assert own.genotype.weights.tobytes() == life.genotype.weights.tobytes()
-    assert group._group.lives.neurons.state["y"].tolist() == [[1.0] * 3, [2.0] * 3]
+    assert group._group.records.neurons.state["y"].tolist() == [[1.0] * 3, [2.0] * 3]
 
 
 def test_robots_collide_and_another_run_is_bit_identical():

@@ -52,8 +52,8 @@ def _code_version() -> dict[str, Any]:
 
     known: dict[str, Any] = {"version": __version__, "science": science_version(), "commit": None, "dirty": None}
     tracked = git("ls-files", "--error-unmatch", "__init__.py") is not None
-    if tracked and (told := git("status", "--porcelain=v2", "--branch", "--", str(_PACKAGE))):
-        commit, *others = told.splitlines()
+    if tracked and (state := git("status", "--porcelain=v2", "--branch", "--", str(_PACKAGE))):
+        commit, *others = state.splitlines()
         known["commit"] = commit.removeprefix("# branch.oid ")
         known["dirty"] = any(not line.startswith("# ") for line in others)
     return known
