@@ -44,6 +44,9 @@ FAULTS = {
 }
 
 
+HALTS = {HALT: "halt for good", "find_and_wait": "halt for 1.5 s", LEARN: "anti-Hebbian"}
+
+
 @pytest.fixture(scope="module")
 def over_all():
     return pd.read_csv(KINDS / "rescue_over_all.csv")
@@ -168,17 +171,16 @@ def test_goal_signals_that_lie(generated, figure):
             kinds = own[own.scenario.str.endswith(f"_{fault}") & (own.scenario != f"{training}_{fault}")]
             summed = kinds.groupby("controller")[["rescued", "broken", "harmed", "intact"]].sum()
             cells = []
-            for name in (HALT, LEARN):
+            for name, does in HALTS.items():
                 one, home = summed.loc[name], alone.loc[name]
                 share = one.rescued / one.broken
                 cells.append(f"{one.rescued} of {one.broken}: {share:.2f}")
                 harmed, intact = one.harmed + home.harmed, one.intact + home.intact
                 cells.append(f"{harmed} of {intact}")
                 shares = {"rescued_share": share, "harmed_share": harmed / intact}
-                does = "halt" if name == HALT else "anti-Hebbian"
                 drawn.append({"experiment": experiment, "controller": f"{text}: {does}", "N": 0.0, **shares})
             rows.append([experiment, text, *cells])
-    head = ["experiment", "goal signal", "halt: rescued", "harmed", "anti-Hebbian: rescued", "harmed"]
+    head = ["experiment", "goal signal", *(cell for does in HALTS.values() for cell in (f"{does}: rescued", "harmed"))]
     generated(PAGE, "signals", markdown_table(head, rows))
     bounds = [f"{part}_{end}" for part in ("rescued", "harmed") for end in ("low", "high")]
     figure(SIGNALS, "signals", pd.DataFrame(drawn).reindex(columns=[*drawn[0], *bounds]))
