@@ -204,8 +204,7 @@ def test_a_file_that_holds_no_changes_is_refused(tmp_path, text):
 
 
 def test_a_file_that_cannot_be_read_is_refused(tmp_path):
-    (tmp_path / "large.json").write_bytes(b" " * (2**24 + 1))
-    for name, message in (("none.json", "No such file"), (".", "directory"), ("large.json", "at most")):
+    for name, message in (("none.json", "No such file"), (".", "directory")):
         with pytest.raises(ConfigError, match=message):
             hand.read(str(tmp_path / name))
 

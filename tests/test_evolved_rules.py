@@ -273,7 +273,7 @@ def test_a_champion_keeps_what_its_rule_evolved(champions, monkeypatch, tmp_path
     genome = load_genome("modulated", "obstacles")
     assert (genome.rule, genome.plan.text()) == ("modulated", SIZES[Modulated])
     shown = done("show", "modulated").stdout
-    assert "Evolved by sep_cma_es, in training worlds varied, with rule modulated" in shown
+    assert "Evolved by sep_cma_es, in training worlds varied, in physics pymunk, with rule modulated" in shown
     assert SIZES[Modulated] in shown
     run = str(tmp_path / "run")
     done("evaluate", "genome=modulated", "hebbian=modulated", *BRIEF, f"hydra.run.dir={run}")

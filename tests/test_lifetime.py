@@ -236,7 +236,7 @@ def refused(message, genes=234, scenario=None, error=ValueError, **more):
 def test_sizes_that_do_not_fit_are_refused_with_their_numbers(lidar):
     refused(r"234 genes, got 238", 238)
     refused(r"234 genes, got 0", 0)
-    refused(r"233 signs", signs=np.ones(233))
+    refused(r"234 weights .* got 233", signs=np.ones(233))
     refused(r"network\.layers must begin with 16", 26, network=Network((12, 2)))
     refused(r"network\.layers must begin with 32", scenario=Scenario(robot=lidar))
     refused(r"reading_mean of shape \(2, 16\), got \(2, 32\)", nominal=no_nominal(32))

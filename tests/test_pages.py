@@ -180,7 +180,7 @@ def test_what_n_means_per_metre_has_the_numbers_of_the_answer():
     (script,) = blocks(ROOT / "docs" / "faq.md", "python")
     names = {}
     exec(script, names)
-    for name, shown in (("steps", ".0f"), ("most", ".1f"), ("slow", ".1f"), ("small", ".2f")):
+    for name, shown in (("steps", ".0f"), ("fast", ".1f"), ("slow", ".1f"), ("small", ".2f")):
         assert re.search(rf"^{name} = .*# .*\b{names[name]:{shown}}\b", script, re.MULTILINE), name
 
 
@@ -195,7 +195,7 @@ def test_the_methods_of_the_leaderboard_page_can_be_listed(folder, monkeypatch):
 @pytest.mark.parametrize(
     ("pages", "seconds"),
     [
-        pytest.param(WITH_COMMANDS, 64, id="most"),
+        pytest.param(WITH_COMMANDS, 64, id="fast"),
         pytest.param(
             [page for page in PAGES if page not in WITH_COMMANDS and page.stem not in APART],
             200,

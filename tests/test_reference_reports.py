@@ -13,7 +13,7 @@ from epuckhebb.runtime.resources import data_folder
 from epuckhebb.sim.scenario import EXPERIMENTS
 
 REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
-STUDIES = sorted(REFERENCE.rglob("rescue_over_all.csv"))
+STUDIES = sorted(path for path in REFERENCE.rglob("report.md") if (path.parent / "rescue_over_all.csv").is_file())
 BOARDS = sorted(REFERENCE.rglob("leaderboard.csv"))
 
 
@@ -47,14 +47,14 @@ def test_the_report_of_a_study_is_that_of_its_tables(folder, committed):
 def test_the_report_of_a_leaderboard_is_that_of_its_tables(folder, committed):
     path = folder / "report.md"
     text = path.read_text()
-    board, costs = tables(folder, "leaderboard", "cost")
+    board, worlds, costs = tables(folder, "leaderboard", "worlds", "cost")
     board = board.fillna({"matched_control": ""})
     listed = re.findall(r"^\| `(\w+)` \| [^|]* \|$", text, re.MULTILINE)
     methods = {one.name: one.description for one in methods_named(sorted({*board.method}), [data_folder("conf")])}
-    worlds = [re.findall(r"`(\w+)`", line) for line in re.findall(r"test worlds: (.*)\.", text)]
-    tests = dict(zip(board.experiment.unique(), worlds or [[]], strict=True))
+    named = [re.findall(r"`(\w+)`", line) for line in re.findall(r"test worlds: (.*)\.", text)]
+    tests = dict(zip(board.experiment.unique(), named or [[]], strict=True))
     shown = {name: methods[name] for name in listed}
-    committed(path, leaderboard.markdown(board, costs, shown, tests, text.splitlines()[2]))
+    committed(path, leaderboard.markdown(board, worlds, costs, shown, tests, text.splitlines()[2]))
 
 
 def test_the_report_of_the_reproduction_is_that_of_its_tables(committed):

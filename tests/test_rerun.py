@@ -56,12 +56,11 @@ def test_a_run_says_where_it_comes_from(run):
     assert "${" not in (run / ".hydra" / "config.yaml").read_text()
 
 
-def test_show_tells_all_of_it(run):
+def test_show_tells_what_it_is_and_where_the_rest_stands(run):
     told = json.loads((run / "provenance.json").read_text())
     shown = call("show", str(run)).stdout.replace("\n", "").replace(" ", "")
-    facts = [*told["overrides"], told["python"], told["platform"], f"{told['cores']}cores", told["code"]["science"]]
-    facts += [f"{name}{number}" for name, number in told["packages"].items()]
-    facts += ["seed=1", "scenario.lamp.beam_rad=1.5", "finished", told.get("genome_sha256", "history.csv")]
+    facts = [*told["overrides"], told["code"]["version"], "finished", "provenance.json", ".hydra/config.yaml"]
+    facts += [told.get("genome_sha256", "history.csv")]
     for fact in facts:
         assert fact.replace(" ", "") in shown, fact
 

@@ -10,7 +10,7 @@ import pytest
 from cases import call, contents, done, first_of
 
 from epuckhebb.analysis import figures
-from epuckhebb.cli import show
+from epuckhebb.cli import results, show
 from epuckhebb.cli.console import Terminal
 from epuckhebb.store import Run
 
@@ -88,14 +88,14 @@ def test_an_interrupted_figure_leaves_the_rest(run, monkeypatch):
 
 
 def test_an_interrupted_report_names_all_that_is_lacking(run, monkeypatch):
-    monkeypatch.setattr(show, "print_results", no_figure(KeyboardInterrupt()))
+    monkeypatch.setattr(results, "print_results", no_figure(KeyboardInterrupt()))
     stopped = call("evaluate", *QUICK, "hydra.run.dir=run")
     assert stopped.exit_code == 130
     assert Run(run).error == f"{run} has its tables, and lacks traces.npz and {FIGURE}"
 
 
 def test_a_table_that_cannot_be_printed_does_not_end_the_run(run, monkeypatch):
-    monkeypatch.setattr(show, "print_results", no_figure(OSError(28, "No space left on device", "a device")))
+    monkeypatch.setattr(results, "print_results", no_figure(OSError(28, "No space left on device", "a device")))
     failed = call("evaluate", *QUICK, "hydra.run.dir=run")
     assert failed.exit_code == 2
     assert "No space left on device" in failed.stderr

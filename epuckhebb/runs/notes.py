@@ -49,7 +49,8 @@ def showcase(genome: Genome, scenario: str | None = None, rate: float = 0.0) -> 
         pattern = f"{here[cell]} of {n} champions fail in {scenario} without plasticity and succeed with N = {rate:g}"
     else:
         return ""
-    return f"A showcase: {pattern}. To run all {n}: epuckhebb evaluate -m {where}genome={REFERENCE}_1,...,{REFERENCE}_{n}"
+    all_of_them = f"{where}genome={REFERENCE}_1,...,{REFERENCE}_{n}"
+    return f"A showcase: {pattern}. To run all {n}: epuckhebb evaluate -m {all_of_them}"
 
 
 @functools.cache

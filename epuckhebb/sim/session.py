@@ -330,9 +330,10 @@ def _genotype_of(individual: Individual, kind: Kind, world: Scenario, gain_rad_s
     of_updates = kind.signs if individual.signs is None else individual.signs
     rule, network = individual.controller.rule, individual.network
     if of_updates is None or of_updates.shape != (network.synapses,):
+        given = "none" if of_updates is None else of_updates.size
         raise ValueError(
-            f"a rule with sign=shuffled needs the signs of its updates, Individual.signs, one for each of the "
-            f"{network.synapses} weights of network {network}"
+            "a rule with sign=shuffled needs Individual.signs, the signs of its updates: one for each of the "
+            f"{network.synapses} weights of network {network}, got {given}"
         )
     parts = values_of(type(rule), network, kind.plan.split(individual.genes))
     inherited = parts[WEIGHTS]
