@@ -135,6 +135,7 @@ def test_settings_of_ones_own_are_a_change_too():
     assert (name, changed, settings["left_slip"]) == ("highlight_slip_left_dusk", "light=0.05", 0.4)
     name, changed, settings = world("change.a={maze: t_maze_long, physics: ode}")
     assert (name, changed, settings["maze"]) == ("base_a", "maze=t_maze_long, physics=ode", "t_maze_long")
+    assert world("scenario=base_3d", "change.a={physics: pymunk}")[1] == "physics=pymunk"
 
 
 # What is refused

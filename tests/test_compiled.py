@@ -114,8 +114,9 @@ def scaled(number):
     [
         lambda number: numba.njit(scaled(number)),
         lambda number: numba.njit("f8(f8)" if number == 2 else "f4(f4)")(scaled(1)),
+        lambda number: numba.njit(locals={"x": numba.float64 if number == 2 else numba.float32})(scaled(1)),
     ],
-    ids=["njit", "signature"],
+    ids=["njit", "signature", "locals"],
 )
 def test_what_numba_compiles_for_an_object_matters(made):
     names = [digest(calls(helper, helper, helper)) for helper in (made(2), made(2), made(3))]
@@ -153,7 +154,8 @@ def test_what_cannot_be_read_is_compiled_in_memory(monkeypatch, tmp_path):
     libc.abs.argtypes, libc.abs.restype = [ctypes.c_int], ctypes.c_int
     absolute = libc.abs
     vectorized = numba.vectorize(scaled(2.0))
-    for part in (absolute, vectorized, object(), types.ModuleType("helpers")):
+    costly = numba.njit(inline=lambda *_: False)(scaled(2.0))
+    for part in (absolute, vectorized, costly, object(), types.ModuleType("helpers")):
         with pytest.raises(UnknownPartError):
             digest(calls(part, part, part))
     assert kernel(whole, part=absolute)(-3) == 3

@@ -56,6 +56,9 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
         if own and not cfg.scenario.get("name"):
             cfg.scenario.name = "_".join([*known, *map(str, own)])
+        brought = _of_scenario("physics", chosen["scenario"], folders)
+        if brought and brought["kind"] != cfg.physics.get("kind"):  # of a study whose training is in another
+            cfg.physics = brought
         for name, settings in own.items():
             _make(f"change.{name}", settings, cfg, folders)
         for group in _GROUPS:
@@ -72,9 +75,6 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
         _own_rule(cfg, chosen.get("hebbian", ""), folders)
         if cfg.scenario.get("hand") is not None:
             cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
-        brought = _of_scenario("physics", chosen["scenario"], folders)
-        if brought and brought["kind"] != cfg.physics.get("kind"):  # of a study whose training is in another
-            cfg.physics = brought
         try:
             changes = [_changed(cfg, chosen["scenario"], folders), *_changed_lifetime(cfg, chosen, folders)]
             changes += _changed_network(cfg.network)

@@ -62,7 +62,12 @@ def digest(function: Callable[..., Any]) -> str:
                 raise UnknownPartError(f"numba compiles {value!r} in another way than by njit")
             numba_made: Any = value
             only = [] if numba_made._can_compile else numba_made.signatures
-            add(f"{sorted(numba_made.targetoptions.items())} {only}")
+            compiler = numba_made._compiler
+            options = sorted(compiler.targetoptions.items())
+            how = f"{options} {dict(compiler.locals)} {compiler.pipeline_class} {only}"
+            if " at 0x" in how:
+                raise UnknownPartError(f"the options of {value!r} cannot be read")
+            add(how)
             take(python)
         elif isinstance(value, types.ModuleType):
             if not _is_known_module(value):
