@@ -49,7 +49,9 @@ def showcase(genome: Genome, scenario: str | None = None, rate: float = 0.0) -> 
         pattern = f"{here[cell]} of {n} champions fail in {scenario} without plasticity and succeed with N = {rate:g}"
     else:
         return ""
-    return f"A showcase: {pattern}. To run all {n}: epuckhebb evaluate -m {where}genome={REFERENCE}_1,...,{REFERENCE}_{n}"
+    return (
+        f"A showcase: {pattern}. To run all {n}: epuckhebb evaluate -m {where}genome={REFERENCE}_1,...,{REFERENCE}_{n}"
+    )
 
 
 @functools.cache

@@ -198,8 +198,8 @@ def tally_of(life: Life) -> Any:
 class Group(NamedTuple):
     """What robots in one space carry, first axis of arrays the robots.
 
-    records: a `Life`, in which adaptation, trials and workspace are those of one robot. motion: (robots, 6), the view of
-    the space's state. wheels: (robots, 4) and before: (robots, 2), workspace.
+    records: a `Life`, in which adaptation, trials and workspace are those of one robot. motion: (robots, 6), the view
+    of the space's state. wheels: (robots, 4) and before: (robots, 2), workspace.
     """
 
     records: Life
