@@ -40,6 +40,10 @@ def test_a_figure_is_drawn_again(runs, name, run):
     assert (runs / run / "figures" / f"{name}.pdf").read_bytes().startswith(b"%PDF")
 
 
+def test_without_a_name_the_names_are_listed(runs):
+    assert done("figure", runs / "evaluated").stdout.split() == ["trajectories", "maze", "network", "weight_change"]
+
+
 def test_what_cannot_be_drawn_is_refused(runs, tmp_path):
     output = tmp_path / "x.png"
     known = "has the figures trajectories, maze, network, weight_change; got learning"

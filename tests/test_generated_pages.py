@@ -110,6 +110,13 @@ def test_the_verb_prints_keys(words, monkeypatch):
     assert max(map(len, result.stdout.splitlines())) <= 80
 
 
+def test_a_key_alone_is_printed_too():
+    alone = keys.group_named("scenario.light")
+    assert [key.name for key in alone.keys] == ["scenario.light"]
+    assert not alone.choices
+    assert [key.name for key in keys.group_named("repeats").keys] == ["repeats"]
+
+
 def test_an_unknown_group_is_refused():
     assert "must be one of evaluate, evolve" in refused("keys", "scenery")
 

@@ -29,7 +29,7 @@ from epuckhebb.studies.leaderboard_plan import in_reversal
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
-REFERENCES = [ROOT / "runs" / "reference" / name for name in ("leaderboard", "reversal")]
+REFERENCES = [ROOT / "runs" / "reference" / name for name in ("leaderboard", "leaderboard_unseen", "reversal")]
 TINY = "optimizer.population: 4, optimizer.starts: 3, optimizer.confirm: 2, optimizer.generations: 2"
 TINY += ", lifetime.duration_s: 3, scenario.paper_duration_s: 10"
 EVOLVED = f"optimizer: sep_cma_es, training: varied, {TINY}"
@@ -491,7 +491,7 @@ def test_the_reference_table_comes_of_the_rows_of_champions(folder):
     worlds = pd.read_csv(folder / "worlds.csv").groupby(["experiment", "method"])[["trials", "successes"]].sum()
     for row in told.itertuples():
         assert (row.trials, row.successes) == tuple(worlds.loc[row.experiment, row.method])
-        assert row.champions == (10 if row.experiment == board.REVERSAL else 12)
+        assert row.champions == {"leaderboard": 12, "leaderboard_unseen": 20, "reversal": 10}[folder.name]
 
 
 @pytest.mark.parametrize("folder", REFERENCES)
@@ -499,8 +499,10 @@ def test_the_page_of_the_reference_results_tells_what_is_in_their_csv(folder, ge
     told = pd.read_csv(folder / "leaderboard.csv").fillna({"matched_control": ""})
     worlds = pd.read_csv(folder / "worlds.csv").fillna({"tests": ""})
     for experiment, own in told.groupby("experiment", sort=False):
-        page = "reversal" if experiment == board.REVERSAL else "leaderboard"
-        generated(ROOT / "docs" / f"{page}.md", experiment, board.markdown_of(own, worlds))
+        page, mark = folder.name, experiment
+        if page == "leaderboard_unseen":
+            page, mark = "unseen_kinds", f"unseen_{experiment}"
+        generated(ROOT / "docs" / f"{page}.md", mark, board.markdown_of(own, worlds))
 
 
 # What is refused

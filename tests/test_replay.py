@@ -278,7 +278,7 @@ def test_any_maze_robot_and_network():
 
 def test_sensors_of_the_epuck_have_the_names_of_their_places(page):
     ways = ["front right", "right, ahead", "right", "back right", "back left", "left", "left, ahead", "front left"]
-    assert content(page)["inputs"] == [f"{kind}, {way}" for kind in ("light", "proximity") for way in ways]
+    assert content(page)["inputs"] == [f"{kind}, {way}" for kind in ("light", "distance") for way in ways]
 
 
 def test_nothing_of_the_network_is_taken_from_genes_of_the_rule(genes):

@@ -208,7 +208,7 @@ class Network {
     pen.fillStyle = colours.soft;
     pen.textBaseline = "middle";
     pen.textAlign = "right";
-    const groups = [["light", 0, LIGHTS - 1], ["proximity", LIGHTS, RIM - 1], ...(RIM < OWN_END ? [["added", RIM, OWN_END - 1]] : [])];
+    const groups = [["light", 0, LIGHTS - 1], ["distance", LIGHTS, RIM - 1], ...(RIM < OWN_END ? [["added", RIM, OWN_END - 1]] : [])];
     const labels = groups.map(([text, first, last]) => [text, (first + last) / 2]);
     for (const [text, neuron] of [...labels, ["constant 1", BIAS], ...(data.hasTrials ? [["reward", INPUTS - 1]] : [])]) {
       pen.fillText(text, this.x[0] - 16, (this.y[Math.floor(neuron)] + this.y[Math.ceil(neuron)]) / 2);

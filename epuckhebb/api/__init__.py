@@ -140,7 +140,7 @@ def play(
     Args:
         genome: Where the genes are, as for `load`.
         overrides: Settings as on the command line; they come after the keywords.
-        side: Which way is the right one, `left` or `right`.
+        side: The side of the goal, `left` or `right`.
         config_dir: A folder with YAML files of your own.
         keys: Settings as keywords.
 

@@ -149,7 +149,7 @@ def replay(
 @app.command(cls=Command)
 def figure(
     run: Run,
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the figure; a wrong one lists those of the run.")],
+    name: Annotated[str, typer.Argument(metavar="[NAME]", help="Of the figure; without it, their names.")] = "",
     kind: Annotated[str, typer.Option("--format", "-f", metavar="png|svg|pdf", help="Of the file.")] = "png",
     width: Annotated[
         float | None, typer.Option("--width", metavar="MM", help="88: a column of a paper, 180: a page.")
@@ -159,16 +159,17 @@ def figure(
     ] = None,
 ) -> None:
     """Draw a figure of a run again, in a format and a size."""
-    from epuckhebb.export.figure import draw
+    from epuckhebb.export.figure import draw, names
     from epuckhebb.store import resolve_run
 
-    typer.echo(draw(resolve_run(run), name, kind, width, output))
+    run = resolve_run(run)
+    typer.echo(draw(run, name, kind, width, output) if name else "\n".join(names(run)))
 
 
 @app.command(cls=ConfiguredCommand)
 def play(
     overrides: Overrides = None,
-    side: Annotated[str, typer.Option("--side", metavar="left|right", help="Which way is the right one.")] = "left",
+    side: Annotated[str, typer.Option("--side", metavar="left|right", help="The side of the goal.")] = "left",
     port: Annotated[int, typer.Option("--port", metavar="PORT", help="The next free one is taken.")] = 8470,
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the page.  [yes]", show_default=False)
@@ -310,7 +311,7 @@ def keys(
     group: Annotated[
         str | None,
         typer.Argument(
-            metavar="GROUP", help="One group, or a command.  [all]", autocompletion=completion.complete_group
+            metavar="GROUP", help="A group, a command or a key.  [all]", autocompletion=completion.complete_group
         ),
     ] = None,
 ) -> None:

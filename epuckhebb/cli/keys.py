@@ -26,12 +26,12 @@ def print_groups(wanted: Sequence[Group], console: Console) -> None:
 
 def title(group: Group) -> str:
     """The heading of a group."""
-    return f"Group {group.name}" if group.choices else f"Keys of epuckhebb {group.name}"
+    return f"Group {group.name}" if group.of else f"Keys of epuckhebb {group.name}"
 
 
 def sections(group: Group) -> Iterator[tuple[str, list[Key]]]:
     """The keys of a group with what is to be said before: those of its usual choice, and those of others only."""
     if group.keys:
-        yield f"Defaults are those of {group.name}={group.of}." if group.choices else "", group.keys
+        yield f"Defaults are those of {group.name}={group.of}." if group.of else "", group.keys
     for choice, keys in group.more.items():
         yield f"Only with {group.name}={choice}:", keys

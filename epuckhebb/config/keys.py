@@ -3,7 +3,7 @@
 import functools
 import typing
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -56,9 +56,15 @@ def all_groups() -> tuple[Group, ...]:
 
 
 def group_named(name: str) -> Group:
-    """The group of a name."""
+    """The group of a name; of the name of a key, its group with that key alone."""
     known = {group.name: group for group in all_groups()}
     if name not in known:
+        for group in known.values():
+            keys = [key for key in group.keys if key.name == name]
+            others = ((choice, [key for key in own if key.name == name]) for choice, own in group.more.items())
+            more = {choice: own for choice, own in others if own}
+            if keys or more:
+                return replace(group, choices={}, keys=keys, more=more)
         raise ConfigError(f"keys {name}: the group must be one of {', '.join(known)}{did_you_mean(name, known)}")
     return known[name]
 

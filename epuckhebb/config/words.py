@@ -22,6 +22,7 @@ _BOTH = ("evaluate", "evolve")  # a misspelt key of one may be a key of the othe
 _BELOW = tuple(f"{key}." for key in (*OPEN, "hydra"))  # the schema does not know what keys there are
 _MANY, _SOME = 30, 4  # choices that are no longer listed in a message, and how many of them are
 _FEW = 3  # names in a question
+_KINDS = {"Float": "a number", "Integer": "a whole number", "Boolean": "true or false"}  # OmegaConf's words, and ours
 _EXTRAS = {"submitit": "slurm", "ray": "ray"}  # what is missing of Hydra's -> the extra of this package that has it
 
 
@@ -138,6 +139,11 @@ def explain(error: BaseException) -> str:
         return whole
     (message, key), file = found.groups(), re.match(r"In '(\w+)/([^']+)'", whole)
     where = f"{file[1]}/{file[2]}.yaml: " if file else ""
+    kind = re.match(r"Value '(.*)' of type '\w+' could not be converted to (\w+)", message)
+    if kind and kind[2] in _KINDS:
+        return f"{where}{key} must be {_KINDS[kind[2]]}, got {kind[1]}"
+    if "is not Optional" in message or "value 'None'" in message:
+        return f"{where}{key} must have a value, got null"
     if not message.startswith("Key "):
         return f"{where}{key}: {message}"
     if file and re.match(rf"Key '{file[1]}' ", message):

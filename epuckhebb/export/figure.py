@@ -110,13 +110,25 @@ _STUDIES: dict[str, Callable[[Run], dict[str, Figure]]] = {  # file of results -
 }
 
 
+def _study(run: Run) -> Callable[[Run], dict[str, Figure]] | None:
+    return next((draw for file, draw in _STUDIES.items() if run.has(file)), None)
+
+
+def names(path: Path) -> list[str]:
+    """The figures that a run has."""
+    run = Run(path)
+    known = [one for one, (file, _) in _DRAWN.items() if run.has(file)]
+    known += sorted(file.stem for file in (path / "figures").glob("*.png")) if _study(run) else []
+    if not known:
+        raise ConfigError(f"{path} has no figures; give a finished run, for example one below runs/evaluate/")
+    return known
+
+
 def _drawn(run: Run, name: str) -> Figure:
     """A figure of a run by its name."""
-    study = next((draw for file, draw in _STUDIES.items() if run.has(file)), None)
-    known = [one for one, (file, _) in _DRAWN.items() if run.has(file)]
-    known += sorted(file.stem for file in (run.path / "figures").glob("*.png")) if study else []
+    study, known = _study(run), names(run.path)
     if name not in known:
-        raise ConfigError(f"{run.path} has the figures {', '.join(known) or 'none'}; got {name}")
+        raise ConfigError(f"{run.path} has the figures {', '.join(known)}; got {name}")
     return study(run)[f"{name}.png"] if study else _DRAWN[name][1](run)
 
 

@@ -193,7 +193,7 @@ class DistanceSensors(RimSensors):
     """
 
     name: ClassVar[str] = "distance"
-    label: ClassVar[str] = "proximity"
+    label: ClassVar[str] = "distance"
     short: ClassVar[str] = "ps"
     dead: ClassVar[float] = 0.0
 

@@ -7,6 +7,7 @@ from epuckhebb.config import EvaluateConfig, Plain, check_counts, from_values, o
 from epuckhebb.runs import prepare_evaluation
 from epuckhebb.runtime import ConfigError
 from epuckhebb.sim.maze import SIDES
+from epuckhebb.sim.physics.pymunk import Pymunk
 from epuckhebb.store import digest, load_genome, science_version, versions
 from epuckhebb.studies.jobs import NO_EFFECT
 
@@ -58,11 +59,11 @@ class Identities:
             self._shared[shared] = load() if load else from_values(config, EvaluateConfig, "a job")
         return shared
 
-    def robot_steps(self, config: Plain) -> int:
-        """How many steps all robots of an evaluation run."""
+    def robot_steps(self, config: Plain) -> tuple[int, bool]:
+        """How many steps all robots of an evaluation run, and whether they are in the plane."""
         shared = self._shared[self.validate_shared(config)]
         lifetimes = len(SIDES) * (1 + len(shared.controllers)) * int(config["repeats"])
-        return lifetimes * shared.lifetime.steps
+        return lifetimes * shared.lifetime.steps, isinstance(shared.world.physics, Pymunk)
 
     def _depends_on(self, config: Plain, shared: EvaluateConfig) -> Plain:
         """What the results of a configuration depend on besides its settings."""

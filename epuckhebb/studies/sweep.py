@@ -23,6 +23,7 @@ from epuckhebb.studies import identity
 from epuckhebb.studies.jobs import Job, Outcome, folder_and_launcher, launch, one_job, open_study, split
 
 _JOB_S, _STEP_S = 0.3, 1e-6  # CPU time of a job besides its lifetimes, and of a step of a robot: docs/scale.md
+_STEP_IN_3D_S = 21e-6  # docs/ode.md
 
 
 def evaluate_job(cfg: Any) -> None:
@@ -65,7 +66,8 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     identities, cpu_s = identity.Identities(), dict[str, float]()
     for overrides, config in combinations("evaluate", named, choices, config_dir, identities.validate_shared):
         run = identities.of(config)
-        cpu_s[run] = _JOB_S + _STEP_S * identities.robot_steps(config)
+        steps, in_plane = identities.robot_steps(config)
+        cpu_s[run] = _JOB_S + (_STEP_S if in_plane else _STEP_IN_3D_S) * steps
         job = Job(number=len(listed), overrides=[*named, *overrides], run=run, config=config)
         if listed.setdefault(run, job) is not job:
             again.append(job)
