@@ -37,7 +37,7 @@ $("title").textContent = data.title;
 document.documentElement.dataset.side = data.sides[0];
 for (const speed of data.speeds) $("speed").append(element("option", { value: speed, textContent: speed ? `${speed}×` : "fastest" }));
 for (const [id, choices] of Object.entries(data.choices)) {
-  $(id).append(element("option", { value: "", textContent: `${id === "hebbian" ? "rule" : id} as now` }));
+  $(id).append(element("option", { value: "", textContent: "as now" }));
   $(id).append(...choices.map((choice) => element("option", { value: choice, textContent: choice })));
 }
 $("side").value = data.sides[0];
