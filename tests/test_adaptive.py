@@ -46,7 +46,8 @@ def test_the_bundled_champions_remember():
             again = measure_nominal(genome.weights, world)
             for name in genome.nominal.__dataclass_fields__:
                 value = getattr(genome.nominal, name)
-                np.testing.assert_array_equal(value, getattr(again, name), err_msg=f"{where} {name}")
+                if value is not None:  # the oldest champions store neither sun nor lamp nor echo
+                    np.testing.assert_array_equal(value, getattr(again, name), err_msg=f"{where} {name}")
 
 
 @pytest.mark.thorough

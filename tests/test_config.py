@@ -11,6 +11,7 @@ from epuckhebb.cli.options import with_genomes_named
 from epuckhebb.config.compose import combinations, composed
 from epuckhebb.config.overrides import alternatives
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
+from epuckhebb.runtime import ConfigError
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.resources import data_folder
 
@@ -129,6 +130,10 @@ RULES, ADAPTATIONS = groups("evaluate")["hebbian"], groups("evaluate")["adaptati
     sorted({*itertools.product(RULES, ["none", "late"]), *itertools.product(["none", "paper"], ADAPTATIONS)}),
 )
 def test_adaptations_over_rules(hebbian, adaptation):
+    if hebbian == "none" and adaptation.endswith("_learn_to_stay"):
+        with pytest.raises(ConfigError, match="stay=learn needs a plasticity rule"):
+            typed(composed("evaluate", ["hebbian=none", f"adaptation={adaptation}"]), EvaluateConfig)
+        return
     config = typed(composed("evaluate", [f"hebbian={hebbian}", f"adaptation={adaptation}"]), EvaluateConfig)
     assert len(config.controllers) == ((hebbian, adaptation) != ("none", "none"))
     for controller in config.controllers:

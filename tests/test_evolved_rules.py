@@ -230,7 +230,7 @@ def test_only_the_rule_evolves_where_weights_are_drawn_or_given():
     assert drawn.champion.shape == (6 * 234,)
     assert (drawn.champion[:234] == 0).all()
     weights = np.linspace(-1, 1, 234)
-    given = evolved_by(ga, ABCDShared(N=0.0003), weights=weights)[-1]
+    given = evolved_by(ga, ABCDShared(N=0.0003), given=weights)[-1]
     plan = evolved_plan(PAPER_NETWORK, ABCDShared(N=0.0003), given=True)
     assert Search(ga, plan, 2, given.log).ask().shape == (4, 25)
     np.testing.assert_array_equal(given.champion[:234], weights)

@@ -411,7 +411,7 @@ def test_as_a_user_meets_it(here):
     brief = ["lifetime.duration_s=3", "lifetime.record_every=0", "repeats=1"]
     run = done("evaluate", "adaptation=best", "scenario=lowlight", *brief, "hydra.run.dir=run")
     assert "it runs 10 lifetimes a side in highlight first" in run.stderr
-    assert (here / "run" / "findings.csv").read_text().count(",light\n") == 2
+    assert (here / "run" / "findings.csv").read_text().count(",light,") == 2
     shown = call("show", "run").stdout
     assert "light 0.1 times that in training" in " ".join(shown.split())
 

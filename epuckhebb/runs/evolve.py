@@ -198,8 +198,9 @@ def evolve_into(
     run.left_behind = left_behind
     with run, EvolutionProgress(config.schedule.generations, quiet=quiet) as progress:
         digest = _digest(run.path, _changeable(config))
-        if after is not None:  # a run may have been killed before these files were written
-            _write_generation(run, after, prepared)
+        history = run.path / "history.csv"
+        if after is not None and not (history.is_file() and history.read_bytes() == after.history.encode()):
+            _write_generation(run, after, prepared)  # the run was killed before these files were written
         for generation in prepared.generations(threads, after.generation if after else None):
             after = Checkpoint.following(after, generation)
             run.write(CHECKPOINT, after.as_bytes(digest))
@@ -222,9 +223,9 @@ def evolve_into(
 
 
 def _write_generation(run: RunFolder, state: Checkpoint, prepared: PreparedEvolution) -> None:
-    """Bring the other files of an evolution to the state of its checkpoint."""
-    run.write("history.csv", state.history)
+    """Bring the other files of an evolution to the state of its checkpoint; the history last, which says so."""
     run.write(CHAMPION, prepared.champion(state.generation, prepared.config.seed))
+    run.write("history.csv", state.history)
 
 
 def resume(arguments: list[str]) -> Path:

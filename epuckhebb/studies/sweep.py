@@ -56,7 +56,8 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     own, of_hydra = split("sweep", arguments)
     check_words("evaluate", arguments, config_dir, several=True)
     named = [f"experiment={name}"]
-    params = swept_values([*named, *of_hydra], config_dir)
+    no_launcher = [word for word in of_hydra if not word.startswith("hydra.launcher.")]  # it is chosen for the jobs
+    params = swept_values([*named, *no_launcher], config_dir)
     if not params:
         raise ConfigError(f"experiment={name} has no hydra.sweeper.params: it is one job, for `epuckhebb evaluate`")
     swept = [f"{key}={values}" for key, values in params.items()]
