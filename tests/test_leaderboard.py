@@ -13,7 +13,6 @@ from cases import call, done, first_of, refused
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.cli import completion
 from epuckhebb.config import compose
-from epuckhebb.config import methods as known_methods
 from epuckhebb.config.methods import methods_named
 from epuckhebb.config.schema import EvolveConfig, typed
 from epuckhebb.evolution.training import UNVARIED, Training
@@ -287,10 +286,9 @@ def test_show_tells_of_it(made):
 def short(monkeypatch):
     """Lives of the task have two short trials, and four of them evolve."""
     lives = {"trials": 2, "first_switch": 2, "last_switch": 2, "reward_s": 0.1, "time_out_s": 1.0}
-    monkeypatch.setattr(
-        known_methods, "REVERSAL_TASK", {"task": "reversal"} | {f"task.{key}": value for key, value in lives.items()}
-    )
-    monkeypatch.setattr(leaderboard_jobs, "REVERSAL_TASK", known_methods.REVERSAL_TASK)
+    task = {"task": "reversal"} | {f"task.{key}": value for key, value in lives.items()}
+    for module in (leaderboard_jobs, leaderboard_plan):
+        monkeypatch.setattr(module, "REVERSAL_TASK", task)
     evolution = {"population": 4, "generations": 2, "elites": 1, "loops": 1}
     monkeypatch.setattr(
         leaderboard_plan, "_REVERSAL_GA", {"ga": "reversal"} | {f"ga.{key}": value for key, value in evolution.items()}
