@@ -52,7 +52,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Report = Callable[[Path, Rows], object]
-_NO_REPORT: Report = lambda *_: None  # noqa: E731
+
+
+def _no_report(*_: object) -> None:
+    """Report nothing: what a job of a study does."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +153,7 @@ def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> 
     return PreparedEvaluation(config=config, genome=genome)
 
 
-def evaluate_job(cfg: Any, report: Report = _NO_REPORT) -> None:
+def evaluate_job(cfg: Any, report: Report = _no_report) -> None:
     """Do one job of Hydra's: evaluate into its folder. cfg: as Hydra composed it. report: as in `evaluate_into`."""
     with hydra.job_of("evaluate", cfg) as job:
         _evaluate(job, report)
@@ -161,7 +164,7 @@ def _evaluate(job: hydra.Job, report: Report) -> None:
     evaluate_into(job.path, job.config, job.overrides, job.facts, threads=threads, report=report)
 
 
-def recorded_job(cfg: Any, report: Report = _NO_REPORT) -> None:
+def recorded_job(cfg: Any, report: Report = _no_report) -> None:
     """Do one job of Hydra's that must record its lifetimes. The arguments are those of `evaluate_job`."""
     with hydra.job_of("evaluate", cfg) as job:
         if not job.config.lifetime.record_every:
@@ -270,7 +273,7 @@ def evaluate_into(
     facts: dict[str, Any],
     *,
     threads: int,
-    report: Report = _NO_REPORT,
+    report: Report = _no_report,
 ) -> None:
     """Claim a folder and evaluate into it. overrides, facts: as for `RunFolder.new`.
 

@@ -192,7 +192,7 @@ class Adaptation:
         uses = {
             "clock": times,
             "correct side": times,
-            "goal signal": self.is_gated and (signals_time or self.stay is not Stay.none) and not self.recognise,
+            "goal signal": self.is_gated and not self.recognise,  # at the goal, the gate of exploration is closed
             "sensor model": self.self_check or self.recognise,
             "hand-written": self.follows_walls or self.stay.halts or self.self_check or self.recognise,
         }
