@@ -53,6 +53,12 @@ def test_what_is_no_plain_setting_is_refused_with_file_and_line(mine, tmp_path, 
     assert [path.name for path in tmp_path.iterdir()] == ["conf"]
 
 
+def test_a_file_that_builds_on_a_choice_of_ours_that_builds_on_it_is_refused(mine):
+    mine("defaults: [lowlight, _self_]\nlight: 0.3\n", "scenario/highlight.yaml")
+    told = refused("evaluate", "scenario=highlight", *QUICK)
+    assert "scenario=highlight: its defaults lead back to itself: highlight -> lowlight -> highlight" in told
+
+
 def test_a_file_that_only_a_comparison_names_is_checked_too(mine):
     mine("# @package _global_\nadaptation: {threshold: 1, threshold: 2}\n", "adaptation/mine.yaml")
     told = refused("evaluate", "compare=[mine]", *QUICK)

@@ -40,15 +40,22 @@ def known_choice(group: str, name: str, folders: Sequence[Path]) -> Choice | Non
     return choice_of(group, name, OURS) or choice_of(group, name, folders)
 
 
-def choice_of(group: str, name: str, folders: Sequence[Path]) -> Choice | None:
-    """A choice of a group, first found first taken, with what it takes over from others; None if there is none."""
+def choice_of(group: str, name: str, folders: Sequence[Path], above: tuple[str, ...] = ()) -> Choice | None:
+    """A choice of a group, first found first taken, with what it takes over from others; None if there is none.
+
+    above: the choices whose defaults name this one.
+    """
     held = _held(group, name, folders)
     if held is None:
         return None
+    if name in above:
+        circle = " -> ".join((*above[above.index(name) :], name))
+        raise ConfigError(f"{group}={name}: its defaults lead back to itself: {circle}")
     parts, own, taken = list[DictConfig](), dict[str, str](), dict[str, str]()
     defaults = list(held.get("defaults", []))
     for entry in defaults if "_self_" in defaults else ["_self_", *defaults]:
-        other = choice_of(group, entry, folders) if isinstance(entry, str) and entry != "_self_" else None
+        named = isinstance(entry, str) and entry != "_self_"
+        other = choice_of(group, entry, folders, (*above, name)) if named else None
         if entry == "_self_":
             parts.append(held)
         elif isinstance(entry, DictConfig):

@@ -1,7 +1,7 @@
 """How Hydra finds files, and how it keeps what it has composed of them.
 
 The user's folder (`--config-dir`) comes before the program's, so a file of the user's wins over ours of the same name.
-Rows of tables, and scenarios that are named with their changes, are no files; Hydra is given them like files.
+Schemas, rows of tables, and scenarios that are named with their changes are no files; Hydra is given them like files.
 
 A composition takes Hydra a tenth of a second and more, most of it for files that seldom change. So it is made without
 the values that are given to single keys, kept, and given the values then, as Hydra would give them. What is kept is
@@ -35,15 +35,16 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import yaml_file
-from epuckhebb.config.choices import OURS, choice_names, found_by_hydra
+from epuckhebb.config.choices import OURS, choice_names, choice_of, found_by_hydra
 from epuckhebb.config.overrides import parsed
-from epuckhebb.config.schema import SCHEMAS
+from epuckhebb.config.schema import SCHEMAS, structured
 from epuckhebb.config.words import known_keys
 from epuckhebb.runtime import ConfigError, conf
 from epuckhebb.sim.compiling.kernel import cache_root
 
 USERS = "command-line"  # who brings the user's folder, as Hydra names it for its own --config-dir
 OWN_SCHEME = "epuckhebb"  # of that folder, and of what is no file
+_SCHEMA = "schema_"  # before the command, where a file of `conf/` names its schema
 _OF_ROWS = ("adaptation", "change")  # groups of which the choices are rows of a table; each changes other groups, too
 _VALUES_OF_HYDRA = ("hydra.run.dir", "hydra.sweep.dir")
 _APART = re.compile(r"[+~]")  # of these the order counts
@@ -63,7 +64,7 @@ class _UsersFirst(SearchPathPlugin):
 
 
 class _Users(FileConfigSource):
-    """Has for Hydra the user's files, which are checked, the rows of tables, and the scenarios with changes."""
+    """Has for Hydra the user's files, which are checked, schemas, rows of tables, and scenarios with changes."""
 
     @staticmethod
     def scheme() -> str:
@@ -76,6 +77,8 @@ class _Users(FileConfigSource):
 
     def _found(self, config_path: str) -> DictConfig | None:
         group, _, choice = config_path.removesuffix(".yaml").partition("/")
+        if group.startswith(_SCHEMA):
+            return structured(group.removeprefix(_SCHEMA))
         return found_by_hydra(group, choice, self._folders)
 
     def load_config(self, config_path: str) -> ConfigResult:
@@ -86,6 +89,8 @@ class _Users(FileConfigSource):
             return ConfigResult(self.provider, self.path, found, header)
         file = Path(self.path, self._normalize_file_name(config_path))
         yaml_file.check(file, Path(self.path))
+        group, _, choice = config_path.removesuffix(".yaml").partition("/")
+        choice_of(group, choice, self._folders)  # refuses a circle through choices of ours
         try:
             return super().load_config(config_path)
         except Exception as error:  # of a `# @package` that is none, for example

@@ -12,7 +12,6 @@ from dataclasses import MISSING, Field, dataclass, field, fields, make_dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
-from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -302,16 +301,20 @@ SCHEMAS = {schema.command: schema for schema in _ALL}
 # Below these, the schema does not know the keys.
 _GROUPS = ("hebbian", "compare", "change", "maze", "robot", "network", "optimizer", "task", "fitness", "physics")
 OPEN = (*_GROUPS, "scenario.goals", "flock.own")
-for _command, _schema in SCHEMAS.items():
-    _node = OmegaConf.structured(_schema)
-    for _key in ("hebbian", "compare", "change", "network", "optimizer", "task", "fitness", "physics"):
-        if _key in _node:
-            OmegaConf.set_struct(_node[_key], False)  # Hydra takes any key below them, without a +
-    if _schema is FlockConfig:
-        OmegaConf.set_struct(_node.flock.own, False)
-    if _schema is EvolveConfig:
-        _node.ga = None  # until group ga is chosen, which other optimizers than the GA undo
-    ConfigStore.instance().store(name=f"schema_{_command}", node=_node, provider="epuckhebb")
+
+
+def structured(command: str) -> DictConfig:
+    """The schema of a command, into which Hydra merges the files. Making one takes longer than composing."""
+    node: DictConfig = OmegaConf.structured(SCHEMAS[command])
+    for key in ("hebbian", "compare", "change", "network", "optimizer", "task", "fitness", "physics"):
+        if key in node:
+            OmegaConf.set_struct(node[key], False)  # Hydra takes any key below them, without a +
+    if command == FlockConfig.command:
+        OmegaConf.set_struct(node.flock.own, False)
+    if command == EvolveConfig.command:
+        node.ga = None  # until group ga is chosen, which other optimizers than the GA undo
+    return node
+
 
 Config = TypeVar("Config", EvaluateConfig, EvolveConfig, ReproduceConfig, LeaderboardConfig, FlockConfig)
 
