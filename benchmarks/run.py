@@ -24,12 +24,16 @@ RESULTS = HERE / "results.md"
 
 
 class Section(NamedTuple):
-    """A file of this folder, how often each of its measurements is done in a round, and how many rounds there are."""
+    """A file of this folder, how often each of its measurements is done in a round, and how many rounds there are.
+
+    in_turn: whether an earlier version is measured, too.
+    """
 
     title: str
     module: str
     repeats: int
     rounds: int
+    in_turn: bool = True
 
 
 SECTIONS = (
@@ -39,7 +43,7 @@ SECTIONS = (
     Section("A live world", "play", 3, 3),
     Section("Whole commands (wall time; CPU time beside it)", "commands", 1, 3),
     Section("Studies (wall time; CPU time beside it)", "studies", 1, 1),
-    Section("The whole study (wall time; CPU time beside it)", "whole_study", 1, 1),
+    Section("The whole study (wall time; CPU time beside it)", "whole_study", 1, 1, in_turn=False),
 )
 
 
@@ -67,11 +71,13 @@ def main() -> None:
         "anew.\n",
     ]
     for section in SECTIONS:
-        table = Table("", *(version.name for version in versions), title=section.title, title_justify="left")
+        measured = versions if section.in_turn else versions[-1:]
+        names = [version.name for version in measured]
+        table = Table("", *names, title=section.title, title_justify="left")
         lines.append(f"## {section.title}\n")
-        lines.append(f"| {' | '.join(['', *(version.name for version in versions)])} |")
-        lines.append(f"| --- |{' ---: |' * len(versions)}")
-        for row in _measured(section, versions):
+        lines.append(f"| {' | '.join(['', *names])} |")
+        lines.append(f"| --- |{' ---: |' * len(names)}")
+        for row in _measured(section, measured):
             table.add_row(*row)
             lines.append(f"| {' | '.join(row)} |")
         lines.append("")
