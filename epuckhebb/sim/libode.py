@@ -20,6 +20,7 @@ _POINTER, _REAL, _INT, _NOTHING = ctypes.c_void_p, ctypes.c_double, ctypes.c_int
 _FUNCTIONS: dict[str, tuple[Any, ...]] = {  # the C functions that Python calls: result, arguments
     "dCheckConfiguration": (_INT, ctypes.c_char_p),
     "dInitODE2": (_INT, ctypes.c_uint),
+    "dSetMessageHandler": (_NOTHING, _POINTER),
     "dAllocateODEDataForThread": (_INT, ctypes.c_uint),
     "dThreadingAllocateSelfThreadedImplementation": (_POINTER,),
     "dThreadingImplementationGetFunctions": (_POINTER, _POINTER),
@@ -54,6 +55,9 @@ _FUNCTIONS: dict[str, tuple[Any, ...]] = {  # the C functions that Python calls:
     "dJointSetHingeParam": (_NOTHING, _POINTER, _INT, _REAL),
 }
 _compiled: list[str] = []  # the C functions that machine code calls
+# In rare steps the solver of contacts says that it stops early, "LCP internal error"; see docs/ode.md. ODE's errors
+# have another handler, which ends the process.
+_say_nothing = ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_char_p, ctypes.c_void_p)(lambda *_: None)
 
 
 def _for_machine_code(name: str, result: types.Type, *arguments: types.Type) -> Any:
@@ -96,6 +100,7 @@ def library() -> Any:
     if not found.dCheckConfiguration(_PRECISION):
         raise ValueError(f"{wanted}; the one installed has single precision")
     found.dInitODE2(0)
+    found.dSetMessageHandler(_say_nothing)
     for name in _compiled:
         address = ctypes.cast(getattr(found, name), ctypes.c_void_p).value
         llvmlite.binding.add_symbol(name, address)
