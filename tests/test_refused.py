@@ -49,8 +49,6 @@ evaluate N=0.1                                          | hebbian.N
 evaluate rule=oja                                       | hebbian=oja
 evaluate network=ctrnn                                  | network.wiring=ctrnn
 evaluate compare=late                                   | compare=[late]
-evaluate scenario=base_3d physics=pymunk                | physics=pymunk | base_3d
-evaluate change=[half,plane] physics=ode                | physics=ode | plane
 evaluate adaptation=[late,best]                         | adaptation=[late,best] | -m adaptation=late,best
 evaluate change.a={{physics:od}}                          | change.a.physics | pymunk
 evaluate genome=best                                    | genome=best | latest

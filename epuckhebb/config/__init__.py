@@ -18,7 +18,7 @@ from epuckhebb.config.compose import combinations, load, swept_values
 from epuckhebb.config.flock import Row, shorter
 from epuckhebb.config.keys import Group, Key, all_groups, group_named
 from epuckhebb.config.methods import ALL, REVERSAL_TASK, Method, methods_named, typed_as
-from epuckhebb.config.names import physics_brought, training_world, usual_physics, world_of
+from epuckhebb.config.names import brings_physics, training_world, usual_physics, world_of
 from epuckhebb.config.overrides import (
     SWEEP_DIR,
     alternatives,

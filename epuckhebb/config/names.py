@@ -299,10 +299,9 @@ def usual_physics(name: str) -> Physics:
     return physics
 
 
-def physics_brought(scenario: str) -> str | None:
-    """The kind of the physics that a scenario puts in place of the usual one, as `base_3d` does."""
-    brought = _of_scenario("physics", scenario, OURS)
-    return brought["kind"] if brought else None
+def brings_physics(scenario: str) -> bool:
+    """Whether a scenario puts a physics in place of the usual one, as `base_3d` does."""
+    return _of_scenario("physics", scenario, OURS) is not None
 
 
 def _of_scenario(group: str, scenario: str, folders: Sequence[Path]) -> dict[str, Any] | None:

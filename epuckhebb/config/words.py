@@ -12,7 +12,6 @@ from hydra.errors import MissingConfigException
 from omegaconf import OmegaConf
 
 from epuckhebb.config.build import not_its_settings
-from epuckhebb.config.names import physics_brought
 from epuckhebb.config.overrides import parsed
 from epuckhebb.config.parts import GENETIC
 from epuckhebb.config.schema import OPEN, SCHEMAS, said
@@ -57,16 +56,6 @@ def check_words(command: str, words: Sequence[str], config_dir: str | None = Non
             raise ConfigError(f"{key} has settings, and no choices; give {_WHOLE[key].format(value)}")
         elif key not in known_keys(command) and key != "hydra" and not key.startswith(_BELOW):
             raise ConfigError(_no_key(command, key, value))
-    _check_physics({override.key_or_group: override.value() for override in overrides})
-
-
-def _check_physics(given: Mapping[str, Any]) -> None:
-    """Refuse a physics that the scenario, or a change, puts another in place of."""
-    asked, changes = given.get("physics"), given.get("change", [])
-    world = "_".join(map(str, [given.get("scenario", "base"), *(changes if isinstance(changes, list) else [])]))
-    brought = physics_brought(world) if isinstance(asked, str) else None
-    if brought not in (None, asked):
-        raise ConfigError(f"physics={asked} cannot be given with {world}, which is in physics {brought}; leave one out")
 
 
 def _check_choice(override: Override, known: Sequence[str]) -> None:

@@ -17,12 +17,12 @@ from epuckhebb.analysis.self_checks import findings
 from epuckhebb.config import (
     EvaluateConfig,
     alternatives,
+    brings_physics,
     check_library,
     dump,
     hand,
     own_files,
     part_names,
-    physics_brought,
     quoted,
     say_unusual,
     typed_as,
@@ -74,7 +74,7 @@ class PreparedEvaluation:
             return self
         there = copy.copy(self.config)
         ours = self.config.world
-        physics = world.physics if physics_brought(world.name) else ours.physics
+        physics = world.physics if brings_physics(world.name) else ours.physics
         signal = ours.goal_signal if world.goal_signal == GoalSignal() else world.goal_signal
         there.world = replace(world, fitness=ours.fitness, physics=physics, goal_signal=signal)
         there.lifetime = replace(self.config.lifetime, duration_s=world.paper_duration_s)
