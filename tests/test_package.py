@@ -2,12 +2,14 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import tarfile
 import venv
 import zipfile
 from pathlib import Path
+from urllib.request import urlopen
 
 import pytest
 
@@ -27,6 +29,7 @@ WORDS = {
     "keys": ["scenario"],
     "export": ["evaluated", "--webots"],
     "flock": ["--quick", "-q"],
+    "leaderboard": ["light", "champions=1", "--dry-run"],
     "rerun": ["evaluated"],
 }
 pytestmark = pytest.mark.slow
@@ -74,12 +77,18 @@ def test_every_verb_outside_the_repository(built, tmp_path):
     scripts = tmp_path / "venv" / "bin"
     run(scripts / "python", "-m", "pip", "install", "--quiet", built[1], cwd=tmp_path)
     commands = [command.callback.__name__ for command in app.registered_commands]
-    assert set(commands) <= set(WORDS)
+    assert set(commands) == {*WORDS, "play"}
     work = tmp_path / "work"
     work.mkdir()
     for command, words in WORDS.items():
-        if command in commands:
-            run(scripts / "epuckhebb", command, *words, cwd=work)
+        run(scripts / "epuckhebb", command, *words, cwd=work)
+    serving = [scripts / "epuckhebb", "play", "--no-browser"]
+    with subprocess.Popen(serving, cwd=work, stdout=subprocess.PIPE, text=True) as play:
+        page, _, _ = play.stdout.readline().partition("#")
+        with urlopen(page) as answer:
+            assert "<html" in answer.read().decode()
+        play.send_signal(signal.SIGINT)
+        assert play.wait(timeout=60) == 130
     where = run(scripts / "python", "-c", "import epuckhebb; print(epuckhebb.__file__)", cwd=work)
     assert where.startswith(str(tmp_path))
     told = json.loads((work / "evaluated" / "provenance.json").read_text())
