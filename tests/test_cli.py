@@ -19,7 +19,7 @@ from typer.main import get_command
 from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.cli.commands import app
 from epuckhebb.runs import evolve
-from epuckhebb.runtime import conf, progress
+from epuckhebb.runtime import conf, interruptible, progress
 
 FAST = ["lifetime.duration_s=8", "lifetime.record_every=0", "repeats=2"]
 TINY = ["ga.population=6", "ga.generations=3", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3"]
@@ -176,6 +176,16 @@ def test_ctrl_c_five_times_while_all_is_tidied_up():
 
 
 @pytest.mark.usefixtures("here")
+def test_an_interruption_while_an_object_is_freed_prints_no_traceback(capsys):
+    class Freed:
+        def __del__(self):
+            signal.raise_signal(signal.SIGINT)
+
+    with interruptible():
+        Freed()
+    assert capsys.readouterr().err == ""
+
+
 def test_an_error_that_a_library_makes_of_an_interruption_is_one(monkeypatch):
 
     def spoilt(*_, **__):

@@ -136,7 +136,7 @@ def test_values_that_repeat_in_python(chance):
 
 @pytest.mark.parametrize("chance", range(8), indirect=True)
 def test_what_a_user_puts_among_the_jobs_of_a_sweep_stays(chance):
-    """In whole jobs, damaged ones, attempts, and beside them: the sweep goes on to the same tables."""
+    """In whole jobs, damaged ones, and beside them: the sweep goes on to the same tables. Attempts are removed."""
     words = ["sweep", "obstacles", "scenario=base,4obstacles", *SHORT, BASIC, "seed=1,2", "hydra.sweep.dir=out"]
     assert type_in(*words).exit_code == 0
     tables = {name: Path("out", name).read_bytes() for name in ("sweep.csv", "summary.csv", "failed.csv")}
@@ -147,7 +147,7 @@ def test_what_a_user_puts_among_the_jobs_of_a_sweep_stays(chance):
     own = {}
     names = ["notes.txt", "figures/mine.png", "deep/er/x.csv", ".hidden", "metrics.csv.bak", "~"]
     for _ in range(6):
-        file = Path(chance.choice(["out", *jobs, *attempts]), chance.choice(names))
+        file = Path(chance.choice(["out", *jobs]), chance.choice(names))
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(content := chance.randbytes(20))
         own[file] = content
