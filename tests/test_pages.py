@@ -1,6 +1,7 @@
 """The commands of the pages are understood and run, the rule shown is the example, and links lead somewhere."""
 
 import ast
+import functools
 import itertools
 import re
 import shlex
@@ -16,7 +17,6 @@ from cases import call, done
 from typer.main import get_command
 
 import epuckhebb
-from epuckhebb import api
 from epuckhebb.cli.commands import app
 from epuckhebb.live import server
 from epuckhebb.runtime.resources import data_folder
@@ -233,17 +233,17 @@ def test_the_tutorial(checkout, monkeypatch):
     assert (checkout / "dim.png").read_bytes().startswith(b"\x89PNG")
 
 
+def _briefly(whole, brief, *given, **keys):
+    return whole(*given, brief, **keys)
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("checkout")
 def test_the_python_page(monkeypatch):
     """All its blocks, one after the other, with short lifetimes."""
-    evaluate, evolve = api.evaluate, api.evolve
-
-    def briefly(genome, overrides, *more):
-        return evaluate(genome, [*overrides, "lifetime.duration_s=2"], *more)
-
-    monkeypatch.setattr(api, "evaluate", briefly)
-    monkeypatch.setattr(api, "evolve", lambda overrides, *more: evolve([*overrides, "lifetime.duration_s=1"], *more))
+    for name, brief in (("evaluate", "lifetime.duration_s=2"), ("evolve", "lifetime.duration_s=1")):
+        whole = getattr(epuckhebb, name)
+        monkeypatch.setattr(epuckhebb, name, functools.partial(_briefly, whole, brief))
     names = {}
     for block in blocks(ROOT / "docs" / "python.md", "python"):
         exec(block, names)
