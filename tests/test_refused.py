@@ -250,3 +250,11 @@ def test_an_error_that_is_its_own_cause_is_told_once():
     error, cause = ValueError("outer"), KeyError("inner")
     error.__cause__, cause.__cause__ = cause, cause
     assert explain(error) == "outer\n'inner'"
+
+
+def test_an_error_without_words_is_told_by_its_cause_or_its_kind():
+    """As some damaged files make them."""
+    error = RuntimeError()
+    assert explain(error) == "RuntimeError"
+    error.__cause__ = ValueError("why")
+    assert explain(error) == "why"

@@ -334,4 +334,4 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
 
 def said(error: BaseException) -> str:
     """The line of an error that says what is wrong: OmegaConf adds other lines."""
-    return _OF_A_RESOLVER.sub("", str(error).splitlines()[0])
+    return _OF_A_RESOLVER.sub("", next(iter(str(error).splitlines()), ""))

@@ -131,14 +131,14 @@ def keys_below(node: Mapping[Any, Any], prefix: str = "") -> Iterator[str]:
 
 def explain(error: BaseException) -> str:
     """What Hydra or OmegaConf says is wrong, made fit for a reader: the file and the key first."""
-    if said(error) != str(error).splitlines()[0]:
+    if said(error) != next(iter(str(error).splitlines()), ""):
         return said(error)
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         return _missing(error, error.missing_cfg_file)
     causes = [error]
     while (cause := causes[-1].__cause__) is not None and cause not in causes:  # one may be its own, in a debugger
         causes.append(cause)
-    whole = "\n".join(map(str, causes))
+    whole = "\n".join(filter(None, map(str, causes))) or type(error).__name__
     found = re.search(r"(.*)\n *full_key: (\S+)", whole)
     if not found:
         return whole
