@@ -394,6 +394,7 @@ def brightness(page):
     return np.mean([int(level) for level in re.findall(r"\d+", colour)])
 
 
+@pytest.mark.slow  # other work on the machine takes frames from it: `nox -s web -- -m slow` where there is none
 def test_draws_60_pictures_a_second_at_16_times_the_speed(visit, run):
     page = visit(run)
     script = """async () => {
