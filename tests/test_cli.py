@@ -175,7 +175,6 @@ def test_ctrl_c_five_times_while_all_is_tidied_up():
     assert told.count("KeyboardInterrupt") == 1
 
 
-@pytest.mark.usefixtures("here")
 def test_an_interruption_while_an_object_is_freed_prints_no_traceback(capsys):
     class Freed:
         def __del__(self):
@@ -186,6 +185,7 @@ def test_an_interruption_while_an_object_is_freed_prints_no_traceback(capsys):
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.usefixtures("here")
 def test_an_error_that_a_library_makes_of_an_interruption_is_one(monkeypatch):
 
     def spoilt(*_, **__):

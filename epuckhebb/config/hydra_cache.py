@@ -90,7 +90,8 @@ class _Users(FileConfigSource):
         file = Path(self.path, self._normalize_file_name(config_path))
         yaml_file.check(file, Path(self.path))
         group, _, choice = config_path.removesuffix(".yaml").partition("/")
-        choice_of(group, choice, self._folders)  # refuses a circle through choices of ours
+        with suppress(OmegaConfBaseException):  # of what only Hydra can resolve
+            choice_of(group, choice, self._folders)  # refuses a circle through choices of ours
         try:
             return super().load_config(config_path)
         except Exception as error:  # of a `# @package` that is none, for example
