@@ -84,7 +84,7 @@ def _until_table(here: Path, *words: str) -> float:
     began, said = time.perf_counter(), b""
     running = subprocess.Popen([EPUCKHEBB, *words], cwd=here, env=environment(here), stdout=its_end, stderr=its_end)
     os.close(its_end)
-    while b"success" not in said:
+    while b"Success" not in said:  # in the head of the table
         said += os.read(terminal, 1000)
     spent_till_then = time.perf_counter() - began
     with suppress(OSError):  # its end is closed: the command has ended
