@@ -150,6 +150,7 @@ def _print_run(path: Path, console: Console) -> None:
         again["started"] + (f" after {again['generations']}" if "generations" in again else "")
         for again in run.get("resumed", [])
     ]
+    lost = Run(path).lost
     own_code = [pair for own in run.get("own_code", {}).values() for pair in own["sha256"].items()]
     facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     facts.add_column(style="bold")
@@ -164,6 +165,7 @@ def _print_run(path: Path, console: Console) -> None:
         "Own code": ", ".join(f"{file} (SHA-256 {sha256})" for file, sha256 in own_code),
         "Genome": f"{run['genome']} (SHA-256 {run['genome_sha256']})" if "genome" in run else "",
         "Files": ", ".join(_files(path)),
+        "Lost": ", ".join(lost) if len(lost) < _MANY else f"{len(lost)} files",
     }.items():
         if value:
             facts.add_row(name, Text(value))
