@@ -10,7 +10,7 @@ from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.maze import SIDES, Maze, Place, Side, boxes
 
 GRID = 0.002  # m: of the places that are searched for a way to the goal
-_BYTES_PER_PLACE = 46.0  # of the grid, at most at one time
+_BYTES_PER_PLACE = 27.0  # of the grid, at most at one time
 SPARE = 0.001  # m: by about this much a robot sinks into a wall in the physics
 
 
@@ -73,13 +73,21 @@ def _gaps(x: Floats, y: Floats, walls: Floats) -> Floats:
 
 def _flooded(free: NDArray[np.bool_], there: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """All free cells that can be reached from `there`, by straight runs along the axes."""
+    runs = [_runs(free, axis) for axis in (0, 1)]
+    there = there & free
     while True:
         before = there.sum()
-        for axis in (0, 1):
-            walls_so_far = np.cumsum(~free, axis=axis)  # cells of one free run of a line share this number
-            lines = np.moveaxis(walls_so_far, axis, 1), np.moveaxis(there & free, axis, 1)
-            runs = lines[0] + np.arange(len(free))[:, None] * (free.shape[axis] + 1)
-            reached = np.bincount(runs.ravel(), weights=lines[1].ravel()) > 0
-            there = np.moveaxis(reached[runs], 1, axis) & free
+        for run in runs:
+            reached = np.zeros(run.max() + 1, dtype=np.bool_)
+            reached[run[there]] = True
+            there = reached[run] & free
         if there.sum() == before:
             return there
+
+
+def _runs(free: NDArray[np.bool_], axis: int) -> NDArray[np.int64]:
+    """A number for each cell, which the free cells of one straight run along this axis share with no other."""
+    walls_so_far = np.cumsum(~free, axis=axis)
+    line = np.expand_dims(np.arange(free.shape[1 - axis]), axis)
+    numbers: NDArray[np.int64] = walls_so_far + line * (free.shape[axis] + 1)
+    return numbers
