@@ -29,7 +29,8 @@ STAMP = "EPUCKHEBB_STAMP"  # environment variable that conf/ names run folders w
 _ALONE = ("genome", "seed", "repeats", "threads")  # keys on which nothing else in a configuration depends, unless:
 _REFERENCE = re.compile(rf"\$\{{[^}}]*\b({'|'.join(_ALONE)})\b")
 VERSION_BASE: dict[str, Any] = {} if IS_HYDRA_1_4 else {"version_base": "1.3"}  # from 1.4 on it is warned about
-keep_compositions()
+if not IS_HYDRA_1_4:  # of which the inside still changes: it composes anew each time
+    keep_compositions()
 
 
 def load(schema: type[Config], overrides: list[str], config_dir: str | None = None) -> Config:

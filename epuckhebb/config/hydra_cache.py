@@ -22,7 +22,7 @@ from secrets import token_hex
 from typing import Any
 
 import hydra
-from hydra._internal.config_loader_impl import ConfigLoaderImpl, get_overrides_dirname
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.core_plugins.file_config_source import FileConfigSource
 from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
 from hydra.core.object_type import ObjectType
@@ -129,7 +129,9 @@ def users_first(folder: str | None) -> Iterator[None]:
 
 
 def keep_compositions() -> None:
-    """From now on, let Hydra keep what it composes."""
+    """From now on, let Hydra 1.3 keep what it composes."""
+    from hydra._internal.config_loader_impl import get_overrides_dirname  # Hydra 1.4 has none
+
     compose = ConfigLoaderImpl.load_configuration
 
     @functools.wraps(compose)
