@@ -30,6 +30,8 @@ ASKED = [
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
     """The folder of what is kept, empty at first."""
+    if compose.IS_HYDRA_1_4:
+        pytest.skip("with Hydra 1.4 each composition is made anew")
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "caches"))
     return tmp_path / "caches" / "epuckhebb" / "composed"
