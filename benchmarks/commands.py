@@ -60,8 +60,9 @@ def _inside(here: Path) -> list[tuple[str, str]]:
 
 
 def environment(here: Path) -> dict[str, str]:
-    """This process's environment, but for kernels of its own."""
-    return {**os.environ, "XDG_CACHE_HOME": str(here / "cache")}
+    """This process's environment, but for kernels of its own, and bytecode, which some installers do not write."""
+    usual = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    return {**usual, "XDG_CACHE_HOME": str(here / "cache")}
 
 
 def told(*times: tuple[float, float]) -> str:
