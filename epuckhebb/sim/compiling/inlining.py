@@ -17,6 +17,13 @@ from numba.core.typed_passes import NativeLowering
 class _IntermediateCode(JITCodeLibrary):
     """The code of a function, to be linked into that of others."""
 
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """Leave this to the module's own optimisation, which follows; doing both makes no step faster, and takes 10 %.
+
+        That one is worth its time: without it a step takes 4 % longer.
+        """
+        ll_module.data_layout = self._codegen._data_layout
+
     def _finalize_final_module(self) -> None:
         """Leave the code as it is; numba would translate it for the processor and load it."""
         self._finalize_dynamic_globals()
