@@ -1,6 +1,7 @@
 """A lifetime in progress: run in pieces, in worlds that change by hand, beside others, always bit-identical."""
 
 from dataclasses import replace
+from typing import get_type_hints
 
 import numpy as np
 import pytest
@@ -14,10 +15,12 @@ from epuckhebb.sim.adaptation.self_check.calibration import calibrate
 from epuckhebb.sim.batch import run_lifetimes
 from epuckhebb.sim.controller import GA_ALONE, Controller
 from epuckhebb.sim.genome import plan_of
+from epuckhebb.sim.goal_signal import GoalSignal
 from epuckhebb.sim.life import Lifetime
 from epuckhebb.sim.light import Lamp
-from epuckhebb.sim.maze import SIDES, Pose
+from epuckhebb.sim.maze import SIDES, T_MAZE, Place, Pose
 from epuckhebb.sim.network import Network
+from epuckhebb.sim.plasticity.rule import NoRule
 from epuckhebb.sim.plasticity.rules.bcm import BCM
 from epuckhebb.sim.plasticity.rules.differential import Differential
 from epuckhebb.sim.plasticity.rules.modulated import Modulated
@@ -162,3 +165,48 @@ def test_sessions_at_once_do_not_disturb_each_other(genomes):
     together = run_lifetimes(individuals, Scenario(), SHORT)
     for session, whole in zip(sessions, together, strict=True):
         assert_bit_identical((session.outcome(), session.samples), whole)
+
+
+def numbers_of(record):
+    """The declared and the present type of each number that machine code is given in a record, by its place."""
+    for name, declared in get_type_hints(type(record)).items():
+        value = getattr(record, name)
+        if declared in (int, float):
+            yield name, declared, type(value)
+        elif declared == tuple[float, ...]:
+            yield from ((name, float, type(number)) for number in value)
+        elif hasattr(value, "_fields"):
+            yield from ((f"{name}.{place}", *types) for place, *types in numbers_of(value))
+
+
+WHOLE = Scenario(
+    light=1,
+    second_lamp=[0, 1, 1],
+    lamp=Lamp(x_m=0, y_m=0, towards_x=1, towards_y=0, beam_rad=1, intensity=3),
+    goal_signal=GoalSignal(delay_s=1, every_s=1, false_share=0, radius_ratio=1),
+    **dict.fromkeys(["distance_gain", "left_wheel", "right_wheel", "mass_ratio", "rate"], 1),
+    **dict.fromkeys(["distance_offset", "left_slip", "right_slip", "wall_friction", "crosstalk", "sun_turn_deg"], 0),
+    maze=replace(T_MAZE, arena_m=2, goal_radius_m=1, start=Pose(0, 0, 0), goals={side: Place(1, 0) for side in SIDES}),
+)
+WHOLE_LIFETIME = Lifetime(duration_s=2, gain_rad_s=4, noise=1)
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("rule", [Paper(N=1, floor=0, w_max=2), NoRule()])
+def test_machine_code_gets_fractions_where_whole_numbers_are_given(genomes, rule, side):
+    """It is called without a look at types (`SameTypes`), and would cut a fraction where it expects a whole number."""
+    individual = individual_of(genomes[0], side, controller=Controller(name="x", rule=rule))
+    setup = Session(individual, WHOLE, WHOLE_LIFETIME).setup
+    numbers = list(numbers_of(setup))
+    assert {name for name, *_ in numbers} >= {"gain", "trial.goal_x", "trial.faults.left_slip", "lit.lamp_x"}
+    assert [number for number in numbers if number[1] is not number[2]] == []
+
+
+def test_genes_and_signs_in_any_form_are_the_same_lifetime(genomes):
+    """Those of the second and the third are apart in memory, or of another type; the first call fixes the types."""
+    genes, signs = genomes[0].astype(np.float32).astype(float), np.ones(genomes.shape[1])
+    forms = [np.array, lambda values: np.stack([values, -values], axis=1)[:, 0], np.float32]
+    same = [individual_of(form(genes), controller=HEBBIAN, signs=form(signs)) for form in forms]
+    first, *others = run_lifetimes(same, Scenario(), SHORT)
+    for other in others:
+        assert_bit_identical(first, other)

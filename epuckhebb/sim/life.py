@@ -73,6 +73,7 @@ _Tally = _namedtuple("_Tally", TALLY.names)  # a whole tally is read in the time
 _INITIAL_TALLY = np.zeros(1, TALLY)
 _INITIAL_TALLY["time_to_goal"], _INITIAL_TALLY["change_signal"] = math.nan, math.nan
 _INITIAL_TALLY["need"], _INITIAL_TALLY["scale"] = 1.0, 1.0
+_INITIAL_BYTES = _INITIAL_TALLY.view(np.uint8)  # copied in a tenth of the time: NumPy copies a record field by field
 
 
 @dataclass(kw_only=True)
@@ -184,8 +185,9 @@ def initial_life(
     activation = np.zeros(network.neurons)
     activation[network.bias] = 1.0
     neurons = genotype.neurons._replace(state=genotype.neurons.state.copy())
+    tally = _INITIAL_BYTES.copy().view(TALLY)
     return Life(
-        *(genotype, key, _INITIAL_TALLY.copy(), genotype.weights.copy(), genotype.synapse_state.copy(), activation),
+        *(genotype, key, tally, genotype.weights.copy(), genotype.synapse_state.copy(), activation),
         *(adaptation, trials, fitness.initial_state(), neurons, workspace, initial_past(robot)),
     )
 

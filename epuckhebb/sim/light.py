@@ -75,10 +75,10 @@ def lights(
     second_x, second_y, second_intensity = (0.0, 0.0, 0.0) if second is None else map(float, second)
     length = math.hypot(lamp.towards_x, lamp.towards_y)
     return Lights(
-        SUN_IRRADIANCE * light,
-        lamp.intensity if lamp_on else 0.0,
-        lamp.x_m,
-        lamp.y_m,
+        float(SUN_IRRADIANCE * light),
+        float(lamp.intensity) if lamp_on else 0.0,
+        float(lamp.x_m),
+        float(lamp.y_m),
         lamp.towards_x / length,
         lamp.towards_y / length,
         math.cos(lamp.beam_rad),

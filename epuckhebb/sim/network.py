@@ -158,7 +158,7 @@ class GivenOutputs(Network):
 
 def initial_weights_of(weights: Floats) -> Floats:
     """The weights at the start of a lifetime: a copy of the inherited ones, clipped to +-2."""
-    return np.clip(weights, -WEIGHT_LIMIT, WEIGHT_LIMIT)
+    return np.minimum(np.maximum(weights, -WEIGHT_LIMIT), WEIGHT_LIMIT)  # np.clip takes three times as long
 
 
 @compiled

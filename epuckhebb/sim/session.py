@@ -103,6 +103,7 @@ class Session:
         self._more_faults = simulator.more_faults
         self._kind = kind = simulator.kind_of(individual.controller, individual.network, self._more_faults)
         self._first = first = self._phases[0].scenario
+        self._is_usual = individual.nominal is None and individual.corrections is None and individual.after is None
         genotype = _genotype_of(individual, kind, first, self.lifetime.gain_rad_s)
         self._record_every = self.lifetime.record_every if individual.record else 0
         adaptation = kind.unused
@@ -188,10 +189,12 @@ class Session:
                 )
         self._phases = self._simulator.phases_of(world, self.steps, self._phase)
         who, self._more_faults = self.individual, have_more_faults(self._phases)
-        live = self._simulator.kind_of(who.controller, who.network, self._more_faults).live
-        if live is not self._kind.live:  # a kernel without delays has kept no readings: those before count as the last
+        now = self._simulator.kind_of(who.controller, who.network, self._more_faults)
+        if (
+            now.live is not self._kind.live
+        ):  # a kernel without delays has kept no readings: those before count as the last
             self.life.past[:] = np.append(self.life.activation[: world.robot.inputs], self.life.activation[-OUTPUTS:])
-        self._kind = self._kind._replace(live=live)
+        self._kind = self._kind._replace(live=now.live, usual=now.usual)
         self._enter(self._phases.pop(0))
 
     def look(self) -> Floats:
@@ -264,8 +267,9 @@ class Session:
             pad_samples(self.samples, self.life, self.world.robot, self._record_every, self._space.handles.state)
 
     def _live(self, until: int) -> None:
+        live = self._kind.usual.call if self._is_usual else self._kind.live
         try:
-            self._kind.live(self.life, self.setup, self._space.handles, until)
+            live(self.life, self.setup, self._space.handles, until)
         except Exception as error:  # machine code raises nothing, so it comes from compiling
             raise self.explained(error) from error
         self.check()
@@ -297,19 +301,23 @@ class Session:
             if isinstance(group, Sensor):
                 for reading, value in zip(group.readings, scratch, strict=True):
                     group.check_value(value, reading)
+        is_scored, wiring = self.world.fitness.step is not None, who.network.wiring
+        score = life.score["sum"][0] if is_scored else 0.0
+        neurons = np.add.reduce(life.activation) if wiring is not None else 0.0
+        # Sums, which take half the time: one is finite only if all that it adds up is.
+        synapses = np.add.reduce(life.weights) + np.add.reduce(life.synapse_state.view(np.float64))
+        finite = math.isfinite(synapses + tally.weight_change_sum)
+        moved = tally.behaviour_sum + tally.path_length + tally.goal_distance
+        if finite and not tally.lost and math.isfinite(moved + score + neurons):
+            return
         where = f"on a {who.side} trial of scenario {self.world.name}"
         when = f"at step {tally.step - tally.lost} of {self.lifetime.steps}"
-        if self.world.fitness.step is not None and not math.isfinite(life.score["sum"][0]):
+        if not math.isfinite(score):
             name = self.world.fitness.name
             raise FitnessError(f"fitness {name}: `step` gave infinite or nan values {where}; noticed {when}")
-        if who.network.wiring is not None and not np.isfinite(life.activation).all():
-            name = who.network.wiring.name
+        if wiring is not None and not math.isfinite(neurons):
+            name = wiring.name
             raise WiringError(f"wiring {name}: `neuron` gave infinite or nan activations {where}; noticed {when}")
-        finite = bool(np.isfinite(life.weights).all() and np.isfinite(life.synapse_state.view(np.float64)).all())
-        finite = finite and math.isfinite(tally.weight_change_sum)
-        sums = tally.behaviour_sum + tally.path_length + tally.goal_distance
-        if finite and not tally.lost and math.isfinite(sums):
-            return
         where = f"{where}, controller {who.controller.name},"
         if finite:
             raise LostRobotError(f"{where} the robot's pose {self._space.lost} {when}")
@@ -335,7 +343,7 @@ def _genotype_of(individual: Individual, kind: Kind, world: Scenario, gain_rad_s
             "a rule with sign=shuffled needs Individual.signs, the signs of its updates: one for each of the "
             f"{network.synapses} weights of network {network}, got {given}"
         )
-    parts = values_of(type(rule), network, kind.plan.split(individual.genes))
+    parts = values_of(type(rule), network, kind.plan.split(np.ascontiguousarray(individual.genes, float)))
     inherited = parts[WEIGHTS]
     if rule.initial_weights is InitialWeights.random:
         inherited = rng(int(individual.key), Stream.initial_weights).uniform(
@@ -351,6 +359,6 @@ def _genotype_of(individual: Individual, kind: Kind, world: Scenario, gain_rad_s
         coefficients(type(rule), network, parts),
         modulatory_weights(type(rule), parts, rule.reward),
         initial_lengths(type(rule), network, weights),
-        of_updates,
+        np.ascontiguousarray(of_updates, float),
         neurons,
     )

@@ -12,6 +12,7 @@ from epuckhebb.sim.adaptation.adaptation import AdaptationState, gate_numbers, i
 from epuckhebb.sim.adaptation.change_signal import NominalOfSide, no_nominal
 from epuckhebb.sim.arrays import Floats
 from epuckhebb.sim.changes import AT_ONCE
+from epuckhebb.sim.compiling.kernel import SameTypes
 from epuckhebb.sim.controller import Controller
 from epuckhebb.sim.faults import Faults, faults_of
 from epuckhebb.sim.fitness import LIGHT_CODE_SENSORS, Signal
@@ -51,10 +52,13 @@ class Phase(NamedTuple):
 class Kind(NamedTuple):
     """What individuals with the same controller and network share.
 
-    unused: arrays of an adaptation for individuals without one, which never write there; None with an adaptation.
+    live: the kernel. usual: the same, for individuals without nominal statistics, corrections and a history of their
+    own; their records are made here, so they have the same types. unused: arrays of an adaptation for individuals
+    without one, which never write there; None with an adaptation.
     """
 
     live: Callable[..., None]
+    usual: SameTypes
     plasticity: Plasticity
     plan: GenomePlan
     synapse_state: NDArray[np.void]
@@ -127,8 +131,10 @@ class Simulator:
         compiled_for = self._compiled_for(controller)
         own = compiled_for is type(rule)
         numbers = rule.numbers() if own else (0.0,) * len(compiled_for.settings())
+        kernel = self.kernel(live, controller, network, more_faults)
         return Kind(
-            live=self.kernel(live, controller, network, more_faults),
+            live=kernel,
+            usual=SameTypes(kernel),
             plasticity=Plasticity(
                 float(rule.N) * rule.gain_factor(self.lifetime.gain_rad_s) if own else 0.0,
                 float(rule.floor),
