@@ -106,7 +106,7 @@ def test_a_table_that_cannot_be_printed_does_not_end_the_run(run, monkeypatch):
 @pytest.mark.usefixtures("run")
 def test_what_only_figures_and_many_jobs_need_is_not_loaded_before_the_table():
     script = (
-        "import sys; sys.modules.update(dict.fromkeys(['matplotlib', 'joblib', 'pandas']))\n"
+        "import sys; sys.modules.update(dict.fromkeys(['matplotlib', 'joblib', 'pandas', 'pydantic']))\n"
         "sys.argv[1:] = ['evaluate', *sys.argv[1:]]\n"
         "from epuckhebb.__main__ import main; main()"
     )

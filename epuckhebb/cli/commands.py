@@ -16,6 +16,7 @@ from epuckhebb.cli.console import Terminal, is_of_output, print_line, replace_un
 from epuckhebb.cli.options import (
     Cfg,
     Command,
+    Commands,
     ConfigDir,
     ConfiguredCommand,
     DryRun,
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="epuckhebb",
+    cls=Commands,
     help="Evolve e-puck controllers in a T-maze, and see what Hebbian plasticity does for them when the world changes.",
     no_args_is_help=True,
     rich_markup_mode=None,

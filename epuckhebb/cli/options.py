@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 from epuckhebb.cli import completion
 from epuckhebb.cli.output import report_errors
@@ -15,8 +15,45 @@ from epuckhebb.runtime import LATEST, REFERENCE, conf
 _FROM_TO = re.compile(rf"{REFERENCE}_(\d+),\.\.\.,{REFERENCE}_(\d+)")
 
 
+class _AsTyped:
+    """In place of what Typer makes of a value by pydantic, which takes a tenth of a warm start to load.
+
+    A text stays as it was typed; where there is another value to convert, Typer does it. Versions before 0.29 do not
+    look for this.
+    """
+
+    def coerce(self, value: Any, param: Any, ctx: Any) -> Any:
+        """See Typer."""
+        several = param.nargs == -1
+        if value is None:
+            return () if several else None
+        if param.type_descriptor.annotation in (str, list[str]):
+            return list(value) if several else value
+        param._runtime_param = None
+        return param.get_runtime_param().coerce(value, param=param, ctx=ctx)
+
+
+def _leave_as_typed(params: list[Any]) -> None:
+    for param in params:
+        param._runtime_param = _AsTyped()
+
+
+class Commands(TyperGroup):
+    """All commands."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """See Typer."""
+        _leave_as_typed(self.get_params(ctx))
+        return super().parse_args(ctx, args)
+
+
 class Command(TyperCommand):
     """A command whose help begins with examples, and whose errors become one message and an exit code."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """See Typer."""
+        _leave_as_typed(self.get_params(ctx))
+        return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Do what the command does."""

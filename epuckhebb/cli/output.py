@@ -84,6 +84,7 @@ def json_text(values: Any) -> str:
 def begin(quiet: bool) -> None:
     """What a command does first, when all that it needs is imported: see `main`."""
     gc.freeze()
+    gc.set_threshold(20_000, 10, 10)  # of objects; what matplotlib loads and a study composes is next to no garbage
     gc.enable()
     be_quiet(quiet)
 

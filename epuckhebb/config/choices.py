@@ -4,7 +4,9 @@ A change of the world is a row of `conf/changes.yaml`, or a file of the user's. 
 their names: `base_slip_left` is the scenario `base` with the change `slip_left`, as if a file said so.
 """
 
+import copy
 import functools
+import operator
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,10 +24,19 @@ BROUGHT = {  # in the defaults of a scenario that has a maze or a physics of its
 
 
 class Choice(NamedTuple):
-    """A choice of a group. settings: in its file. brings: what its defaults choose, by their keys, of other groups."""
+    """A choice of a group.
+
+    settings: in its file, not to be changed. brings: what its defaults choose of other groups, by their keys. parts: of
+    which the settings are put together.
+    """
 
     settings: DictConfig
     brings: dict[str, str]
+    parts: list[DictConfig]
+
+
+_MOST_KNOWN = 256
+_known: dict[tuple[str, str, tuple[Path, ...]], Choice] = {}  # a run asks for the same few again and again
 
 
 def choice_names(group: str, folders: Sequence[Path]) -> list[str]:
@@ -63,13 +74,20 @@ def choice_of(group: str, name: str, folders: Sequence[Path], above: tuple[str, 
         elif other is not None:
             parts.append(other.settings)
             taken = other.brings | taken
+    place = (group, name, tuple(folders))
+    known = _known.get(place)
+    if known and len(known.parts) == len(parts) and all(map(operator.is_, known.parts, parts)):
+        return known  # its files are as they were: `_read` has one object for a content
     try:
         settings = OmegaConf.merge(*parts)
     except OmegaConfBaseException as error:
         raise ConfigError(f"{group}={name} cannot be put together: {error}") from error
     assert isinstance(settings, DictConfig)
     settings.pop("defaults", None)
-    return Choice(settings, taken | own)
+    if len(_known) >= _MOST_KNOWN:
+        _known.clear()
+    _known[place] = Choice(settings, taken | own, parts)
+    return _known[place]
 
 
 def choice_file(group: str, name: str, folders: Sequence[Path]) -> Path | None:
@@ -86,8 +104,9 @@ def found_by_hydra(group: str, name: str, folders: Sequence[Path]) -> DictConfig
     change = choice_of(group, name, folders) if group == "change" else None
     if change is None:
         return None
-    defaults = _with_groups(change.settings).pop("defaults")
-    return OmegaConf.create({"defaults": defaults, "scenario": change.settings, "change": {name: None}})
+    settings = copy.deepcopy(change.settings)
+    defaults = _with_groups(settings).pop("defaults")
+    return OmegaConf.create({"defaults": defaults, "scenario": settings, "change": {name: None}})
 
 
 def _held(group: str, name: str, folders: Sequence[Path]) -> DictConfig | None:

@@ -6,6 +6,7 @@ that is usual there, is named in the key `changed`, which tables, folders and pa
 names is left as it is.
 """
 
+import copy
 import functools
 import json
 import re
@@ -38,13 +39,17 @@ _GROUPS = ("maze", "robot", "scenario", "hebbian", "training")
 _RULE = "override /hebbian"  # in the defaults of an adaptation
 _LIFETIME = "override /lifetime"  # in the defaults of a task
 _RECORDING = "record_every"  # the setting of a lifetime that changes nothing in it
+_last: dict[str, Any] = {}  # what `_changes` was asked last, and its answer
 _LONGEST = 80  # characters of a world in the name of a folder
 
 
-def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> DictConfig:
+def resolve_names(
+    cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path], call: str | None = None
+) -> DictConfig:
     """The configuration with all names in it. cfg: as Hydra composed it; it is changed.
 
     choices: the file that was chosen of each group. folders: where Hydra looked for files, first found first taken.
+    call: a name for the call of Hydra in which this is asked, for `_changes`.
     """
     if ":" in str((cfg.get("flock") or {}).get("coupling")):
         cfg.flock.coupling = _absolute(cfg.flock.coupling, "flock.coupling")
@@ -76,19 +81,17 @@ def resolve_names(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence
         if cfg.scenario.get("hand") is not None:
             cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
         try:
-            changes = [_changed(cfg, chosen["scenario"], folders), *_changed_lifetime(cfg, chosen, folders)]
-            changes += _changed_network(cfg.network)
-            cfg.changed = literal(", ".join(filter(None, changes)))
+            cfg.changed = literal(_changes(cfg, chosen, folders, call))
             cfg.change = {}  # they are in the scenario, and in its name
         except (ValueError, OmegaConfBaseException) as error:
             raise ConfigError(said(error)) from error
     return cfg
 
 
-def world_name(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> str:
+def world_name(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path], call: str | None) -> str:
     """The world of a configuration as part of the name of a folder: the scenario, and what differs from it."""
     try:
-        known = resolve_names(cfg, choices, folders)
+        known = resolve_names(cfg, choices, folders, call)
     except (ValueError, OmegaConfBaseException):  # the job says what is wrong, and leaves no folder
         return str(choices.get("scenario"))
     parts = [str(known.scenario.name), *(str(known.changed).split(", ") if known.changed else [])]
@@ -131,7 +134,7 @@ def _compared(name: str, given: Any, folders: Sequence[Path]) -> tuple[str, Any]
                 f"compare=[{name}]: a name must be one of {', '.join(sorted(known))}; what has another is given with "
                 f"its settings, for example compare.{name}={{N: 0.002, sign: shuffled}}"
             )
-        given = rule.settings
+        given = copy.deepcopy(rule.settings)
         if over:
             given.adaptation = over.settings.adaptation
         return name, given
@@ -205,6 +208,18 @@ def _own_rule(cfg: DictConfig, name: str, folders: Sequence[Path]) -> None:
     _write_defaults(cfg.hebbian, kind, besides=[field.name for field in fields(Rule)])
     if cfg.hebbian.get("name") == name:
         cfg.hebbian.name = kind.__name__.lower()
+
+
+def _changes(cfg: DictConfig, chosen: Mapping[str, str], folders: Sequence[Path], call: str | None) -> str:
+    """What differs from the named scenario, the usual lifetime and the usual network.
+
+    A run asks twice, for the name of its folder and for itself, so within a call of Hydra the last answer is kept.
+    """
+    asked = (call, OmegaConf.to_container(cfg, resolve=False), chosen, list(folders))
+    if call is None or _last.get("asked") != asked:
+        changes = [_changed(cfg, chosen["scenario"], folders), *_changed_lifetime(cfg, chosen, folders)]
+        _last.update(asked=asked, answer=", ".join(filter(None, [*changes, *_changed_network(cfg.network)])))
+    return str(_last["answer"])
 
 
 def _changed(cfg: DictConfig, name: str, folders: Sequence[Path]) -> str:

@@ -51,7 +51,8 @@ def _code_version() -> dict[str, Any]:
         return done.stdout.decode(errors="replace").strip()
 
     known: dict[str, Any] = {"version": __version__, "science": science_version(), "commit": None, "dirty": None}
-    tracked = git("ls-files", "--error-unmatch", "__init__.py") is not None
+    is_below = any((folder / ".git").exists() for folder in _PACKAGE.parents)  # else there is nothing to ask git
+    tracked = is_below and git("ls-files", "--error-unmatch", "__init__.py") is not None
     if tracked and (state := git("status", "--porcelain=v2", "--branch", "--", str(_PACKAGE))):
         commit, *others = state.splitlines()
         known["commit"] = commit.removeprefix("# branch.oid ")
