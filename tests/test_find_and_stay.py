@@ -28,6 +28,7 @@ KEY = key(1, Stream.evaluation_noise)
 GIVEN = numba.njit(goal_signal)
 CHAMPION = load_genome("reference_2", "obstacles")
 SECOND = round(1 / STEP_S)
+HALT = ("adaptation=find_and_stay", "hebbian=paper", "hebbian.N=0")  # by the kernel that agrees with the oracle
 
 
 def config(*overrides):
@@ -94,7 +95,7 @@ def test_agrees_with_the_oracle(beside_the_oracle, stays):
 
 def test_it_finds_the_goal_and_halts_there(nominal):
     alone, _ = run(nominal, "hebbian=paper", "hebbian.N=0")
-    outcome, samples = run(nominal, "adaptation=find_and_stay")
+    outcome, samples = run(nominal, *HALT)
     assert (alone.success, outcome.success) == (False, True)
     there = samples.time > outcome.time_to_goal + 0.2
     assert np.ptp(samples.pose[there], axis=0).max() < 1e-9
@@ -103,8 +104,8 @@ def test_it_finds_the_goal_and_halts_there(nominal):
 
 def test_a_halt_that_waits_ends_with_the_signal_and_one_for_good_does_not(nominal):
     still = {}
-    for stays in ("find_and_wait", "find_and_stay"):
-        outcome, samples = run(nominal, f"adaptation={stays}", world="scenario=base_signal_false", side="left")
+    for stays, words in (("find_and_wait", ["adaptation=find_and_wait"]), ("find_and_stay", HALT)):
+        outcome, samples = run(nominal, *words, world="scenario=base_signal_false", side="left")
         moves = np.hypot(*np.diff(samples.pose[:, :2], axis=0).T) > 1e-6
         still[stays] = (~moves).sum() * STEP_S, outcome.success, np.flatnonzero(~moves)[0]
     assert still["find_and_wait"][2] == still["find_and_stay"][2]
@@ -138,9 +139,8 @@ def test_the_gate_of_plasticity_is_not_that_of_exploration(nominal, when, share)
 
 def test_a_start_by_a_time_does_not_wait_for_lateness(nominal):
     never_late = replace(nominal, time_to_goal_s=np.array([1e6, 1e6]))
-    starts = ("adaptation=find", "adaptation.start_by_s=20", "adaptation.active_s=1000")
-    _, early = run(never_late, *starts, seconds=40.0)
-    _, never = run(never_late, "adaptation=find", "adaptation.start_by_s=inf", seconds=40.0)
+    _, early = run(never_late, *HALT, "adaptation.start_by_s=20", "adaptation.active_s=1000", seconds=40.0)
+    _, never = run(never_late, *HALT, "adaptation.start_by_s=inf", seconds=40.0)
     same = (early.pose == never.pose).all(axis=1)
     assert same[: int(20 / STEP_S)].all()
     assert not same[int(21 / STEP_S) :].all()

@@ -158,6 +158,7 @@ def test_without_the_library_one_message_names_the_package(monkeypatch):
         libode.library.cache_clear()
 
 
+@pytest.mark.thorough
 @needs_ode
 def test_a_pinned_robot_turns_in_the_plane_and_stays_in_three_dimensions():
     turned = {}
@@ -231,6 +232,7 @@ def test_a_method_that_evolves_in_three_dimensions_is_tested_there(tmp_path):
     assert [job.config["config"]["physics"]["kind"] for job in planned.jobs] == ["ode", "ode"]
 
 
+@pytest.mark.thorough
 @needs_ode
 def test_an_adaptation_is_added_in_three_dimensions_to_what_a_champion_knows_of_the_plane():
     asked = load(EvaluateConfig, ["scenario=base", "change=[3d]", "adaptation=best", "hebbian=none", "repeats=1"])
