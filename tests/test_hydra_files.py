@@ -3,6 +3,7 @@
 import shutil
 import sys
 
+import hydra
 import pytest
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from omegaconf import OmegaConf
@@ -164,3 +165,12 @@ def test_files_of_a_search_path_in_a_file_are_read_each_time(tmp_path):
     for light in (0.4, 0.3):
         (more / "scenario" / "mine.yaml").write_text(f"defaults: [base, _self_]\nlight: {light}\n", encoding="utf-8")
         assert composed("evaluate", ["scenario=mine"], str(tmp_path)).scenario.light == light
+
+
+def test_a_file_that_has_changed_is_parsed_again_and_what_is_kept_of_it_stays_as_it_was(tmp_path):
+    for value in (1, 1, 2):
+        (tmp_path / "one.yaml").write_text(f"value: {value}\n", encoding="utf-8")
+        with hydra_cache.users_first(None), hydra.initialize_config_dir(str(tmp_path), **compose.VERSION_BASE):
+            cfg = hydra.compose("one")
+        assert cfg.value == value
+        cfg.value = 3

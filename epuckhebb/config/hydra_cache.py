@@ -8,6 +8,7 @@ the values that are given to single keys, kept, and given the values then, as Hy
 found by the other overrides, by the content of every file on the search path, and by all versions.
 """
 
+import copy
 import functools
 import hashlib
 import itertools
@@ -19,11 +20,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
-from typing import Any
+from typing import Any, cast
 
 import hydra
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.core_plugins.file_config_source import FileConfigSource
+from hydra._internal.sources_registry import SourcesRegistry
 from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
 from hydra.core.object_type import ObjectType
 from hydra.core.override_parser.types import Override
@@ -107,6 +109,8 @@ class _Users(FileConfigSource):
 
     def is_config(self, config_path: str) -> bool:
         """See Hydra."""
+        if config_path.startswith(_SCHEMA):  # which takes long to make
+            return True
         return self._found(config_path) is not None or bool(self.path and super().is_config(config_path))
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
@@ -121,11 +125,36 @@ def users_first(folder: str | None) -> Iterator[None]:
     """Time in which Hydra looks for files in this folder first."""
     for plugin in (_Users, _UsersFirst):
         Plugins.instance().register(plugin)
+    _parse_files_once()
     before, _UsersFirst.folder = _UsersFirst.folder, None if folder is None else Path(folder).absolute()
     try:
         yield
     finally:
         _UsersFirst.folder = before
+
+
+@functools.cache
+def _parse_files_once() -> None:
+    """From now on, let Hydra parse a file again only if its content has changed; it takes a third of a composition."""
+    source_of_files: Any = SourcesRegistry.instance().resolve("file")  # Hydra has loaded this class twice
+    read = source_of_files.load_config
+    known: dict[tuple[str, str], tuple[bytes, ConfigResult]] = {}
+
+    @functools.wraps(read)
+    def load_config(source: FileConfigSource, config_path: str) -> ConfigResult:
+        file = Path(source.path, source._normalize_file_name(config_path))
+        try:
+            content = file.read_bytes()
+        except OSError:  # Hydra says so
+            return cast(ConfigResult, read(source, config_path))
+        place = (source.provider, str(file))
+        if place not in known or known[place][0] != content:
+            if len(known) >= _MOST_KEPT:
+                known.clear()
+            known[place] = content, read(source, config_path)
+        return copy.deepcopy(known[place][1])
+
+    source_of_files.load_config = load_config
 
 
 def keep_compositions() -> None:
