@@ -386,11 +386,7 @@ def _main(
 
 
 def main() -> None:
-    """The entry point of `epuckhebb`.
-
-    What the program loads at its start never becomes garbage, so it is not searched for any: not while it loads (see
-    `begin`), and not at the end. That is half a second of the three that an evaluation would take.
-    """
+    """The entry point of `epuckhebb`. What it loads is not searched for garbage: see `begin`, and not at the end."""
     replace_unencodable()
     gc.disable()
     atexit.register(gc.freeze)
