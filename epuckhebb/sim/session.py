@@ -190,9 +190,8 @@ class Session:
         self._phases = self._simulator.phases_of(world, self.steps, self._phase)
         who, self._more_faults = self.individual, have_more_faults(self._phases)
         now = self._simulator.kind_of(who.controller, who.network, self._more_faults)
-        if (
-            now.live is not self._kind.live
-        ):  # a kernel without delays has kept no readings: those before count as the last
+        if now.live is not self._kind.live:
+            # A kernel without delays has kept no readings: those before count as the last.
             self.life.past[:] = np.append(self.life.activation[: world.robot.inputs], self.life.activation[-OUTPUTS:])
         self._kind = self._kind._replace(live=now.live, usual=now.usual)
         self._enter(self._phases.pop(0))
