@@ -67,8 +67,7 @@ def _composed(command: str, overrides: list[str], config_dir: str | None) -> tup
 
 def of_job(command: str, cfg: DictConfig, runtime: Any) -> Any:
     """The checked configuration of a job, with all names in it. cfg, runtime: what Hydra composed, and notes of it."""
-    known = resolve_names(cfg, runtime.choices, _folders_of(runtime), os.environ.get(STAMP))
-    return typed(known, SCHEMAS[command])
+    return typed(resolve_names(cfg, runtime.choices, _folders_of(runtime)), SCHEMAS[command])
 
 
 def _folders_of(runtime: Any) -> list[Path]:
@@ -86,7 +85,7 @@ def _world(*, _root_: DictConfig) -> str:
     """The world of a run, for the name of its folder."""
     runtime = _root_.hydra.runtime
     own = OmegaConf.create({key: _root_._get_node(key) for key in _root_ if key != "hydra"})
-    return world_name(own, runtime.choices, _folders_of(runtime), os.environ.get(STAMP))
+    return world_name(own, runtime.choices, _folders_of(runtime))
 
 
 def _environment(*_: Any, _node_: Any) -> None:

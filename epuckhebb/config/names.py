@@ -39,17 +39,17 @@ _GROUPS = ("maze", "robot", "scenario", "hebbian", "training")
 _RULE = "override /hebbian"  # in the defaults of an adaptation
 _LIFETIME = "override /lifetime"  # in the defaults of a task
 _RECORDING = "record_every"  # the setting of a lifetime that changes nothing in it
-_last: dict[str, Any] = {}  # what `_changes` was asked last, and its answer
 _LONGEST = 80  # characters of a world in the name of a folder
+_for_name: list[Any] = []  # what `_changes` was asked last for such a name, and its answer
 
 
 def resolve_names(
-    cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path], call: str | None = None
+    cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path], *, for_name: bool = False
 ) -> DictConfig:
     """The configuration with all names in it. cfg: as Hydra composed it; it is changed.
 
     choices: the file that was chosen of each group. folders: where Hydra looked for files, first found first taken.
-    call: a name for the call of Hydra in which this is asked, for `_changes`.
+    for_name: whether only the name of a run's folder is wanted; the run will ask for itself.
     """
     if ":" in str((cfg.get("flock") or {}).get("coupling")):
         cfg.flock.coupling = _absolute(cfg.flock.coupling, "flock.coupling")
@@ -81,17 +81,17 @@ def resolve_names(
         if cfg.scenario.get("hand") is not None:
             cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
         try:
-            cfg.changed = literal(_changes(cfg, chosen, folders, call))
+            cfg.changed = literal(_changes(cfg, chosen, folders, for_name=for_name))
             cfg.change = {}  # they are in the scenario, and in its name
         except (ValueError, OmegaConfBaseException) as error:
             raise ConfigError(said(error)) from error
     return cfg
 
 
-def world_name(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path], call: str | None) -> str:
+def world_name(cfg: DictConfig, choices: Mapping[str, Any], folders: Sequence[Path]) -> str:
     """The world of a configuration as part of the name of a folder: the scenario, and what differs from it."""
     try:
-        known = resolve_names(cfg, choices, folders, call)
+        known = resolve_names(cfg, choices, folders, for_name=True)
     except (ValueError, OmegaConfBaseException):  # the job says what is wrong, and leaves no folder
         return str(choices.get("scenario"))
     parts = [str(known.scenario.name), *(str(known.changed).split(", ") if known.changed else [])]
@@ -210,16 +210,20 @@ def _own_rule(cfg: DictConfig, name: str, folders: Sequence[Path]) -> None:
         cfg.hebbian.name = kind.__name__.lower()
 
 
-def _changes(cfg: DictConfig, chosen: Mapping[str, str], folders: Sequence[Path], call: str | None) -> str:
+def _changes(cfg: DictConfig, chosen: Mapping[str, str], folders: Sequence[Path], *, for_name: bool) -> str:
     """What differs from the named scenario, the usual lifetime and the usual network.
 
-    A run asks twice, for the name of its folder and for itself, so within a call of Hydra the last answer is kept.
+    A run asks for the name of its folder, and then for itself. So an answer for a name is kept for the next question.
     """
-    asked = (call, OmegaConf.to_container(cfg, resolve=False), chosen, list(folders))
-    if call is None or _last.get("asked") != asked:
-        changes = [_changed(cfg, chosen["scenario"], folders), *_changed_lifetime(cfg, chosen, folders)]
-        _last.update(asked=asked, answer=", ".join(filter(None, [*changes, *_changed_network(cfg.network)])))
-    return str(_last["answer"])
+    asked, kept = (OmegaConf.to_container(cfg, resolve=False), chosen, list(folders)), list(_for_name)
+    _for_name.clear()
+    if kept and not for_name and kept[0] == asked:
+        return str(kept[1])
+    changes = [_changed(cfg, chosen["scenario"], folders), *_changed_lifetime(cfg, chosen, folders)]
+    answer = ", ".join(filter(None, [*changes, *_changed_network(cfg.network)]))
+    if for_name:
+        _for_name[:] = asked, answer
+    return answer
 
 
 def _changed(cfg: DictConfig, name: str, folders: Sequence[Path]) -> str:

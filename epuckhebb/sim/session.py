@@ -111,7 +111,7 @@ class Session:
             adaptation = initial_adaptation_state(first.robot, individual.corrections)
         trials = first.task.initial_trials(individual.side, individual.task_key)
         self.life = initial_life(
-            *(genotype, individual.key, individual.network, first.robot, kind.workspace, adaptation, trials),
+            *(genotype, np.uint64(individual.key), individual.network, first.robot, kind.workspace, adaptation, trials),
             world.fitness,
         )
         self._tally = self.life.tally[0]  # a view of the record
@@ -302,19 +302,18 @@ class Session:
                     group.check_value(value, reading)
         is_scored, wiring = self.world.fitness.step is not None, who.network.wiring
         score = life.score["sum"][0] if is_scored else 0.0
-        neurons = np.add.reduce(life.activation) if wiring is not None else 0.0
-        # Sums, which take half the time: one is finite only if all that it adds up is.
-        synapses = np.add.reduce(life.weights) + np.add.reduce(life.synapse_state.view(np.float64))
-        finite = math.isfinite(synapses + tally.weight_change_sum)
-        moved = tally.behaviour_sum + tally.path_length + tally.goal_distance
-        if finite and not tally.lost and math.isfinite(moved + score + neurons):
+        fires = wiring is None or bool(np.isfinite(life.activation).all())
+        finite = bool(np.isfinite(life.weights).all() and np.isfinite(life.synapse_state.view(np.float64)).all())
+        finite = finite and math.isfinite(tally.weight_change_sum)
+        sums = tally.behaviour_sum + tally.path_length + tally.goal_distance
+        if finite and fires and not tally.lost and math.isfinite(sums) and math.isfinite(score):
             return
         where = f"on a {who.side} trial of scenario {self.world.name}"
         when = f"at step {tally.step - tally.lost} of {self.lifetime.steps}"
         if not math.isfinite(score):
             name = self.world.fitness.name
             raise FitnessError(f"fitness {name}: `step` gave infinite or nan values {where}; noticed {when}")
-        if wiring is not None and not math.isfinite(neurons):
+        if wiring is not None and not fires:
             name = wiring.name
             raise WiringError(f"wiring {name}: `neuron` gave infinite or nan activations {where}; noticed {when}")
         where = f"{where}, controller {who.controller.name},"
