@@ -38,6 +38,10 @@ FILES = {
 }
 OJA = "hebbian.rule=my_rules.py:oja hebbian.N=0.0001"
 REFUSED = f"""
+# a reference to a key that is none
+evaluate scenario.name=${{x.y}}                           | no key x.y | ${{x.y}}
+evaluate -m seed=1,2 scenario.light=${{x}}                | scenario.light | no key x
+sweep obstacles ++hebbian.carries_history=${{x}} scenario=base | hebbian.carries_history | no key x
 # keys and choices that are none: the near one
 evaluate scenrio=base                                   | scenrio | scenario
 evaluate scenario=5obstacles                            | 5obstacles | 4obstacles

@@ -13,7 +13,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import InterpolationKeyError, OmegaConfBaseException
 
 from epuckhebb.config import build
 from epuckhebb.config.flock import FlockKeys, check
@@ -53,8 +53,11 @@ class Checked:
 
 
 def plain(cfg: DictConfig) -> Plain:
-    """A composed configuration as plain values, every reference resolved."""
-    values = OmegaConf.to_container(cfg, resolve=True, enum_to_str=True)
+    """A composed configuration as plain values, every reference resolved; a ConfigError if one leads nowhere."""
+    try:
+        values = OmegaConf.to_container(cfg, resolve=True, enum_to_str=True)
+    except OmegaConfBaseException as error:
+        raise ConfigError(said(error)) from error
     assert isinstance(values, dict)
     return {str(key): value for key, value in values.items()}
 
@@ -334,4 +337,8 @@ def typed(cfg: DictConfig, schema: type[Config]) -> Config:
 
 def said(error: BaseException) -> str:
     """The line of an error that says what is wrong: OmegaConf adds other lines."""
-    return _OF_A_RESOLVER.sub("", next(iter(str(error).splitlines()), ""))
+    line = _OF_A_RESOLVER.sub("", next(iter(str(error).splitlines()), ""))
+    if isinstance(error, InterpolationKeyError):  # OmegaConf does not always know in which key it is
+        line = re.sub(r"^Interpolation key '(.+)' not found", r"there is no key \1, to which ${\1} refers", line)
+        return f"{error.full_key}: {line}" if error.full_key else line
+    return line

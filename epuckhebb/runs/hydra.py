@@ -184,7 +184,7 @@ def job_of(command: str, cfg: DictConfig) -> Iterator[Job]:
         if found is not None:
             words += ["--config-dir", str(found.relative_to(Path.cwd()) if found.is_relative_to(Path.cwd()) else found)]
         yield Job(path, config, overrides, {"command_line": words})
-    except ConfigError:
+    except (ConfigError, OmegaConfBaseException):
         with suppress(OSError):  # something is in it
             for folder in (path, *path.parents):
                 if Path.cwd() not in folder.parents:
