@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from cases import SHORT, SMALL_GA, check_resumed, done, refused, refused_before, runs_of
 
@@ -41,6 +42,16 @@ def runs(tmp_path_factory):
         ["evolve", *own, *SMALL_GA, "ga.generations=2", "hydra.run.dir=evolved"],
         ["evaluate", "genome=evolved", *own, "hebbian.signal=fitness", *SHORT, "hydra.run.dir=evaluated"],
     )
+
+
+def test_in_tables_over_many_runs_the_measure_has_a_column_of_its_own(here):
+    words = ["fitness=paper", "scenario=base", *SHORT]
+    done("sweep", "obstacles", *words, "hydra/launcher=basic", "hydra.sweep.dir=swept")
+    done("evaluate", "-m", *words, "hydra.sweep.dir=many")
+    for table in ("swept/sweep.csv", "swept/summary.csv", "many/summary.csv"):
+        rows = pd.read_csv(here / table)
+        assert set(rows.fitness_function) == {"paper"}
+        assert rows.fitness.between(0, 1).all()
 
 
 def explorer():

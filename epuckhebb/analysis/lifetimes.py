@@ -21,6 +21,7 @@ OWN_COLUMN = {  # keys that metrics.csv has a column for
     "hebbian.N": "N",
     "hebbian.signal": "signal",
 }
+_OTHER_COLUMN = {"fitness": "fitness_function"}  # keys whose name is that of a measure in metrics.csv
 _NO_CONDITION = ("seed", "repeats", "threads", "lifetime.record_every")  # keys that do not change what is evaluated
 _LIFETIME = ["_id", "side", "repeat", "seed"]
 
@@ -61,20 +62,25 @@ def gather(evaluations: Sequence[Evaluated]) -> Gathered:
     place = list(evaluations[0].place) if evaluations else []
     names, frames = _names(evaluations), []
     for number, one in enumerate(evaluations):
-        first = {**one.place, **{key: one.settings.get(key, "") for key in more}}
+        first = {**one.place, **{_column(key): one.settings.get(key, "") for key in more}}
         frame = pd.concat([pd.DataFrame(first, index=one.rows.index), one.rows], axis=1)
         frame["genome"] = names[frame.experiment.iloc[0], one.sha256]
-        for column in (OWN_COLUMN.get(key, key) for key in keys if is_of_plasticity(key) and key != "hebbian.N"):
+        for column in (_column(key) for key in keys if is_of_plasticity(key) and key != "hebbian.N"):
             alone = frame.controller == GA
             frame[column] = [ANY if is_alone else value for is_alone, value in zip(alone, frame[column], strict=True)]
         frames.append(frame.assign(_id=frame.controller.map(one.ids), _number=number))
     if not frames:
-        return Gathered(pd.DataFrame(columns=[*place, *more, *COLUMNS]), [], "")
+        return Gathered(pd.DataFrame(columns=[*place, *map(_column, more), *COLUMNS]), [], "")
     whole = pd.concat(frames, ignore_index=True)
     again = whole.duplicated(_LIFETIME)
     rows = whole[~again].drop(columns=["_id", "_number"]).reset_index(drop=True)
-    settings = list(dict.fromkeys(OWN_COLUMN.get(key, key) for key in keys))
+    settings = list(dict.fromkeys(map(_column, keys)))
     return Gathered(rows, settings, _repeated(whole, again, evaluations))
+
+
+def _column(key: str) -> str:
+    """The column that has the value of a key."""
+    return OWN_COLUMN.get(key) or _OTHER_COLUMN.get(key, key)
 
 
 def is_of_plasticity(key: str) -> bool:

@@ -127,7 +127,10 @@ HISTORY: Columns = {
 _JOB: Columns = {
     "job": number("number of the job, from 0"),
     "run": text("its run folder in the folder of the sweep"),
-    "KEY": text_or_empty("a column for each key that was set and has none below; `any`: the row is of `GA`"),
+    "KEY": text_or_empty(
+        "a column for each key that was set and has none below (of `fitness`: `fitness_function`); `any`: the row is "
+        "of `GA`"
+    ),
 }
 SUMMARY: Columns = {
     "n": number("lifetimes of this condition, champion, controller and side: seeds times repeats"),
