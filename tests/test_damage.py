@@ -79,6 +79,15 @@ def test_any_damage_is_one_message(evaluated, tmp_path, name):
         assert result.exit_code == 2 or name == ".hydra/config.yaml", content  # YAML that was cut may be YAML again
 
 
+def test_times_that_go_back_are_refused(evaluated, tmp_path):
+    forget_checksums(evaluated)
+    with np.load(evaluated / "traces.npz") as held:
+        arrays = dict(held)
+    for times in (arrays["time"] - 1.0, arrays["time"][:, ::-1]):
+        np.savez(evaluated / "traces.npz", **{**arrays, "time": times})
+        assert "time must begin at 0" in refused("replay", evaluated, "-o", tmp_path / "page.html")
+
+
 @pytest.mark.parametrize(
     ("change", "place"),
     [

@@ -53,6 +53,8 @@ def read_traces(run: Run, lifetimes: int, samples: int) -> tuple[Traces, NDArray
                 found[name] = np.zeros(shape) if 0 in empty.shape[1:] else arrays.take(name, "f", shape)
             if name != "change_signal" and not np.isfinite(found[name]).all():
                 raise ValueError(f"{name} must hold finite numbers")
+        if (np.diff(found["time"], prepend=0.0) < 0).any():
+            raise ValueError("time must begin at 0 or later, and never decrease")
         controllers, sides = (arrays.take(name, "U", (lifetimes,)).tolist() for name in ("controller", "side"))
         if not set(sides) <= set(SIDES) or len(set(zip(controllers, sides, strict=True))) < lifetimes:
             raise ValueError(f"side must be one of {', '.join(SIDES)}, and each controller's lifetime there one")
