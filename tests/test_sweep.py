@@ -16,9 +16,12 @@ import pandas as pd
 import pytest
 from cases import call, done, first_of, refused
 from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import compose
 from epuckhebb.config.schema import EvaluateConfig
+from epuckhebb.config.stored import as_config, value_as_declared
+from epuckhebb.config.words import explain
 from epuckhebb.runs import evaluate as runs_evaluate
 from epuckhebb.runs import hydra
 from epuckhebb.runtime.conf import groups
@@ -380,3 +383,26 @@ def test_one_bar_counts_the_runs_and_the_failures(here):
         (here / name / "status.json").write_text(json.dumps({"state": state}))
     jobs = [study_jobs.Job(number=n, overrides=[], run=f"job_{name}", config={}) for n, name in enumerate("abc")]
     assert study_jobs.count(here, jobs, [here / "unfinished" / f"s_{n}" for n in (1, 2, 3)]) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("seed", 3), ("seed", "3"), ("genome", "reference_3"), ("genome", 7), ("genome", "a${x}"), ("threads", 0)],
+)
+def test_a_value_alone_is_as_in_a_whole_configuration(key, value):
+    expected = as_config({key: value}, "evaluate")[key]
+    found = value_as_declared(key, value, "evaluate")
+    assert (type(found), found) == (type(expected), expected)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("seed", 2.5), ("seed", True), ("seed", None), ("seed", [1]), ("genome", {"a": 1}), ("nope", 1)]
+)
+def test_a_value_alone_is_refused_in_the_same_words(key, value):
+    said = []
+    for make in (lambda: as_config({key: value}, "evaluate"), lambda: value_as_declared(key, value, "evaluate")):
+        with pytest.raises(OmegaConfBaseException) as error:
+            make()
+        said.append(explain(error.value))
+    assert said[0] == said[1]
+    assert key in said[0]

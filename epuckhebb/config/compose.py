@@ -19,7 +19,7 @@ from epuckhebb.config.hydra_cache import OWN_SCHEME, keep_compositions, users_fi
 from epuckhebb.config.names import resolve_names, world_name
 from epuckhebb.config.overrides import parsed, with_names_compared
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, plain, typed
-from epuckhebb.config.stored import as_config
+from epuckhebb.config.stored import value_as_declared
 from epuckhebb.config.words import check_words, explain
 from epuckhebb.runtime import ConfigError, data_folder
 
@@ -129,7 +129,7 @@ def combinations(
         (word,) = parsed([override])
         key = word.key_or_group
         try:
-            return {key: as_config({key: word.value()}, command)[key]}
+            return {key: value_as_declared(key, word.value(), command)}
         except OmegaConfBaseException as error:
             raise ConfigError(explain(error)) from error
 

@@ -39,6 +39,15 @@ def as_config(held: Mapping[Any, Any], command: str) -> DictConfig:
     return cfg
 
 
+def value_as_declared(key: str, value: Any, command: str) -> Any:
+    """A value of a key of a command, of the type that the schema declares: `as_config` without a copy of all keys."""
+    if isinstance(value, dict | list) or key not in _keys_of(command):  # what is refused, with the same message
+        return as_config({key: value}, command)[key]
+    alone = DictConfig({key: _keys_of(command)._get_node(key)})  # a copy of it, with its type
+    alone[key] = _literally(value)
+    return alone[key]
+
+
 @functools.cache
 def _keys_of(command: str) -> DictConfig:
     """The keys of a command with their types, made once: every job of a sweep has them."""
