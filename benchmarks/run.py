@@ -14,6 +14,7 @@ from collections.abc import Iterable
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from statistics import median
 from typing import NamedTuple
 
 from rich.console import Console
@@ -72,7 +73,7 @@ def main() -> None:
     ]
     for section in SECTIONS:
         measured = versions if section.in_turn else versions[-1:]
-        names = [version.name for version in measured]
+        names = [version.name for version in measured] + ["now / before"] * (len(measured) - 1)
         table = Table("", *names, title=section.title, title_justify="left")
         lines.append(f"## {section.title}\n")
         lines.append(f"| {' | '.join(['', *names])} |")
@@ -87,14 +88,21 @@ def main() -> None:
 
 
 def _measured(section: Section, versions: list[Version]) -> list[list[str]]:
-    """The rows of a section: name, and the median over the rounds of each version's figure."""
+    """The rows of a section: name, each version's median over the rounds, and of two versions the median ratio.
+
+    The ratio is that of a round, in which one version follows the other: what else a machine does changes it less.
+    """
     told: list[dict[str, list[str]]] = [{} for _ in versions]
     for _ in range(section.rounds):
         for measured, figures in zip(versions, told, strict=True):
             for name, figure in _once(section, measured):
                 figures.setdefault(name, []).append(figure)
     names = dict.fromkeys(name for figures in reversed(told) for name in figures)  # in the order of the newest
-    return [[name, *(_median(figures.get(name, [])) for figures in told)] for name in names]
+    rows = []
+    for name in names:
+        of_versions = [figures.get(name, []) for figures in told]
+        rows.append([name, *map(_median, of_versions), *([_ratio(*of_versions)] if len(versions) > 1 else [])])
+    return rows
 
 
 def _once(section: Section, measured: Version) -> Iterable[tuple[str, str]]:
@@ -107,8 +115,19 @@ def _once(section: Section, measured: Version) -> Iterable[tuple[str, str]]:
 
 def _median(figures: list[str]) -> str:
     """Of figures such as `1.20 us` or `2.2 s (CPU 2.8 s)` the one in the middle by its first number."""
-    ordered = sorted(figures, key=lambda figure: float(re.findall(r"[\d.]+", figure)[0]))
+    ordered = sorted(figures, key=_number)
     return ordered[len(ordered) // 2] if ordered else "–"
+
+
+def _ratio(before: list[str], now: list[str]) -> str:
+    if not (before and now):
+        return "–"
+    return f"{median(_number(after) / _number(earlier) for earlier, after in zip(before, now, strict=True)):.2f}"
+
+
+def _number(figure: str) -> float:
+    """The first number of a figure."""
+    return float(re.findall(r"[\d.]+", figure.replace(",", ""))[0])
 
 
 def _processor() -> str:
