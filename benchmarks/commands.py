@@ -1,14 +1,12 @@
-"""What whole commands cost: wall time and peak memory of each, cold (nothing compiled yet) and warm."""
+"""What whole commands cost when nothing is compiled yet; their peak memory, and what they write."""
 
 import os
-import pty
 import resource
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import suppress
 from pathlib import Path
 from statistics import median
 
@@ -17,17 +15,13 @@ EPUCKHEBB = shutil.which("epuckhebb", path=str(Path(sys.executable).parent)) or 
 
 
 def measure() -> list[tuple[str, str]]:
-    """Seconds and megabytes of `--help`, `evaluate` and `evolve`, and bytes written with and without recording."""
+    """Seconds and megabytes of the first `evaluate` and `evolve`, and bytes written with and without recording."""
     with tempfile.TemporaryDirectory() as folder:
         here = Path(folder)
         cold = spent(here, "evaluate", "scenario=4obstacles")
         rows = [("evaluate, first start (compiles)", told(cold))]
-        for name, words in (("--help", ["--help"]), ("evaluate, warm", ["evaluate", "scenario=4obstacles"])):
-            rows.append((name, told(*(spent(here, *words) for _ in range(REPEATS)))))
-        until_table = median(_until_table(here, "evaluate", "scenario=4obstacles") for _ in range(REPEATS))
-        rows.append(("evaluate, warm, until its table is on the terminal", f"{until_table:.2f} s"))
+        rows.append(("--help", told(*(spent(here, "--help") for _ in range(REPEATS)))))
         rows.append(("evolve, the first (compiles the dance)", told(spent(here, "evolve"))))
-        rows.append(("evolve, the paper's size", told(*(spent(here, "evolve") for _ in range(REPEATS)))))
         rows += [(f"evolve, inside steps (CPU): {what}", share) for what, share in _inside(here)]
         peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
         rows.append(("peak memory of any of them", f"{peak:.0f} MB"))
@@ -77,23 +71,6 @@ def spent(here: Path, *words: str) -> tuple[float, float]:
     began, cpu_before = time.perf_counter(), _cpu_of_children()
     subprocess.run([EPUCKHEBB, *words, *quiet], cwd=here, env=environment(here), check=True, capture_output=True)
     return time.perf_counter() - began, _cpu_of_children() - cpu_before
-
-
-def _until_table(here: Path, *words: str) -> float:
-    """Seconds until a command has its table on a terminal."""
-    terminal, its_end = pty.openpty()
-    began, said = time.perf_counter(), b""
-    running = subprocess.Popen([EPUCKHEBB, *words], cwd=here, env=environment(here), stdout=its_end, stderr=its_end)
-    os.close(its_end)
-    while b"Success" not in said:  # in the head of the table
-        said += os.read(terminal, 1000)
-    spent_till_then = time.perf_counter() - began
-    with suppress(OSError):  # its end is closed: the command has ended
-        while os.read(terminal, 1000):
-            pass
-    if running.wait():
-        raise RuntimeError(said.decode())
-    return spent_till_then
 
 
 def _cpu_of_children() -> float:

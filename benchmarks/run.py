@@ -43,6 +43,7 @@ SECTIONS = (
     Section("Scale (CPU time a robot-step; gain in wall time)", "scale", 3, 3),
     Section("A live world", "play", 3, 3, in_turn=False),
     Section("Whole commands (wall time; CPU time beside it)", "commands", 1, 3),
+    Section("Warm commands (wall time; CPU time beside it)", "warm", 1, 7),
     Section("Studies (wall time; CPU time beside it)", "studies", 1, 1),
     Section("The whole study (wall time; CPU time beside it)", "whole_study", 1, 1, in_turn=False),
 )
@@ -91,10 +92,12 @@ def _measured(section: Section, versions: list[Version]) -> list[list[str]]:
     """The rows of a section: name, each version's median over the rounds, and of two versions the median ratio.
 
     The ratio is that of a round, in which one version follows the other: what else a machine does changes it less.
+    Every second round begins with the other version, so neither is always first.
     """
     told: list[dict[str, list[str]]] = [{} for _ in versions]
-    for _ in range(section.rounds):
-        for measured, figures in zip(versions, told, strict=True):
+    for number in range(section.rounds):
+        in_turn = list(zip(versions, told, strict=True))
+        for measured, figures in reversed(in_turn) if number % 2 else in_turn:
             for name, figure in _once(section, measured):
                 figures.setdefault(name, []).append(figure)
     names = dict.fromkeys(name for figures in reversed(told) for name in figures)  # in the order of the newest
