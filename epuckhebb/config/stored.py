@@ -44,7 +44,7 @@ def value_as_declared(key: str, value: Any, command: str) -> Any:
     if isinstance(value, dict | list) or key not in _keys_of(command):  # what is refused, with the same message
         return as_config({key: value}, command)[key]
     alone = DictConfig({key: _keys_of(command)._get_node(key)})  # a copy of it, with its type
-    alone[key] = _literally(value)
+    alone.merge_with({key: _literally(value)})  # as there; Hydra 1.4 warns of an assignment that changes a type
     return alone[key]
 
 
