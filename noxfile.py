@@ -6,6 +6,7 @@
 import os
 import shutil
 import subprocess
+from pathlib import Path
 
 import nox
 
@@ -82,7 +83,8 @@ def thorough(session: nox.Session) -> None:
 def coverage(session: nox.Session) -> None:
     """Say which lines and branches the ordinary suite runs, those of subprocesses and of compiled code among them."""
     session.install("-e", ".", *group("tests"), *group("coverage"), STABLE)
-    env = {"NUMBA_JIT_COVERAGE": "1", "XDG_CACHE_HOME": session.create_tmp()}  # what is compiled counts as run
+    cache = str(Path(session.create_tmp()).resolve())  # a test is in a folder of its own
+    env = {"NUMBA_JIT_COVERAGE": "1", "XDG_CACHE_HOME": cache}  # what is compiled counts as run
     session.run("coverage", "run", "-m", "pytest", *TWO_CORES, *session.posargs, env=env)
     session.run("coverage", "combine", "--quiet")
     session.run("coverage", "report")
