@@ -21,7 +21,7 @@ def measure() -> list[tuple[str, str]]:
         cold = spent(here, "evaluate", "scenario=4obstacles")
         rows = [("evaluate, first start (compiles)", told(cold))]
         rows.append(("--help", told(*(spent(here, "--help") for _ in range(REPEATS)))))
-        rows.append(("evolve, the first (compiles the dance)", told(spent(here, "evolve"))))
+        rows.append(("evolve, the first (compiles the calibration)", told(spent(here, "evolve"))))
         rows += [(f"evolve, inside steps (CPU): {what}", share) for what, share in _inside(here)]
         peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
         rows.append(("peak memory of any of them", f"{peak:.0f} MB"))
