@@ -41,10 +41,10 @@ def as_config(held: Mapping[Any, Any], command: str) -> DictConfig:
 
 def value_as_declared(key: str, value: Any, command: str) -> Any:
     """A value of a key of a command, of the type that the schema declares: `as_config` without a copy of all keys."""
-    if isinstance(value, dict | list) or key not in _keys_of(command):  # what is refused, with the same message
+    if key not in _keys_of(command):  # is refused, with the same message
         return as_config({key: value}, command)[key]
     alone = DictConfig({key: _keys_of(command)._get_node(key)})  # a copy of it, with its type
-    alone.merge_with({key: _literally(value)})  # as there; Hydra 1.4 warns of an assignment that changes a type
+    alone.merge_with({key: _literally(value)})
     return alone[key]
 
 

@@ -56,9 +56,7 @@ def kill(words, folder, moment, number):
         told = started.communicate(timeout=120)[1]
     assert "Traceback" not in told
     if was_at_work and number != signal.SIGKILL:
-        just_done = {0} | (
-            {-number} if is_finished(folder, words[0]) else set()
-        )  # Python, as it ends, takes no signals
+        just_done = {0, -number} if is_finished(folder, words[0]) else {0}  # as it ends, Python handles no signals
         assert started.returncode in {130, *just_done}, told
     until = time.monotonic() + 60
     while time.monotonic() < until:  # its workers see that it is gone, and go
