@@ -67,12 +67,12 @@ def test_synapses_in_blocks_are_bit_identical_to_one_by_one(monkeypatch, wiring)
         genes = {name: np.full(size, 0.3) for name, size in wiring.parameter_sizes().items()}
         neurons, activation = wiring.initial(genes, 4.0), seen.copy()
         neurons = neurons._replace(state=neurons.state.view(np.recarray))
-        forward = forward_pass(network)
+        forward = forward_pass.__wrapped__(network)
         for _ in range(3):
             forward(weights, activation, np.empty(network.neurons), neurons)
         room = np.zeros((3, network.synapses))
         for quantity in range(3):
-            update._filled(network, quantity)(activation, room)
+            update._filled.__wrapped__(network, quantity)(activation, room)
         results.append(activation.tobytes())
         rooms.append(room)
     assert results[0] == results[1]

@@ -17,6 +17,7 @@ Every kernel has dead sensors and weak wheels. The other faults are a part that 
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -104,6 +105,7 @@ def _at_once(
     return tally.left_speed, tally.right_speed
 
 
+@cache
 def _miscalibrated(robot: Robot) -> Callable[..., None]:
     distances = robot.inputs_of(robot.distance)
     first, count, inputs = distances.start, robot.distance.count, robot.inputs

@@ -6,6 +6,7 @@ walked through, one by one.
 """
 
 from collections.abc import Callable
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -22,6 +23,7 @@ from epuckhebb.sim.wiring import OF_NEURON, Neurons, Wiring
 MOST_BLOCKS = 16  # that are written out
 
 
+@cache
 def forward_pass(network: Network) -> Callable[..., None]:
     """The function `forward(weights, activation, drive, neurons)` that passes inputs through a network.
 

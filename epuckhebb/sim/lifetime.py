@@ -178,8 +178,9 @@ def decide(
         )
     tally.weight_change_sum += tally.weight_change + tally.scaling
     if setup.record_every > 0 and step % setup.record_every == 0:
-        record(setup.samples, step // setup.record_every, step * STEP_S, at, life, live_fitness, rate)
-        record_tilt(space, setup.samples.tilt, (step // setup.record_every) % setup.samples.time.shape[0])
+        number, believed = step // setup.record_every, life.adaptation.place.now[0]
+        record(setup.samples, number, step * STEP_S, at, tally, weights, activation, believed, live_fitness, rate)
+        record_tilt(space, setup.samples.tilt, number % setup.samples.time.shape[0])
 
     # Explore, and compensate for weak wheels.
     left, right = explore(life, setup, left, right)
@@ -204,24 +205,37 @@ def reset_to_genes(life: Life) -> None:
 
 
 @compiled
-def record(samples: Samples, number: int, time: float, at: Pose, life: Life, live_fitness: float, rate: float) -> None:
-    """Write the sample of a number; where there is no room left, it replaces the oldest one."""
-    tally, place = life.tally[0], number % samples.time.shape[0]
+def record(
+    samples: Samples,
+    number: int,
+    time: float,
+    at: Pose,
+    tally: Any,
+    weights: Floats,
+    activation: Floats,
+    believed: Any,
+    live_fitness: float,
+    rate: float,
+) -> None:
+    """Write the sample of a number; where there is no room left, it replaces the oldest one.
+
+    It takes no whole `Life`, whose type depends on the rule: so it is compiled once for all rules.
+    """
+    place = number % samples.time.shape[0]
     samples.time[place] = time
     samples.pose[place, 0], samples.pose[place, 1], samples.pose[place, 2] = at.x, at.y, at.heading
     inputs, synapses = samples.sensors.shape[1], samples.weights.shape[1]
-    wheels = life.activation.shape[0] - OUTPUTS
+    wheels = activation.shape[0] - OUTPUTS
     for i in range(inputs):
-        samples.sensors[place, i] = life.activation[i]
-    samples.motors[place, 0], samples.motors[place, 1] = life.activation[wheels], life.activation[wheels + 1]
+        samples.sensors[place, i] = activation[i]
+    samples.motors[place, 0], samples.motors[place, 1] = activation[wheels], activation[wheels + 1]
     samples.fitness[place], samples.change_signal[place] = live_fitness, tally.change_signal
     samples.rate[place], samples.weight_change[place] = rate, tally.weight_change + tally.scaling
     for k in range(synapses):
-        samples.weights[place, k] = life.weights[k]
-    believed = life.adaptation.place.now[0]
+        samples.weights[place, k] = weights[k]
     samples.belief[place, 0] = believed.heading
     samples.belief[place, 1] = 1.0 if believed.lamp >= LIT else 0.0
     samples.belief[place, 2] = believed.here
     neurons = samples.activations.shape[1]
     for j in range(neurons):
-        samples.activations[place, j] = life.activation[life.activation.shape[0] - neurons + j]
+        samples.activations[place, j] = activation[activation.shape[0] - neurons + j]

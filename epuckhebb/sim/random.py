@@ -7,6 +7,7 @@ on any thread and after a pause.
 
 from collections.abc import Callable
 from enum import IntEnum
+from functools import cache
 from statistics import NormalDist
 
 import numpy as np
@@ -91,6 +92,7 @@ def noise_workspace_size(count: int) -> int:
     return -(-count // _A_DRAW) * _A_DRAW
 
 
+@cache
 def normal_numbers(count: int) -> Callable[[np.uint64, int, Floats], None]:
     """The function that fills an array of `noise_workspace_size(count)` with normal numbers for a key and a step.
 

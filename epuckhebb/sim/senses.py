@@ -1,6 +1,7 @@
 """Makes one compiled function of the groups of sensors that `sensors.py` defines."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +30,7 @@ def sense_workspace(robot: Robot, physics: Physics) -> SenseWorkspace:
     return SenseWorkspace(rays, tuple(np.zeros(group.count) for group in robot.sensors))
 
 
+@cache
 def senses(robot: Robot, physics: Physics) -> Sense:
     """The function `sense(x, y, cos, sin, space, lit, noise, noise_level, workspace, readings, goal, robots)`.
 
@@ -85,6 +87,7 @@ def _in_frame(places: tuple[Place, ...]) -> Floats:
     return np.array([x, y, np.cos(azimuth), np.sin(azimuth)])
 
 
+@cache
 def blinding(robot: Robot) -> Callable[[Floats, NDArray[np.int64]], None]:
     """The function that makes the sensors of these numbers dead, in all groups: they sense the dark, and no wall."""
     on_rim = [group for group in robot.sensors if isinstance(group, RimSensors)]
@@ -103,6 +106,7 @@ def blinding(robot: Robot) -> Callable[[Floats, NDArray[np.int64]], None]:
     return blind
 
 
+@cache
 def largest_distance_reading(robot: Robot) -> Callable[[Floats], float]:
     """The function that gives the largest of a robot's distance readings."""
     inputs = robot.inputs_of(robot.distance)

@@ -16,6 +16,7 @@ a robot that touches two walls at once: pymunk solves their contacts in an order
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, ClassVar, NamedTuple
 
 import llvmlite.binding
@@ -186,6 +187,7 @@ def put_back(space: Handles, x: float, y: float, heading: float) -> None:
     _add_disc(space.space, space.disc)
 
 
+@cache
 def mover(robot: Robot) -> Move:
     """The function `move(space, cos, sin, left, right)` that moves a robot of this kind for one step.
 
@@ -226,6 +228,7 @@ def mover(robot: Robot) -> Move:
     return move
 
 
+@cache
 def mover_of_all(robot: Robot) -> Callable[[Handles, Floats, Floats], None]:
     """The function `move_all(space, motion, wheels)`, as `mover` for all robots of a space at once.
 

@@ -8,6 +8,7 @@ The weights are a copy of the genes. The genome is never written, so every lifet
 """
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,6 +61,7 @@ _SINGLES: dict[int, Any] = {  # of one and one
 }
 
 
+@cache
 def _filled(network: Network, quantity: int) -> Fill:
     """The function that writes x_j, x_i or their product for every synapse into its row of the workspace."""
     four, single = _FOURS[quantity], _SINGLES[quantity]

@@ -1,6 +1,7 @@
 """Weight change, the sum of |W - W_gene|, as in the paper; and the share of weights that end at their bound."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
@@ -28,6 +29,7 @@ def weight_change(weight: float, gene: float) -> float:
     return abs(weight - gene)
 
 
+@cache
 def total_of(network: Network) -> Callable[[Floats], float]:
     """The function that adds up the changes of a network's weights; it overwrites the array that it receives.
 
