@@ -42,10 +42,11 @@ def test_the_checker_of_gymnasium_has_nothing_to_say(words):
         check_env(env.unwrapped)
 
 
-@pytest.mark.parametrize("side", first_of(["left", "right"]))
-def test_the_bundled_champion_runs_as_in_evaluate(side):
-    """To the bit, with a change of light, new obstacles and a slipping wheel on the way."""
-    words = ["scenario=4obstacles", "scenario.changes=[{at_s: 5, light: 1.0}, {at_s: 9, obstacles: 2, left_slip: 0.3}]"]
+@pytest.mark.parametrize(("side", "wheel"), first_of([("left", "left_wheel: 0.8"), ("right", "left_slip: 0.3")]))
+def test_the_bundled_champion_runs_as_in_evaluate(side, wheel):
+    """To the bit, with a change of light, new obstacles and a weak or slipping wheel on the way."""
+    changes = f"[{{at_s: 5, light: 1.0}}, {{at_s: 9, obstacles: 2, {wheel}}}]"
+    words = ["scenario=4obstacles", f"scenario.changes={changes}"]
     words += ["hebbian=none", "lifetime.duration_s=20", "lifetime.gain_rad_s=4"]
     result = epuckhebb.evaluate("reference", *words, "lifetime.record_every=1", repeats=2, seed=7, progress=False)
     row = result.metrics[(result.metrics.side == side) & (result.metrics.repeat == 0)].iloc[0]
