@@ -300,7 +300,7 @@ def hooks(parts: Parts, robot: Robot, first_post: int = HIDDEN[0]) -> Hooks:
         open_gate=open_gate,
         explore=explore,
         compensate=corrected_wheel(limit) if parts.self_check else _as_commanded,
-        resets=parts.stay is not Stay.learn,
+        resets=gated and parts.stay is not Stay.learn,
     )
 
 
