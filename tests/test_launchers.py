@@ -48,6 +48,16 @@ def test_a_rule_of_ones_own_on_this_machine(tmp_path, monkeypatch, launcher):
     sweep_by_a_rule_of_ones_own_on(launcher, tmp_path, scenarios=("base", "4obstacles"))
 
 
+@pytest.mark.thorough
+def test_workers_of_an_earlier_call_do_not_work_in_its_folder(tmp_path, monkeypatch):
+    for name in ("one", "other"):
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(name)
+        done("evaluate", "-m", "seed=1,2", "lifetime.duration_s=1", "hydra/launcher=joblib", "hydra.sweep.dir=out")
+    assert all((tmp_path / "other" / "out" / job / "metrics.csv").exists() for job in "01")
+
+
 @pytest.mark.slurm
 @pytest.mark.filterwarnings("default")  # submitit warns that this cluster keeps no accounts
 @pytest.mark.parametrize("launcher", ["submitit_slurm", "slurm"])

@@ -130,7 +130,7 @@ def call(
     options: dict[str, Any] = {"execution_whitelist": ("epuckhebb.*",)} if IS_HYDRA_1_4 else VERSION_BASE
     entry = hydra.main(config_path=str(data_folder("conf")), config_name=command, **options)(job)
     words = cast(TextIO, _WithoutHydrasWords(sys.stderr))
-    workers = _workers_that_end_with_us() if "--multirun" in arguments else nullcontext()
+    workers = _workers_of_ours() if "--multirun" in arguments else nullcontext()
     # Hydra composes all of a configuration to see whether hydra.mode is in it, and then once more.
     known = nullcontext() if any("hydra.mode" in argument for argument in arguments) else _without(Hydra, "get_mode")
     with users_first(config_dir), _as_command_line(command, arguments, stamp), redirect_stderr(words), workers, known:
@@ -242,13 +242,24 @@ def _as_command_line(command: str, arguments: list[str], stamp: str) -> Iterator
 
 
 @contextmanager
-def _workers_that_end_with_us() -> Iterator[None]:
-    """Let each worker of joblib end when this process ends: a waiting one would hold the terminal for five minutes."""
+def _workers_of_ours() -> Iterator[None]:
+    """Let each worker of joblib begin with `_begin`."""
     from joblib.parallel import BACKENDS, register_parallel_backend
 
     loky = BACKENDS["loky"]
-    register_parallel_backend("loky", functools.partial(loky, initializer=exit_with_parent, initargs=(os.getpid(),)))
+    begun = functools.partial(loky, initializer=_begin, initargs=(os.getpid(), str(Path.cwd())))
+    register_parallel_backend("loky", begun)
     try:
         yield
     finally:
         register_parallel_backend("loky", loky)
+
+
+def _begin(parent: int, folder: str) -> None:
+    """Begin a worker, in the folder of its parent, with which it ends.
+
+    One that waited for its next job would hold the terminal for five minutes. joblib lets workers of an earlier call
+    go on only if what they began with is the same; in another folder, their results would be there.
+    """
+    os.chdir(folder)
+    exit_with_parent(parent)
