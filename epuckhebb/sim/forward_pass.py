@@ -5,7 +5,7 @@ block. Blocks are written out one after the other with constant sizes. A list of
 walked through, one by one.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import compiled, in_turn
+from epuckhebb.sim.compiling.kernel import compiled
 from epuckhebb.sim.compiling.simd import WIDTH, alike, plus, read, times, write
 from epuckhebb.sim.network import GivenOutputs, Network, tanh
 from epuckhebb.sim.own_class import number_of
@@ -39,11 +39,10 @@ def forward_pass(network: Network) -> Callable[..., None]:
 
         return given
 
-    respond = compiled(lambda j, _, drive, *__: tanh(drive[j])) if network.wiring is None else neuron_of(network.wiring)
+    functions: dict[str, Any] = {"add": _add, "respond": _responder(network)}
     ends = pairwise([*network.first_neuron[1:], network.neurons])
-    groups = {f"group_{k}": _group(network, begin, end, respond) for k, (begin, end) in enumerate(ends)}
-    calls = ", ".join(f"{name}(weights, activation, drive, neurons)" for name in groups)
-    take_turns = compiled(eval(f"lambda weights, activation, drive, neurons: ({calls},)", groups))
+    calls = [call for begin, end in ends for call in _of_group(network, begin, end, functions)]
+    take_turns = compiled(eval(f"lambda weights, activation, drive, neurons: ({', '.join(calls)},)", functions))
 
     @compiled
     def forward(weights: Floats, activation: Floats, drive: Floats, neurons: Neurons | None = None) -> None:
@@ -64,34 +63,46 @@ def neuron_of(wiring: Wiring) -> Callable[..., float]:
     return made
 
 
-def _group(network: Network, begin: int, end: int, respond: Callable[..., float]) -> Callable[..., None]:
-    """The function that gives the neurons from `begin` to before `end` their activations."""
-    own, (senders, receivers) = network.first_neuron[1], network.joined
+def _responder(network: Network) -> Callable[..., None]:
+    """The function `respond(begin, end, drive, activation, neurons)` that gives neurons their activations."""
+    own = network.first_neuron[1]
+    of_one: Callable[..., float] = compiled(lambda j, _, drive, *__: tanh(drive[j]))
+    if network.wiring is not None:
+        of_one = neuron_of(network.wiring)
+
+    @compiled
+    def respond(begin: int, end: int, drive: Floats, activation: Floats, neurons: Any) -> None:
+        for j in range(begin, end):
+            activation[j] = of_one(j, own, drive, activation, neurons)
+
+    return respond
+
+
+def _of_group(network: Network, begin: int, end: int, functions: dict[str, Any]) -> Iterator[str]:
+    """The calls that give the neurons from `begin` to before `end` their activations, written out.
+
+    functions: those that are called, by name; one for synapses in any order is added.
+    """
+    senders, receivers = network.joined
     # The last vector may reach beyond a block, but only behind the group: its drives are being added up.
     blocks = [
         (pre, post, first, inputs, outputs, whole if post + outputs == end else outputs // WIDTH)
         for pre, post, first, inputs, outputs, whole in network.vectors
         if begin <= post < end
     ]
-    if len(blocks) > MOST_BLOCKS:
-        starts_at_0, add = True, _one_by_one(senders, receivers, (begin <= receivers) & (receivers < end))
-    else:  # a first block that reaches the whole group sets its drives
-        starts_at_0 = not blocks or (blocks[0][1], blocks[0][4]) != (begin, end - begin)
-        numbered = [(*block, starts_at_0 or number > 0) for number, block in enumerate(blocks)]
-        add = in_turn(_add, numbered, "weights, activation, drive")
-
-    @compiled
-    def group(weights: Floats, activation: Floats, drive: Floats, neurons: Any) -> None:
-        if starts_at_0:
-            for j in range(begin, end):
-                drive[j] = 0.0
-        add(weights, activation, drive)
-        for j in range(begin, end):
-            activation[j] = respond(j, own, drive, activation, neurons)
-
-    return group
+    size, one_by_one = end - begin, len(blocks) > MOST_BLOCKS
+    if one_by_one or not blocks or (blocks[0][1], blocks[0][4]) != (begin, size):
+        none = (0, begin, 0, 0, size, size // WIDTH)  # sets the drives to 0; a first block of all neurons sets them
+        blocks = [none] if one_by_one else [none, *blocks]
+    for number, block in enumerate(blocks):
+        yield f"add({', '.join(map(str, block))}, {number > 0}, weights, activation, drive)"
+    if one_by_one:
+        functions[f"add_to_{begin}"] = _one_by_one(senders, receivers, (begin <= receivers) & (receivers < end))
+        yield f"add_to_{begin}(weights, activation, drive)"
+    yield f"respond({begin}, {end}, drive, activation, neurons)"
 
 
+@compiled
 def _add(
     pre: int,
     post: int,
