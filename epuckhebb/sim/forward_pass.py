@@ -41,7 +41,7 @@ def forward_pass(network: Network) -> Callable[..., None]:
 
     functions: dict[str, Any] = {"add": _add, "respond": _responder(network)}
     ends = pairwise([*network.first_neuron[1:], network.neurons])
-    calls = [call for begin, end in ends for call in _of_group(network, begin, end, functions)]
+    calls = [call for begin, end in ends for call in _calls_of_group(network, begin, end, functions)]
     take_turns = compiled(eval(f"lambda weights, activation, drive, neurons: ({', '.join(calls)},)", functions))
 
     @compiled
@@ -78,7 +78,7 @@ def _responder(network: Network) -> Callable[..., None]:
     return respond
 
 
-def _of_group(network: Network, begin: int, end: int, functions: dict[str, Any]) -> Iterator[str]:
+def _calls_of_group(network: Network, begin: int, end: int, functions: dict[str, Any]) -> Iterator[str]:
     """The calls that give the neurons from `begin` to before `end` their activations, written out.
 
     functions: those that are called, by name; one for synapses in any order is added.
@@ -91,9 +91,10 @@ def _of_group(network: Network, begin: int, end: int, functions: dict[str, Any])
         if begin <= post < end
     ]
     size, one_by_one = end - begin, len(blocks) > MOST_BLOCKS
+    # The first block sets the drives, if it reaches all of them; else one without synapses sets them to 0.
     if one_by_one or not blocks or (blocks[0][1], blocks[0][4]) != (begin, size):
-        none = (0, begin, 0, 0, size, size // WIDTH)  # sets the drives to 0; a first block of all neurons sets them
-        blocks = [none] if one_by_one else [none, *blocks]
+        no_synapses = (0, begin, 0, 0, size, size // WIDTH)
+        blocks = [no_synapses] if one_by_one else [no_synapses, *blocks]
     for number, block in enumerate(blocks):
         yield f"add({', '.join(map(str, block))}, {number > 0}, weights, activation, drive)"
     if one_by_one:
