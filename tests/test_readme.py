@@ -12,11 +12,11 @@ import yaml
 from cases import done, first_of
 
 import epuckhebb
+from epuckhebb.adaptation.controller import GA, HEBBIAN
 from epuckhebb.analysis import findings, report, rescue
 from epuckhebb.analysis.tables import markdown_table
 from epuckhebb.runtime.conf import groups
-from epuckhebb.sim.controller import GA, HEBBIAN
-from epuckhebb.sim.scenario import TRAINED
+from epuckhebb.tmaze.scenario import TRAINED
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "runs" / "reference"
