@@ -8,8 +8,8 @@ in worlds with other light or with obstacles, and measures what plasticity did f
 Axes: X to the robot's right and Y ahead of it at the start; headings anticlockwise from X. Units: m, s, rad, kg.
 Read in this order: controller/network, plasticity/rules/paper; tmaze/maze, light, robot, fitness, physics, life,
 lifetime, session, batch; adaptation/adaptation; then evolution/training, optimizer, optimizers/ga, evolve; then
-analysis/evaluate, tables, figures, replay; analysis/findings for what many champions tell. The other packages are the program
-around it, conf/ its settings.
+analysis/evaluate, tables, figures, replay; analysis/findings for what many champions tell. The other packages are the
+program around it, conf/ its settings.
 
     import epuckhebb
     result = epuckhebb.evaluate("reference", scenario="4obstacles")  # .metrics, .table, .traces, .plot(), .replay()
