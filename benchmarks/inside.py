@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from epuckhebb.cli import commands
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.runs import evolve as command
-from epuckhebb.sim import batch, simulator
+from epuckhebb.tmaze import batch, simulator
 
 inside, generations, inside_generations = [], [], []
 

@@ -10,18 +10,18 @@ import numpy as np
 from numba import njit
 from step import GENES
 
-from epuckhebb.sim import light
-from epuckhebb.sim.forward_pass import forward_pass
-from epuckhebb.sim.life import Genotype, workspace_for
-from epuckhebb.sim.maze import T_MAZE, Pose, boxes
-from epuckhebb.sim.network import PAPER_NETWORK, initial_weights_of
-from epuckhebb.sim.physics.pymunk import PYMUNK, PymunkSpace, mover
-from epuckhebb.sim.plasticity.rule import initial_synapse_state
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.plasticity.update import StepContext, update_of
-from epuckhebb.sim.random import normal_numbers
-from epuckhebb.sim.robot import EPUCK
-from epuckhebb.sim.senses import sense_workspace, senses
+from epuckhebb.controller.forward_pass import forward_pass
+from epuckhebb.controller.network import PAPER_NETWORK, initial_weights_of
+from epuckhebb.controller.plasticity.rule import initial_synapse_state
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.controller.plasticity.update import StepContext, update_of
+from epuckhebb.controller.random import normal_numbers
+from epuckhebb.tmaze import light
+from epuckhebb.tmaze.life import Genotype, workspace_for
+from epuckhebb.tmaze.maze import T_MAZE, Pose, boxes
+from epuckhebb.tmaze.physics.pymunk import PYMUNK, PymunkSpace, mover
+from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.senses import sense_workspace, senses
 
 LOOPS, REPEATS = 100_000, 7
 loop: Any = njit(nogil=True, error_model="numpy")

@@ -21,11 +21,11 @@ from kheperax.tasks.config import KheperaxConfig
 from kheperax.tasks.main import KheperaxTask
 from step import LIFETIME, individuals, microseconds, ours, plain
 
+from epuckhebb.adaptation.controller import GA_ALONE
 from epuckhebb.analysis.tables import markdown_table
-from epuckhebb.sim.controller import GA_ALONE
-from epuckhebb.sim.maze import T_MAZE, boxes
-from epuckhebb.sim.network import PAPER_NETWORK
-from epuckhebb.sim.robot import EPUCK
+from epuckhebb.controller.network import PAPER_NETWORK
+from epuckhebb.tmaze.maze import T_MAZE, boxes
+from epuckhebb.tmaze.robot import EPUCK
 
 ROBOTS, REPEATS = 50, 7
 RESULTS = Path(__file__).with_name("peers.md")

@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 from matplotlib.patches import Circle, Rectangle
 
 from epuckhebb.gym import TMaze
-from epuckhebb.sim.robot import EPUCK, STEP_S
+from epuckhebb.tmaze.robot import EPUCK, STEP_S
 
 FREE, STEPS = 250, 900  # steps of driving ahead, and in all
 NAMES = {"pymunk": ("physics=pymunk, in the plane", "tab:orange"), "ode": ("physics=ode, in 3-D", "tab:blue")}

@@ -12,7 +12,7 @@ from statistics import median
 
 from step import LIFETIME, SCENARIO, individuals, microseconds
 
-from epuckhebb.sim.batch import run_lifetimes
+from epuckhebb.tmaze.batch import run_lifetimes
 
 REPEATS = 3
 

@@ -13,19 +13,19 @@ from statistics import median
 
 import numpy as np
 
+from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.config.parts import part_class, part_names
+from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.network import PAPER_NETWORK
+from epuckhebb.controller.plasticity.rule import InitialWeights, Rule
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.controller.random import Stream, key
 from epuckhebb.evolution.optimizer import initial
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.network import PAPER_NETWORK
-from epuckhebb.sim.plasticity.rule import InitialWeights, Rule
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.random import Stream, key
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.maze import SIDES
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import reference

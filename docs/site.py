@@ -27,15 +27,15 @@ API = """# Python reference
 
 ::: epuckhebb.api.results.Live
 
-::: epuckhebb.sim.plasticity.rule.Rule
+::: epuckhebb.controller.plasticity.rule.Rule
 
-::: epuckhebb.sim.plasticity.rule.Evolved
+::: epuckhebb.controller.plasticity.rule.Evolved
 
-::: epuckhebb.sim.plasticity.rules.paper.Paper
+::: epuckhebb.controller.plasticity.rules.paper.Paper
 
-::: epuckhebb.sim.adaptation.adaptation.Adaptation
+::: epuckhebb.adaptation.adaptation.Adaptation
 
-::: epuckhebb.sim.life.Lifetime
+::: epuckhebb.tmaze.life.Lifetime
 
 ::: epuckhebb.evolution.optimizers.ga.GA
 """

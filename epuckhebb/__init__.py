@@ -6,9 +6,10 @@ robot does; each lifetime begins with the evolved weights. This package evolves 
 in worlds with other light or with obstacles, and measures what plasticity did for them.
 
 Axes: X to the robot's right and Y ahead of it at the start; headings anticlockwise from X. Units: m, s, rad, kg.
-Read in this order: sim/maze, light, robot, network, plasticity/rules/paper, fitness, physics, life, lifetime, session,
-block; then evolution/training, optimizer, optimizers/ga, evolve; then analysis/evaluate, tables, figures, replay;
-analysis/findings for what many champions tell. The other packages are the program around it, conf/ its settings.
+Read in this order: controller/network, plasticity/rules/paper; tmaze/maze, light, robot, fitness, physics, life,
+lifetime, session, batch; adaptation/adaptation; then evolution/training, optimizer, optimizers/ga, evolve; then
+analysis/evaluate, tables, figures, replay; analysis/findings for what many champions tell. The other packages are the
+program around it, conf/ its settings.
 
     import epuckhebb
     result = epuckhebb.evaluate("reference", scenario="4obstacles")  # .metrics, .table, .traces, .plot(), .replay()
@@ -44,37 +45,37 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from epuckhebb.adaptation.adaptation import Adaptation
     from epuckhebb.api import evaluate, evolve, load, play, sweep
     from epuckhebb.api.results import Evaluation, Evolution, Live
+    from epuckhebb.controller.evolved import Evolved
+    from epuckhebb.controller.network import tanh
+    from epuckhebb.controller.plasticity.rule import Rule
+    from epuckhebb.controller.plasticity.rules.paper import Paper as Hebbian
+    from epuckhebb.controller.wiring import Wiring
     from epuckhebb.evolution.optimizer import Optimizer
     from epuckhebb.evolution.optimizers.ga import GA
-    from epuckhebb.sim.adaptation.adaptation import Adaptation
-    from epuckhebb.sim.coupling import Coupling
-    from epuckhebb.sim.evolved import Evolved
-    from epuckhebb.sim.life import Lifetime
-    from epuckhebb.sim.network import tanh
-    from epuckhebb.sim.own_fitness import Fitness
-    from epuckhebb.sim.own_sensor import Sensor
-    from epuckhebb.sim.plasticity.rule import Rule
-    from epuckhebb.sim.plasticity.rules.paper import Paper as Hebbian
-    from epuckhebb.sim.wiring import Wiring
+    from epuckhebb.flock.coupling import Coupling
+    from epuckhebb.tmaze.life import Lifetime
+    from epuckhebb.tmaze.own_fitness import Fitness
+    from epuckhebb.tmaze.own_sensor import Sensor
 
 _FROM = {  # name -> where it is, if not in `api`
     "GA": "evolution.optimizers.ga",
-    "Adaptation": "sim.adaptation.adaptation",
-    "Coupling": "sim.coupling",
+    "Adaptation": "adaptation.adaptation",
+    "Coupling": "flock.coupling",
     "Evaluation": "api.results",
     "Evolution": "api.results",
-    "Evolved": "sim.evolved",
-    "Fitness": "sim.own_fitness",
-    "Hebbian": "sim.plasticity.rules.paper",
-    "Lifetime": "sim.life",
+    "Evolved": "controller.evolved",
+    "Fitness": "tmaze.own_fitness",
+    "Hebbian": "controller.plasticity.rules.paper",
+    "Lifetime": "tmaze.life",
     "Live": "api.results",
     "Optimizer": "evolution.optimizer",
-    "Rule": "sim.plasticity.rule",
-    "Sensor": "sim.own_sensor",
-    "Wiring": "sim.wiring",
-    "tanh": "sim.network",
+    "Rule": "controller.plasticity.rule",
+    "Sensor": "tmaze.own_sensor",
+    "Wiring": "controller.wiring",
+    "tanh": "controller.network",
 }
 
 

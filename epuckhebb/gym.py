@@ -15,12 +15,10 @@ import gymnasium
 import numpy as np
 
 from epuckhebb.config import EvolveConfig, check_library, load, quoted
-from epuckhebb.runtime import ConfigError
-from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.compiling.kernel import kernel
-from epuckhebb.sim.forward_pass import forward_pass
-from epuckhebb.sim.maze import SIDES, Side
-from epuckhebb.sim.network import (
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import kernel
+from epuckhebb.controller.forward_pass import forward_pass
+from epuckhebb.controller.network import (
     OUTPUTS,
     PAPER_NETWORK,
     WEIGHT_LIMIT,
@@ -28,10 +26,12 @@ from epuckhebb.sim.network import (
     Network,
     initial_weights_of,
 )
-from epuckhebb.sim.plasticity.rule import NoRule
-from epuckhebb.sim.random import Stream, key
-from epuckhebb.sim.session import Individual, Session
-from epuckhebb.sim.simulator import Simulator
+from epuckhebb.controller.plasticity.rule import NoRule
+from epuckhebb.controller.random import Stream, key
+from epuckhebb.runtime import ConfigError
+from epuckhebb.tmaze.maze import SIDES, Side
+from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.simulator import Simulator
 
 ID = "epuckhebb/TMaze-v0"
 REWARDS = ("fitness", "success", "progress")

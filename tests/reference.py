@@ -12,9 +12,10 @@ import numba
 import numpy as np
 import pymunk
 
-from epuckhebb.sim import light, random
-from epuckhebb.sim.maze import boxes
-from epuckhebb.sim.network import PAPER_NETWORK
+from epuckhebb.controller import random
+from epuckhebb.controller.network import PAPER_NETWORK
+from epuckhebb.tmaze import light
+from epuckhebb.tmaze.maze import boxes
 
 STEP = 0.032
 WALL, ROBOT = pymunk.ShapeFilter(categories=1), pymunk.ShapeFilter(categories=2)
@@ -616,7 +617,7 @@ def robot_of(network):
 
 
 def live(robot, steps):
-    """A whole lifetime: the metrics of `epuckhebb.sim.outcome.Outcome`, in the same order, and the steps."""
+    """A whole lifetime: the metrics of `epuckhebb.tmaze.outcome.Outcome`, in the same order, and the steps."""
     done, path, arrived, changes, behaviour, contacts = [], 0.0, math.nan, 0.0, 0.0, 0
     for step in range(steps):
         done.append(robot.step())

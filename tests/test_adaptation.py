@@ -7,24 +7,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuckhebb.sim.adaptation.adaptation import Adaptation, Exploration, change_signals
-from epuckhebb.sim.adaptation.change_signal import SignalContext, no_nominal, update_recent
-from epuckhebb.sim.adaptation.change_signals.late import change_signal as late
-from epuckhebb.sim.adaptation.change_signals.novelty import change_signal as novelty
-from epuckhebb.sim.adaptation.change_signals.shortfall import change_signal as shortfall
-from epuckhebb.sim.adaptation.gate import need, resting
-from epuckhebb.sim.adaptation.nominal import REPEATS, measure_nominal
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.light import Lamp
-from epuckhebb.sim.maze import SIDES, T_MAZE
-from epuckhebb.sim.plasticity.control import Sign, signs
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.robot import EPUCK, STEP_S
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual
+from epuckhebb.adaptation.adaptation import Adaptation, Exploration, change_signals
+from epuckhebb.adaptation.change_signal import SignalContext, no_nominal, update_recent
+from epuckhebb.adaptation.change_signals.late import change_signal as late
+from epuckhebb.adaptation.change_signals.novelty import change_signal as novelty
+from epuckhebb.adaptation.change_signals.shortfall import change_signal as shortfall
+from epuckhebb.adaptation.controller import GA_ALONE, Controller
+from epuckhebb.adaptation.gate import need, resting
+from epuckhebb.adaptation.nominal import REPEATS, measure_nominal
+from epuckhebb.controller.plasticity.control import Sign, signs
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.light import Lamp
+from epuckhebb.tmaze.maze import SIDES, T_MAZE
+from epuckhebb.tmaze.robot import EPUCK, STEP_S
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual
 
 FAST = {"gain_rad_s": 4.0, "record_every": 1}
 NOTHING = no_nominal(16)

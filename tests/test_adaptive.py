@@ -7,15 +7,15 @@ import pandas as pd
 import pytest
 from cases import call, done, first_of
 
+from epuckhebb.adaptation.controller import GA
+from epuckhebb.adaptation.nominal import measure_nominal
 from epuckhebb.analysis.rescue import FIGURE
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
+from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.runs.nominal import training_world
-from epuckhebb.sim.adaptation.nominal import measure_nominal
-from epuckhebb.sim.controller import GA
-from epuckhebb.sim.network import PAPER_NETWORK
-from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.store.genome import load_genome
+from epuckhebb.tmaze.scenario import TRAINED
 
 BRIEF = ["lifetime.duration_s=3", "lifetime.record_every=0", "repeats=2"]
 TINY = ["ga.population=6", "ga.generations=2", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3"]

@@ -7,21 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.config import hand
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig
+from epuckhebb.controller.network import initial_weights_of
+from epuckhebb.controller.plasticity.rules.oja import Oja
+from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.maze import SIDES, Pose
-from epuckhebb.sim.network import initial_weights_of
-from epuckhebb.sim.plasticity.rules.oja import Oja
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.reachable import gap
-from epuckhebb.sim.robot import EPUCK, STEP_S
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual, Session
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.maze import SIDES, Pose
+from epuckhebb.tmaze.reachable import gap
+from epuckhebb.tmaze.robot import EPUCK, STEP_S
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual, Session
 
 LEARNING = Controller(name="Hebbian", rule=Paper(N=0.002))
 LIFETIME = Lifetime(duration_s=20.0, gain_rad_s=4.0, record_every=1)

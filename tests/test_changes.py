@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.maze import Pose, boxes
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.reachable import gap
-from epuckhebb.sim.robot import EPUCK, STEP_S
-from epuckhebb.sim.scenario import Scenario
+from epuckhebb.adaptation.controller import Controller
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.maze import Pose, boxes
+from epuckhebb.tmaze.reachable import gap
+from epuckhebb.tmaze.robot import EPUCK, STEP_S
+from epuckhebb.tmaze.scenario import Scenario
 
 LEARNING = Controller(name="x", rule=Paper(N=0.002, signal=Signal.final))
 IN_THE_STEM = Pose(0.007, 0.02, np.pi / 2)  # between where two obstacles can be, 39 mm from one

@@ -15,16 +15,16 @@ import numba
 import numpy as np
 import pytest
 
-from epuckhebb.sim import lifetime_kernel
-from epuckhebb.sim.adaptation.adaptation import Parts
-from epuckhebb.sim.compiling.code_digest import UnknownPartError, digest
-from epuckhebb.sim.compiling.kernel import compiled, kernel
-from epuckhebb.sim.lifetime_kernel import kernel_of
-from epuckhebb.sim.network import PAPER_NETWORK, Network
-from epuckhebb.sim.plasticity import update
-from epuckhebb.sim.plasticity.rules.oja import Oja
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.robot import EPUCK
+from epuckhebb.adaptation.adaptation import Parts
+from epuckhebb.controller.compiling.code_digest import UnknownPartError, digest
+from epuckhebb.controller.compiling.kernel import compiled, kernel
+from epuckhebb.controller.network import PAPER_NETWORK, Network
+from epuckhebb.controller.plasticity import update
+from epuckhebb.controller.plasticity.rules.oja import Oja
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.tmaze import lifetime_kernel
+from epuckhebb.tmaze.lifetime_kernel import kernel_of
+from epuckhebb.tmaze.robot import EPUCK
 
 FACTOR = 2.0
 
@@ -199,11 +199,11 @@ def in_processes(code, arguments, cache):
 
 NAMES = """
 import json
-from epuckhebb.sim.adaptation.adaptation import Parts
-from epuckhebb.sim.lifetime_kernel import kernel_of
-from epuckhebb.sim.network import PAPER_NETWORK
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.robot import EPUCK
+from epuckhebb.adaptation.adaptation import Parts
+from epuckhebb.tmaze.lifetime_kernel import kernel_of
+from epuckhebb.controller.network import PAPER_NETWORK
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.tmaze.robot import EPUCK
 made = [kernel_of(Paper, Parts(s), PAPER_NETWORK, EPUCK).py_func.__qualname__ for s in ("none", "late", "novelty")]
 print(json.dumps(made))
 """
@@ -218,7 +218,7 @@ def test_names_are_the_same_in_every_process(tmp_path):
 TOYS = """
 import json, sys
 import numpy as np
-from epuckhebb.sim.compiling.kernel import compiled, kernel
+from epuckhebb.controller.compiling.kernel import compiled, kernel
 
 def part(factor):
     @compiled
@@ -253,7 +253,7 @@ print(json.dumps(told))
 @pytest.mark.thorough
 def test_a_kernel_that_is_there_is_loaded_without_the_compiler(tmp_path):
     look = "print('numba.np.linalg' in sys.modules)"
-    script = f"import sys; from epuckhebb.sim.batch import load_kernel; load_kernel(); {look}"
+    script = f"import sys; from epuckhebb.tmaze.batch import load_kernel; load_kernel(); {look}"
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     told = [
         subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from epuckhebb.adaptation.controller import GA, HEBBIAN
 from epuckhebb.analysis.statistics import bootstrap_mean, sign_flip, wilson_by_champion
 from epuckhebb.analysis.tables import markdown_table
-from epuckhebb.sim.controller import GA, HEBBIAN
-from epuckhebb.sim.scenario import TRAINED
+from epuckhebb.tmaze.scenario import TRAINED
 
 ROOT = Path(__file__).parents[1]
 HEAD = ["experiment", "network", "champions", "solve both sides", "training world", "changed worlds", "with plasticity"]

@@ -11,15 +11,15 @@ import pytest
 import yaml
 from cases import call, done, refused
 
+from epuckhebb.adaptation.controller import Controller
 from epuckhebb.cli.output import json_text
+from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
-from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.plasticity.rule import Rule
-from epuckhebb.sim.session import LostRobotError
 from epuckhebb.store import records
 from epuckhebb.store.columns import NUMBER, Column
 from epuckhebb.store.genome import load_genome
+from epuckhebb.tmaze.session import LostRobotError
 
 SHORT = ["lifetime.duration_s=2", "threads=1", "-q"]
 TINY = ["ga.population=4", "ga.elites=1", "ga.loops=1", "ga.generations=1", "scenario.paper_duration_s=10"]
@@ -239,8 +239,8 @@ def test_weights_that_say_nothing_are_refused():
 
 
 def test_a_life_whose_sums_are_not_finite_has_not_finished(run_lifetime, genomes, monkeypatch):
-    monkeypatch.setattr("epuckhebb.sim.plasticity.rule._LARGEST_WEIGHT", 1e308)
-    from epuckhebb.sim.plasticity.rules.paper import Paper
+    monkeypatch.setattr("epuckhebb.controller.plasticity.rule._LARGEST_WEIGHT", 1e308)
+    from epuckhebb.controller.plasticity.rules.paper import Paper
 
     controller = Controller(name="huge", rule=Paper(N=1e307, w_max=1e307))
     with pytest.raises(LostRobotError, match="made weights, their change, or what synapses keep"):

@@ -12,14 +12,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis.evaluate import COLUMNS, evaluate
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.search import Search
-from epuckhebb.sim.controller import GA
-from epuckhebb.sim.scenario import TRAINED
 from epuckhebb.store.genome import load_genome
+from epuckhebb.tmaze.scenario import TRAINED
 
 METRICS = list(COLUMNS[COLUMNS.index("success") : COLUMNS.index("changed")])
 CHAMPIONS = ("reference_1", "reference_101")

@@ -6,16 +6,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from epuckhebb.adaptation.controller import GA_ALONE, Controller
+from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.network import PAPER_NETWORK, Network
+from epuckhebb.controller.plasticity.control import Sign
+from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.evolution.evolve import evolve, history_row
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers.ga import GA, Crossover, Selection, crossover, mutate, next_generation, select
-from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.network import PAPER_NETWORK, Network
-from epuckhebb.sim.plasticity.control import Sign
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.scenario import Scenario
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.scenario import Scenario
 
 AS_CODED = {
     "selection": Selection.best_or_worst,

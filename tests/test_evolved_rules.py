@@ -9,30 +9,30 @@ import pytest
 from cases import done, first_of, refused
 
 import epuckhebb
+from epuckhebb.adaptation.controller import Controller
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
+from epuckhebb.controller import random
+from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
+from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, coefficients, modulatory_weights
+from epuckhebb.controller.plasticity.rules.abcd import ABCD
+from epuckhebb.controller.plasticity.rules.abcd_neuron import ABCDNeuron
+from epuckhebb.controller.plasticity.rules.abcd_shared import ABCDShared
+from epuckhebb.controller.plasticity.rules.baldwin_n import BaldwinN
+from epuckhebb.controller.plasticity.rules.discrete import Discrete
+from epuckhebb.controller.plasticity.rules.modulated import Modulated
+from epuckhebb.controller.plasticity.rules.online import Online
+from epuckhebb.controller.plasticity.update import StepContext, initial_lengths, modulation_of, update_of
 from epuckhebb.evolution.evolve import evolve, evolved_plan
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers import ga as ga_module
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.search import Search
-from epuckhebb.sim import random
-from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.life import Genotype, Lifetime, workspace_for
-from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
-from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, coefficients, modulatory_weights
-from epuckhebb.sim.plasticity.rules.abcd import ABCD
-from epuckhebb.sim.plasticity.rules.abcd_neuron import ABCDNeuron
-from epuckhebb.sim.plasticity.rules.abcd_shared import ABCDShared
-from epuckhebb.sim.plasticity.rules.baldwin_n import BaldwinN
-from epuckhebb.sim.plasticity.rules.discrete import Discrete
-from epuckhebb.sim.plasticity.rules.modulated import Modulated
-from epuckhebb.sim.plasticity.rules.online import Online
-from epuckhebb.sim.plasticity.update import StepContext, initial_lengths, modulation_of, update_of
-from epuckhebb.sim.robot import EPUCK
-from epuckhebb.sim.scenario import Scenario
 from epuckhebb.store.genome import load_genome
+from epuckhebb.tmaze.life import Genotype, Lifetime, workspace_for
+from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.scenario import Scenario
 
 SIZES = {
     ABCD: "234 weights, 234 A, 234 B, 234 C, 234 D, 234 eta",

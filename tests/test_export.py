@@ -12,8 +12,8 @@ import pytest
 from cases import done, first_of, refused
 
 import epuckhebb
-from epuckhebb.sim.forward_pass import forward_pass
-from epuckhebb.sim.network import PAPER_NETWORK
+from epuckhebb.controller.forward_pass import forward_pass
+from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.store import genome
 
 ROOT = Path(__file__).parents[1]

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 import reference
 
-from epuckhebb.sim.adaptation.self_check.calibration import calibrate
-from epuckhebb.sim.controller import GA_ALONE
-from epuckhebb.sim.faults import FAR, SLIPPING, SPELL, Faults, grip, hooks, initial_past
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.maze import Pose
-from epuckhebb.sim.random import Stream, key
-from epuckhebb.sim.robot import EPUCK, STEP_S
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual, Session
+from epuckhebb.adaptation.controller import GA_ALONE
+from epuckhebb.adaptation.self_check.calibration import calibrate
+from epuckhebb.controller.random import Stream, key
+from epuckhebb.tmaze.faults import FAR, SLIPPING, SPELL, Faults, grip, hooks, initial_past
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.maze import Pose
+from epuckhebb.tmaze.robot import EPUCK, STEP_S
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual, Session
 
 FAULTS = {
     "two dead sensors": {"dead_sensors": (7, 2)},
@@ -112,7 +112,7 @@ def test_a_wheel_slips_in_spells_for_its_share_of_the_time():
 
 
 def test_slips_are_drawn_where_no_other_noise_is():
-    """Sensor noise takes a number or a few a step, exploration four a step from 2^40 on; see `epuckhebb.sim`."""
+    """Sensor noise takes a number or a few a step, exploration four a step from 2^40 on; see `controller.random`."""
     longest = 1e6 / STEP_S
     assert 1000 * longest < 4 * 2**40 < 4 * (2**40 + longest) < FAR
     assert FAR + 2 * longest < 2**63

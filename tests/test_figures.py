@@ -11,20 +11,20 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from PIL import Image
 
+from epuckhebb.adaptation.controller import HEBBIAN, Controller
 from epuckhebb.analysis import charts, figures, movie
 from epuckhebb.analysis.evaluate import Traces, evaluate
 from epuckhebb.analysis.floor import floor, view
 from epuckhebb.analysis.image import KINDS, image
-from epuckhebb.sim.controller import HEBBIAN, Controller
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.light import Lamp
-from epuckhebb.sim.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
-from epuckhebb.sim.network import Network
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.robot import Robot
-from epuckhebb.sim.samples import Samples, empty_samples
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.wirings.elman import Elman
+from epuckhebb.controller.network import Network
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.controller.wirings.elman import Elman
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.light import Lamp
+from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
+from epuckhebb.tmaze.robot import Robot
+from epuckhebb.tmaze.samples import Samples, empty_samples
+from epuckhebb.tmaze.scenario import Scenario
 
 ROOM = Maze(  # a room of 0.6 m by 0.4 m, off the middle, with a wall far away that nobody can get to
     name="room",

@@ -6,23 +6,23 @@ import numba
 import numpy as np
 import pytest
 
+from epuckhebb.adaptation.adaptation import Adaptation, Exploration
+from epuckhebb.adaptation.controller import Controller
+from epuckhebb.adaptation.gate import PlasticWhen, Stay
+from epuckhebb.adaptation.nominal import measure_nominal
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
+from epuckhebb.controller.plasticity.control import Sign
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.controller.random import Stream, key
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.sim.adaptation.adaptation import Adaptation, Exploration
-from epuckhebb.sim.adaptation.gate import PlasticWhen, Stay
-from epuckhebb.sim.adaptation.nominal import measure_nominal
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.goal_signal import SPELL, GoalSignal, goal_signal, initial_signal
-from epuckhebb.sim.maze import Place
-from epuckhebb.sim.plasticity.control import Sign
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.random import Stream, key
-from epuckhebb.sim.robot import STEP_S
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual
 from epuckhebb.store.genome import load_genome
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.goal_signal import SPELL, GoalSignal, goal_signal, initial_signal
+from epuckhebb.tmaze.maze import Place
+from epuckhebb.tmaze.robot import STEP_S
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual
 
 KEY = key(1, Stream.evaluation_noise)
 GIVEN = numba.njit(goal_signal)

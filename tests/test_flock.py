@@ -12,13 +12,13 @@ from cases import contents, done, refused
 
 from epuckhebb import Coupling
 from epuckhebb.analysis import flock as tables
-from epuckhebb.sim.coupling import CouplingError, Moment, changed, shuffled, transfer_entropy
-from epuckhebb.sim.couplings.frozen import Frozen
-from epuckhebb.sim.couplings.live_fitness import LiveFitness
-from epuckhebb.sim.couplings.oracle import Oracle
-from epuckhebb.sim.couplings.transfer_entropy import TransferEntropy
-from epuckhebb.sim.couplings.transfer_entropy_x_fitness import TransferEntropyXFitness
-from epuckhebb.sim.flock import Flock, run
+from epuckhebb.flock.coupling import CouplingError, Moment, changed, shuffled, transfer_entropy
+from epuckhebb.flock.couplings.frozen import Frozen
+from epuckhebb.flock.couplings.live_fitness import LiveFitness
+from epuckhebb.flock.couplings.oracle import Oracle
+from epuckhebb.flock.couplings.transfer_entropy import TransferEntropy
+from epuckhebb.flock.couplings.transfer_entropy_x_fitness import TransferEntropyXFitness
+from epuckhebb.flock.plane import Flock, run
 from epuckhebb.store.run import Run
 
 ROOT = Path(__file__).parents[1]

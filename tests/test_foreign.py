@@ -16,7 +16,7 @@ from epuckhebb.store import disk, genome
 from epuckhebb.store.folder import RunFolder
 from epuckhebb.studies import identity
 
-compiled = importlib.import_module("epuckhebb.sim.compiling.kernel")
+compiled = importlib.import_module("epuckhebb.controller.compiling.kernel")
 
 SMALL = ["repeats=1", "lifetime.duration_s=1", "lifetime.record_every=0"]
 SWEEP = ["sweep", "obstacles", *SMALL, "scenario=base", "hydra/launcher=basic"]

@@ -6,14 +6,14 @@ import pytest
 from cases import done
 
 import epuckhebb
+from epuckhebb.adaptation.controller import Controller
 from epuckhebb.analysis import summary
 from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.analysis.lifetimes import Evaluated, gather
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
+from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.runs import evaluate
-from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.plasticity.rule import Rule
 from epuckhebb.store.genome import load_genome
 
 UNREADABLE = object()

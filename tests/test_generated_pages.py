@@ -17,15 +17,15 @@ from epuckhebb.config import keys
 from epuckhebb.config.compose import composed
 from epuckhebb.config.compose import plain as plain_values
 from epuckhebb.config.words import keys_below
+from epuckhebb.controller.network import Network
+from epuckhebb.controller.wirings.elman import Elman
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.runtime.conf import groups
-from epuckhebb.sim.network import Network
-from epuckhebb.sim.physics.ode import Ode
-from epuckhebb.sim.samples import empty_samples
-from epuckhebb.sim.wirings.elman import Elman
 from epuckhebb.store.columns import CHAMPION, TABLES, TRACES
 from epuckhebb.store.genome import champion_file, load_genome
 from epuckhebb.store.traces import traces_file
+from epuckhebb.tmaze.physics.ode import Ode
+from epuckhebb.tmaze.samples import empty_samples
 
 ROOT = Path(__file__).parents[1]
 FILES, KEYS, METHODS = (ROOT / "docs" / f"{name}.md" for name in ("files", "keys", "methods"))

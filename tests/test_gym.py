@@ -10,12 +10,12 @@ from gymnasium.utils.env_checker import check_env
 
 import epuckhebb
 from epuckhebb import Lifetime
+from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
+from epuckhebb.controller.wirings.elman import Elman
 from epuckhebb.gym import ID, TMaze, evaluation_key, genome_from_policy, policy_from_genome
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual, Session
-from epuckhebb.sim.wirings.elman import Elman
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual, Session
 
 SHORT = ("lifetime.duration_s=5",)
 

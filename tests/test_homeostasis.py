@@ -8,17 +8,17 @@ import pytest
 import reference
 from cases import done
 
-from epuckhebb.sim.adaptation.adaptation import Adaptation, Parts, hooks
-from epuckhebb.sim.adaptation.change_signal import no_nominal
-from epuckhebb.sim.adaptation.homeostasis import PATTERNS, initial_homeostasis_state, light_patterns
-from epuckhebb.sim.adaptation.nominal import measure_nominal
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.life import TALLY, Lifetime
-from epuckhebb.sim.network import PAPER_NETWORK
-from epuckhebb.sim.robot import EPUCK
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual
+from epuckhebb.adaptation.adaptation import Adaptation, Parts, hooks
+from epuckhebb.adaptation.change_signal import no_nominal
+from epuckhebb.adaptation.controller import GA_ALONE, Controller
+from epuckhebb.adaptation.homeostasis import PATTERNS, initial_homeostasis_state, light_patterns
+from epuckhebb.adaptation.nominal import measure_nominal
+from epuckhebb.controller.network import PAPER_NETWORK
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.life import TALLY, Lifetime
+from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual
 
 BRIGHT = Scenario(name="highlight", experiment="light", light=1.0, paper_duration_s=40.0)
 KEY = np.uint64(4)

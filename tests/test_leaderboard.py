@@ -19,12 +19,12 @@ from epuckhebb.evolution.training import UNVARIED, Training
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
-from epuckhebb.sim.scenario import TRAINED, Scenario
-from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.store import columns
 from epuckhebb.studies import champions as champion_jobs
 from epuckhebb.studies import leaderboard_jobs, leaderboard_plan
 from epuckhebb.studies.leaderboard_plan import in_reversal
+from epuckhebb.tmaze.scenario import TRAINED, Scenario
+from epuckhebb.tmaze.tasks.reversal import Reversal
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"

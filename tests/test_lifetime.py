@@ -11,25 +11,25 @@ from cases import first_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuckhebb.sim import simulator
-from epuckhebb.sim.adaptation.change_signal import no_nominal
-from epuckhebb.sim.batch import load_kernel, run_lifetimes
-from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.lifetime_kernel import kernel_of
-from epuckhebb.sim.light import Lamp
-from epuckhebb.sim.maze import SIDES, Pose
-from epuckhebb.sim.network import Network
-from epuckhebb.sim.plasticity.control import Sign, signs
-from epuckhebb.sim.plasticity.rule import NoRule
-from epuckhebb.sim.plasticity.rules.bcm import BCM
-from epuckhebb.sim.plasticity.rules.differential import Differential
-from epuckhebb.sim.plasticity.rules.oja import Oja
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.robot import Robot
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual, LostRobotError
+from epuckhebb.adaptation.change_signal import no_nominal
+from epuckhebb.adaptation.controller import GA_ALONE, Controller
+from epuckhebb.controller.network import Network
+from epuckhebb.controller.plasticity.control import Sign, signs
+from epuckhebb.controller.plasticity.rule import NoRule
+from epuckhebb.controller.plasticity.rules.bcm import BCM
+from epuckhebb.controller.plasticity.rules.differential import Differential
+from epuckhebb.controller.plasticity.rules.oja import Oja
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.tmaze import simulator
+from epuckhebb.tmaze.batch import load_kernel, run_lifetimes
+from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.lifetime_kernel import kernel_of
+from epuckhebb.tmaze.light import Lamp
+from epuckhebb.tmaze.maze import SIDES, Pose
+from epuckhebb.tmaze.robot import Robot
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual, LostRobotError
 
 DATA = Path(__file__).parent / "data"
 LAMPS = {"wide": Lamp(), "narrow": Lamp(y_m=-0.3, beam_rad=0.8)}

@@ -22,7 +22,7 @@ from epuckhebb.runtime.resources import path_of, thread_count
 from epuckhebb.store import disk
 from epuckhebb.store.folder import RunFolder
 
-compiled = importlib.import_module("epuckhebb.sim.compiling.kernel")
+compiled = importlib.import_module("epuckhebb.controller.compiling.kernel")
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from epuckhebb.sim import sensors
-from epuckhebb.sim.lifetime import is_in
-from epuckhebb.sim.maze import (
+from epuckhebb.tmaze import sensors
+from epuckhebb.tmaze.lifetime import is_in
+from epuckhebb.tmaze.maze import (
     SIDES,
     T_MAZE,
     Box,
@@ -19,10 +19,10 @@ from epuckhebb.sim.maze import (
     Region,
     boxes,
 )
-from epuckhebb.sim.reachable import check_reachable, gap
-from epuckhebb.sim.robot import EPUCK, Robot
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.sensors import DistanceSensors, LightSensors
+from epuckhebb.tmaze.reachable import check_reachable, gap
+from epuckhebb.tmaze.robot import EPUCK, Robot
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.sensors import DistanceSensors, LightSensors
 
 
 @pytest.mark.parametrize(("side", "sign"), [("left", -1), ("right", 1)])

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuckhebb.sim.forward_pass import forward_pass
-from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer, initial_weights_of, tanh
+from epuckhebb.controller.forward_pass import forward_pass
+from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer, initial_weights_of, tanh
 
 NETWORKS = [PAPER_NETWORK, Network((16, 3, 2)), Network((32, 7, 5, 8, 4, 2)), Network((2, 2))]
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
+from epuckhebb.adaptation.controller import GA_ALONE
 from epuckhebb.config.compose import composed
 from epuckhebb.config.names import training_world, world_of
 from epuckhebb.runtime.resources import data_folder
-from epuckhebb.sim.controller import GA_ALONE
-from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.physics.pymunk import PYMUNK
+from epuckhebb.tmaze.maze import SIDES
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
 
 CONF = [data_folder("conf")]
 OTHER_LIGHT = {"base": 1, "highlight": 0.1}

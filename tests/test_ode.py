@@ -20,14 +20,14 @@ from epuckhebb.runs import prepare_evaluation, repeat
 from epuckhebb.runs.nominal import training_world
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.sim import libode
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.session import Individual, LostRobotError, Session
 from epuckhebb.store import Run
 from epuckhebb.store.genome import load_genome
 from epuckhebb.studies import leaderboard_plan
 from epuckhebb.studies.champions import world_named
+from epuckhebb.tmaze import libode
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.session import Individual, LostRobotError, Session
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "runs" / "reference"

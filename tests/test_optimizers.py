@@ -12,6 +12,7 @@ from cases import call, done, refused
 import epuckhebb
 from epuckhebb.config.build import optimizer_from
 from epuckhebb.config.parts import part_names
+from epuckhebb.controller.genome import GenomePlan, Part
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.optimizers.open_es import OpenEs
@@ -19,9 +20,8 @@ from epuckhebb.evolution.optimizers.sep_cma_es import SepCmaEs
 from epuckhebb.evolution.search import Search
 from epuckhebb.evolution.training import UNVARIED, Training
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.sim.genome import GenomePlan, Part
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.scenario import Scenario
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.scenario import Scenario
 
 PLAN = GenomePlan((Part("weights", 20), Part("rate", 3, start=0.5, limit=0.75), Part("fixed", 1, start=0.0)))
 SMALL = {

@@ -9,11 +9,11 @@ from cases import SHORT, SMALL_GA, check_resumed, done, refused, refused_before,
 
 from epuckhebb import Lifetime, Wiring
 from epuckhebb.config import plugins
-from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.network import Network
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual, Session
+from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.network import Network
 from epuckhebb.store import load_genome
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual, Session
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "own_controller" / "my_neurons.py"
 OWN = "network.wiring=my_neurons.py:Ring"

@@ -11,23 +11,23 @@ from cases import SHORT, SMALL_GA, check_resumed, done, refused, refused_before,
 
 import epuckhebb
 from epuckhebb import Fitness, Lifetime
+from epuckhebb.adaptation.adaptation import Parts
+from epuckhebb.adaptation.controller import Controller
 from epuckhebb.config import plugins
-from epuckhebb.sim.adaptation.adaptation import Parts
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.lifetime_kernel import kernel_of
-from epuckhebb.sim.light import Lamp
-from epuckhebb.sim.network import PAPER_NETWORK, Network
-from epuckhebb.sim.outcome import OutcomeOfTrials
-from epuckhebb.sim.own_fitness import PAPER_FITNESS
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.robot import EPUCK, STEP_S
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual, Session
-from epuckhebb.sim.tasks.reversal import Reversal
+from epuckhebb.controller.network import PAPER_NETWORK, Network
+from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.lifetime_kernel import kernel_of
+from epuckhebb.tmaze.light import Lamp
+from epuckhebb.tmaze.outcome import OutcomeOfTrials
+from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
+from epuckhebb.tmaze.robot import EPUCK, STEP_S
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.tasks.reversal import Reversal
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "own_fitness" / "my_fitness.py"
 OWN = "fitness.function=my_fitness.py:Explorer"

@@ -11,17 +11,17 @@ from cases import SHORT, call, check_resumed, contents, done, refused, refused_b
 
 import epuckhebb
 from epuckhebb.config.parts import part_class
+from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.network import PAPER_NETWORK
+from epuckhebb.controller.random import Stream, key
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.search import Search
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.network import PAPER_NETWORK
-from epuckhebb.sim.random import Stream, key
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual
 from epuckhebb.store.run import Run
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.maze import SIDES
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual
 
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parent / "examples" / "own_optimizer"

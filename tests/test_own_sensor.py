@@ -10,13 +10,13 @@ from cases import SHORT, SMALL_GA, check_resumed, done, refused, refused_before,
 
 from epuckhebb import Lifetime, Sensor
 from epuckhebb.config import plugins
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.network import Network
-from epuckhebb.sim.own_sensor import SensorError
-from epuckhebb.sim.robot import EPUCK, Robot
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual
+from epuckhebb.controller.network import Network
 from epuckhebb.store.genome import load_genome
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.own_sensor import SensorError
+from epuckhebb.tmaze.robot import EPUCK, Robot
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "own_sensor"
 ROBOT = ["robot=epuck_more", "--config-dir", "examples/own_sensor"]

@@ -13,9 +13,9 @@ import epuckhebb
 from epuckhebb.config.compose import composed
 from epuckhebb.config.parts import part_class
 from epuckhebb.runs.evaluate import as_evolved
-from epuckhebb.sim import session
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
+from epuckhebb.tmaze import session
 
 ONE_GENERATION = [*SMALL_GA, "ga.generations=1"]
 BRIEF = ["lifetime.duration_s=2", "lifetime.record_every=0", "repeats=1"]

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from epuckhebb.sim.maze import T_MAZE, Pose, boxes
-from epuckhebb.sim.physics.pymunk import COLLISION_SLOP, PymunkSpace, mover, put_back
-from epuckhebb.sim.robot import EPUCK, STEP_S
+from epuckhebb.tmaze.maze import T_MAZE, Pose, boxes
+from epuckhebb.tmaze.physics.pymunk import COLLISION_SLOP, PymunkSpace, mover, put_back
+from epuckhebb.tmaze.robot import EPUCK, STEP_S
 
 RADIUS, WHEEL_RADIUS, MOTOR_LIMIT = EPUCK.radius_m, EPUCK.wheel_radius_m, EPUCK.motor_limit_rad_s
 START = T_MAZE.start

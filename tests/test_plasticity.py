@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuckhebb.sim.network import PAPER_NETWORK, Network
-from epuckhebb.sim.plasticity.control import Sign, signs
-from epuckhebb.sim.plasticity.rule import NoRule, Rule
-from epuckhebb.sim.plasticity.rules.bcm import BCM
-from epuckhebb.sim.plasticity.rules.differential import Differential
-from epuckhebb.sim.plasticity.rules.oja import Oja
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.plasticity.update import StepContext, effective_rate, next_weight, update_of
-from epuckhebb.sim.plasticity.weight_change import total_of, weight_change_workspace
+from epuckhebb.controller.network import PAPER_NETWORK, Network
+from epuckhebb.controller.plasticity.control import Sign, signs
+from epuckhebb.controller.plasticity.rule import NoRule, Rule
+from epuckhebb.controller.plasticity.rules.bcm import BCM
+from epuckhebb.controller.plasticity.rules.differential import Differential
+from epuckhebb.controller.plasticity.rules.oja import Oja
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.controller.plasticity.update import StepContext, effective_rate, next_weight, update_of
+from epuckhebb.controller.plasticity.weight_change import total_of, weight_change_workspace
 
 RULES = (Paper, Oja, BCM, Differential)
 

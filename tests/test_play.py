@@ -27,9 +27,9 @@ from epuckhebb.live.server import Play
 from epuckhebb.live.world import BY_HAND, LiveWorld
 from epuckhebb.runs import repeat
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.robot import STEP_S
 from epuckhebb.store import Run, read_traces
+from epuckhebb.tmaze.maze import SIDES
+from epuckhebb.tmaze.robot import STEP_S
 
 WORDS = ["scenario=4obstacles", "hebbian.N=0.0005"]
 

@@ -6,19 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from epuckhebb.adaptation.nominal import measure_nominal
+from epuckhebb.adaptation.recognise.compass import LIT
+from epuckhebb.adaptation.self_check.calibration import calibrate
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
+from epuckhebb.controller.random import Stream, key
 from epuckhebb.runs.nominal import remembered_for
 from epuckhebb.runtime.errors import ConfigError
-from epuckhebb.sim.adaptation.nominal import measure_nominal
-from epuckhebb.sim.adaptation.recognise.compass import LIT
-from epuckhebb.sim.adaptation.self_check.calibration import calibrate
-from epuckhebb.sim.light import SUN_IRRADIANCE, SUN_X, SUN_Y
-from epuckhebb.sim.maze import SIDES, Pose
-from epuckhebb.sim.random import Stream, key
-from epuckhebb.sim.scenario import TRAINED
-from epuckhebb.sim.session import Individual, Session
 from epuckhebb.store.genome import load_genome
+from epuckhebb.tmaze.light import SUN_IRRADIANCE, SUN_X, SUN_Y
+from epuckhebb.tmaze.maze import SIDES, Pose
+from epuckhebb.tmaze.scenario import TRAINED
+from epuckhebb.tmaze.session import Individual, Session
 
 EVERY = 31  # steps from one look at what it believes to the next
 

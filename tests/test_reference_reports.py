@@ -10,7 +10,7 @@ import yaml
 from epuckhebb.analysis import leaderboard, report, rescue
 from epuckhebb.config.methods import methods_named
 from epuckhebb.runtime.resources import data_folder
-from epuckhebb.sim.scenario import EXPERIMENTS
+from epuckhebb.tmaze.scenario import EXPERIMENTS
 
 REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
 STUDIES = sorted(path for path in REFERENCE.rglob("report.md") if (path.parent / "rescue_over_all.csv").is_file())

@@ -10,19 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from epuckhebb.adaptation.controller import GA, HEBBIAN, Controller
 from epuckhebb.analysis import movie, replay
 from epuckhebb.analysis.evaluate import Traces, evaluate
 from epuckhebb.analysis.moments import Arrival, arrival, begins, timed_change_text
-from epuckhebb.sim.controller import GA, HEBBIAN, Controller
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
-from epuckhebb.sim.network import Network, initial_weights_of
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.robot import Robot
-from epuckhebb.sim.samples import Samples, empty_samples
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.sensors import DistanceSensors, LightSensors
-from epuckhebb.sim.sensors import Place as Sensor
+from epuckhebb.controller.network import Network, initial_weights_of
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
+from epuckhebb.tmaze.robot import Robot
+from epuckhebb.tmaze.samples import Samples, empty_samples
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.sensors import DistanceSensors, LightSensors
+from epuckhebb.tmaze.sensors import Place as Sensor
 
 COLUMNS = {"x": ("pose", 0), "y": ("pose", 1), "heading": ("pose", 2), "left": ("motors", 0), "right": ("motors", 1)}
 SAME_NAME = {"sensors": "sensors", "fitness": "fitness", "rate": "rate", "weightChange": "weight_change"}

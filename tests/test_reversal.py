@@ -11,25 +11,25 @@ import pytest
 from cases import done, first_of, refused
 
 import epuckhebb
+from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.analysis import reversal, reversal_figure
 from epuckhebb.analysis.image import image
+from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.network import Network
+from epuckhebb.controller.plasticity.rule import Reward, modulatory_weights, values_of
+from epuckhebb.controller.plasticity.rules.modulated import Modulated
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.controller.plasticity.update import modulation_of
 from epuckhebb.evolution.optimizer import initial
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.light import Lamp
-from epuckhebb.sim.network import Network
-from epuckhebb.sim.plasticity.rule import Reward, modulatory_weights, values_of
-from epuckhebb.sim.plasticity.rules.modulated import Modulated
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.plasticity.update import modulation_of
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual
-from epuckhebb.sim.task import TRIAL
-from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.store.genome import load_genome
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.light import Lamp
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual
+from epuckhebb.tmaze.task import TRIAL
+from epuckhebb.tmaze.tasks.reversal import Reversal
 
 REWARDED = Network((17, 7, 5, 8, 4, 2), rewarded=True)
 MODULATED = Controller(name="modulated", rule=Modulated(N=0.003))

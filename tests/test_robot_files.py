@@ -9,15 +9,15 @@ import pytest
 from omegaconf import OmegaConf
 
 from epuckhebb.config.parts_from_yaml import robot_from
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.fitness import avoid
-from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
-from epuckhebb.sim.plasticity.rule import NoRule
-from epuckhebb.sim.robot import EPUCK
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual
+from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.network import HIDDEN, OUTPUTS, Network
+from epuckhebb.controller.plasticity.rule import NoRule
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.fitness import avoid
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual
 
 CONF = Path(__file__).parents[1] / "conf" / "robot"
 FILES = sorted(CONF.glob("*.yaml"))

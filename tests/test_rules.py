@@ -9,24 +9,24 @@ import numpy as np
 import pytest
 import reference
 
+from epuckhebb.adaptation.controller import Controller
+from epuckhebb.controller.compiling.errors import NotCompiledError
+from epuckhebb.controller.compiling.kernel import kernel
+from epuckhebb.controller.evolved import Evolved
+from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
+from epuckhebb.controller.plasticity.control import Sign
+from epuckhebb.controller.plasticity.rule import Rule, coefficients, initial_synapse_state
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.controller.plasticity.update import StepContext, update_of
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers.ga import GA, next_generation
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.compiling.errors import NotCompiledError
-from epuckhebb.sim.compiling.kernel import kernel
-from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.evolved import Evolved
-from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.life import Genotype, Lifetime, workspace_for
-from epuckhebb.sim.network import PAPER_NETWORK, Network, by_layer
-from epuckhebb.sim.plasticity.control import Sign
-from epuckhebb.sim.plasticity.rule import Rule, coefficients, initial_synapse_state
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.plasticity.update import StepContext, update_of
-from epuckhebb.sim.robot import EPUCK
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual, LostRobotError
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.life import Genotype, Lifetime, workspace_for
+from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual, LostRobotError
 
 SMALL = Network((16, 3, 2))
 

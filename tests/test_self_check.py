@@ -14,17 +14,12 @@ import pytest
 import reference
 from cases import call, done, first_of
 
-from epuckhebb.analysis.evaluate import evaluate
-from epuckhebb.analysis.replay import page
-from epuckhebb.analysis.self_checks import findings, in_words, self_checks, text
-from epuckhebb.config.compose import composed
-from epuckhebb.config.schema import EvaluateConfig, typed
-from epuckhebb.export.replay import sentences_of
-from epuckhebb.sim.adaptation.adaptation import Adaptation, Exploration
-from epuckhebb.sim.adaptation.change_signal import no_nominal
-from epuckhebb.sim.adaptation.self_check.calibration import STEPS, calibrate, check_space
-from epuckhebb.sim.adaptation.self_check.check import check, clear, unexplained
-from epuckhebb.sim.adaptation.self_check.corrections import (
+from epuckhebb.adaptation.adaptation import Adaptation, Exploration
+from epuckhebb.adaptation.change_signal import no_nominal
+from epuckhebb.adaptation.controller import GA_ALONE, Controller
+from epuckhebb.adaptation.self_check.calibration import STEPS, calibrate, check_space
+from epuckhebb.adaptation.self_check.check import check, clear, unexplained
+from epuckhebb.adaptation.self_check.corrections import (
     HEADINGS,
     check_corrections,
     corrected_readings,
@@ -33,19 +28,24 @@ from epuckhebb.sim.adaptation.self_check.corrections import (
     no_corrections,
     sunlit,
 )
-from epuckhebb.sim.adaptation.self_check.memory import can_check_itself, measure_self, moments, regression
-from epuckhebb.sim.adaptation.wall_following import wall_following
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.maze import T_MAZE, Pose
-from epuckhebb.sim.robot import EPUCK, STEP_S
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.sensors import DistanceSensors, LightSensors
-from epuckhebb.sim.session import Individual
+from epuckhebb.adaptation.self_check.memory import can_check_itself, measure_self, moments, regression
+from epuckhebb.adaptation.wall_following import wall_following
+from epuckhebb.analysis.evaluate import evaluate
+from epuckhebb.analysis.replay import page
+from epuckhebb.analysis.self_checks import findings, in_words, self_checks, text
+from epuckhebb.config.compose import composed
+from epuckhebb.config.schema import EvaluateConfig, typed
+from epuckhebb.export.replay import sentences_of
 from epuckhebb.store import genome
 from epuckhebb.store.columns import TABLES
 from epuckhebb.store.run import Run
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.maze import T_MAZE, Pose
+from epuckhebb.tmaze.robot import EPUCK, STEP_S
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.sensors import DistanceSensors, LightSensors
+from epuckhebb.tmaze.session import Individual
 
 BRIGHT = Scenario(name="highlight", experiment="light", light=1.0)
 KEY = np.uint64(4)
@@ -208,7 +208,7 @@ def test_dead_sensors_are_predicted_from_the_others(places):
 REGRESSION = """
 import hashlib
 import numpy as np
-from epuckhebb.sim.adaptation.self_check.memory import moments, regression
+from epuckhebb.adaptation.self_check.memory import moments, regression
 
 exact = np.random.default_rng(0).integers(0, 65, (500, 16)) / 64  # no sum of products of four is rounded
 dead = np.array([3, 11])

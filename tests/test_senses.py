@@ -12,18 +12,18 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from epuckhebb.sim import random
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.compiling.kernel import compiled
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.light import Lamp, irradiance, lights, reading
-from epuckhebb.sim.maze import T_MAZE, boxes
-from epuckhebb.sim.network import Network
-from epuckhebb.sim.physics.pymunk import PYMUNK
-from epuckhebb.sim.robot import EPUCK, Robot
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.senses import blinding, largest_distance_reading, sense_workspace, senses
-from epuckhebb.sim.sensors import (
+from epuckhebb.controller import random
+from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.controller.network import Network
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.light import Lamp, irradiance, lights, reading
+from epuckhebb.tmaze.maze import T_MAZE, boxes
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
+from epuckhebb.tmaze.robot import EPUCK, Robot
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.senses import blinding, largest_distance_reading, sense_workspace, senses
+from epuckhebb.tmaze.sensors import (
     CurvePoint,
     DistanceSensors,
     Kernels,
@@ -33,7 +33,7 @@ from epuckhebb.sim.sensors import (
     cast,
     put_rays,
 )
-from epuckhebb.sim.session import Individual
+from epuckhebb.tmaze.session import Individual
 
 WALLS, START = boxes(T_MAZE, 4), T_MAZE.start
 echo = EPUCK.distance.echo()

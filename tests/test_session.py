@@ -8,28 +8,28 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from epuckhebb.adaptation.adaptation import Adaptation
+from epuckhebb.adaptation.change_signal import no_nominal
+from epuckhebb.adaptation.controller import GA_ALONE, Controller
+from epuckhebb.adaptation.self_check.calibration import calibrate
+from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.network import Network
+from epuckhebb.controller.plasticity.rule import NoRule
+from epuckhebb.controller.plasticity.rules.bcm import BCM
+from epuckhebb.controller.plasticity.rules.differential import Differential
+from epuckhebb.controller.plasticity.rules.modulated import Modulated
+from epuckhebb.controller.plasticity.rules.oja import Oja
+from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.evolution.optimizer import initial
-from epuckhebb.sim.adaptation.adaptation import Adaptation
-from epuckhebb.sim.adaptation.change_signal import no_nominal
-from epuckhebb.sim.adaptation.self_check.calibration import calibrate
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.goal_signal import GoalSignal
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.light import Lamp
-from epuckhebb.sim.maze import SIDES, T_MAZE, Place, Pose
-from epuckhebb.sim.network import Network
-from epuckhebb.sim.plasticity.rule import NoRule
-from epuckhebb.sim.plasticity.rules.bcm import BCM
-from epuckhebb.sim.plasticity.rules.differential import Differential
-from epuckhebb.sim.plasticity.rules.modulated import Modulated
-from epuckhebb.sim.plasticity.rules.oja import Oja
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.robot import Robot
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual, Session
-from epuckhebb.sim.tasks.reversal import Reversal
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.goal_signal import GoalSignal
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.light import Lamp
+from epuckhebb.tmaze.maze import SIDES, T_MAZE, Place, Pose
+from epuckhebb.tmaze.robot import Robot
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.tasks.reversal import Reversal
 
 HEBBIAN = Controller(name="Hebbian", rule=Paper(N=0.002))
 NOVEL = Controller(

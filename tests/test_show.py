@@ -12,8 +12,8 @@ from rich.console import Console
 
 from epuckhebb.cli import results
 from epuckhebb.cli.console import Terminal
-from epuckhebb.sim.maze import SIDES
 from epuckhebb.store import columns
+from epuckhebb.tmaze.maze import SIDES
 
 SHORT = ["lifetime.duration_s=0.064", "repeats=1"]
 TINY = ["ga.population=4", "ga.generations=2", "ga.elites=1", "ga.loops=1", "lifetime.duration_s=0.064"]

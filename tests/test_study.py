@@ -4,16 +4,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from epuckhebb.adaptation.controller import Controller
 from epuckhebb.analysis import charts, figures, summary, tables
 from epuckhebb.analysis import evaluate as analysis
 from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.analysis.image import image
-from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.plasticity.weight_change import saturated_fraction
-from epuckhebb.sim.scenario import Scenario
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.controller.plasticity.weight_change import saturated_fraction
 from epuckhebb.store import as_bytes
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.scenario import Scenario
 
 BRIEF = Lifetime(duration_s=40, gain_rad_s=4, record_every=10)
 MEASURED = list(COLUMNS[COLUMNS.index("success") : COLUMNS.index("changed")])

@@ -8,24 +8,24 @@ import numpy as np
 import pymunk
 import pytest
 
-from epuckhebb.sim.adaptation.adaptation import Adaptation
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.life import Lifetime, life_of
-from epuckhebb.sim.light import Lamp, lights
-from epuckhebb.sim.maze import T_MAZE, Box, Pose
-from epuckhebb.sim.network import Network
-from epuckhebb.sim.physics.pymunk import COLLISION_SLOP, PYMUNK
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.robot import EPUCK
-from epuckhebb.sim.robot_group import RobotGroup
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.senses import sense_workspace, senses
-from epuckhebb.sim.session import Individual, Session
-from epuckhebb.sim.tasks.reversal import Reversal
-from epuckhebb.sim.wirings.ctrnn import CTRNN
+from epuckhebb.adaptation.adaptation import Adaptation
+from epuckhebb.adaptation.controller import GA_ALONE, Controller
+from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.network import Network
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.controller.wirings.ctrnn import CTRNN
+from epuckhebb.flock.robot_group import RobotGroup
 from epuckhebb.store.genome import load_genome
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.life import Lifetime, life_of
+from epuckhebb.tmaze.light import Lamp, lights
+from epuckhebb.tmaze.maze import T_MAZE, Box, Pose
+from epuckhebb.tmaze.physics.pymunk import COLLISION_SLOP, PYMUNK
+from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.senses import sense_workspace, senses
+from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.tasks.reversal import Reversal
 
 NO_WALLS = SimpleNamespace(walls=np.zeros((0, 4)))
 HEBBIAN = Controller(name="Hebbian", rule=Paper(N=0.002))

@@ -10,9 +10,9 @@ from epuckhebb.config.schema import EvolveConfig, typed
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizer import Algorithm, Schedule
 from epuckhebb.evolution.training import UNVARIED, Training
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.maze import T_MAZE, Niche
-from epuckhebb.sim.scenario import Scenario
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.maze import T_MAZE, Niche
+from epuckhebb.tmaze.scenario import Scenario
 
 FAST = Lifetime(duration_s=60, gain_rad_s=4)
 

@@ -12,7 +12,7 @@ from epuckhebb.analysis.statistics import bootstrap_mean, sign_flip
 from epuckhebb.analysis.tables import markdown_table
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
-from epuckhebb.sim.scenario import TRAINED
+from epuckhebb.tmaze.scenario import TRAINED
 
 ROOT = Path(__file__).parents[1]
 PAGE, REFERENCE = ROOT / "docs" / "unseen_kinds.md", ROOT / "runs" / "reference"

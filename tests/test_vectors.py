@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from cases import first_of
 
-from epuckhebb.sim.compiling import simd
-from epuckhebb.sim.compiling.code_digest import digest
-from epuckhebb.sim.compiling.kernel import kernel
-from epuckhebb.sim.forward_pass import forward_pass
-from epuckhebb.sim.life import Genotype, workspace_for
-from epuckhebb.sim.network import PAPER_NETWORK, Network, tanh
-from epuckhebb.sim.plasticity.rule import Rule, initial_synapse_state
-from epuckhebb.sim.plasticity.update import StepContext, update_of
-from epuckhebb.sim.robot import EPUCK
+from epuckhebb.controller.compiling import simd
+from epuckhebb.controller.compiling.code_digest import digest
+from epuckhebb.controller.compiling.kernel import kernel
+from epuckhebb.controller.forward_pass import forward_pass
+from epuckhebb.controller.network import PAPER_NETWORK, Network, tanh
+from epuckhebb.controller.plasticity.rule import Rule, initial_synapse_state
+from epuckhebb.controller.plasticity.update import StepContext, update_of
+from epuckhebb.tmaze.life import Genotype, workspace_for
+from epuckhebb.tmaze.robot import EPUCK
 
 SPARE = 8
 

@@ -6,15 +6,15 @@ import math
 import numpy as np
 import pytest
 
-from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.forward_pass import forward_pass
-from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.network import Network
-from epuckhebb.sim.plasticity import update
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.wiring import Wiring
-from epuckhebb.sim.wirings.ctrnn import CTRNN
-from epuckhebb.sim.wirings.elman import Elman
+from epuckhebb.adaptation.controller import GA_ALONE, Controller
+from epuckhebb.controller.forward_pass import forward_pass
+from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.network import Network
+from epuckhebb.controller.plasticity import update
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.controller.wiring import Wiring
+from epuckhebb.controller.wirings.ctrnn import CTRNN
+from epuckhebb.controller.wirings.elman import Elman
 
 LEARNING = Controller(name="Hebbian", rule=Paper(N=0.0005))
 
@@ -62,7 +62,7 @@ def test_synapses_in_blocks_are_bit_identical_to_one_by_one(monkeypatch, wiring)
     weights, seen = rng.uniform(-2, 2, network.synapses), rng.uniform(-1, 1, network.neurons)
     results, rooms = [], []
     for most in (1000, 0):
-        monkeypatch.setattr("epuckhebb.sim.forward_pass.MOST_BLOCKS", most)
+        monkeypatch.setattr("epuckhebb.controller.forward_pass.MOST_BLOCKS", most)
         monkeypatch.setattr(update, "MOST_BLOCKS", most)
         genes = {name: np.full(size, 0.3) for name, size in wiring.parameter_sizes().items()}
         neurons, activation = wiring.initial(genes, 4.0), seen.copy()

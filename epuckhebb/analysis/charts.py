@@ -15,12 +15,12 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
+from epuckhebb.adaptation.controller import CONTROLS, GA
 from epuckhebb.analysis import leaderboard, rescue
 from epuckhebb.analysis.figures import SIDE_COLOUR, plain, tidy
-from epuckhebb.sim.controller import CONTROLS, GA
-from epuckhebb.sim.network import PAPER_NETWORK, Network, initial_weights_of
-from epuckhebb.sim.robot import EPUCK, Robot
-from epuckhebb.sim.samples import Samples
+from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
+from epuckhebb.tmaze.robot import EPUCK, Robot
+from epuckhebb.tmaze.samples import Samples
 
 _WEIGHT_CHANGE = "weight change\n(mean of sum |W − W_gene|)"
 _AS_NUMBER = StrMethodFormatter("{x:g}")  # 100, not 10 to the 2

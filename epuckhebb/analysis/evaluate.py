@@ -12,23 +12,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.adaptation.controller import GA_ALONE, Controller
+from epuckhebb.adaptation.nominal import Nominal
 from epuckhebb.analysis.self_checks import Checks
-from epuckhebb.sim import random
-from epuckhebb.sim.adaptation.nominal import Nominal
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.genome import GenomePlan, plan_of
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.maze import SIDES, Side
-from epuckhebb.sim.network import PAPER_NETWORK, Network
-from epuckhebb.sim.outcome import Outcome
-from epuckhebb.sim.plasticity.control import signs
-from epuckhebb.sim.random import Stream
-from epuckhebb.sim.robot import STEP_S
-from epuckhebb.sim.samples import Samples, sample_bytes
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual
-from epuckhebb.sim.task import rewarded
+from epuckhebb.controller import random
+from epuckhebb.controller.genome import GenomePlan, plan_of
+from epuckhebb.controller.network import PAPER_NETWORK, Network
+from epuckhebb.controller.plasticity.control import signs
+from epuckhebb.controller.random import Stream
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.maze import SIDES, Side
+from epuckhebb.tmaze.outcome import Outcome
+from epuckhebb.tmaze.robot import STEP_S
+from epuckhebb.tmaze.samples import Samples, sample_bytes
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual
+from epuckhebb.tmaze.task import rewarded
 
 _LIFETIME_BYTES = 2000.0  # of an individual and of its row of metrics
 _COPIES = 2.5  # of the samples: of each lifetime, stacked, and in the files
@@ -47,8 +47,8 @@ TRIALS = (*_TRIAL_OF, "trial", "rewarded_side", "reached_side", "rewarded", "tim
 class Traces:
     """Recorded lifetimes, all of equal length; first axis: lifetimes.
 
-    controller, side: of each lifetime. samples: as in `epuckhebb.sim.samples.Samples`, each with the axis of lifetimes
-    in front. trials: a row for each trial of all lifetimes, recorded or not, with the columns `TRIALS`; empty where a
+    controller, side: of each lifetime. samples: as in `tmaze.samples.Samples`, with the axis of lifetimes in front.
+    trials: a row for each trial of all lifetimes, recorded or not, with the columns `TRIALS`; empty where a
     lifetime is one trial.
     """
 

@@ -17,13 +17,13 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
+from epuckhebb.adaptation.controller import CONTROLS, GA, HEBBIAN
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.floor import view
 from epuckhebb.analysis.moments import arrival, begins, timed_change_text, with_gaps
-from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
-from epuckhebb.sim.maze import SIDES, Side, boxes
-from epuckhebb.sim.plasticity.control import Sign
-from epuckhebb.sim.scenario import Scenario
+from epuckhebb.controller.plasticity.control import Sign
+from epuckhebb.tmaze.maze import SIDES, Side, boxes
+from epuckhebb.tmaze.scenario import Scenario
 
 # Blue and orange (the paper: red), which colour-blind readers can distinguish.
 SIDE_COLOUR = {"left": "#0072B2", "right": "#D55E00"}

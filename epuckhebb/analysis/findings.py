@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from epuckhebb.adaptation.controller import CONTROLS, GA, HEBBIAN
 from epuckhebb.analysis.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson, wilson_by_champion
-from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
-from epuckhebb.sim.scenario import TRAINED
+from epuckhebb.tmaze.scenario import TRAINED
 
 CHANGED = {"light": ("lowlight",), "obstacles": ("2obstacles", "4obstacles")}
 PAPER_N = {"light": 0.002, "obstacles": 0.000015}

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis.statistics import bootstrap_mean, wilson
 from epuckhebb.analysis.tables import code, markdown_table
-from epuckhebb.sim.coupling import Coupling, Moment, transfer_entropy
-from epuckhebb.sim.flock import CHANGE_S, SAMPLE_S, Flock, Record, run
-from epuckhebb.sim.random import Stream, rng
+from epuckhebb.controller.random import Stream, rng
+from epuckhebb.flock.coupling import Coupling, Moment, transfer_entropy
+from epuckhebb.flock.plane import CHANGE_S, SAMPLE_S, Flock, Record, run
 
 CONDITION = ("loudness", "knowers", "range_m", "breaks", "coupling")
 METRICS = (

@@ -7,8 +7,8 @@ import numpy as np
 
 from epuckhebb.analysis.flock import WHAT_BREAKS, by_minute, title_of
 from epuckhebb.analysis.replay import packed, with_data
-from epuckhebb.sim.flock import CHANGE_S, SAMPLE_S, Flock, Record
-from epuckhebb.sim.robot import EPUCK
+from epuckhebb.flock.plane import CHANGE_S, SAMPLE_S, Flock, Record
+from epuckhebb.tmaze.robot import EPUCK
 
 _EVERY = 2  # samples, of which the page has one
 

@@ -7,9 +7,9 @@ from itertools import groupby, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.maze import Maze, boxes
-from epuckhebb.sim.reachable import GRID, reachable
-from epuckhebb.sim.scenario import Scenario
+from epuckhebb.tmaze.maze import Maze, boxes
+from epuckhebb.tmaze.reachable import GRID, reachable
+from epuckhebb.tmaze.scenario import Scenario
 
 _ROUND = 0.02  # m: edges of a picture are multiples of this
 _THICK = 0.06  # m of a wall are shown, or, if that is more,

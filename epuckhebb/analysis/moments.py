@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim.maze import Side, added
-from epuckhebb.sim.robot import STEP_S
-from epuckhebb.sim.scenario import Scenario
+from epuckhebb.tmaze.maze import Side, added
+from epuckhebb.tmaze.robot import STEP_S
+from epuckhebb.tmaze.scenario import Scenario
 
 
 class Arrival(NamedTuple):

@@ -18,9 +18,9 @@ from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.figures import SIDE_COLOUR, controller_title, draw_maze, plain
 from epuckhebb.analysis.floor import view
 from epuckhebb.analysis.moments import timed_change_text, with_gaps
-from epuckhebb.sim.maze import Side
-from epuckhebb.sim.robot import STEP_S
-from epuckhebb.sim.scenario import Scenario
+from epuckhebb.tmaze.maze import Side
+from epuckhebb.tmaze.robot import STEP_S
+from epuckhebb.tmaze.scenario import Scenario
 
 _SPEED = 8  # s of a lifetime in a second of film
 _REST_S = 10.0  # s of lifetime shown after the last change and after the last robot stops

@@ -17,19 +17,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.adaptation.controller import CONTROLS, GA, HEBBIAN
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.figures import controller_title
 from epuckhebb.analysis.floor import floor, view
 from epuckhebb.analysis.moments import Arrival, arrival, begins, change_text, put_back
 from epuckhebb.analysis.page import filled, policy
-from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN
-from epuckhebb.sim.lifetime import CONTACT
-from epuckhebb.sim.maze import SIDES, Side, boxes
-from epuckhebb.sim.network import OUTPUTS, PAPER_NETWORK, Network, initial_weights_of
-from epuckhebb.sim.robot import STEP_S
-from epuckhebb.sim.samples import Samples
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.sensors import Place, RimSensors
+from epuckhebb.controller.network import OUTPUTS, PAPER_NETWORK, Network, initial_weights_of
+from epuckhebb.tmaze.lifetime import CONTACT
+from epuckhebb.tmaze.maze import SIDES, Side, boxes
+from epuckhebb.tmaze.robot import STEP_S
+from epuckhebb.tmaze.samples import Samples
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.sensors import Place, RimSensors
 
 _MOST_SAMPLES = 1000  # of a lifetime; of more, every so many-th is kept
 _LARGEST = 32767  # of a 16-bit integer

@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from epuckhebb.adaptation.controller import HEBBIAN
 from epuckhebb.analysis.tables import markdown_table, plain
-from epuckhebb.sim.controller import HEBBIAN
-from epuckhebb.sim.scenario import TRAINED
+from epuckhebb.tmaze.scenario import TRAINED
 
 if TYPE_CHECKING:
     import pandas as pd

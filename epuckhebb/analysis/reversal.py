@@ -6,7 +6,7 @@ import pandas as pd
 
 from epuckhebb.analysis import statistics
 from epuckhebb.analysis.tables import markdown_table
-from epuckhebb.sim.tasks.reversal import Reversal
+from epuckhebb.tmaze.tasks.reversal import Reversal
 
 CHANCE, OPTIMUM = "chance", "optimum"  # names of their rows and lines
 COLUMNS = ("controller", "lifetimes", "rewarded_share", "low", "high", "end_share")

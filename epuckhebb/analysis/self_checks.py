@@ -3,12 +3,12 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
-from epuckhebb.sim import random
-from epuckhebb.sim.adaptation.self_check.check import Checked, check, unexplained
-from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
-from epuckhebb.sim.maze import SIDES, Side
-from epuckhebb.sim.random import Stream
-from epuckhebb.sim.scenario import Scenario
+from epuckhebb.adaptation.self_check.check import Checked, check, unexplained
+from epuckhebb.adaptation.self_check.memory import SelfMemory
+from epuckhebb.controller import random
+from epuckhebb.controller.random import Stream
+from epuckhebb.tmaze.maze import SIDES, Side
+from epuckhebb.tmaze.scenario import Scenario
 
 _LISTED = "; "  # between the items of a cell
 

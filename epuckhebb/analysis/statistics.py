@@ -12,8 +12,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.sim import random
-from epuckhebb.sim.random import Stream
+from epuckhebb.controller import random
+from epuckhebb.controller.random import Stream
 
 RESAMPLES = 2000
 _UNKNOWN = (math.nan, math.nan)

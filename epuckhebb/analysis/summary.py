@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis import findings, rescue
 from epuckhebb.analysis.evaluate import COLUMNS, MEANS
 from epuckhebb.analysis.lifetimes import is_of_plasticity
 from epuckhebb.analysis.statistics import bootstrap_mean, wilson
 from epuckhebb.analysis.tables import code
-from epuckhebb.sim.controller import GA
-from epuckhebb.sim.scenario import TRAINED
+from epuckhebb.tmaze.scenario import TRAINED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.analysis.lifetimes import Evaluated, gather
 from epuckhebb.api.results import Evaluation, Evolution, Live
 from epuckhebb.config import (
@@ -28,15 +29,14 @@ from epuckhebb.config import (
     with_controls,
 )
 from epuckhebb.config import load as load_config
+from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.evolution.evolve import history_row
 from epuckhebb.live.server import Play
 from epuckhebb.runs import EvolutionProgress, as_evolved, prepare_evaluation, prepare_evolution
 from epuckhebb.runtime import LATEST, Bar, ConfigError, be_quiet, say, thread_count
-from epuckhebb.sim.adaptation.adaptation import Adaptation
-from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.plasticity.rule import NoRule, Rule
 from epuckhebb.store import Genome, checked_genes, load_genome, resolve_run
+from epuckhebb.tmaze.maze import SIDES
 
 Genes = NDArray[np.float64]
 

@@ -21,8 +21,8 @@ from epuckhebb.config import EvaluateConfig
 from epuckhebb.live.server import Play
 from epuckhebb.runs import PreparedEvaluation, caption, notes_of
 from epuckhebb.runtime import ConfigError
-from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.store import Genome, traces_arrays, write_atomic
+from epuckhebb.tmaze.tasks.reversal import Reversal
 
 _LIVE = '<iframe src="{}" width="100%" height="860" style="border:0" allow="clipboard-write"></iframe>'
 _FRAME = '<iframe srcdoc="{}" width="100%" height="760" style="border:0" sandbox="allow-scripts"></iframe>'

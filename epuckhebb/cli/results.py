@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.text import Text
 
+from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis import rescue, tables
 from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.analysis.self_checks import in_words
 from epuckhebb.cli.console import print_line, print_table
 from epuckhebb.config import settings
 from epuckhebb.runtime import cores
-from epuckhebb.sim.controller import GA
-from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.scenario import EXPERIMENTS
 from epuckhebb.store import CONFIG, Run, is_bundled, load_genome, read_findings
+from epuckhebb.tmaze.maze import SIDES
+from epuckhebb.tmaze.scenario import EXPERIMENTS
 
 if TYPE_CHECKING:
     import pandas as pd

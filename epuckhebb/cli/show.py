@@ -12,15 +12,15 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from epuckhebb.adaptation.nominal import Nominal
+from epuckhebb.adaptation.self_check.findings import find
+from epuckhebb.adaptation.self_check.memory import SelfMemory
 from epuckhebb.cli import results
 from epuckhebb.cli.console import print_line, print_table
 from epuckhebb.runtime import ConfigError
-from epuckhebb.sim.adaptation.nominal import Nominal
-from epuckhebb.sim.adaptation.self_check.findings import find
-from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
-from epuckhebb.sim.physics.pymunk import PYMUNK
-from epuckhebb.sim.scenario import EXPERIMENTS
 from epuckhebb.store import CONFIG, Genome, Run, below_runs, is_bundled, load_genome, of_multirun, resolve_run
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
+from epuckhebb.tmaze.scenario import EXPERIMENTS
 
 _LATEST = 10  # runs that are listed when none is named
 _NEEDED = re.compile(r"(hebbian|network|physics|robot)[.=]")  # settings without which a champion is not what it was

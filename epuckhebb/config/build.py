@@ -5,33 +5,33 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
+from epuckhebb.adaptation.adaptation import Adaptation, compares_fitness
+from epuckhebb.adaptation.controller import CONTROLS, GA, HEBBIAN, Controller
+from epuckhebb.adaptation.gate import Stay
+from epuckhebb.adaptation.recognise.place import check_recognition
+from epuckhebb.adaptation.self_check.calibration import check_time
+from epuckhebb.adaptation.self_check.memory import check_robot
 from epuckhebb.config import hand
 from epuckhebb.config.parts import GENETIC, NONE, PAPER, Layers, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings, row
+from epuckhebb.controller.network import HIDDEN, OUTPUTS, Network
+from epuckhebb.controller.plasticity.control import Sign
+from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.optimizer import Algorithm
 from epuckhebb.evolution.search import measures_of
 from epuckhebb.runtime import ConfigError
-from epuckhebb.sim.adaptation.adaptation import Adaptation, compares_fitness
-from epuckhebb.sim.adaptation.gate import Stay
-from epuckhebb.sim.adaptation.recognise.place import check_recognition
-from epuckhebb.sim.adaptation.self_check.calibration import check_time
-from epuckhebb.sim.adaptation.self_check.memory import check_robot
-from epuckhebb.sim.controller import CONTROLS, GA, HEBBIAN, Controller
-from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.lifetime_kernel import check_inputs
-from epuckhebb.sim.maze import SIDES, Maze, Place, Pose, Side
-from epuckhebb.sim.network import HIDDEN, OUTPUTS, Network
-from epuckhebb.sim.own_fitness import PAPER_FITNESS
-from epuckhebb.sim.physics.pymunk import PYMUNK
-from epuckhebb.sim.plasticity.control import Sign
-from epuckhebb.sim.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.task import Task
-from epuckhebb.sim.tasks.trial import ONE_TRIAL
-from epuckhebb.sim.wiring import LAYERS, Wiring
+from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.lifetime_kernel import check_inputs
+from epuckhebb.tmaze.maze import SIDES, Maze, Place, Pose, Side
+from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.task import Task
+from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
 Shape = tuple[int, ...] | Wiring | None  # of a network: its layers, a wiring, or nothing said
 _LEAST = {"seed": 0, "first_seed": 0, "threads": 0, "repeats": 1, "reversal_repeats": 1, "champions": 1}

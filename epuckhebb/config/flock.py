@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 from epuckhebb.config.build import check_counts
 from epuckhebb.config.parts import part_class, part_from
 from epuckhebb.config.values import part_settings
-from epuckhebb.sim.coupling import Coupling
-from epuckhebb.sim.couplings.frozen import Frozen
-from epuckhebb.sim.couplings.oracle import Oracle
-from epuckhebb.sim.flock import Flock
-from epuckhebb.sim.ranges import check_range
+from epuckhebb.controller.ranges import check_range
+from epuckhebb.flock.coupling import Coupling
+from epuckhebb.flock.couplings.frozen import Frozen
+from epuckhebb.flock.couplings.oracle import Oracle
+from epuckhebb.flock.plane import Flock
 
 ALL, FROZEN, ORACLE = "all", "frozen", "oracle"
 _INFLUENCE, _FITNESS = "transfer_entropy", "live_fitness"
@@ -47,7 +47,7 @@ class Sweep:
 
 @dataclass(kw_only=True)
 class FlockKeys:
-    """The keys of group flock; see `epuckhebb.sim.flock.Flock` and `epuckhebb.sim.coupling.Coupling`."""
+    """The keys of group flock; see `epuckhebb.flock.plane.Flock` and `epuckhebb.flock.coupling.Coupling`."""
 
     coupling: str = ALL
     N: float = Coupling.N

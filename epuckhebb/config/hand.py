@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from epuckhebb.runtime import ConfigError, path_of
-from epuckhebb.sim.changes import CHANGEABLE
+from epuckhebb.tmaze.changes import CHANGEABLE
 
 NAME = "hand.json"  # of the copy in a run folder
 _KEY = "scenario.hand"

@@ -41,8 +41,8 @@ from epuckhebb.config.choices import OURS, choice_names, choice_of, found_by_hyd
 from epuckhebb.config.overrides import parsed
 from epuckhebb.config.schema import SCHEMAS, structured
 from epuckhebb.config.words import known_keys
+from epuckhebb.controller.compiling.kernel import cache_root
 from epuckhebb.runtime import ConfigError, conf
-from epuckhebb.sim.compiling.kernel import cache_root
 
 USERS = "command-line"  # who brings the user's folder, as Hydra names it for its own --config-dir
 OWN_SCHEME = "epuckhebb"  # of that folder, and of what is no file

@@ -11,8 +11,8 @@ from omegaconf import OmegaConf
 from epuckhebb.config.choices import choice_file, choice_names, choice_of
 from epuckhebb.config.overrides import value_text
 from epuckhebb.config.parts import part_class
+from epuckhebb.controller.plasticity.rule import InitialWeights
 from epuckhebb.runtime import ConfigError, conf, did_you_mean, path_of
-from epuckhebb.sim.plasticity.rule import InitialWeights
 
 ALL = "all"
 _OWN_PLAIN, _OWN_OVER = "sep_cma_es_varied", "ga"  # what a user's rule is compared with, and whose champions it takes

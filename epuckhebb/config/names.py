@@ -18,22 +18,22 @@ from typing import Any
 from omegaconf import DictConfig, ListConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
+from epuckhebb.adaptation.controller import HEBBIAN
 from epuckhebb.config.build import scenario_from
 from epuckhebb.config.choices import BROUGHT, OURS, choice_names, choice_of, known_choice
 from epuckhebb.config.overrides import literal
 from epuckhebb.config.parts import NONE, PAPER, part_class, part_from
 from epuckhebb.config.parts_from_yaml import maze_from
 from epuckhebb.config.schema import ScenarioConfig, plain, said
+from epuckhebb.controller.plasticity.rule import Rule
+from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime import ConfigError, path_of
-from epuckhebb.sim.controller import HEBBIAN
-from epuckhebb.sim.maze import T_MAZE
-from epuckhebb.sim.physics.pymunk import PYMUNK
-from epuckhebb.sim.physics_engine import Physics
-from epuckhebb.sim.plasticity.rule import Rule
-from epuckhebb.sim.robot import EPUCK
-from epuckhebb.sim.scenario import TRAINED, Scenario
-from epuckhebb.sim.wiring import LAYERS
+from epuckhebb.tmaze.maze import T_MAZE
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
+from epuckhebb.tmaze.physics_engine import Physics
+from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.scenario import TRAINED, Scenario
 
 _GROUPS = ("maze", "robot", "scenario", "hebbian", "training")
 _RULE = "override /hebbian"  # in the defaults of an adaptation

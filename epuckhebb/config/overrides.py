@@ -17,12 +17,12 @@ from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from epuckhebb.adaptation.adaptation import NONE, Adaptation
+from epuckhebb.controller.plasticity.rule import Rule
+from epuckhebb.controller.wiring import Wiring
 from epuckhebb.evolution.optimizer import Optimizer
 from epuckhebb.runtime import ConfigError, conf, data_folder, say
-from epuckhebb.sim.adaptation.adaptation import NONE, Adaptation
-from epuckhebb.sim.own_fitness import Fitness
-from epuckhebb.sim.plasticity.rule import Rule
-from epuckhebb.sim.wiring import Wiring
+from epuckhebb.tmaze.own_fitness import Fitness
 
 # Which key has the file of what is in one.
 _NAMED_BY = {Rule: "rule", Fitness: "function", Wiring: "wiring", Optimizer: "algorithm"}

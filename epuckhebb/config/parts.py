@@ -12,19 +12,21 @@ from typing import Any
 
 from epuckhebb.config.plugins import class_named
 from epuckhebb.config.values import part_settings
+from epuckhebb.controller import wirings
+from epuckhebb.controller.own_class import OwnClass
+from epuckhebb.controller.plasticity import rules
+from epuckhebb.controller.plasticity.rule import Rule
+from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution import optimizers
 from epuckhebb.evolution.optimizer import Algorithm, Optimizer
+from epuckhebb.flock import couplings
+from epuckhebb.flock.coupling import Coupling
 from epuckhebb.runtime import ConfigError
-from epuckhebb.sim import couplings, physics, tasks, wirings
-from epuckhebb.sim.coupling import Coupling
-from epuckhebb.sim.own_class import OwnClass
-from epuckhebb.sim.own_fitness import Fitness
-from epuckhebb.sim.own_sensor import Sensor
-from epuckhebb.sim.physics_engine import Physics
-from epuckhebb.sim.plasticity import rules
-from epuckhebb.sim.plasticity.rule import Rule
-from epuckhebb.sim.task import Task
-from epuckhebb.sim.wiring import LAYERS, Wiring
+from epuckhebb.tmaze import physics, tasks
+from epuckhebb.tmaze.own_fitness import Fitness
+from epuckhebb.tmaze.own_sensor import Sensor
+from epuckhebb.tmaze.physics_engine import Physics
+from epuckhebb.tmaze.task import Task
 
 NONE, PAPER = "none", "paper"
 GENETIC = "ga"  # the optimizer whose settings are a group of their own

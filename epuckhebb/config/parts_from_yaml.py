@@ -10,10 +10,10 @@ from typing import NamedTuple, get_type_hints
 from epuckhebb.config.parts import part_from
 from epuckhebb.config.values import part_settings, record
 from epuckhebb.runtime import ConfigError
-from epuckhebb.sim.maze import Maze, Pose
-from epuckhebb.sim.own_sensor import Sensor, recorded_sensor
-from epuckhebb.sim.robot import Robot
-from epuckhebb.sim.sensors import DistanceSensors, LightSensors
+from epuckhebb.tmaze.maze import Maze, Pose
+from epuckhebb.tmaze.own_sensor import Sensor, recorded_sensor
+from epuckhebb.tmaze.robot import Robot
+from epuckhebb.tmaze.sensors import DistanceSensors, LightSensors
 
 _LAMP = "lamp"  # a maze file may say where its lamp is; the scenario takes it from there
 _OWN = "sensors"  # key of a robot's file: the user's own sensors

@@ -22,8 +22,8 @@ from types import CodeType, ModuleType
 from typing import Any, TypeVar
 
 from epuckhebb.config import hand
+from epuckhebb.controller.compiling.code_digest import is_installed
 from epuckhebb.runtime import ConfigError, did_you_mean, path_of
-from epuckhebb.sim.compiling.code_digest import is_installed
 
 # Keys whose value may be FILE.py:NAME.
 OWN_CODE_KEYS = (

@@ -15,22 +15,22 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import InterpolationKeyError, OmegaConfBaseException
 
+from epuckhebb.adaptation.adaptation import Adaptation
+from epuckhebb.adaptation.controller import GA_ALONE
 from epuckhebb.config import build
 from epuckhebb.config.flock import FlockKeys, check
+from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime import ConfigError, Need, require, say_once
-from epuckhebb.sim.adaptation.adaptation import Adaptation
-from epuckhebb.sim.controller import GA_ALONE
-from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.own_fitness import PAPER_FITNESS
-from epuckhebb.sim.physics.pymunk import PYMUNK
-from epuckhebb.sim.reachable import grid_bytes
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.tasks.trial import ONE_TRIAL
-from epuckhebb.sim.wiring import LAYERS
+from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
+from epuckhebb.tmaze.reachable import grid_bytes
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
 _BRIGHTEST, _FASTEST = 2.0, 0.1  # more light, or a higher base rate, is unusual
 _OF_A_RESOLVER = re.compile("^ConfigError raised while resolving interpolation: ")  # before a message of our own

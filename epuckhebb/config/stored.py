@@ -12,10 +12,10 @@ from epuckhebb.config.overrides import literal
 from epuckhebb.config.plugins import own_references
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, typed
 from epuckhebb.config.words import explain
+from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError
-from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.own_fitness import PAPER_FITNESS
-from epuckhebb.sim.wiring import LAYERS
+from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 
 _STAND_IN = "oja"  # has no settings of its own, and cannot be taken for the paper's
 _OPTIMIZER = "sep_cma_es"  # fits any training; stands for one of the user's

@@ -11,7 +11,7 @@ from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from epuckhebb.runtime import ConfigError, did_you_mean
-from epuckhebb.sim.sensors import CurvePoint, Place
+from epuckhebb.tmaze.sensors import CurvePoint, Place
 
 _ROWS = (Place, CurvePoint)  # records that are written as lists of numbers
 _WANTED = {float: "a finite number", int: "a whole number", bool: "true or false", str: "a text"}

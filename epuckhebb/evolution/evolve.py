@@ -12,24 +12,24 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from epuckhebb.adaptation.controller import GA_ALONE, Controller
+from epuckhebb.controller import random
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.genome import GenomePlan, plan_of
+from epuckhebb.controller.network import PAPER_NETWORK, Network
+from epuckhebb.controller.own_class import name_of
+from epuckhebb.controller.plasticity.control import signs
+from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, Rule
+from epuckhebb.controller.random import Stream
 from epuckhebb.evolution.optimizer import CANDIDATES, CONFIRM, Algorithm
 from epuckhebb.evolution.search import Results, Search
 from epuckhebb.evolution.training import UNVARIED, Training, World
-from epuckhebb.sim import random
-from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.batch import run_lifetimes
-from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.genome import GenomePlan, plan_of
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.maze import SIDES, Pose
-from epuckhebb.sim.network import PAPER_NETWORK, Network
-from epuckhebb.sim.outcome import Outcome
-from epuckhebb.sim.own_class import name_of
-from epuckhebb.sim.plasticity.control import signs
-from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, Rule
-from epuckhebb.sim.random import Stream
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Individual
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.maze import SIDES, Pose
+from epuckhebb.tmaze.outcome import Outcome
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.genome import GenomePlan
+from epuckhebb.controller.own_class import OwnClass, name_of
+from epuckhebb.controller.ranges import check_range
 from epuckhebb.evolution.training import Training
-from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.genome import GenomePlan
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.own_class import OwnClass, name_of
-from epuckhebb.sim.ranges import check_range
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.maze import SIDES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,7 +49,7 @@ class Algorithm(OwnClass, ABC):
     same starts and noise, so that they differ only in their genes. start_noise: how much starts vary in the training
     world. confirm: least number of fresh lifetimes for each candidate after the last generation; 0 if a single one is
     taken at its word. tell: a method that receives the results of the last `ask`. Its arguments are any of these names,
-    in any order: `fitness`, (individuals,), larger is better; and fields of `epuckhebb.sim.outcome.Outcome`,
+    in any order: `fitness`, (individuals,), larger is better; and fields of `epuckhebb.tmaze.outcome.Outcome`,
     (individuals, loops, sides), the lamp-on (right) side first.
     """
 

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.genome import GenomePlan
+from epuckhebb.controller.own_class import arguments
 from epuckhebb.evolution.optimizer import Algorithm, Optimizer
-from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.genome import GenomePlan
-from epuckhebb.sim.own_class import arguments
-from epuckhebb.sim.own_fitness import OF_OUTCOME
+from epuckhebb.tmaze.own_fitness import OF_OUTCOME
 
 if TYPE_CHECKING:
     import pandas as pd

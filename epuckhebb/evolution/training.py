@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from epuckhebb.sim import random
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.random import Stream
-from epuckhebb.sim.ranges import check_range
-from epuckhebb.sim.scenario import Scenario
+from epuckhebb.controller import random
+from epuckhebb.controller.random import Stream
+from epuckhebb.controller.ranges import check_range
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.scenario import Scenario
 
 FIRST_LAYOUT = 10  # of training; layouts below are for tests
 _SHARES = ("light_share", "obstacles_share", "dead_sensor_share", "wheel_share")

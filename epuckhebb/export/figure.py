@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
+from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis import charts, figures, leaderboard, summary
 from epuckhebb.analysis.image import KINDS, MM, image
 from epuckhebb.analysis.reversal import limits
@@ -23,11 +24,10 @@ from epuckhebb.config import (
 from epuckhebb.export.replay import recording
 from epuckhebb.runs import figures as of_runs
 from epuckhebb.runtime import ConfigError
-from epuckhebb.sim.controller import GA
-from epuckhebb.sim.samples import Samples
-from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.store import Run, load_genome, write_atomic
 from epuckhebb.studies import flock, reproduce
+from epuckhebb.tmaze.samples import Samples
+from epuckhebb.tmaze.tasks.reversal import Reversal
 
 _LEAST_SHARE, _MOST_MM = 0.5, 1000.0  # of a figure's own width, below which its letters overlap; of any figure
 

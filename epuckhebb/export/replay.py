@@ -13,11 +13,11 @@ from epuckhebb.analysis import replay
 from epuckhebb.analysis.evaluate import Traces
 from epuckhebb.analysis.self_checks import text
 from epuckhebb.config import EvaluateConfig, from_values, hand, settings, without_own_code
+from epuckhebb.controller.network import Network
 from epuckhebb.runs import caption
 from epuckhebb.runtime import ConfigError, track
-from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.network import Network
 from epuckhebb.store import Run, read_findings, read_traces, write_atomic
+from epuckhebb.tmaze.maze import SIDES
 
 
 @dataclass(frozen=True)

@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from epuckhebb.adaptation.controller import Controller
 from epuckhebb.config import EvaluateConfig, from_values, hand, load, settings, without_own_code
+from epuckhebb.controller.plasticity.control import Sign
+from epuckhebb.controller.plasticity.rule import InitialWeights
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError
-from epuckhebb.sim.controller import Controller
-from epuckhebb.sim.plasticity.control import Sign
-from epuckhebb.sim.plasticity.rule import InitialWeights
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.robot import EPUCK
-from epuckhebb.sim.scenario import TRAINED
-from epuckhebb.sim.wiring import LAYERS
 from epuckhebb.store import Genome, Run, load_genome, resolve_run, write_atomic
+from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.scenario import TRAINED
 
 _LIGHT_FULL_SCALE = 4095.0  # of Webots' e-puck in the dark, where our readings are 1
 _GPS_AXES = [[0, 1.0], [2, -1.0]]  # X and Y of a maze among the axes of a Webots world whose y points up

@@ -8,8 +8,8 @@ from typing import Any
 
 from epuckhebb.live.world import LiveWorld, Saved
 from epuckhebb.runtime import ConfigError
-from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.robot import STEP_S
+from epuckhebb.tmaze.maze import SIDES
+from epuckhebb.tmaze.robot import STEP_S
 
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 0.0)  # times real time; 0: as fast as it goes
 FRAME_S = 1 / 30

@@ -13,9 +13,9 @@ from epuckhebb.analysis.replay import fixed_facts, world_facts
 from epuckhebb.live.engine import SPEEDS, Engine
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runtime import conf
-from epuckhebb.sim.changes import MOST_BLOCKS
-from epuckhebb.sim.maze import boxes
-from epuckhebb.sim.robot import STEP_S
+from epuckhebb.tmaze.changes import MOST_BLOCKS
+from epuckhebb.tmaze.maze import boxes
+from epuckhebb.tmaze.robot import STEP_S
 
 WORLD, SAMPLES, NOTHING = range(3)  # kinds of frames; the last says that the server is there
 WEIGHTS_EVERY = 8  # steps; sensors, motors and poses are sent of every step

@@ -25,7 +25,7 @@ from epuckhebb.live import page
 from epuckhebb.live.engine import Engine
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runtime import ConfigError
-from epuckhebb.sim.maze import Side
+from epuckhebb.tmaze.maze import Side
 
 PORT = 8470
 _PORTS = 50  # that are tried, one after the other

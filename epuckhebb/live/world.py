@@ -10,19 +10,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from epuckhebb.adaptation.controller import GA_ALONE
 from epuckhebb.analysis.evaluate import individuals_for
 from epuckhebb.config import EvaluateConfig, hand, load, quoted, say_unusual
 from epuckhebb.runs import compile_for, evaluate_into, hydra, prepare_evaluation
 from epuckhebb.runtime import ConfigError
-from epuckhebb.sim.changes import step_of
-from epuckhebb.sim.controller import GA_ALONE
-from epuckhebb.sim.maze import Side, added
-from epuckhebb.sim.outcome import Outcome
-from epuckhebb.sim.reachable import gap
-from epuckhebb.sim.robot import STEP_S
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.session import Session
 from epuckhebb.store import Run, write_atomic
+from epuckhebb.tmaze.changes import step_of
+from epuckhebb.tmaze.maze import Side, added
+from epuckhebb.tmaze.outcome import Outcome
+from epuckhebb.tmaze.reachable import gap
+from epuckhebb.tmaze.robot import STEP_S
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Session
 
 _OF_WORLD = ("light", "lamp", "lamp_on", "placed", "dead_sensors", "left_wheel", "right_wheel")
 BY_HAND = (*_OF_WORLD, "rate", "put", "reset")

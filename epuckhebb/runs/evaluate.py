@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from epuckhebb.adaptation.controller import GA_ALONE, Controller
+from epuckhebb.adaptation.nominal import memory_to_measure_nominal
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate, memory_to_evaluate
 from epuckhebb.analysis.self_checks import findings
@@ -28,25 +30,23 @@ from epuckhebb.config import (
     typed_as,
     value_of,
 )
+from epuckhebb.controller.compiling.code_digest import UnknownPartError, digest
+from epuckhebb.controller.network import Network
+from epuckhebb.controller.own_class import name_of
+from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved_sizes
 from epuckhebb.runs import hydra
 from epuckhebb.runs.nominal import Remembered, missing_nominal, remembered_for, training_world
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime import ConfigError, JobFailedError, Need, data_folder, require, say, saying_if_slow
-from epuckhebb.sim.adaptation.nominal import memory_to_measure_nominal
-from epuckhebb.sim.batch import load_kernel
-from epuckhebb.sim.compiling.code_digest import UnknownPartError, digest
-from epuckhebb.sim.controller import GA_ALONE, Controller
-from epuckhebb.sim.goal_signal import GoalSignal
-from epuckhebb.sim.network import Network
-from epuckhebb.sim.own_class import name_of
-from epuckhebb.sim.own_sensor import own_sensors, reading_names
-from epuckhebb.sim.plasticity.rule import InitialWeights, NoRule, evolved_sizes
-from epuckhebb.sim.robot import EPUCK, Robot
-from epuckhebb.sim.scenario import TRAINED, Scenario
-from epuckhebb.sim.session import LostRobotError
-from epuckhebb.sim.tasks.reversal import Reversal
-from epuckhebb.sim.tasks.trial import ONE_TRIAL
 from epuckhebb.store import Genome, RunFolder, check_wiring, load_genome, traces_file
+from epuckhebb.tmaze.batch import load_kernel
+from epuckhebb.tmaze.goal_signal import GoalSignal
+from epuckhebb.tmaze.own_sensor import own_sensors, reading_names
+from epuckhebb.tmaze.robot import EPUCK, Robot
+from epuckhebb.tmaze.scenario import TRAINED, Scenario
+from epuckhebb.tmaze.session import LostRobotError
+from epuckhebb.tmaze.tasks.reversal import Reversal
+from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -16,6 +16,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from epuckhebb.adaptation.nominal import Nominal, memory_to_measure_nominal
+from epuckhebb.adaptation.self_check.memory import SelfMemory
 from epuckhebb.config import (
     OWN_CODE,
     EvolveConfig,
@@ -29,21 +31,16 @@ from epuckhebb.config import (
     say_unusual,
     settings,
 )
+from epuckhebb.controller.genome import GenomePlan, plan_of
+from epuckhebb.controller.network import Network
+from epuckhebb.controller.own_class import name_of
+from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.evolution.evolve import Generation, evolve, memory_to_evolve
 from epuckhebb.evolution.search import OptimizerError, Search, check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import check_sensors, compile_for
 from epuckhebb.runs.nominal import remember_training_world
 from epuckhebb.runtime import Bar, ConfigError, Need, path_of, require, say, thread_count
-from epuckhebb.sim.adaptation.nominal import Nominal, memory_to_measure_nominal
-from epuckhebb.sim.adaptation.self_check.memory import SelfMemory
-from epuckhebb.sim.genome import GenomePlan, plan_of
-from epuckhebb.sim.network import Network
-from epuckhebb.sim.own_class import name_of
-from epuckhebb.sim.own_sensor import reading_names
-from epuckhebb.sim.physics.pymunk import PYMUNK
-from epuckhebb.sim.plasticity.rule import NoRule
-from epuckhebb.sim.tasks.trial import ONE_TRIAL
 from epuckhebb.store import (
     CHAMPION,
     CHECKPOINT,
@@ -57,6 +54,9 @@ from epuckhebb.store import (
     load_genome,
     science_version,
 )
+from epuckhebb.tmaze.own_sensor import reading_names
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
+from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
 RESUME = "resume="
 

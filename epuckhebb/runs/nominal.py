@@ -6,11 +6,7 @@ from typing import NamedTuple, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.analysis.self_checks import Checks, self_checks
-from epuckhebb.config import EvaluateConfig, check_library, part_from, usual_physics
-from epuckhebb.config import training_world as world_of_training
-from epuckhebb.runtime import ConfigError
-from epuckhebb.sim.adaptation.nominal import (
+from epuckhebb.adaptation.nominal import (
     REPEATS,
     Nominal,
     Recorded,
@@ -18,12 +14,16 @@ from epuckhebb.sim.adaptation.nominal import (
     nominal_of,
     run_in_training_world,
 )
-from epuckhebb.sim.adaptation.self_check.memory import SelfMemory, can_check_itself, measure_self
-from epuckhebb.sim.network import Network
-from epuckhebb.sim.physics.pymunk import PYMUNK
-from epuckhebb.sim.scenario import TRAINED, Scenario
-from epuckhebb.sim.session import LostRobotError
+from epuckhebb.adaptation.self_check.memory import SelfMemory, can_check_itself, measure_self
+from epuckhebb.analysis.self_checks import Checks, self_checks
+from epuckhebb.config import EvaluateConfig, check_library, part_from, usual_physics
+from epuckhebb.config import training_world as world_of_training
+from epuckhebb.controller.network import Network
+from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
+from epuckhebb.tmaze.scenario import TRAINED, Scenario
+from epuckhebb.tmaze.session import LostRobotError
 
 _Memory = TypeVar("_Memory", Nominal, SelfMemory)
 _made: dict[tuple[object, ...], Nominal | SelfMemory] = {}

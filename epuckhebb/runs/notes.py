@@ -4,13 +4,13 @@ import csv
 import functools
 from dataclasses import asdict
 
+from epuckhebb.adaptation.controller import HEBBIAN
 from epuckhebb.config import EvaluateConfig, training_world
 from epuckhebb.runtime import REFERENCE, data_folder
-from epuckhebb.sim.controller import HEBBIAN
-from epuckhebb.sim.own_fitness import PAPER_FITNESS
-from epuckhebb.sim.physics.pymunk import PYMUNK
-from epuckhebb.sim.scenario import EXPERIMENTS, Scenario
 from epuckhebb.store import Genome, load_genome
+from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
+from epuckhebb.tmaze.scenario import EXPERIMENTS, Scenario
 
 
 def notes_of(genome: Genome, config: EvaluateConfig) -> list[str]:

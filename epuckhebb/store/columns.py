@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from functools import partial
 from typing import NamedTuple
 
-from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.plasticity.weight_change import SATURATED
+from epuckhebb.controller.plasticity.weight_change import SATURATED
+from epuckhebb.tmaze.maze import SIDES
 
 NUMBER, NUMBER_OR_EMPTY, TEXT, TEXT_OR_EMPTY = "a number", "a number or empty", "text", "text or empty"
 

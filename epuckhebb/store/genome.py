@@ -12,19 +12,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.adaptation.homeostasis import PATTERNS
+from epuckhebb.adaptation.nominal import Nominal
+from epuckhebb.adaptation.self_check.calibration import STEPS
+from epuckhebb.adaptation.self_check.memory import EFFECTS, SelfMemory
+from epuckhebb.controller import wirings
+from epuckhebb.controller.genome import WEIGHTS, GenomePlan, Part, plan_of
+from epuckhebb.controller.network import PAPER_NETWORK, Network
+from epuckhebb.controller.wiring import LAYERS, Wiring, recorded_wiring
 from epuckhebb.runtime import LATEST, REFERENCE, ConfigError, data_folder, path_of
-from epuckhebb.sim import wirings
-from epuckhebb.sim.adaptation.homeostasis import PATTERNS
-from epuckhebb.sim.adaptation.nominal import Nominal
-from epuckhebb.sim.adaptation.self_check.calibration import STEPS
-from epuckhebb.sim.adaptation.self_check.memory import EFFECTS, SelfMemory
-from epuckhebb.sim.genome import WEIGHTS, GenomePlan, Part, plan_of
-from epuckhebb.sim.network import PAPER_NETWORK, Network
-from epuckhebb.sim.robot import EPUCK
-from epuckhebb.sim.wiring import LAYERS, Wiring, recorded_wiring
 from epuckhebb.store.disk import CHAMPION
 from epuckhebb.store.npz import MOST, Arrays, Shape, compressed, one_error
 from epuckhebb.store.run import Run
+from epuckhebb.tmaze.robot import EPUCK
 
 _NOMINAL = "memory_"  # how the names of the arrays of nominal statistics begin
 _SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin

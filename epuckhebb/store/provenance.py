@@ -14,6 +14,7 @@ from epuckhebb.runtime import cores
 from epuckhebb.store.disk import SCHEMA
 
 _PACKAGE = Path(__file__).resolve().parents[1]
+_SCIENCE = ("controller", "tmaze", "adaptation", "flock", "evolution")
 _NUMERIC = ("cmaes", "numba", "numpy", "pymunk")  # the packages on which digits may depend
 _PACKAGES = ("epuckhebb", "cmaes", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
 
@@ -69,6 +70,6 @@ def versions(packages: tuple[str, ...] = _NUMERIC) -> dict[str, str]:
 @cache
 def science_version() -> str:
     """A digest of the code that results depend on: the same science gives the same numbers."""
-    sources = [file for layer in ("sim", "evolution") for file in sorted((_PACKAGE / layer).rglob("*.py"))]
+    sources = [file for layer in _SCIENCE for file in sorted((_PACKAGE / layer).rglob("*.py"))]
     sources.append(_PACKAGE / "analysis" / "evaluate.py")
     return hashlib.sha256(b"\0".join(source.read_bytes() for source in sources)).hexdigest()[:16]

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.analysis.evaluate import Traces
-from epuckhebb.sim.genome import plan_of
-from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.network import PAPER_NETWORK, Network
-from epuckhebb.sim.samples import Samples, empty_samples
+from epuckhebb.controller.genome import plan_of
+from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.store.disk import TRACES
 from epuckhebb.store.genome import checked_genes, network_from, wiring_arrays
 from epuckhebb.store.npz import Arrays, compressed, one_error
 from epuckhebb.store.run import Run
+from epuckhebb.tmaze.maze import SIDES
+from epuckhebb.tmaze.samples import Samples, empty_samples
 
 _BELIEF = "belief"  # there is none in runs before recognition
 _TILT = "tilt"  # there is none where no robot tilts

@@ -28,11 +28,11 @@ from epuckhebb.config import (
 )
 from epuckhebb.runs import evolve_into, hydra, new_evolution, prepare_evaluation, prepare_evolution
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder
-from epuckhebb.sim.fitness import Signal
-from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.store import RunFolder, as_json, digest, science_version, versions, write_atomic
 from epuckhebb.studies import jobs as study_jobs
 from epuckhebb.studies.jobs import NO_EFFECT, Job
+from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.scenario import TRAINED, Scenario
 
 COST = "cost.json"
 

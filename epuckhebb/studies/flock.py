@@ -15,10 +15,10 @@ import pandas as pd
 from epuckhebb.analysis import flock as tables
 from epuckhebb.analysis import flock_replay
 from epuckhebb.config import FlockConfig, Plain, Row, dump, from_values, load, own_files, settings, shorter
+from epuckhebb.flock.coupling import CouplingError
+from epuckhebb.flock.plane import CHANGE_S, Flock, Record, run
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, thread_count
-from epuckhebb.sim.coupling import CouplingError
-from epuckhebb.sim.flock import CHANGE_S, Flock, Record, run
 from epuckhebb.store import Run, RunFolder, digest, science_version, versions
 from epuckhebb.studies import jobs
 from epuckhebb.studies.jobs import Job

@@ -6,10 +6,10 @@ from functools import cache
 from epuckhebb.config import EvaluateConfig, Plain, check_counts, from_values, own_sources
 from epuckhebb.runs import prepare_evaluation
 from epuckhebb.runtime import ConfigError
-from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.physics.pymunk import Pymunk
 from epuckhebb.store import digest, load_genome, science_version, versions
 from epuckhebb.studies.jobs import NO_EFFECT
+from epuckhebb.tmaze.maze import SIDES
+from epuckhebb.tmaze.physics.pymunk import Pymunk
 
 _APART = ("seed", "repeats", "threads")  # keys that are checked by `check_counts` alone
 

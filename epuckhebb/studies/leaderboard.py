@@ -9,12 +9,12 @@ import pandas as pd
 
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis.reversal import limits
-from epuckhebb.sim.scenario import TRAINED
-from epuckhebb.sim.tasks.reversal import Reversal
 from epuckhebb.store import Run, RunFolder
 from epuckhebb.studies.champions import COST, champion_job
 from epuckhebb.studies.jobs import launch_in_turn, open_study, write_report
 from epuckhebb.studies.leaderboard_plan import Leaderboard
+from epuckhebb.tmaze.scenario import TRAINED
+from epuckhebb.tmaze.tasks.reversal import Reversal
 
 _FIRST_REPORTED = 100  # settings were chosen on lower seeds
 _ENOUGH = 8  # champions of a method; fewer are a smoke test

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from epuckhebb.adaptation.controller import GA_ALONE
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis.leaderboard import EVOLVED, PLAIN, POST_HOC, Row
 from epuckhebb.config import (
@@ -23,16 +24,15 @@ from epuckhebb.config import (
     swept_values,
     typed_as,
 )
+from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.runs import compile_for, prepare_evolution
 from epuckhebb.runtime import ConfigError
-from epuckhebb.sim.controller import GA_ALONE
-from epuckhebb.sim.own_fitness import PAPER_FITNESS
-from epuckhebb.sim.physics.pymunk import PYMUNK
-from epuckhebb.sim.plasticity.rule import NoRule
-from epuckhebb.sim.scenario import TRAINED, Scenario
-from epuckhebb.sim.task import Task
 from epuckhebb.studies.champions import evaluation_in, in_training_world, job_of, world_named
 from epuckhebb.studies.jobs import Job
+from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
+from epuckhebb.tmaze.scenario import TRAINED, Scenario
+from epuckhebb.tmaze.task import Task
 
 REVERSAL = board.REVERSAL
 _NAMES = re.compile(r"[^\[\],\s'\"]+")  # in a value of a sweep, one or a list of them

@@ -17,11 +17,11 @@ from epuckhebb.config import (
     quoted,
 )
 from epuckhebb.runtime import ConfigError
-from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.store import digest, science_version
 from epuckhebb.studies.champions import search_folders, worlds_digest
 from epuckhebb.studies.jobs import Job, folder_and_launcher, split
 from epuckhebb.studies.leaderboard_jobs import REVERSAL, Entry, Planner, sweep_of, tests_of
+from epuckhebb.tmaze.scenario import TRAINED, Scenario
 
 EXPERIMENTS = (*TRAINED, REVERSAL)
 QUICK = ("champions=2", "tests=[rescue]", "methods=[ga,sep_cma_es_varied,abcd_shared]")

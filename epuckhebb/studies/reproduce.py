@@ -17,15 +17,15 @@ from epuckhebb.analysis import report, reproduction
 from epuckhebb.analysis.evaluate import memory_to_evaluate
 from epuckhebb.analysis.tables import code
 from epuckhebb.config import EvaluateConfig, EvolveConfig, ReproduceConfig, from_values, load, part_from, settings
+from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.runs import prepare_evolution
 from epuckhebb.runtime import ConfigError, Need, data_folder, require
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.network import PAPER_NETWORK
-from epuckhebb.sim.robot import EPUCK
-from epuckhebb.sim.scenario import TRAINED, Scenario
 from epuckhebb.store import Genome, Run, RunFolder, load_genome, science_version
 from epuckhebb.studies.champions import champion_job, in_training_world, job_of
 from epuckhebb.studies.jobs import Job, folder_and_launcher, launch_in_turn, open_study, split, todo, write_report
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.scenario import TRAINED, Scenario
 
 EXPERIMENTS = {"light": ("light",), "obstacles": ("obstacles",), "all": ("light", "obstacles")}
 QUICK = ("champions=3", "repeats=3", "rates=[0.000015,0.002]")

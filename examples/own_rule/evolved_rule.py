@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from epuckhebb import Rule
-from epuckhebb.sim.evolved import Evolved
+from epuckhebb.controller.evolved import Evolved
 
 
 @dataclass(frozen=True, kw_only=True)

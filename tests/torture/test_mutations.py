@@ -21,8 +21,8 @@ import pytest
 import yaml
 from cases import call, done
 
+from epuckhebb.controller.compiling.kernel import kernel
 from epuckhebb.runtime.errors import ConfigError, JobFailedError
-from epuckhebb.sim.compiling.kernel import kernel
 from epuckhebb.store import disk
 from epuckhebb.store.folder import RunFolder
 from epuckhebb.store.genome import load_genome

@@ -3,9 +3,9 @@
 import pytest
 
 from epuckhebb.analysis.flock_replay import page as page_of
-from epuckhebb.sim.couplings.frozen import Frozen
-from epuckhebb.sim.couplings.transfer_entropy import TransferEntropy
-from epuckhebb.sim.flock import Flock, run
+from epuckhebb.flock.couplings.frozen import Frozen
+from epuckhebb.flock.couplings.transfer_entropy import TransferEntropy
+from epuckhebb.flock.plane import Flock, run
 
 
 @pytest.fixture(scope="module")

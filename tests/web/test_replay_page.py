@@ -15,18 +15,18 @@ import pytest
 from PIL import Image
 from playwright.sync_api import expect
 
+from epuckhebb.adaptation.adaptation import Adaptation
+from epuckhebb.adaptation.controller import GA, HEBBIAN, Controller
+from epuckhebb.adaptation.nominal import measure_nominal
 from epuckhebb.analysis import replay
 from epuckhebb.analysis.evaluate import evaluate
-from epuckhebb.sim.adaptation.adaptation import Adaptation
-from epuckhebb.sim.adaptation.nominal import measure_nominal
-from epuckhebb.sim.controller import GA, HEBBIAN, Controller
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.maze import SIDES
-from epuckhebb.sim.network import PAPER_NETWORK, Network
-from epuckhebb.sim.plasticity.rules.paper import Paper
-from epuckhebb.sim.robot import Robot
-from epuckhebb.sim.scenario import Scenario
-from epuckhebb.sim.sensors import DistanceSensors, LightSensors, Place
+from epuckhebb.controller.network import PAPER_NETWORK, Network
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.maze import SIDES
+from epuckhebb.tmaze.robot import Robot
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.sensors import DistanceSensors, LightSensors, Place
 
 SCREENSHOTS = os.environ.get("EPUCKHEBB_SCREENSHOTS")  # a folder to look at them in
 

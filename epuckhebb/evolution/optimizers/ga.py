@@ -10,14 +10,14 @@ from typing import ClassVar
 
 import numpy as np
 
+from epuckhebb.controller import random
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.genome import GenomePlan
+from epuckhebb.controller.random import Stream
+from epuckhebb.controller.ranges import check_range
 from epuckhebb.evolution.optimizer import Algorithm, Schedule, initial, limits
 from epuckhebb.evolution.training import Training
-from epuckhebb.sim import random
-from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.genome import GenomePlan
-from epuckhebb.sim.life import Lifetime
-from epuckhebb.sim.random import Stream
-from epuckhebb.sim.ranges import check_range
+from epuckhebb.tmaze.life import Lifetime
 
 _MOST_DRAWS = 100_000  # of a tournament; with this number the fittest always wins
 

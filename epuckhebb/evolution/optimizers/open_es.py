@@ -22,12 +22,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from epuckhebb.controller import random
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.genome import GenomePlan
+from epuckhebb.controller.random import Stream
+from epuckhebb.controller.ranges import check_range
 from epuckhebb.evolution.optimizer import CANDIDATES, EvolutionStrategy, initial, units
-from epuckhebb.sim import random
-from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.genome import GenomePlan
-from epuckhebb.sim.random import Stream
-from epuckhebb.sim.ranges import check_range
 
 
 @dataclass(kw_only=True)

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from cmaes import SepCMA
 
+from epuckhebb.controller import random
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.genome import GenomePlan
+from epuckhebb.controller.random import Stream
 from epuckhebb.evolution.optimizer import CANDIDATES, EvolutionStrategy, initial, units
-from epuckhebb.sim import random
-from epuckhebb.sim.arrays import Floats
-from epuckhebb.sim.genome import GenomePlan
-from epuckhebb.sim.random import Stream
 
 
 @dataclass(kw_only=True)

@@ -1,0 +1,308 @@
+"""An adaptation put together: its settings, and the functions that a lifetime calls."""
+
+import importlib
+import math
+import pkgutil
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from enum import Enum
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.adaptation import change_signals as signals
+from epuckhebb.adaptation.change_signal import ChangeSignal
+from epuckhebb.adaptation.exploration import following, staying, with_motor_noise
+from epuckhebb.adaptation.gate import PlasticWhen, Stay, gates
+from epuckhebb.adaptation.homeostasis import HomeostasisState, homeostasis, initial_homeostasis_state
+from epuckhebb.adaptation.recognise.place import PlaceState, initial_place_state, recognition
+from epuckhebb.adaptation.self_check.corrections import (
+    Corrections,
+    CorrectionState,
+    corrected_readings,
+    corrected_wheel,
+    initial_correction_state,
+    no_corrections,
+)
+from epuckhebb.adaptation.wall_following import wall_following
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import compiled, nothing, one
+from epuckhebb.controller.network import HIDDEN
+from epuckhebb.controller.random import noise_workspace_size
+from epuckhebb.controller.ranges import check_range
+from epuckhebb.tmaze.goal_signal import initial_signal
+from epuckhebb.tmaze.robot import STEP_S, Robot
+
+NONE = "none"
+NEVER = 1e9  # a threshold that no signal reaches
+_WITHOUT_GATE = ("self_check", "careful", "calibration_counts", "homeostasis")  # settings that need no signal of change
+
+
+@cache
+def change_signals() -> tuple[str, ...]:
+    """The names of all signals of change: the files of `change_signals/`."""
+    return tuple(sorted(module.name for module in pkgutil.iter_modules(signals.__path__)))
+
+
+def _signal(name: str) -> ChangeSignal:
+    function: ChangeSignal = importlib.import_module(f"{signals.__name__}.{name}").change_signal
+    return function
+
+
+def compares_fitness(change_signal: str) -> bool:
+    """Whether a change signal compares the live fitness with its nominal statistics."""
+    return change_signal != NONE and "fitness" in _signal(change_signal).__code__.co_names  # as nominal.fitness
+
+
+class Exploration(Enum):
+    """What a robot does while the gate is open, beside learning: motor noise, wall-following, or both."""
+
+    motor_noise = "motor_noise"
+    wall_following = "wall_following"
+    both = "both"
+
+
+@dataclass(kw_only=True)
+class Adaptation:
+    """When plasticity acts in a lifetime, how the robot explores meanwhile, and what it corrects before and besides.
+
+    name: in tables. change_signal: the signal that opens the gate; with `none` the gate is always open, and only the
+    self-check and homeostasis are used. threshold, slope: the gate is closed up to the threshold and opens by the slope
+    for each unit of the signal above it; inf: at once. active_s, rest_s: while the signal lasts, the gate is open and
+    closed in turn for these times [s]; active_s = 0: no rests. start_by_s: the gate also opens at this time [s], if the
+    robot has never been at its goal. exploration: what the robot does while the gate is open. motor_noise: standard
+    deviation of noise on both wheels' outputs. plastic_when: when plasticity acts; `late`: while the gate is open, and
+    the weights are reset when it closes. stay: what keeps the robot at the goal; `learn`: plasticity, which then keeps
+    what it learns there. recognise: whether the robot recognises its goal by the senses, in place of the goal signal.
+    self_check: whether the robot runs a calibration manoeuvre before its lifetime and corrects what it finds. careful:
+    whether it corrects dead sensors alone where readings are unexplained, and turns back where that left it turned.
+    calibration_counts: whether that manoeuvre is part of the lifetime; otherwise the clock starts after it.
+    homeostasis: whether the weights from the light sensors are scaled until the light looks as in the training world.
+    """
+
+    name: str = NONE
+    change_signal: str = NONE
+    threshold: float = 0.0
+    slope: float = math.inf
+    active_s: float = 0.0
+    rest_s: float = 0.0
+    start_by_s: float = math.inf
+    exploration: Exploration = Exploration.motor_noise
+    motor_noise: float = 0.0
+    plastic_when: PlasticWhen = PlasticWhen.late
+    stay: Stay = Stay.none
+    recognise: bool = False
+    self_check: bool = False
+    careful: bool = False
+    calibration_counts: bool = False
+    homeostasis: bool = False
+
+    def __post_init__(self) -> None:
+        allowed = (NONE, *change_signals())
+        if self.change_signal not in allowed:
+            raise ValueError(
+                f"adaptation.change_signal must be one of {', '.join(allowed)}, got {self.change_signal!r}"
+            )
+        check_range(self, "adaptation", "active_s", "rest_s", "motor_noise")
+        if not math.isfinite(self.threshold):
+            raise ValueError(f"adaptation.threshold must be a finite number, got {self.threshold}")
+        if not self.slope > 0:
+            raise ValueError(f"adaptation.slope must be more than 0, inf for at once, got {self.slope}")
+        if self.rest_s > 0 and self.active_s == 0:
+            raise ValueError(
+                f"adaptation.rest_s = {self.rest_s:g} needs adaptation.active_s above 0: rests follow active times"
+            )
+        for key in ("careful", "calibration_counts"):
+            if getattr(self, key) and not self.self_check:
+                raise ValueError(f"adaptation.{key} does nothing without a self-check: give adaptation.self_check=true")
+        if self.careful and self.calibration_counts:
+            raise ValueError(
+                "adaptation.calibration_counts=true needs careful=false: a careful calibration lasts longer in some "
+                "lifetimes than in others"
+            )
+        if self.exploration is Exploration.wall_following and self.motor_noise > 0:
+            raise ValueError(
+                f"adaptation.motor_noise = {self.motor_noise:g} does nothing with exploration=wall_following: give "
+                "adaptation.exploration=both, or motor_noise=0"
+            )
+        if self.exploration is Exploration.both and self.motor_noise == 0:
+            raise ValueError(
+                "adaptation.exploration=both needs adaptation.motor_noise above 0, the motor noise while the robot "
+                "follows a wall"
+            )
+        self._check_goal()
+        if self.change_signal == NONE:
+            gated = [field for field in fields(self)[2:] if field.name not in _WITHOUT_GATE]
+            unused = [field.name for field in gated if getattr(self, field.name) != field.default]
+            if unused:
+                raise ValueError(
+                    f"adaptation.{unused[0]} does nothing without a signal of change: give adaptation.change_signal, "
+                    f"one of {', '.join(change_signals())}"
+                )
+
+    def _check_goal(self) -> None:
+        """Check by what the robot recognises its goal, and what it does there."""
+        if not self.start_by_s > 0:
+            raise ValueError(f"adaptation.start_by_s must be more than 0, inf for never, got {self.start_by_s}")
+        wanted = PlasticWhen.recognised if self.recognise else PlasticWhen.goal_signal
+        if self.plastic_when.at_the_goal and self.plastic_when is not wanted:
+            needs = "has no goal signal: give plastic_when=recognised" if self.recognise else "needs recognise=true"
+            raise ValueError(
+                f"adaptation.plastic_when={self.plastic_when.name} with recognise={str(self.recognise).lower()} {needs}"
+            )
+        if self.stay is Stay.learn and not self.plastic_when.at_the_goal:
+            raise ValueError(
+                f"adaptation.stay=learn is learnt at the goal: give adaptation.plastic_when={wanted.name}, not "
+                f"{self.plastic_when.name}"
+            )
+
+    @property
+    def parts(self) -> "Parts":
+        """Which functions it has."""
+        return Parts(*(getattr(self, name) for name in Parts._fields))
+
+    @property
+    def is_gated(self) -> bool:
+        """Whether a signal of change opens and closes a gate."""
+        return self.change_signal != NONE
+
+    @property
+    def needs_nominal(self) -> bool:
+        """Whether it compares with nominal statistics of the training world."""
+        return self.is_gated or self.homeostasis
+
+    @property
+    def acts(self) -> bool:
+        """Whether it does anything at all."""
+        return self.needs_nominal or self.self_check
+
+    @property
+    def is_network_unused(self) -> bool:
+        """Whether the robot follows walls from its first step until it is at the goal: a hand-written robot."""
+        at_once = self.start_by_s <= STEP_S and self.threshold <= 0 and self.active_s == 0
+        return self.exploration is Exploration.wall_following and at_once
+
+    @property
+    def knowledge(self) -> tuple[str, ...]:
+        """What it is given or what was written by hand, beside its senses."""
+        signals_time = self.change_signal in ("late", "shortfall")
+        times = signals_time and self.threshold < NEVER and not self.is_network_unused
+        uses = {
+            "clock": times,
+            "correct side": times,
+            "goal signal": self.is_gated and not self.recognise,  # at the goal, the gate of exploration is closed
+            "sensor model": self.self_check or self.recognise,
+            "hand-written": self.follows_walls or self.stay.halts or self.self_check or self.recognise,
+        }
+        return tuple(kind for kind, used in uses.items() if used)
+
+    @property
+    def follows_walls(self) -> bool:
+        """Whether the robot follows walls while the gate is open."""
+        return self.exploration is not Exploration.motor_noise
+
+
+class Gate(NamedTuple):
+    """The numbers of an `Adaptation`, for the kernel."""
+
+    threshold: float
+    slope: float
+    active_s: float
+    rest_s: float
+    motor_noise: float
+    start_by_s: float
+
+
+def gate_numbers(adaptation: Adaptation) -> Gate:
+    """The numbers of an adaptation, for the kernel."""
+    return Gate(*(float(getattr(adaptation, name)) for name in Gate._fields))
+
+
+class AdaptationState(NamedTuple):
+    """What an adaptation carries from step to step, besides the tally of the lifetime.
+
+    recent: recent means, (inputs + 1,). hand: (1,) the side on which the robot follows a wall, 1 left, -1 right, 0
+    while it follows none. corrections, correcting: what it corrects, and the state of that. noise: workspace. signal:
+    the goal signal of the last steps. place: of recognition.
+    """
+
+    recent: Floats
+    hand: Floats
+    corrections: Corrections
+    correcting: CorrectionState
+    homeostasis: HomeostasisState
+    noise: Floats
+    signal: NDArray[np.bool_]
+    place: PlaceState
+
+
+def initial_adaptation_state(robot: Robot, corrections: Corrections | None = None) -> AdaptationState:
+    """The state before the first step. corrections: None if the self-check found nothing to correct."""
+    return AdaptationState(
+        recent=np.zeros(robot.inputs + 1),
+        hand=np.zeros(1),
+        corrections=no_corrections(robot) if corrections is None else corrections,
+        correcting=initial_correction_state(robot),
+        homeostasis=initial_homeostasis_state(robot.light.count),
+        noise=np.zeros(noise_workspace_size(16)),
+        signal=initial_signal(),
+        place=initial_place_state(robot),
+    )
+
+
+class Hooks(NamedTuple):
+    """The functions of an adaptation that a lifetime calls.
+
+    correct(readings, corrections, state): sensor readings as they would be in the training world. scale(readings,
+    weights, tally, state, nominal, step): scales the light readings. open_gate(life, setup, fitness, step): the need g
+    for plasticity at this step. explore(life, setup, left, right): the wheels' commands, from the network's outputs.
+    compensate(output, loss, gain): the command for a
+    wheel that turns too slowly by this share. resets: whether the weights become the genes where the gate closes.
+    """
+
+    correct: Callable[..., None]
+    scale: Callable[..., None]
+    open_gate: Callable[..., float]
+    explore: Callable[..., tuple[float, float]]
+    compensate: Callable[..., float]
+    resets: bool
+
+
+class Parts(NamedTuple):
+    """The settings of an adaptation that say which functions it has; the others are numbers (`Gate`)."""
+
+    change_signal: str = NONE
+    follows_walls: bool = False
+    plastic_when: PlasticWhen = PlasticWhen.late
+    stay: Stay = Stay.none
+    recognise: bool = False
+    self_check: bool = False
+    homeostasis: bool = False
+
+
+@cache
+def hooks(parts: Parts, robot: Robot, first_post: int = HIDDEN[0]) -> Hooks:
+    """The functions of an adaptation. first_post: how many neurons the first layer of connections leads to."""
+    gated, limit = parts.change_signal != NONE, robot.motor_limit_rad_s
+    explore, open_gate = _as_it_is, one
+    if gated:
+        explore = with_motor_noise(limit)
+        if parts.follows_walls:
+            explore = following(wall_following(robot), limit)
+        explore = staying(explore, parts.stay.halts, parts.recognise)
+        recognised = recognition(robot) if parts.recognise else None
+        open_gate = gates(_signal(parts.change_signal), parts.plastic_when, parts.stay, recognised)
+    return Hooks(
+        correct=corrected_readings if parts.self_check else nothing,
+        scale=homeostasis(robot.light.count, first_post) if parts.homeostasis else nothing,
+        open_gate=open_gate,
+        explore=explore,
+        compensate=corrected_wheel(limit) if parts.self_check else _as_commanded,
+        resets=gated and parts.stay is not Stay.learn,
+    )
+
+
+_as_commanded = compiled(lambda output, *_: output)
+_as_it_is = compiled(lambda _life, _setup, left, right: (left, right))

@@ -1,0 +1,89 @@
+"""Signals of change: how a robot notices that its world is no longer the one in which it was evolved.
+
+A signal may use the time, how long the robot has been away from the goal, and recent means of its sensor readings and
+live fitness (`SignalContext`). To add one, write a file in `change_signals/`, named as the signal, with a compiled
+function `change_signal(context, nominal)`. It returns a number that grows with the change.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.tmaze.robot import STEP_S
+
+RECENT_S = 5.0  # time constant of recent means
+
+
+class SignalContext(NamedTuple):
+    """What a signal of change receives at a step.
+
+    time_s: since the start. away_s: since the start, or since the robot was last at the goal. arrived: whether it ever
+    was. recent: recent means of the sensor readings, then of the live fitness, (inputs + 1,).
+    """
+
+    time_s: float
+    away_s: float
+    arrived: bool
+    recent: Floats
+
+
+class NominalOfSide(NamedTuple):
+    """Nominal statistics of the training world for one side (`epuckhebb.adaptation.nominal`).
+
+    time_to_goal_s: the slowest arrival; nan if none. away_s: the longest excursion from the goal afterwards. fitness:
+    (seconds,) the least recent live fitness in each second. reading_mean, reading_spread: (2, inputs) of the network's
+    inputs, without and with the lamp. patterns, lengths: (lights, patterns) and (patterns,) of what the light looks
+    like; novelty: the largest distance from these (`epuckhebb.adaptation.homeostasis`); empty if not measured.
+    sun_bearing, sun_level: where the sun stands [rad] from the heading at the start, and its brightness. lamp_side: 1
+    if the goal is on the left when the lamp is lit, -1 if on the right. echo: (2, points), readings above the least
+    one, falling, and how far the wall is then [m]; empty if not measured.
+    """
+
+    time_to_goal_s: float
+    away_s: float
+    fitness: Floats
+    reading_mean: Floats
+    reading_spread: Floats
+    patterns: Floats
+    lengths: Floats
+    novelty: float
+    sun_bearing: float
+    sun_level: float
+    lamp_side: float
+    echo: Floats
+
+
+def no_nominal(inputs: int) -> NominalOfSide:
+    """Nominal statistics for a robot that compares with nothing."""
+    return NominalOfSide(
+        *(np.nan, 0.0, np.zeros(1), np.zeros((2, inputs)), np.ones((2, inputs)), np.zeros((0, 0)), np.zeros(0), np.inf),
+        *(0.0, 1.0, -1.0, np.zeros((2, 0))),
+    )
+
+
+def check_nominal(nominal: NominalOfSide, inputs: int) -> None:
+    """Check that nominal statistics fit a robot with this number of readings; else a ValueError."""
+    for name in ("reading_mean", "reading_spread"):
+        if getattr(nominal, name).shape != (2, inputs):
+            raise ValueError(
+                f"nominal statistics of a robot with {inputs} readings have a {name} of shape (2, {inputs}), got "
+                f"{getattr(nominal, name).shape}: they are of another robot"
+            )
+    if len(nominal.fitness) == 0:
+        raise ValueError("nominal statistics must have the live fitness of one second or more, got none")
+
+
+ChangeSignal = Callable[[SignalContext, NominalOfSide], float]
+
+
+@compiled
+def update_recent(recent: Floats, readings: Floats, live_fitness: float, step: int) -> None:
+    """Update the recent means, (inputs + 1,), with this step's readings and live fitness F."""
+    share = 1.0 if step == 0 else STEP_S / (RECENT_S + STEP_S)
+    inputs = recent.shape[0] - 1
+    for i in range(inputs):
+        recent[i] += share * (readings[i] - recent[i])
+    recent[inputs] += share * (live_fitness - recent[inputs])

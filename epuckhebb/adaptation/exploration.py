@@ -1,0 +1,68 @@
+"""What the wheels do while the gate of exploration is open: motor noise, new every two seconds, or wall-following."""
+
+from collections.abc import Callable
+from typing import Any
+
+from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.controller.random import normal_numbers
+from epuckhebb.tmaze.robot import STEP_S
+
+FAR = 2**40  # motor noise is drawn for steps that sensor noise never reaches
+HOLD = round(2.0 / STEP_S)  # steps for which motor noise stays the same
+
+draw: Callable[..., None] = normal_numbers(16)  # two are used; the e-puck's sensors draw as many, so bits stay the same
+Explore = Callable[..., tuple[float, float]]  # `explore` of `adaptation.Hooks`
+
+
+@compiled
+def within_motor(output: float, noise: float, gain: float, motor_limit: float) -> float:
+    """A wheel's output with noise, limited to what the motor can do at this gain [rad/s]."""
+    fastest = motor_limit / gain
+    return min(fastest, max(-fastest, output + noise))
+
+
+def with_motor_noise(motor_limit: float) -> Explore:
+    """Exploration by noise on both wheels."""
+
+    @compiled
+    def explore(life: Any, setup: Any, left: float, right: float) -> tuple[float, float]:
+        tally = life.tally[0]
+        if setup.plasticity.gate.motor_noise > 0.0 and tally.exploring:
+            left = within_motor(left, tally.noise_left, setup.gain, motor_limit)
+            right = within_motor(right, tally.noise_right, setup.gain, motor_limit)
+        return left, right
+
+    return explore
+
+
+def following(follow: Callable[..., tuple[float, float]], motor_limit: float) -> Explore:
+    """Exploration along walls. follow: of `wall_following`."""
+    add_noise = with_motor_noise(motor_limit)
+
+    @compiled
+    def explore(life: Any, setup: Any, left: float, right: float) -> tuple[float, float]:
+        if life.tally[0].exploring:
+            left, right = follow(life.activation, life.adaptation.hand)
+            return add_noise(life, setup, left / setup.gain, right / setup.gain)
+        life.adaptation.hand[0] = 0.0
+        return left, right
+
+    return explore
+
+
+def staying(explore: Explore, halts: bool, recognises: bool) -> Explore:
+    """An exploration that ends with a halt at the goal, and notes what it commands for odometry."""
+    if not (halts or recognises):
+        return explore
+
+    @compiled
+    def explore_and_stay(life: Any, setup: Any, left: float, right: float) -> tuple[float, float]:
+        left, right = explore(life, setup, left, right)
+        if halts and life.tally[0].halted:
+            left, right = 0.0, 0.0
+        if recognises:
+            now = life.adaptation.place.now[0]
+            now.left, now.right = setup.gain * left, setup.gain * right
+        return left, right
+
+    return explore_and_stay

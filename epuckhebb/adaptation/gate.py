@@ -1,0 +1,106 @@
+"""Two gates: one for exploration, which a signal of change opens, and one for plasticity. The paper has none.
+
+    g = clip(slope (signal - threshold), 0, 1)      need; 0 at the goal, and during rests
+
+Exploration also begins at a given time, if the robot has never been at its goal. Plasticity acts all the time, while
+the gate of exploration is open, or at the goal alone: where the robot is given the goal signal, or recognises it.
+"""
+
+from collections.abc import Callable
+from enum import Enum
+from typing import Any
+
+from epuckhebb.adaptation import exploration
+from epuckhebb.adaptation.change_signal import ChangeSignal, SignalContext, update_recent
+from epuckhebb.controller.compiling.kernel import compiled, false
+from epuckhebb.tmaze.goal_signal import goal_signal
+from epuckhebb.tmaze.robot import STEP_S
+
+WAIT_S = 1.5  # half as long again as the pauses of a goal signal that comes every second
+
+
+class PlasticWhen(Enum):
+    """When plasticity acts: always, while late, or at the goal by the goal signal or by recognition."""
+
+    always = "always"
+    late = "late"
+    goal_signal = "goal_signal"
+    recognised = "recognised"
+
+    @property
+    def at_the_goal(self) -> bool:
+        """Whether plasticity acts at the goal alone."""
+        return self in (PlasticWhen.goal_signal, PlasticWhen.recognised)
+
+
+class Stay(Enum):
+    """What keeps a robot at the goal: nothing new, a halt of its wheels for good or for a time, or learning there."""
+
+    none = "none"
+    halt = "halt"
+    wait = "wait"
+    learn = "learn"
+
+    @property
+    def halts(self) -> bool:
+        """Whether the wheels stop at the goal."""
+        return self in (Stay.halt, Stay.wait)
+
+
+@compiled
+def need(signal: float, threshold: float, slope: float) -> float:
+    """The need g: 0 up to the threshold (and where the signal is nan), then growing with the slope up to 1."""
+    if not signal > threshold:
+        return 0.0
+    return min(1.0, (signal - threshold) * slope)
+
+
+@compiled
+def resting(late_s: float, active_s: float, rest_s: float) -> bool:
+    """Whether plasticity rests, after a signal that has lasted for `late_s`; during rests the genes are back."""
+    return active_s > 0.0 and late_s % (active_s + rest_s) >= active_s
+
+
+def gates(
+    signal: ChangeSignal, plastic_when: PlasticWhen, stay: Stay, recognised: Callable[..., bool] | None
+) -> Callable[..., float]:
+    """The function that opens both gates, `open_gate` of `adaptation.Hooks`. recognised: None for the goal signal."""
+    always, at_the_goal = plastic_when is PlasticWhen.always, plastic_when.at_the_goal
+    recognises = recognised is not None
+    halts, for_good = stay.halts, stay is Stay.halt and not recognises
+    wait_s = WAIT_S if stay is Stay.wait else 0.0
+    is_here = recognised or false
+
+    @compiled
+    def open_gate(life: Any, setup: Any, fitness: float, step: int) -> float:
+        gate, nominal, trial, state = setup.plasticity.gate, setup.nominal, setup.trial, life.adaptation
+        tally, readings = life.tally[0], life.activation
+        update_recent(state.recent, readings, fitness, step)
+        if recognises:
+            at_goal = is_here(state.place, readings, nominal)
+        else:
+            at_goal = goal_signal(trial.signal, tally.goal_distance, trial.goal_radius, state.signal, life.key, step)
+        tally.arrived = tally.arrived or at_goal
+        tally.away_s = 0.0 if at_goal else tally.away_s + STEP_S
+        time_s = step * STEP_S
+        tally.change_signal = signal(SignalContext(time_s, tally.away_s, tally.arrived, state.recent), nominal)
+        open_by = 0.0 if at_goal else need(tally.change_signal, gate.threshold, gate.slope)
+        if time_s >= gate.start_by_s and not tally.arrived:
+            open_by = 1.0
+        tally.late_s = tally.late_s + STEP_S if open_by > 0.0 else 0.0
+        if open_by > 0.0 and resting(tally.late_s, gate.active_s, gate.rest_s):
+            open_by = 0.0
+        if gate.motor_noise > 0.0 and step % exploration.HOLD == 0:
+            exploration.draw(life.key, exploration.FAR + step, state.noise)
+            tally.noise_left = gate.motor_noise * state.noise[0]
+            tally.noise_right = gate.motor_noise * state.noise[1]
+        tally.exploring = open_by > 0.0
+        if halts:
+            tally.halted = at_goal or (tally.halted and (for_good or tally.away_s < wait_s))
+        if always:
+            return 1.0
+        if at_the_goal:
+            return 1.0 if at_goal else 0.0
+        return open_by
+
+    return open_gate

@@ -1,0 +1,190 @@
+"""Nominal statistics: what is normal for a champion in its training world, so that a change can be noticed.
+
+The champion runs ten lifetimes a side in its training world, without plasticity, at the wheel gain of the evaluation.
+The statistics are the worst that was normal, such as the slowest arrival and the least live fitness in each second, and
+the mean and spread of each sensor reading.
+"""
+
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from epuckhebb.adaptation.change_signal import RECENT_S, NominalOfSide
+from epuckhebb.adaptation.homeostasis import EVERY, lengths_of, light_patterns
+from epuckhebb.adaptation.recognise.facts import measure_facts
+from epuckhebb.adaptation.recognise.place import can_recognise
+from epuckhebb.controller import random
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.network import PAPER_NETWORK, Network
+from epuckhebb.controller.random import Stream
+from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.maze import SIDES, Place, Side
+from epuckhebb.tmaze.outcome import Outcome
+from epuckhebb.tmaze.robot import STEP_S
+from epuckhebb.tmaze.samples import Samples, sample_bytes
+from epuckhebb.tmaze.scenario import EXPERIMENTS, Scenario
+from epuckhebb.tmaze.session import Individual
+
+REPEATS = 10  # lifetimes a side
+_NO_SUN = np.array([0.0, 1.0, -1.0])  # never used: recognition needs facts
+_RECORD_EVERY = EVERY  # steps: eight samples a second
+_SHARES = ("success", "fitness", "reading_mean", "reading_spread", "patterns")
+_MOST = {"time_to_goal_s": np.inf, "away_s": np.inf, **dict.fromkeys(_SHARES, 1)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nominal:
+    """Nominal statistics of a champion; axes of length 2: left (without the lamp), right (with it).
+
+    experiment, scenario: the training world. gain_rad_s: wheel gain. success: (2,) share of its lifetimes.
+    time_to_goal_s: (2,) slowest arrival, nan if it never arrived. away_s: (2,) longest excursion from the goal
+    afterwards. fitness: (2, seconds) least recent live fitness. reading_mean, reading_spread: (2, inputs). patterns:
+    (64, lights) what the light looks like. novelty: the largest distance from these. sun, echo: facts for
+    recognition (`recognise.facts.measure_facts`); None for a champion that was measured before there was any.
+    """
+
+    experiment: str
+    scenario: str
+    gain_rad_s: float
+    success: Floats
+    time_to_goal_s: Floats
+    away_s: Floats
+    fitness: Floats
+    reading_mean: Floats
+    reading_spread: Floats
+    patterns: Floats
+    novelty: float
+    sun: Floats | None = None
+    echo: Floats | None = None
+
+    def __post_init__(self) -> None:
+        if self.experiment not in EXPERIMENTS:
+            raise ValueError(f"experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
+        if not 0 < self.gain_rad_s < np.inf:
+            raise ValueError(f"gain_rad_s must be more than 0, got {self.gain_rad_s}")
+        if not self.novelty > 0:
+            raise ValueError(f"novelty must be more than 0, got {self.novelty}")
+        for name, most in _MOST.items():
+            values = getattr(self, name)
+            never = np.isnan(values) if name == "time_to_goal_s" else False
+            if not (never | ((values >= 0) & (values <= most) & np.isfinite(values))).all():
+                raise ValueError(f"{name} must lie between 0 and {most:g}, got {values.min():g} to {values.max():g}")
+
+    def of(self, side: Side) -> NominalOfSide:
+        """The statistics for this side."""
+        k = SIDES.index(side)
+        bearing, level, lamp_side = (_NO_SUN if self.sun is None else self.sun).tolist()
+        return NominalOfSide(
+            float(self.time_to_goal_s[k]),
+            float(self.away_s[k]),
+            self.fitness[k],
+            self.reading_mean,
+            self.reading_spread,
+            np.ascontiguousarray(self.patterns.T),
+            lengths_of(self.patterns),
+            self.novelty,
+            bearing,
+            level,
+            lamp_side,
+            np.zeros((2, 0)) if self.echo is None else np.ascontiguousarray(self.echo),
+        )
+
+    @property
+    def has_facts(self) -> bool:
+        """Whether it has what recognition compares with."""
+        return self.sun is not None and self.echo is not None and self.echo.size > 0
+
+
+def memory_to_measure_nominal(paper_duration_s: float, gain_rad_s: float, network: Network) -> float:
+    """How many bytes of memory `measure_nominal` takes, about."""
+    samples = paper_duration_s / gain_rad_s / STEP_S / _RECORD_EVERY
+    return 1.2 * len(SIDES) * REPEATS * samples * sample_bytes(network)
+
+
+Recorded = list[tuple[Outcome, Samples]]
+
+
+def measure_nominal(
+    genes: Floats, scenario: Scenario, gain_rad_s: float = 1.0, threads: int = 1, network: Network = PAPER_NETWORK
+) -> Nominal:
+    """Run lifetimes in the training world and measure nominal statistics; the same genome always gives the same.
+
+    genes: weights of the network, (synapses,). scenario: the training world. gain_rad_s: wheel speed of a network
+    output of 1.
+
+    Raises:
+        LostRobotError: a pose stopped being finite.
+    """
+    return nominal_of(run_in_training_world(genes, scenario, gain_rad_s, threads, network), scenario, gain_rad_s)
+
+
+def run_in_training_world(
+    genes: Floats, scenario: Scenario, gain_rad_s: float = 1.0, threads: int = 1, network: Network = PAPER_NETWORK
+) -> list[Recorded]:
+    """Ten recorded lifetimes a side in the training world, without plasticity; see `measure_nominal`."""
+    lifetime = Lifetime(
+        duration_s=scenario.paper_duration_s / gain_rad_s, gain_rad_s=gain_rad_s, record_every=_RECORD_EVERY
+    )
+    place = zlib.crc32(genes.tobytes())
+    individuals = [
+        Individual(
+            genes=genes,
+            network=network,
+            side=side,
+            key=random.key(0, Stream.nominal_noise, place, k, repeat),
+            record=True,
+        )
+        for k, side in enumerate(SIDES)
+        for repeat in range(REPEATS)
+    ]
+    recorded = run_lifetimes(individuals, scenario, lifetime, threads)
+    return [recorded[:REPEATS], recorded[REPEATS:]]
+
+
+def nominal_of(sides: list[Recorded], scenario: Scenario, gain_rad_s: float) -> Nominal:
+    """The nominal statistics of these lifetimes, of `run_in_training_world`."""
+    arrivals = np.array([[outcome.time_to_goal for outcome, _ in side] for side in sides])
+    readings = [np.concatenate([samples.sensors for _, samples in side]) for side in sides]
+    lights = scenario.robot.inputs_of(scenario.robot.light)
+    patterns, novelty = light_patterns([1.0 - samples.sensors[:, lights] for side in sides for _, samples in side])
+    goals, radius = [scenario.goals_now[name] for name in SIDES], scenario.maze.goal_radius_m
+    away = [
+        max(_longest_away(samples, goal, radius) for _, samples in side)
+        for goal, side in zip(goals, sides, strict=True)
+    ]
+    samples = [[samples for _, samples in side] for side in sides]
+    sun, echo = measure_facts(samples, scenario) if can_recognise(scenario.robot) else (None, None)
+    return Nominal(
+        experiment=scenario.experiment,
+        scenario=scenario.name,
+        gain_rad_s=gain_rad_s,
+        success=np.array([[outcome.success for outcome, _ in side] for side in sides]).mean(axis=1),
+        time_to_goal_s=np.fmax.reduce(arrivals, axis=1),
+        away_s=np.array(away),
+        fitness=np.array([np.min([_recent_fitness(samples) for _, samples in side], axis=0) for side in sides]),
+        reading_mean=np.array([side.mean(axis=0) for side in readings]),
+        reading_spread=np.array([side.std(axis=0) for side in readings]),
+        patterns=patterns,
+        novelty=novelty,
+        sun=sun,
+        echo=echo,
+    )
+
+
+def _longest_away(samples: Samples, goal: Place, radius: float) -> float:
+    """The longest time [s] away from the goal after the first arrival; 0 if it never arrived, or stayed."""
+    at_goal = np.hypot(samples.pose[:, 0] - goal[0], samples.pose[:, 1] - goal[1]) < radius
+    visits = np.append(np.flatnonzero(at_goal), len(at_goal))
+    return float((np.diff(visits) - 1).max(initial=0)) * _RECORD_EVERY * STEP_S
+
+
+def _recent_fitness(samples: Samples) -> Floats:
+    """The least recent mean of live fitness in each second of a lifetime."""
+    interval = _RECORD_EVERY * STEP_S
+    recent, least = samples.fitness[0], np.full(int(samples.time[-1]) + 1, np.inf)
+    for time, fitness in zip(samples.time, samples.fitness, strict=True):
+        recent += interval / (RECENT_S + interval) * (fitness - recent) if time > 0 else 0.0
+        least[int(time)] = min(least[int(time)], recent)
+    return least

@@ -1,0 +1,216 @@
+"""How the science is compiled: plain functions of numbers and arrays, turned into machine code by numba.
+
+A building block is an ordinary Python function, which tests can call; when a kernel calls it, numba compiles it into
+that kernel. A *kernel* is a whole loop (a lifetime) that Python calls. Its parts, such as the plasticity rule or the
+robot's senses, are chosen when it is made: `kernel(live, learn=...)` is `live` in which the name `learn` means that
+function. So parts cost nothing while the loop runs, and only those in use are compiled. Numba compiles a building block
+once in a process: functions that make one for a robot or a network, and not for a rule, give the same one each time.
+
+Arithmetic is IEEE float64 in the written order (no `fastmath`), so the same lifetime is always bit-identical.
+`error_model="numpy"` makes 1 / 0 infinite instead of an exception. `_nrt=False` leaves out numba's counting of
+references: a kernel makes no array, and the counting took up to a third of a step with an adaptation.
+"""
+
+import hashlib
+import os
+import types
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from io import BytesIO
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+import platformdirs
+from numba.extending import register_jitable
+
+from epuckhebb.controller.compiling.code_digest import UnknownPartError, digest
+from epuckhebb.controller.compiling.inlining import InlinedCompiler
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
+_CHECKSUM = hashlib.sha256().digest_size
+_settings: Any = numba.config
+if _settings.DISABLE_JIT:
+    raise RuntimeError(
+        "NUMBA_DISABLE_JIT is set, and without compiled code there is no physics here; unset it and start again"
+    )
+BUILDING_BLOCK: dict[str, Any] = {"forceinline": True, "pipeline_class": InlinedCompiler, **_OPTIONS}
+_building_block: Any = register_jitable(**BUILDING_BLOCK)
+_njit: Any = numba.njit
+
+
+def compiled(function: Function) -> Function:
+    """Make a building block usable in kernels; in Python it remains the same function.
+
+    Forced inlining avoids calls with dozens of arguments (an array is seven) and lets constants reach the loops.
+    """
+    return cast(Function, _building_block(function))
+
+
+# Parts that do nothing, whatever they are given.
+nothing: Callable[..., None] = compiled(lambda *_: None)
+zero: Callable[..., float] = compiled(lambda *_: 0.0)
+one: Callable[..., float] = compiled(lambda *_: 1.0)
+false: Callable[..., bool] = compiled(lambda *_: False)
+
+
+def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]], arguments: str) -> Any:
+    """A building block that calls another one in turn: with each of these constants, then with its own arguments.
+
+    The calls are written out, because numbers in the code become constants of the machine code.
+
+    arguments: their names, separated by commas.
+    """
+    calls = "".join(f"function({', '.join(map(str, numbers))}, {arguments}), " for numbers in constants)
+    return compiled(eval(f"lambda {arguments}: ({calls})", {"function": compiled(function)}))
+
+
+def kernel(function: Function, **parts: object) -> Function:
+    """Compile a function that Python calls, with these parts in place of its module's global names.
+
+    The machine code is stored on disk, in a folder named by the digest of the kernel's code. After any change of an
+    equation, ours or a user's, it is compiled anew. If the cache cannot be written, is damaged, or the digest cannot
+    read all code, the kernel is compiled in memory.
+    """
+    made = _with_globals(function, parts)
+    with suppress(UnknownPartError):
+        made.__qualname__ = f"{function.__name__}_{digest(made)}"  # symbols of kernels in one process must differ
+        made.__module__ = function.__module__
+        stored = _stored(made)
+        if stored is not None:
+            return cast(Function, stored)
+    return cast(Function, _njit(**_OPTIONS)(made))
+
+
+class SameTypes:
+    """A kernel that is called with arguments of the same types every time.
+
+    numba looks at the type of each number and array of a call. For a lifetime this takes 45 of the 50 us of a call. So
+    only the first call goes to numba (`call` then is the machine code itself). The machine code looks at nothing: a
+    whole number that is given where it was compiled for a fraction is fine, the reverse is not.
+    """
+
+    def __init__(self, kernel: Any) -> None:
+        self._kernel = kernel
+        self.call: Callable[..., None] = self._first
+
+    def _first(self, *arguments: object) -> None:
+        self._kernel(*arguments)
+        known = list(self._kernel.overloads.values())
+        if len(known) == 1:  # the one that was called
+            self.call = known[0].entry_point
+
+
+def _stored(made: types.FunctionType) -> Any:
+    """A kernel whose machine code is kept on disk; None if no folder can be written to."""
+    folder, before = _cache_folder(made.__qualname__.rpartition("_")[2]), _settings.CACHE_DIR
+    if folder is None:
+        return None
+    try:
+        _settings.CACHE_DIR = str(folder)
+        dispatcher = _njit(cache=True, no_cfunc_wrapper=True, **_OPTIONS)(made)
+    except (OSError, RuntimeError):  # the folder is gone, full or read-only by now
+        return None
+    finally:
+        _settings.CACHE_DIR = before
+    if not Path(dispatcher._cache.cache_path).is_relative_to(folder):  # numba has looked for another place
+        return None
+    _distrust(dispatcher._cache)
+    return dispatcher
+
+
+def with_parts(function: Function, **parts: object) -> Function:
+    """A building block with these parts in place of its module's global names, as `kernel` makes kernels."""
+    return compiled(cast(Function, _with_globals(function, parts)))
+
+
+def compile_error(function: Callable[..., Any], *arguments: object) -> Exception | None:
+    """Why a building block does not compile for these arguments; None if it does."""
+    try:
+        _njit(**_OPTIONS)(function)(*arguments)
+    except Exception as error:  # of numba, of which there are many kinds
+        return error
+    return None
+
+
+def _with_globals(function: Callable[..., Any], parts: dict[str, object]) -> types.FunctionType:
+    code = cast(types.FunctionType, function)
+    return types.FunctionType(code.__code__, {**code.__globals__, **parts}, code.__name__)
+
+
+def _distrust(cache: Any) -> None:
+    """Treat a cache that is damaged, full or lost as empty: then the kernel is compiled.
+
+    Each file ends with the SHA-256 of its content, which unpickling ignores. A file without it is not read: machine
+    code with a flipped bit would give other results, or end the process. `_load_overload` is called because
+    `load_overload` would first import all that compiling needs, and SciPy.
+    """
+    files = cache._cache_file
+    open_file, load_index, load_data = files._open_for_write, files._load_index, files._load_data
+    load, save = cache._load_overload, cache.save_overload
+
+    @contextmanager
+    def open_with_checksum(path: str) -> Iterator[BytesIO]:
+        with open_file(path) as file:
+            written = BytesIO()
+            yield written
+            file.write(written.getvalue() + hashlib.sha256(written.getvalue()).digest())
+
+    def load_or_none(signature: object, target: object) -> object:
+        try:
+            return load(signature, target)
+        except Exception:  # unpickling may raise anything, for example if a module of the code is gone
+            with suppress(OSError):
+                cache.flush()
+            return None
+
+    def save_if_possible(signature: object, result: object) -> None:
+        with suppress(OSError):  # without space on disk, it stays in memory
+            save(signature, result)
+
+    files._open_for_write = open_with_checksum
+    files._load_index = lambda: load_index() if _is_intact(files._index_path) else {}
+    files._load_data = lambda name: load_data(name) if _is_intact(files._data_path(name)) else None
+    cache.load_overload, cache.save_overload = load_or_none, save_if_possible
+
+
+def _is_intact(path: str) -> bool:
+    """Whether a cache file is there and ends with the SHA-256 of what is before that."""
+    try:
+        content = Path(path).read_bytes()
+    except OSError:
+        return False
+    return hashlib.sha256(content[:-_CHECKSUM]).digest() == content[-_CHECKSUM:]
+
+
+def in_module(function: Function, name: str) -> Function:
+    """A copy of a function that belongs to another module: a cached kernel must not need the user's file by name."""
+    copy = types.FunctionType(
+        function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__
+    )
+    copy.__module__ = name
+    return cast(Function, copy)
+
+
+def cache_root() -> Path:
+    """Where kernels are stored; a RuntimeError if no folder of the user is known, as in some containers."""
+    if named := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(named)
+    if caches := os.environ.get("XDG_CACHE_HOME"):  # on every system, as other programs of this kind do
+        return Path(caches) / "epuckhebb"
+    root = platformdirs.user_cache_path("epuckhebb", appauthor=False)
+    if not root.is_absolute():  # what some versions return where no folder of the user is known
+        raise RuntimeError("no folder of the user is known")
+    return root
+
+
+def _cache_folder(name: str) -> Path | None:
+    """The folder of a kernel in `$NUMBA_CACHE_DIR` or the user's cache folder; None if it cannot be written to."""
+    try:
+        folder = cache_root() / f"kernel-{name}"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):  # RuntimeError: no folder of the user is known
+        return None
+    return folder if os.access(folder, os.W_OK) else None

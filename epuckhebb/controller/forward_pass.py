@@ -1,0 +1,144 @@
+"""The forward pass, compiled: the drives of a group of neurons, their responses, and then the next group.
+
+In layers, a group is a layer, and y = tanh(x W). Synapses that join all neurons of one row with all of another are a
+block. Blocks are written out one after the other with constant sizes. A list of synapses that makes many blocks is
+walked through, one by one.
+"""
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.controller.compiling.simd import WIDTH, alike, plus, read, times, write
+from epuckhebb.controller.network import GivenOutputs, Network, tanh
+from epuckhebb.controller.own_class import number_of
+from epuckhebb.controller.wiring import OF_NEURON, Neurons, Wiring
+
+MOST_BLOCKS = 16  # that are written out
+
+
+@cache
+def forward_pass(network: Network) -> Callable[..., None]:
+    """The function `forward(weights, activation, drive, neurons)` that passes inputs through a network.
+
+    weights: (synapses,). activation: (neurons,), inputs and bias given, the rest filled. drive: (neurons,), workspace.
+    neurons: of a wiring. The sizes are constants in the machine code.
+    """
+    left, right, is_wired = network.wheels, network.wheels + 1, network.wiring is not None
+    if isinstance(network, GivenOutputs):
+
+        @compiled
+        def given(weights: Floats, activation: Floats, *_: Any) -> None:
+            activation[left], activation[right] = weights[0], weights[1]
+
+        return given
+
+    functions: dict[str, Any] = {"add": _add, "respond": _responder(network)}
+    ends = pairwise([*network.first_neuron[1:], network.neurons])
+    calls = [call for begin, end in ends for call in _calls_of_group(network, begin, end, functions)]
+    take_turns = compiled(eval(f"lambda weights, activation, drive, neurons: ({', '.join(calls)},)", functions))
+
+    @compiled
+    def forward(weights: Floats, activation: Floats, drive: Floats, neurons: Neurons | None = None) -> None:
+        take_turns(weights, activation, drive, neurons)
+        if is_wired:
+            activation[left] = min(max(activation[left], -1.0), 1.0)  # nan stays nan, whence the order
+            activation[right] = min(max(activation[right], -1.0), 1.0)
+
+    return forward
+
+
+def neuron_of(wiring: Wiring) -> Callable[..., float]:
+    """The function `respond(j, first, drive, activation, neurons)`: the activation of neuron j."""
+    kind = type(wiring)
+    evolved = {name: f"neurons.parameters[{row}, j - first]" for row, name in enumerate(kind.evolved)}
+    how, given = {**OF_NEURON, **evolved}, "j, first, drive, activation, neurons"
+    made: Callable[..., float] = number_of(kind, kind.neuron, kind.arguments(), how, given, "neurons.numbers")
+    return made
+
+
+def _responder(network: Network) -> Callable[..., None]:
+    """The function `respond(begin, end, drive, activation, neurons)` that gives neurons their activations."""
+    own = network.first_neuron[1]
+    of_one: Callable[..., float] = compiled(lambda j, _, drive, *__: tanh(drive[j]))
+    if network.wiring is not None:
+        of_one = neuron_of(network.wiring)
+
+    @compiled
+    def respond(begin: int, end: int, drive: Floats, activation: Floats, neurons: Any) -> None:
+        for j in range(begin, end):
+            activation[j] = of_one(j, own, drive, activation, neurons)
+
+    return respond
+
+
+def _calls_of_group(network: Network, begin: int, end: int, functions: dict[str, Any]) -> Iterator[str]:
+    """The calls that give the neurons from `begin` to before `end` their activations, written out.
+
+    functions: those that are called, by name; one for synapses in any order is added.
+    """
+    senders, receivers = network.joined
+    # The last vector may reach beyond a block, but only behind the group: its drives are being added up.
+    blocks = [
+        (pre, post, first, inputs, outputs, whole if post + outputs == end else outputs // WIDTH)
+        for pre, post, first, inputs, outputs, whole in network.vectors
+        if begin <= post < end
+    ]
+    size, one_by_one = end - begin, len(blocks) > MOST_BLOCKS
+    # The first block sets the drives, if it reaches all of them; else one without synapses sets them to 0.
+    if one_by_one or not blocks or (blocks[0][1], blocks[0][4]) != (begin, size):
+        no_synapses = (0, begin, 0, 0, size, size // WIDTH)
+        blocks = [no_synapses] if one_by_one else [no_synapses, *blocks]
+    for number, block in enumerate(blocks):
+        yield f"add({', '.join(map(str, block))}, {number > 0}, weights, activation, drive)"
+    if one_by_one:
+        functions[f"add_to_{begin}"] = _one_by_one(senders, receivers, (begin <= receivers) & (receivers < end))
+        yield f"add_to_{begin}(weights, activation, drive)"
+    yield f"respond({begin}, {end}, drive, activation, neurons)"
+
+
+@compiled
+def _add(
+    pre: int,
+    post: int,
+    first: int,
+    inputs: int,
+    outputs: int,
+    vectors: int,
+    more: bool,
+    weights: Floats,
+    activation: Floats,
+    drive: Floats,
+) -> None:
+    """Set the drives of neurons to what a block of synapses passes on; add it to them if there is more."""
+    for j in range(0, vectors * WIDTH, WIDTH):
+        sums = read(drive, post + j) if more else alike(0.0)
+        for i in range(inputs):
+            sums = plus(sums, times(alike(activation[pre + i]), read(weights, first + i * outputs + j)))
+        write(drive, post + j, sums)
+    for j in range(vectors * WIDTH, outputs):
+        summed = drive[post + j] if more else 0.0
+        for i in range(inputs):
+            summed += activation[pre + i] * weights[first + i * outputs + j]
+        drive[post + j] = summed
+
+
+def _one_by_one(
+    pre: NDArray[np.int64], post: NDArray[np.int64], own: NDArray[np.bool_]
+) -> Callable[[Floats, Floats, Floats], None]:
+    """The same for synapses in any order. own: which of them reach this group."""
+    places = np.flatnonzero(own)
+    senders, receivers, count = pre[places], post[places], len(places)
+
+    @compiled
+    def add(weights: Floats, activation: Floats, drive: Floats) -> None:
+        for k in range(count):
+            drive[receivers[k]] += activation[senders[k]] * weights[places[k]]
+
+    return add

@@ -1,0 +1,310 @@
+"""A plasticity rule: its settings, the state of each synapse, its evolved parameters, and its update."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.evolved import Evolved
+from epuckhebb.controller.network import Network
+from epuckhebb.controller.own_class import Functions, OwnClass, arguments, name_of, stored
+from epuckhebb.controller.plasticity.control import Sign
+from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.wiring import LAYERS
+from epuckhebb.tmaze.fitness import History, Signal
+from epuckhebb.tmaze.robot import STEP_S
+
+QUANTITIES = (
+    "correlation",
+    "pre",
+    "post",
+    "weight",
+    "initial_weight",
+    "fitness",
+    "key",
+    "step",
+    "number",
+    "synapse_state",
+    "by",
+)
+TAKEN = (*QUANTITIES, "weights")  # names that no evolved parameter may have; `weights` are those of the network
+MODULATOR, REWARD = "modulator", "reward"
+INITIAL_RANGE = 0.1  # of random initial weights, as in Najarro & Risi 2020
+_LARGEST_WEIGHT = 1e6  # a neuron is saturated from a drive of 20 on
+
+
+class InitialWeights(Enum):
+    """Where the initial weights come from: evolved, or random, drawn anew for each lifetime within +-0.1."""
+
+    evolved = "evolved"
+    random = "random"
+
+
+class Reward(Enum):
+    """How the modulatory neuron receives a reward: as given, or, as a control, inverted."""
+
+    given = "given"
+    inverted = "inverted"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rule(OwnClass):
+    """A plasticity rule; subclasses add settings as fields, and define what a synapse does.
+
+    N: base rate, 0 for a robot that does not learn. N_gain_rad_s: wheel gain at which N holds; at another gain N is
+    proportional to it, so that a robot learns as much on each metre; 0 if N holds at any gain, as in the paper. floor:
+    the least factor on N, when fitness is low. w_max: bound of the weights. signal: the live fitness that scales the
+    rate. history_s, history_mean: of `signal=lifetime_mean`, the time and the mean that it starts from;
+    carries_history: whether a right lifetime starts from where the left one ended. sign: of the updates, `hebbian` or a
+    control. initial_weights: `evolved` or `random`. reward: how a modulatory neuron receives a reward, as `given` or,
+    as a control, `inverted`.
+
+    A subclass has a static method `synapse`, compiled by numba, which returns the direction of a weight's change. The
+    program multiplies it by N_e, adds it to the weight and clips that to +-w_max. The arguments of `synapse` are any of
+    these names, in any order:
+
+        pre, post        activations x_j and x_i of the two neurons that the synapse joins
+        correlation      their product
+        weight           the present weight
+        initial_weight   the weight at the start of the lifetime
+        fitness          the live fitness, the same for all synapses
+        key, step        of the lifetime's noise, and of this step; with `number`, the place of a random number
+        number           of this synapse, from 0
+        synapse_state    the numbers named in the class attribute `synapse_state`, to be read and set
+        by               the rule's settings
+        (a name in `evolved`: that parameter; if it is evolved per neuron, A_pre and A_post for A)
+
+    synapse_state: name -> initial value, of what each synapse stores during a lifetime. evolved: name -> `Evolved`. A
+    rule with a parameter per `modulator` has a modulatory neuron, whose output multiplies all updates. with_reward:
+    parameters that replace or join those in `evolved` where the network has a reward input. coefficients: the names
+    that `express` returns, for `synapse` instead of those in `evolved`. keeps_lengths: whether the incoming weights of
+    each neuron are scaled after each update to their initial length, the root of the sum of their squares.
+    """
+
+    PART: ClassVar[str] = "rule"
+    synapse_state: ClassVar[Mapping[str, float]] = {}
+    evolved: ClassVar[Mapping[str, Evolved]] = {}
+    with_reward: ClassVar[Mapping[str, Evolved]] = {}
+    coefficients: ClassVar[tuple[str, ...]] = ()
+    keeps_lengths: ClassVar[bool] = False
+
+    N: float = 0.0
+    N_gain_rad_s: float = 0.0
+    floor: float = 0.2
+    w_max: float = 2.0
+    signal: Signal = Signal.behaviour
+    history_s: float = 500.0
+    history_mean: float = 0.5
+    carries_history: bool = False
+    sign: Sign = Sign.hebbian
+    initial_weights: InitialWeights = InitialWeights.evolved
+    reward: Reward = Reward.given
+
+    def __post_init__(self) -> None:
+        for name in ("N", "N_gain_rad_s", "floor", "w_max"):
+            value = getattr(self, name)
+            is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+            if not is_number:
+                raise ValueError(f"hebbian.{name} must be a number, an int or a float, got {value!r}")
+        for name, value in zip(self.settings(), self.numbers(), strict=True):
+            if not math.isfinite(value):
+                raise ValueError(f"hebbian.{name} must be a finite number, got {value}")
+        check_range(self, "hebbian", "N", "N_gain_rad_s", "floor", "history_s")
+        check_range(self, "hebbian", "history_mean", most=1)
+        of_history = ("history_s", "history_mean", "carries_history")
+        changed = next((name for name in of_history if getattr(self, name) != getattr(Rule, name)), None)
+        if changed and self.signal is not Signal.lifetime_mean:
+            raise ValueError(
+                f"hebbian.{changed} does nothing with hebbian.signal={self.signal.name}; give signal=lifetime_mean"
+            )
+        check_range(self, "hebbian", "w_max", most=_LARGEST_WEIGHT, above=True)
+        if self.reward is not Reward.given and not receives_reward(type(self)):
+            raise ValueError(
+                f"hebbian.reward={self.reward.name} does nothing with rule {name_of(type(self))}, which gets no reward"
+            )
+
+    @property
+    def history(self) -> History:
+        """What the live fitness starts from, unless it is carried."""
+        steps = float(self.history_s) / STEP_S
+        return History(steps, steps * float(self.history_mean))
+
+    @staticmethod
+    def synapse(*_: Any) -> float:
+        """The direction of a weight's change; a subclass defines it."""
+        raise TypeError("a plasticity rule needs a static method `synapse`")
+
+    @classmethod
+    def express(cls, parameters: Mapping[str, Floats]) -> Mapping[str, Floats]:
+        """The coefficients for `synapse`, by name, (synapses,) each: made once from the evolved parameters.
+
+        parameters: by name, (synapses,) each; (numbers, synapses) for a parameter of several numbers.
+        """
+        return parameters
+
+    def gain_factor(self, gain_rad_s: float) -> float:
+        """The factor on N at a wheel gain [rad/s]."""
+        return gain_rad_s / self.N_gain_rad_s if self.N_gain_rad_s else 1.0
+
+    @classmethod
+    def functions(cls) -> Functions:
+        """How a weight changes, and how its coefficients are made."""
+        makers = (evolved.value for evolved in cls.evolved.values() if evolved.value is not None)
+        return cls.synapse, cls.express.__func__, *makers  # type: ignore[attr-defined]  # of a class method
+
+    @classmethod
+    def arguments(cls) -> tuple[str, ...]:
+        """The names of the arguments of `synapse`, in its order; a ValueError if one is unknown."""
+        records = {"by": cls.settings(), "synapse_state": tuple(cls.synapse_state)}
+        return arguments(cls.what(), cls.synapse, [*QUANTITIES, *coefficient_names(cls)], records)
+
+    @classmethod
+    def check_class(cls, instead: str = "") -> None:
+        """Check its method `synapse`; else a ValueError."""
+        if cls.synapse is Rule.synapse:
+            raise ValueError(f"{cls.what()} has no static method `synapse`, which gives a weight's direction")
+        instead = "ask for key, step and number in `synapse` and draw as rule `online` does"
+        super().check_class(instead)
+        cls.arguments()
+
+
+class NoRule(Rule):
+    """No plasticity: the weights stay as they are."""
+
+    @staticmethod
+    def synapse() -> float:
+        """D = 0."""
+        return 0.0
+
+
+NO_RULE = NoRule()
+
+
+def coefficient_names(rule: type[Rule]) -> tuple[str, ...]:
+    """The arguments of `synapse` that are evolved parameters, or made from them."""
+    if rule.coefficients:
+        return rule.coefficients
+    names: list[str] = []
+    for name, evolved in rule.evolved.items():
+        if evolved.per == "neuron":
+            names += [f"{name}_pre", f"{name}_post"]
+        elif evolved.per != MODULATOR and isinstance(evolved.per, str):
+            names.append(name)
+    return tuple(names)
+
+
+def evolved_by(rule: type[Rule], network: Network) -> dict[str, Evolved]:
+    """The parameters of a rule that are evolved with a network, by name."""
+    return {**rule.evolved, **(rule.with_reward if network.rewarded else {})}
+
+
+def values_of(rule: type[Rule], network: Network, genes: Mapping[str, Floats]) -> dict[str, Floats]:
+    """The values of all parts of a genome by name: the genes, or what `Evolved.value` makes of them."""
+    values = dict(genes)
+    for name, evolved in evolved_by(rule, network).items():
+        if evolved.value is not None:
+            values[name] = evolved.value(genes[name])
+    return values
+
+
+def initial_synapse_state(rule: type[Rule], network: Network) -> NDArray[np.void]:
+    """The initial state of the synapses, (synapses,) records with a field for each name."""
+    return stored(rule.synapse_state, network.synapses)
+
+
+def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:
+    """How many genes each evolved parameter of a rule takes."""
+    check_layers(rule, network)
+    per = {
+        "network": 1,
+        "layer": len(network.post),
+        "synapse": network.synapses,
+        "neuron": network.neurons,
+        MODULATOR: network.layers[-2] + 1,
+        REWARD: 1,
+    }
+    parameters = evolved_by(rule, network)
+    for name, evolved in parameters.items():
+        if evolved.per not in per and not (isinstance(evolved.per, int) and evolved.per > 0):
+            raise ValueError(
+                f"rule {rule.__name__}: {name} is evolved per {evolved.per}, not one of {', '.join(per)}, or a number"
+            )
+        if name in TAKEN:
+            raise ValueError(
+                f"rule {rule.__name__}: an evolved parameter cannot be called {name}, which means something else"
+            )
+    return {
+        name: evolved.per if isinstance(evolved.per, int) else per[evolved.per] for name, evolved in parameters.items()
+    }
+
+
+def check_layers(rule: type[Rule], network: Network) -> None:
+    """Refuse a rule that works layer by layer for a network without layers; a ValueError."""
+    if network.wiring is None:
+        return
+    needs = [name for name, evolved in evolved_by(rule, network).items() if evolved.per == "layer"]
+    why = "keeps the lengths of incoming weights" if rule.keeps_lengths else ""
+    why = f"has {needs[0]} for each layer" if needs else why
+    why = "has a modulatory neuron, which receives the layer before the wheels" if is_modulated(rule) else why
+    if why:
+        raise ValueError(
+            f"rule {name_of(rule)} {why}, and network.wiring={network.wiring.name} has no layers; give another rule, "
+            f"or network.wiring={LAYERS}"
+        )
+
+
+def coefficients(rule: type[Rule], network: Network, genes: Mapping[str, Floats]) -> Floats:
+    """The coefficients of every synapse, (names, synapses), from the values of the evolved parameters by name."""
+    names = coefficient_names(rule)
+    spread = np.empty((len(names), network.synapses))
+    if not names:
+        return spread
+    parameters: dict[str, Floats] = {}
+    for name, evolved in rule.evolved.items():
+        if evolved.per == "layer":
+            parameters[name] = np.repeat(genes[name], [n * m for n, m in network.shapes])
+        elif evolved.per == "neuron":
+            pre, post = network.joined
+            parameters |= {f"{name}_pre": genes[name][pre], f"{name}_post": genes[name][post]}
+        elif isinstance(evolved.per, int):
+            parameters[name] = np.repeat(genes[name][:, None], network.synapses, axis=1)
+        elif evolved.per != MODULATOR:
+            parameters[name] = np.broadcast_to(genes[name], network.synapses)
+    expressed = rule.express(parameters)
+    for row, name in zip(spread, names, strict=True):
+        row[:] = expressed[name]
+    return spread
+
+
+def modulatory_weights(rule: type[Rule], genes: Mapping[str, Floats], reward: Reward = Reward.given) -> Floats:
+    """The weights of a rule's modulatory neuron: from neurons, its bias, from the reward input if any; or none."""
+    name = _modulator(rule)
+    if name is None:
+        return np.empty(0)
+    of_reward = [genes[one] for one, evolved in rule.with_reward.items() if evolved.per == REWARD and one in genes]
+    sign = -1.0 if reward is Reward.inverted else 1.0
+    return np.concatenate([genes[name], *(sign * weight for weight in of_reward)])
+
+
+def is_alike(rule: type[Rule]) -> bool:
+    """Whether all synapses have the same coefficients."""
+    return all(evolved.per not in ("layer", "synapse", "neuron") for evolved in rule.evolved.values())
+
+
+def is_modulated(rule: type[Rule]) -> bool:
+    """Whether a rule has a modulatory neuron."""
+    return _modulator(rule) is not None
+
+
+def receives_reward(rule: type[Rule]) -> bool:
+    """Whether a rule has a modulatory neuron that receives a reward where the network has that input."""
+    return any(evolved.per == REWARD for evolved in rule.with_reward.values())
+
+
+def _modulator(rule: type[Rule]) -> str | None:
+    return next((name for name, evolved in rule.evolved.items() if evolved.per == MODULATOR), None)

@@ -1,0 +1,1 @@
+"""Plasticity rules: one file each, which no other file has to name (`epuckhebb.controller.plasticity.rule`)."""

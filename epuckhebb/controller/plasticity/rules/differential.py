@@ -1,0 +1,36 @@
+"""Differential plasticity: spike-timing-dependent plasticity for rates.
+
+    a_j' = a_j + (x_j - a_j) / (time / 32 ms)    traces of both neurons
+    a_i' = a_i + (x_i - a_i) / (time / 32 ms)
+    D    = a_j' x_i - x_j a_i'                   pre before post strengthens, post before pre weakens
+
+Source: Caporale & Dan, Annual Review of Neuroscience 31 (2008), for the timing; Di Paolo, Adaptive Behavior 10 (2002),
+for its use in evolved robots. Traces with the time constant of a few steps stand for the window of spike pairs.
+"""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from epuckhebb.controller.plasticity.rule import Rule
+from epuckhebb.controller.ranges import check_range
+from epuckhebb.tmaze.robot import STEP_S
+
+
+@dataclass(frozen=True, kw_only=True)
+class Differential(Rule):
+    """Plasticity by the order of activity. trace_time_s: time constant of the traces [s]."""
+
+    synapse_state: ClassVar = {"trace_pre": 0.0, "trace_post": 0.0}
+
+    trace_time_s: float = 0.16
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_range(self, "hebbian", "trace_time_s", least=STEP_S)
+
+    @staticmethod
+    def synapse(pre: float, post: float, synapse_state: Any, by: Any) -> float:
+        """Move both traces, then D = a_j x_i - x_j a_i."""
+        synapse_state.trace_pre += (pre - synapse_state.trace_pre) * (STEP_S / by.trace_time_s)
+        synapse_state.trace_post += (post - synapse_state.trace_post) * (STEP_S / by.trace_time_s)
+        return float(synapse_state.trace_pre * post - pre * synapse_state.trace_post)

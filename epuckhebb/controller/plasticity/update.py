@@ -1,0 +1,238 @@
+"""The plastic update, the same for all rules, after every control step and in force from the next one on.
+
+    N_e = N s g m max(0.2, F)              effective rate; g: need for plasticity; s: wheel gain over that at which N
+                                           holds; m: output of a modulatory neuron; all three are 1 in the paper
+    W'  = clip(W + N_e S D, -W_max, W_max) D: the rule's direction; S: a sign, 1 but in controls
+
+The weights are a copy of the genes. The genome is never written, so every lifetime starts from the genes.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import compiled, in_turn, nothing, one, zero
+from epuckhebb.controller.compiling.simd import WIDTH, alike, read, times, write
+from epuckhebb.controller.forward_pass import MOST_BLOCKS
+from epuckhebb.controller.network import Network, by_layer, tanh
+from epuckhebb.controller.own_class import call_of, namedtuple_of
+from epuckhebb.controller.plasticity.rule import (
+    NoRule,
+    Rule,
+    coefficient_names,
+    is_alike,
+    is_modulated,
+    receives_reward,
+)
+from epuckhebb.controller.plasticity.weight_change import total_of, weight_change
+
+PRE, POST, CORRELATION = range(3)  # rows of the workspace of an update
+SCALE = POST  # the row is free when the direction is known
+
+
+@compiled
+def effective_rate(rate: float, need: float, fitness: float, floor: float) -> float:
+    """N_e = N g max(0.2, F): a robot with a high fitness learns fast, one with a low fitness slowly."""
+    return rate * need * max(floor, fitness)
+
+
+@compiled
+def next_weight(weight: float, rate: float, direction: float, w_max: float) -> float:
+    """W' = clip(W + N_e D, -W_max, W_max), with N_e or -N_e as the rate; nan stays nan, whence the order."""
+    return min(max(weight + rate * direction, -w_max), w_max)
+
+
+Fill = Callable[[Floats, Floats], None]
+
+
+_FOURS: dict[int, Any] = {  # of a presynaptic neuron i and four postsynaptic ones from j on
+    PRE: compiled(lambda activation, i, _: alike(activation[i])),
+    POST: compiled(lambda activation, _, j: read(activation, j)),
+    CORRELATION: compiled(lambda activation, i, j: times(alike(activation[i]), read(activation, j))),
+}
+_SINGLES: dict[int, Any] = {  # of one and one
+    PRE: compiled(lambda activation, i, _: activation[i]),
+    POST: compiled(lambda activation, _, j: activation[j]),
+    CORRELATION: compiled(lambda activation, i, j: activation[i] * activation[j]),
+}
+
+
+@cache
+def _filled(network: Network, quantity: int) -> Fill:
+    """The function that writes x_j, x_i or their product for every synapse into its row of the workspace."""
+    four, single = _FOURS[quantity], _SINGLES[quantity]
+    if network.wiring is not None and len(network.connections) > MOST_BLOCKS:
+        return _filled_one_by_one(network, quantity)
+
+    def fill_layer(
+        pre: int,
+        post: int,
+        first: int,
+        inputs: int,
+        outputs: int,
+        vectors: int,
+        activation: Floats,
+        room: Floats,
+    ) -> None:
+        row = room[quantity]
+        for i in range(inputs):
+            for j in range(0, vectors * WIDTH, WIDTH):  # what the last writes too much, the next i writes over
+                write(row, first + i * outputs + j, four(activation, pre + i, post + j))
+            for j in range(vectors * WIDTH, outputs):
+                row[first + i * outputs + j] = single(activation, pre + i, post + j)
+
+    fill: Fill = in_turn(fill_layer, network.vectors, "activation, room")
+    return fill
+
+
+def _filled_one_by_one(network: Network, quantity: int) -> Fill:
+    """The same for synapses in any order."""
+    (senders, receivers), count, single = network.joined, network.synapses, _SINGLES[quantity]
+
+    @compiled
+    def fill(activation: Floats, room: Floats) -> None:
+        for k in range(count):
+            room[quantity, k] = single(activation, senders[k], receivers[k])
+
+    return fill
+
+
+def _fill_scale(
+    _pre: int,
+    post: int,
+    first: int,
+    inputs: int,
+    outputs: int,
+    weights: Floats,
+    lengths: Floats,
+    room: Floats,
+) -> None:
+    """Write the factors that give the incoming weights of one layer of connections their initial length."""
+    for j in range(outputs):
+        squares = 0.0
+        for i in range(inputs):
+            squares += weights[first + i * outputs + j] * weights[first + i * outputs + j]
+        scale = lengths[post + j] / np.sqrt(squares) if squares > 0.0 else 1.0
+        for i in range(inputs):
+            room[SCALE, first + i * outputs + j] = scale
+
+
+def initial_lengths(rule: type[Rule], network: Network, genes: Floats) -> Floats:
+    """The length of each neuron's incoming weights, (neurons,); empty for a rule that does not keep it.
+
+    genes: initial weights.
+    """
+    if not rule.keeps_lengths:
+        return np.empty(0)
+    inputs = np.zeros(network.inputs + 1)
+    return np.concatenate([inputs, *(np.linalg.norm(layer, axis=0) for layer in by_layer(network, genes))])
+
+
+class StepContext(NamedTuple):
+    """What of a step is the same for all synapses. fitness: live. key: of the lifetime's noise."""
+
+    fitness: float
+    key: np.uint64
+    step: int
+
+
+Update = Callable[..., float]
+Modulate = Callable[[Floats, Floats], float]
+
+
+def modulation_of(rule: type[Rule], network: Network) -> Modulate:
+    """The function `modulate(modulatory, activation)`: the factor on all updates of a step.
+
+    It is the output tanh(m / 2) of a modulatory neuron, m = v . h + v0, h: the neurons of the layer before the wheels.
+    With a reward input r, m = v . h + v0 + vr r if the rule has vr. 1 for a rule without a modulatory neuron.
+    modulatory: v, v0, vr. activation: (neurons,).
+    """
+    if not is_modulated(rule):
+        return one
+    hidden, first = network.layers[-2], network.first_neuron[-2]
+    rewarded, reward = network.rewarded and receives_reward(rule), network.inputs - 1
+
+    @compiled
+    def modulate(modulatory: Floats, activation: Floats) -> float:
+        drive = float(modulatory[hidden])
+        for k in range(hidden):
+            drive += modulatory[k] * activation[first + k]
+        if rewarded:
+            drive += modulatory[hidden + 1] * activation[reward]
+        return tanh(drive / 2.0)
+
+    return modulate
+
+
+def update_of(rule: type[Rule], network: Network) -> Update:
+    """The function that updates all weights of a network once by a rule, and returns the weight change.
+
+    The function is `learn(weights, synapse_state, genotype, activation, rate, now, numbers, workspace)`: weights
+    (synapses,) and synapse_state are updated; genotype, workspace: see `epuckhebb.tmaze.life`; activation: (neurons,);
+    rate: N_e; now: the step; numbers: the settings.
+    """
+    if rule is NoRule:
+        return zero
+    rule.check_class()
+    names, By = rule.arguments(), namedtuple_of("By", rule.settings())
+    evolved, alike = coefficient_names(rule), is_alike(rule)
+    how = {
+        "correlation": f"room[{CORRELATION}, k]",
+        "pre": f"room[{PRE}, k]",
+        "post": f"room[{POST}, k]",
+        "weight": "weights[k]",
+        "initial_weight": "genotype.weights[k]",
+        "fitness": "now.fitness",
+        "key": "now.key",
+        "step": "now.step",
+        "number": "k",
+        "synapse_state": "synapse_state[k]",
+        "by": "by",
+        **{name: f"alike[{row}]" if alike else f"genotype.coefficients[{row}, k]" for row, name in enumerate(evolved)},
+    }
+    given = "k, weights, synapse_state, genotype, alike, now, room, by"
+    direction = call_of(rule.synapse, names, how, given)
+    # Coefficients that all synapses share are read once.
+    read = "".join(f"coefficients[{row}, 0], " for row in range(len(evolved))) if alike and evolved else "0.0,"
+    read_alike = compiled(eval(f"lambda coefficients: ({read})"))
+    fill_pre = _filled(network, PRE) if "pre" in names else nothing
+    fill_post = _filled(network, POST) if "post" in names else nothing
+    fill_correlation = _filled(network, CORRELATION) if "correlation" in names else nothing
+    fill_scale = nothing
+    if rule.keeps_lengths:
+        fill_scale = in_turn(_fill_scale, network.connections, "weights, lengths, room")
+    scales, synapses, total = rule.keeps_lengths, network.synapses, total_of(network)
+
+    @compiled
+    def learn(
+        weights: Floats,
+        synapse_state: NDArray[np.void],
+        genotype: Any,
+        activation: Floats,
+        rate: float,
+        now: StepContext,
+        numbers: tuple[float, ...],
+        workspace: Any,
+    ) -> float:
+        genes, signs, room, change = genotype.weights, genotype.signs, workspace.synapses, workspace.change
+        by, alike = By(*numbers), read_alike(genotype.coefficients)
+        fill_pre(activation, room)
+        fill_post(activation, room)
+        fill_correlation(activation, room)
+        for k in range(synapses):
+            towards = direction(k, weights, synapse_state, genotype, alike, now, room, by)
+            weights[k] = next_weight(weights[k], rate * signs[k], towards, by.w_max)
+            if not scales:
+                change[k] = weight_change(weights[k], genes[k])
+        if scales:
+            fill_scale(weights, genotype.lengths, room)
+            for k in range(synapses):
+                weights[k] = min(max(weights[k] * room[SCALE, k], -by.w_max), by.w_max)
+                change[k] = weight_change(weights[k], genes[k])
+        return total(change)
+
+    return learn

@@ -1,0 +1,193 @@
+"""A wiring: which neurons synapses join, what a neuron stores, what of it evolves, and how it responds.
+
+Layers of tanh neurons, the paper's network, have no wiring (`network`). `forward_pass` makes machine code of one.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.evolved import Evolved
+from epuckhebb.controller.own_class import Functions, OwnClass, arguments, name_of, stored
+from epuckhebb.tmaze.robot import STEP_S
+
+MOST_SYNAPSES = 100_000  # more is surely a typing error
+LAYERS = "mlp"  # what a network without a wiring is called
+OF_NEURON = {  # the arguments that `neuron` may have besides its evolved parameters, and how the kernel has them
+    "drive": "drive[j]",
+    "before": "activation[j]",
+    "number": "j - first",
+    "state": "neurons.state[j - first]",
+    "step_s": "neurons.step_s",
+    "by": "by",
+}
+_PER = ("network", "neuron")
+
+
+class WiringError(ValueError):
+    """The neurons of a wiring gave no numbers; the message says which."""
+
+
+class Neurons(NamedTuple):
+    """What the neurons of a wiring have. state: (neurons,) records, what each stores, which changes in a lifetime.
+
+    parameters: (names, neurons), the evolved ones. numbers: the settings. step_s: how long a step is for them [s].
+    """
+
+    state: NDArray[np.void]
+    parameters: Floats
+    numbers: tuple[float, ...] = ()
+    step_s: float = STEP_S
+
+
+NO_NEURONS = Neurons(np.zeros(0, [("nothing", np.float64)]), np.zeros((0, 0)))  # of layers
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wiring(OwnClass):
+    """Neurons and the synapses that join them; subclasses add settings as fields, and a static method `neuron`.
+
+    sizes: how many neurons each group has. In a step, all neurons of a group receive their drives, and then respond.
+    The groups take turns. The last two neurons of the last group drive the wheels. `synapses` joins neurons. `neuron`,
+    compiled by numba, gives the activation of a neuron; those of the wheels are clipped to -1 and 1. Its arguments are
+    any of these names, in any order:
+
+        drive        the sum over its synapses of weight times presynaptic activation
+        before       its activation in the step before; 0 at first
+        number       of this neuron, from 0
+        state        the numbers named in the class attribute `state`, to be read and set
+        step_s       how long a step is for the neurons, s
+        by           the settings
+        (a name in `evolved`: that parameter of this neuron)
+
+    state: name -> initial value, of what each neuron stores during a lifetime. evolved: name -> `Evolved`, one for the
+    `network` or one for each `neuron`.
+    """
+
+    PART: ClassVar[str] = "wiring"
+    state: ClassVar[Mapping[str, float]] = {}
+    evolved: ClassVar[Mapping[str, Evolved]] = {}
+    neuron: ClassVar[Callable[..., float] | None] = None
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """How many neurons each group has; a subclass defines it."""
+        raise TypeError("a wiring needs `sizes`")
+
+    def synapses(self, inputs: int) -> Iterable[tuple[int, int]]:  # noqa: ARG002
+        """The presynaptic and the postsynaptic neuron of each synapse, in the order of the genes.
+
+        Inputs are numbered from 0. The constant 1 is number `inputs`, and the neurons follow.
+        """
+        raise TypeError("a wiring needs a method `synapses`")
+
+    def step_s(self, gain_rad_s: float) -> float:  # noqa: ARG002  # others need it
+        """How long a control step is for the neurons [s] at a wheel gain [rad/s]."""
+        return STEP_S
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return name_of(type(self))
+
+    @classmethod
+    def functions(cls) -> Functions:
+        """How a neuron responds, who is joined, and how parameters are made of genes."""
+        makers = (evolved.value for evolved in cls.evolved.values())
+        return tuple(one for one in (cls.neuron, cls.synapses, cls.step_s, *makers) if one is not None)
+
+    @classmethod
+    def arguments(cls) -> tuple[str, ...]:
+        """The names of the arguments of `neuron`, in its order; a ValueError if one is unknown."""
+        records = {"by": cls.settings(), "state": tuple(cls.state)}
+        return arguments(cls.what(), cls.neuron, [*OF_NEURON, *cls.evolved], records)
+
+    @classmethod
+    def check_class(cls, instead: str = "") -> None:
+        """Check its method `neuron`, and what it evolves; else a ValueError."""
+        what = cls.what()
+        if cls.neuron is None:
+            raise ValueError(f"{what} has no static method `neuron`, which gives a neuron's activation")
+        super().check_class(instead)
+        for name, evolved in cls.evolved.items():
+            if not isinstance(evolved, Evolved) or evolved.per not in _PER:
+                raise ValueError(f"{what}: {name} must be Evolved(per=...), one of {', '.join(_PER)}, got {evolved}")
+            if name in OF_NEURON:
+                raise ValueError(f"{what}: an evolved parameter cannot be called {name}, which means something else")
+        cls.arguments()
+
+    def parameter_sizes(self) -> dict[str, int]:
+        """How many genes each evolved parameter takes."""
+        per = dict(zip(_PER, (1, sum(self.sizes)), strict=True))
+        return {name: per[str(evolved.per)] for name, evolved in self.evolved.items()}
+
+    def initial(self, genes: Mapping[str, Floats], gain_rad_s: float) -> Neurons:
+        """The neurons before the first step. genes: those of each evolved parameter, by name. gain_rad_s: of wheels."""
+        count = sum(self.sizes)
+        parameters = np.empty((len(self.evolved), count))
+        for row, (name, evolved) in zip(parameters, self.evolved.items(), strict=True):
+            value = genes[name] if evolved.value is None else np.asarray(evolved.value(genes[name]))
+            if value.shape not in (genes[name].shape, ()) or not np.isfinite(value).all():
+                raise WiringError(
+                    f"wiring {self.name}: `value` of {name} must give {genes[name].size} finite numbers, got {value}"
+                )
+            row[:] = value
+        return Neurons(stored(self.state, count), parameters, self.numbers(), float(self.step_s(gain_rad_s)))
+
+    def joined(self, inputs: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The presynaptic and the postsynaptic neuron of each synapse, (synapses,) each."""
+        end = inputs + 1 + sum(self.sizes)
+        pairs = [tuple(pair) for pair in islice(self.synapses(inputs), MOST_SYNAPSES + 1)]
+        for pair in pairs:
+            if len(pair) != 2 or not all(isinstance(number, int | np.integer) for number in pair):
+                raise ValueError(f"wiring {self.name}: a synapse must be two whole numbers, (pre, post), got {pair}")
+            if not (0 <= pair[0] < end and inputs < pair[1] < end):
+                raise ValueError(
+                    f"wiring {self.name}: synapse {pair} joins a neuron that is not there; with {inputs} inputs a "
+                    f"presynaptic one is 0 to {end - 1}, a postsynaptic one {inputs + 1} to {end - 1}"
+                )
+        if not pairs:
+            raise ValueError(f"wiring {self.name}: `synapses` gives none")
+        pre, post = np.array(pairs, np.int64).T
+        return np.ascontiguousarray(pre), np.ascontiguousarray(post)
+
+
+def blocks_of(pre: NDArray[np.int64], post: NDArray[np.int64], begins: Sequence[int]) -> list[tuple[int, ...]]:
+    """The blocks of a list of synapses, in its order, where all of one row of neurons meet all of another.
+
+    Each is its first presynaptic and postsynaptic neuron, first synapse, and how many rows and columns it has. begins:
+    the first neuron of each group; no block lies in two.
+    """
+    blocks: list[tuple[int, ...]] = []
+    first, count = 0, len(pre)
+    while first < count:
+        wide = 1
+        while (
+            first + wide < count
+            and pre[first + wide] == pre[first]
+            and post[first + wide] == post[first] + wide
+            and post[first + wide] not in begins
+        ):
+            wide += 1
+        row, high = np.arange(wide) + post[first], 1
+        while True:
+            here = slice(first + high * wide, first + (high + 1) * wide)
+            if not (np.array_equal(post[here], row) and (pre[here] == pre[first] + high).all()):
+                break
+            high += 1
+        blocks.append((int(pre[first]), int(post[first]), first, high, wide))
+        first += high * wide
+    return blocks
+
+
+def recorded_wiring(name: str, sizes: Sequence[int], pairs: Iterable[Sequence[int]]) -> Wiring:
+    """What stands for a wiring where a champion or a recorded run is read: its name and synapses; it cannot run."""
+    known = [(int(pre), int(post)) for pre, post in pairs]
+    kind: Any = type(name, (Wiring,), {"sizes": tuple(sizes), "synapses": lambda _, __: known})
+    wiring: Wiring = kind()
+    return wiring

@@ -1,0 +1,61 @@
+"""A continuous-time recurrent network (Beer 1995): each neuron receives all inputs and all neurons.
+
+    tau y' = -y + sum w x      y: state of a neuron, tau: its time constant [s], w: weights, x: inputs and activations
+    x = tanh(y + bias)         Beer's logistic function becomes tanh, because outputs turn wheels both ways
+
+Euler's method takes steps of 32 ms, but no step is longer than tau: then y becomes the drive at once.
+
+Beer, R. D. (1995). On the dynamics of small continuous-time recurrent neural networks. Adaptive Behavior 3, 469-509.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, ClassVar
+
+from epuckhebb.controller.evolved import Evolved
+from epuckhebb.controller.network import OUTPUTS, tanh
+from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.wiring import Wiring
+from epuckhebb.tmaze.robot import STEP_S
+
+
+@dataclass(frozen=True, kw_only=True)
+class CTRNN(Wiring):
+    """A continuous-time recurrent network.
+
+    hidden: neurons besides the two of the wheels. tau_gain_rad_s: wheel gain at which time constants hold. At a lower
+    gain the robot is slower, and its neurons, too, so that they remember the same way; 0 if they hold at any gain.
+    """
+
+    state: ClassVar = {"y": 0.0}
+    evolved: ClassVar = {
+        "tau": Evolved(per="neuron", value=lambda gene: 0.1 * 10 ** (gene / 2)),  # 32 to 316 ms
+        "bias": Evolved(per="neuron"),
+    }
+
+    hidden: int = 6
+    tau_gain_rad_s: float = 4.0
+
+    def __post_init__(self) -> None:
+        check_range(self, "network", "hidden", "tau_gain_rad_s")
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """One group: all neurons respond at once."""
+        return (self.hidden + OUTPUTS,)
+
+    def synapses(self, inputs: int) -> Iterable[tuple[int, int]]:
+        """From each input and each neuron to each neuron."""
+        neurons = range(inputs + 1, inputs + 1 + self.hidden + OUTPUTS)
+        return product([*range(inputs), *neurons], neurons)
+
+    def step_s(self, gain_rad_s: float) -> float:
+        """See `Wiring`."""
+        return STEP_S * gain_rad_s / self.tau_gain_rad_s if self.tau_gain_rad_s else STEP_S
+
+    @staticmethod
+    def neuron(drive: float, state: Any, tau: float, bias: float, step_s: float) -> float:
+        """The activation of a neuron."""
+        state.y += min(1.0, step_s / tau) * (drive - state.y)
+        return tanh(state.y + bias)

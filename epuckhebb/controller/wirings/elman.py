@@ -1,0 +1,43 @@
+"""A simple recurrent network (Elman 1990): a hidden layer that also receives its own activations of the step before.
+
+    h = tanh(W x + V h' + b)    x: inputs, h': the hidden layer in the step before, b: weights of the constant 1
+    out = tanh(U h)
+
+Its memory is of steps, and a step is 32 ms at any wheel gain.
+
+Elman, J. L. (1990). Finding structure in time. Cognitive Science 14, 179-211.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import chain, product
+
+from epuckhebb.controller.network import OUTPUTS, tanh
+from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.wiring import Wiring
+
+
+@dataclass(frozen=True, kw_only=True)
+class Elman(Wiring):
+    """A simple recurrent network. hidden: neurons of its hidden layer."""
+
+    hidden: int = 8
+
+    def __post_init__(self) -> None:
+        check_range(self, "network", "hidden", above=True)
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """The hidden layer, then the wheels."""
+        return (self.hidden, OUTPUTS)
+
+    def synapses(self, inputs: int) -> Iterable[tuple[int, int]]:
+        """From inputs, constant 1 and hidden neurons to each hidden neuron, and from these to the wheels."""
+        hidden = range(inputs + 1, inputs + 1 + self.hidden)
+        wheels = range(hidden.stop, hidden.stop + OUTPUTS)
+        return chain(product(range(hidden.stop), hidden), product(hidden, wheels))
+
+    @staticmethod
+    def neuron(drive: float) -> float:
+        """The activation of a neuron."""
+        return tanh(drive)

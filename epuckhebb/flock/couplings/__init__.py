@@ -1,0 +1,1 @@
+"""Couplings between robots, a file each; see `epuckhebb.flock.coupling`."""

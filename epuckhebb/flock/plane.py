@@ -1,0 +1,226 @@
+"""A flock of e-pucks on a plane: they align, keep their distance, and some of them know where the goal is.
+
+The controller is written by hand; no network is evolved. Each robot wants to drive where those that it listens to
+drive, weighted by its couplings, and to keep a distance. Those that know the way add it. The goal is a direction, +x.
+After a while one robot breaks: its heading becomes noisier, and it no longer knows the way.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import kernel
+from epuckhebb.controller.random import Stream, key, normal, rng
+from epuckhebb.controller.ranges import check_range
+from epuckhebb.flock.coupling import Coupling, Moment, changed, shuffled, transfer_entropy
+from epuckhebb.tmaze.maze import Pose
+from epuckhebb.tmaze.physics.pymunk import MOTION, Handles, PymunkSpace, mover_of_all
+from epuckhebb.tmaze.robot import EPUCK, STEP_S
+
+HOLD = 5  # steps between two decisions of a robot
+PERIOD = 40  # decisions between two changes of the couplings
+WINDOW = 100  # decisions of which the transfer entropy is estimated
+RECORD = 5  # decisions between two recorded poses
+DECISION_S, CHANGE_S, SAMPLE_S = HOLD * STEP_S, HOLD * PERIOD * STEP_S, HOLD * RECORD * STEP_S
+SPEED = 2.5  # rad/s of the wheels, straight ahead
+TURN = 3.0  # rad/s of the wheels per rad of error, and at most
+SPRING_M, SPRING = 0.18, 0.7  # the distance that robots keep, and how strongly
+GOAL = 0.15  # how strongly the goal draws a robot that knows it
+_MOST = 100  # robots
+BREAKS = ("none", "stranger", "knower")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flock:
+    """The settings of a run.
+
+    robots: how many. knowers: how many of them know the way, the first ones. breaks: which robot breaks, a stranger
+    to the way (the last robot), a knower (the first one), or none. at_s: when [s]. loudness: its noise from then on,
+    times that of others. noise: standard deviation of a wanted heading [rad]. range_m: how far a robot perceives
+    others [m]. spacing_m: between neighbours at the start. duration_s: of the run.
+    """
+
+    robots: int = 10
+    knowers: int = 2
+    breaks: str = "none"
+    at_s: float = 1200.0
+    loudness: float = 2.5
+    noise: float = 0.3
+    range_m: float = 2.0
+    spacing_m: float = 0.16
+    duration_s: float = 2400.0
+
+    def __post_init__(self) -> None:
+        if not 2 <= self.robots <= _MOST:
+            raise ValueError(f"flock.robots must be 2 to {_MOST}, got {self.robots}")
+        if not 1 <= self.knowers <= self.robots:
+            raise ValueError(f"flock.knowers must be 1 to flock.robots={self.robots}, got {self.knowers}")
+        if self.breaks not in BREAKS:
+            raise ValueError(f"flock.breaks must be one of {', '.join(BREAKS)}, got {self.breaks!r}")
+        if self.breaks == "stranger" and self.knowers == self.robots:
+            raise ValueError(
+                f"flock.breaks=stranger needs a robot that does not know the way, and flock.knowers={self.knowers} of "
+                f"flock.robots={self.robots} know it"
+            )
+        check_range(self, "flock", "duration_s", least=2 * CHANGE_S, most=1e6)
+        check_range(self, "flock", "at_s", least=CHANGE_S, most=self.duration_s - CHANGE_S)
+        check_range(self, "flock", "loudness", "noise", most=100.0)
+        for name in ("range_m", "spacing_m"):  # nearer robots would overlap
+            check_range(self, "flock", name, least=2 * EPUCK.radius_m, most=100.0)
+
+    @property
+    def places(self) -> list[Pose]:
+        """Where the robots start, in rows; their headings are drawn."""
+        columns = math.ceil(math.sqrt(self.robots))
+        return [Pose(self.spacing_m * (k % columns), self.spacing_m * (k // columns), 0.0) for k in range(self.robots)]
+
+    @property
+    def broken(self) -> int:
+        """The number of the robot that breaks, -1 for none."""
+        return {"none": -1, "stranger": self.robots - 1, "knower": 0}[self.breaks]
+
+    @property
+    def decisions(self) -> int:
+        """How often each robot decides."""
+        return math.floor(self.duration_s / DECISION_S + 1e-9)
+
+
+class Record(NamedTuple):
+    """What a run leaves. path: (samples, robots, 3) x, y [m] and heading [rad], every `SAMPLE_S`.
+
+    weights: (changes + 1, robots, robots), the couplings from the start on, every `CHANGE_S`. least_gap: between the
+    rims of two robots [m].
+    """
+
+    path: Floats
+    weights: Floats
+    least_gap: float
+
+
+class _Band(NamedTuple):
+    """What robots carry in a run, first axis the robots, and workspace."""
+
+    motion: Floats
+    wheels: Floats
+    loud: Floats
+    knows: Floats
+    keys: NDArray[np.uint64]
+    wanted: Floats
+    before: Floats
+
+
+def drive(
+    space: Handles,
+    band: _Band,
+    weights: Floats,
+    noise: float,
+    sight: float,
+    first: int,
+    until: int,
+    turns: Floats,
+    path: Floats,
+    least: Floats,
+) -> None:
+    """Let the robots drive from a decision until before another one.
+
+    turns: (decisions, robots) [rad], path: (samples, robots, 3), least: (1,) distance of two centres [m]; updated.
+    """
+    motion, wheels, wanted, before = band.motion, band.wheels, band.wanted, band.before
+    robots = motion.shape[0]
+    for decision in range(first, until):
+        for i in range(robots):
+            x, y, before[i] = motion[i, 0], motion[i, 1], motion[i, 2]
+            along_x, along_y, listened, pull_x, pull_y = 0.0, 0.0, 0.0, 0.0, 0.0
+            for j in range(robots):
+                to_x, to_y = motion[j, 0] - x, motion[j, 1] - y
+                away = math.sqrt(to_x * to_x + to_y * to_y)
+                if i == j or away > sight:
+                    continue
+                least[0] = min(least[0], away)
+                along_x += weights[i, j] * math.cos(motion[j, 2])
+                along_y += weights[i, j] * math.sin(motion[j, 2])
+                listened += weights[i, j]
+                pull = min(1.0, max(-3.0, (away - SPRING_M) / SPRING_M))
+                if pull > 0.0:  # attraction is of those that it listens to, distance is kept from all
+                    pull *= weights[i, j]
+                pull_x += pull * to_x / away
+                pull_y += pull * to_y / away
+            listened = max(listened, 1e-9)
+            to_x = along_x / listened + SPRING * pull_x / (robots - 1) + GOAL * band.knows[i]
+            to_y = along_y / listened + SPRING * pull_y / (robots - 1)
+            wanted[i] = math.atan2(to_y, to_x) + noise * band.loud[i] * normal(band.keys[i], decision)
+        if decision % RECORD == 0:
+            for i in range(robots):
+                for k in range(3):
+                    path[decision // RECORD, i, k] = motion[i, k]
+        for _ in range(HOLD):
+            for i in range(robots):
+                error = wanted[i] - motion[i, 2]
+                error -= 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
+                turn = min(TURN, max(-TURN, TURN * error))
+                speed = SPEED * max(0.2, math.cos(error))
+                wheels[i, 0], wheels[i, 1] = speed - turn, speed + turn
+                wheels[i, 2], wheels[i, 3] = math.cos(motion[i, 2]), math.sin(motion[i, 2])
+            move_all(space, motion, wheels)
+        for i in range(robots):
+            turns[decision % WINDOW, i] = motion[i, 2] - before[i]
+
+
+move_all = mover_of_all(EPUCK)
+
+
+@cache
+def _drive() -> Callable[..., None]:
+    return kernel(drive)
+
+
+def run(flock: Flock, coupling: Coupling, seed: int, *, other: bool = False) -> Record:
+    """Run a flock. seed: of the headings at the start and of all noise, which is that of a robot whatever the coupling.
+
+    other: whether the coupling is given the transfer entropy of other pairs and the fitness of other robots.
+
+    Raises:
+        CouplingError: the coupling gave no weights.
+    """
+    count, broken = flock.robots, flock.broken
+    drawn, mixing = rng(seed, Stream.flock, 0), rng(seed, Stream.flock, 1)
+    space = PymunkSpace(np.zeros((0, 4)), EPUCK, count=count)
+    headings = drawn.uniform(-math.pi, math.pi, count).tolist()
+    space.place_robot(*(place._replace(heading=heading) for place, heading in zip(flock.places, headings, strict=True)))
+    motion = space.handles.state[: MOTION * count].reshape(count, MOTION)
+    keys = np.array([key(seed, Stream.flock, 2, robot) for robot in range(count)], np.uint64)
+    knows = (np.arange(count) < flock.knowers).astype(float)
+    band = _Band(motion, np.zeros((count, 4)), np.ones(count), knows, keys, np.zeros(count), np.zeros(count))
+    weights = np.ones((count, count)) - np.eye(count)
+    history, x_before = [weights], motion[:, 0].copy()
+    turns, path = np.zeros((WINDOW, count)), np.zeros((-(-flock.decisions // RECORD), count, 3))
+    least = np.full(1, math.inf)
+    breaks_at = round(flock.at_s / DECISION_S)
+    done = 0
+    for until in sorted({*range(PERIOD, flock.decisions, PERIOD), breaks_at, flock.decisions}):
+        _drive()(
+            space.handles, band, weights, float(flock.noise), float(flock.range_m), done, until, turns, path, least
+        )
+        done = until
+        if done % PERIOD == 0:
+            x = motion[:, 0].copy()
+            now = Moment(
+                weights,
+                transfer_entropy(np.roll(turns, -done % WINDOW, axis=0)),
+                (x - x_before) / (SPEED * EPUCK.wheel_radius_m * CHANGE_S),
+                broken if done > breaks_at else -1,
+                done * DECISION_S,
+            )
+            x_before = x
+            if done >= WINDOW:
+                weights = changed(coupling, shuffled(now, mixing) if other else now)
+            history.append(weights)
+        if done == breaks_at and broken >= 0:
+            band.loud[broken], knows[broken] = flock.loudness, 0.0
+    return Record(path, np.array(history), float(least[0]) - 2 * EPUCK.radius_m)

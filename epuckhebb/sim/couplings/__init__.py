@@ -1,1 +1,0 @@
-"""Couplings between robots, a file each; see `epuckhebb.sim.coupling`."""

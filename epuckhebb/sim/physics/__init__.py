@@ -1,1 +1,0 @@
-"""The kinds of physics, one file each; `epuckhebb.sim.physics_engine` says what one must offer."""

@@ -1,1 +1,0 @@
-"""Plasticity rules: one file each, which no other file has to name (`epuckhebb.sim.plasticity.rule`)."""

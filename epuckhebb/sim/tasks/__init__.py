@@ -1,1 +1,0 @@
-"""Tasks: what a robot is to do in a lifetime. One file each; see `epuckhebb.sim.task`."""

@@ -1,1 +1,0 @@
-"""Wirings: one file each, which no other file has to name (`epuckhebb.sim.wiring`)."""

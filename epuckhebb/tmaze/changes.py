@@ -1,0 +1,141 @@
+"""What may change in a world during a lifetime, planned or by hand, and which values that may have.
+
+`epuckhebb.tmaze.scenario` says what each means, and `epuckhebb.tmaze.session` does it.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.tmaze.goal_signal import GoalSignal
+from epuckhebb.tmaze.light import Lamp
+from epuckhebb.tmaze.maze import SIDES, Box, Maze, Pose, boxes
+from epuckhebb.tmaze.reachable import GRID, SPARE, gap, reachable
+from epuckhebb.tmaze.robot import STEP_S
+
+STEPS = ("sensor_levels", "sensor_delay_steps", "wheel_delay_steps")  # faults that are whole numbers
+FAULTS = (
+    *("distance_gain", "distance_offset", "left_distance_gain", "crosstalk", *STEPS),
+    *("left_wheel", "right_wheel", "left_slip", "right_slip", "mass_ratio"),
+)
+GROUPED = {"lamp": Lamp, "goal_signal": GoalSignal}  # keys with keys of their own
+AT_ONCE: Mapping[str, Any] = {"put": None, "reset": False}  # what happens at one step, and is over
+CHANGEABLE = (
+    *("light", "sun_turn_deg", *GROUPED, "second_lamp", "obstacles", "layout", "goals", "dead_sensors", *FAULTS),
+    *("wall_friction", "lamp_on", "placed", "rate", *AT_ONCE),
+)
+MOST_BLOCKS = 20
+SMALLEST_M, LARGEST_M = 0.005, 0.5  # sides of a block
+_HIGHEST_RATE = 10_000.0  # times the base rate
+
+
+def is_number(value: object) -> bool:
+    """Whether a value is a number; True and False are none."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _are_numbers(value: Any, count: int) -> bool:
+    return (
+        isinstance(value, list | tuple)
+        and len(value) == count
+        and all(is_number(number) and math.isfinite(number) for number in value)
+    )
+
+
+def _are_goals(value: Any) -> bool:
+    sides = isinstance(value, Mapping) and set(value) <= set(SIDES)
+    return value is None or (sides and all(_are_numbers(place, 2) for place in value.values()))
+
+
+def _are_in(kind: type) -> tuple[Callable[[Any], bool], str]:
+    known = [field.name for field in fields(kind)]
+    return (
+        lambda given: isinstance(given, Mapping) and set(given) <= set(known) and all(map(is_number, given.values())),
+        f"numbers for any of {', '.join(known)}",
+    )
+
+
+_KINDS: dict[str, tuple[Callable[[Any], bool], str]] = {  # what a value must be
+    **dict.fromkeys(("light", "sun_turn_deg", "wall_friction", *FAULTS), (is_number, "a number")),
+    **dict.fromkeys(("obstacles", "layout", *STEPS), (lambda value: type(value) is int, "a whole number")),
+    **{key: _are_in(kind) for key, kind in GROUPED.items()},
+    "rate": (
+        lambda value: is_number(value) and 0 <= value <= _HIGHEST_RATE,
+        f"a number from 0 to {_HIGHEST_RATE:g}, the factor on N",
+    ),
+    "lamp_on": (lambda value: value is None or isinstance(value, bool), "true, false, or null for what the side says"),
+    "reset": (lambda value: isinstance(value, bool), "true or false"),
+    "second_lamp": (
+        lambda value: value is None or (_are_numbers(value, 3) and value[2] >= 0),
+        "[x, y, intensity] in m, or null for none",
+    ),
+    "put": (lambda value: value is None or _are_numbers(value, 3), "[x, y, heading] in m and rad"),
+    "placed": (
+        lambda value: isinstance(value, list | tuple) and all(_are_numbers(box, 4) for box in value),
+        "a list of [x, y, width, height] in m",
+    ),
+    "goals": (_are_goals, "{left: [x, y], right: [x, y]}, or one of them"),
+}
+
+
+def check_kind(key: str, value: object) -> None:
+    """Check that a new value is of the right kind; else a ValueError."""
+    is_right, what = _KINDS.get(key.removeprefix("scenario."), (lambda _: True, ""))
+    if not is_right(value):
+        raise ValueError(f"{key} must be {what}, got {value!r}")
+
+
+def check_changes(key: str, changes: Sequence[Mapping[str, Any]]) -> None:
+    """Check the keys and the times of changes, `scenario.changes` or `scenario.hand`; else a ValueError."""
+    last = 0.0
+    for number, change in enumerate(changes):
+        where = f"scenario.{key}[{number}]"
+        if not set(change) <= {"at_s", *CHANGEABLE} or len(change) < 2 or "at_s" not in change:
+            raise ValueError(
+                f"{where} must have at_s and one or more of {', '.join(CHANGEABLE)}, "
+                f"got {', '.join(map(str, change)) or 'nothing'}"
+            )
+        at_s = change["at_s"]
+        if not (is_number(at_s) and math.isfinite(at_s) and at_s > last):
+            raise ValueError(f"{where}.at_s must be more than {last:g} s, the time before it, got {at_s}")
+        last = at_s
+
+
+def step_of(change: Mapping[str, Any]) -> int:
+    """The first step that is not before a change."""
+    return math.ceil(float(change["at_s"]) / STEP_S - 1e-9)
+
+
+def check_placed(placed: Sequence[Box], maze: Maze) -> None:
+    """Refuse too many blocks, blocks of no sensible size, and blocks outside the maze."""
+    if len(placed) > MOST_BLOCKS:
+        raise ValueError(f"placed must hold at most {MOST_BLOCKS} blocks, got {len(placed)}")
+    for box in placed:
+        if not all(SMALLEST_M <= side <= LARGEST_M for side in (box.width, box.height)):
+            raise ValueError(f"placed: the sides of a block must be {SMALLEST_M:g} to {LARGEST_M:g} m, got {list(box)}")
+        if max(abs(box.x), abs(box.y)) > maze.arena_m:
+            raise ValueError(f"placed: the middle of a block must be in the maze, got {list(box)}")
+
+
+def check_put(put: Pose, maze: Maze, radius: float, standing: Floats) -> None:
+    """Refuse a place where a robot of this radius [m] cannot stand, or that it could not get to from the start.
+
+    standing: (boxes, 4), all that stands in the maze now.
+    """
+    axis, floor = _floor(maze, radius)
+    places = [round((value + maze.arena_m) / GRID) for value in put[:2]]
+    is_floor = all(0 <= place < len(axis) for place in places) and bool(floor[tuple(places)])
+    if not is_floor or gap(put.x, put.y, standing) < radius - SPARE:
+        raise ValueError(f"put: there is no room for the robot at {put.x:g}, {put.y:g}")
+
+
+@cache
+def _floor(maze: Maze, radius: float) -> tuple[Floats, NDArray[np.bool_]]:
+    """Where the middle of the robot can get to in a maze without obstacles."""
+    return reachable(maze, boxes(maze), radius)

@@ -1,0 +1,125 @@
+"""The Open Dynamics Engine (ODE), version 0.16 in double precision: its C functions, for Python and for machine code.
+
+It is a package of the system, not of Python: `apt-get install libode8` on Debian. Nothing here needs it until
+`library` is called.
+"""
+
+import ctypes
+from functools import cache
+from typing import Any
+
+import llvmlite.binding
+import numpy as np
+from numba import types
+
+from epuckhebb.controller.arrays import Floats
+
+_NAMES = ("libode.so.8", "libode.8.dylib")  # of version 0.16, whose functions and records these are
+_PRECISION = b"ODE_double_precision"
+_POINTER, _REAL, _INT, _NOTHING = ctypes.c_void_p, ctypes.c_double, ctypes.c_int, None
+_FUNCTIONS: dict[str, tuple[Any, ...]] = {  # the C functions that Python calls: result, arguments
+    "dCheckConfiguration": (_INT, ctypes.c_char_p),
+    "dInitODE2": (_INT, ctypes.c_uint),
+    "dSetMessageHandler": (_NOTHING, _POINTER),
+    "dAllocateODEDataForThread": (_INT, ctypes.c_uint),
+    "dThreadingAllocateSelfThreadedImplementation": (_POINTER,),
+    "dThreadingImplementationGetFunctions": (_POINTER, _POINTER),
+    "dThreadingFreeImplementation": (_NOTHING, _POINTER),
+    "dWorldCreate": (_POINTER,),
+    "dWorldDestroy": (_NOTHING, _POINTER),
+    "dWorldSetGravity": (_NOTHING, _POINTER, _REAL, _REAL, _REAL),
+    "dWorldSetERP": (_NOTHING, _POINTER, _REAL),
+    "dWorldSetCFM": (_NOTHING, _POINTER, _REAL),
+    "dWorldSetStepThreadingImplementation": (_NOTHING, _POINTER, _POINTER, _POINTER),
+    "dJointGroupCreate": (_POINTER, _INT),
+    "dJointGroupDestroy": (_NOTHING, _POINTER),
+    "dCreatePlane": (_POINTER, _POINTER, _REAL, _REAL, _REAL, _REAL),
+    "dCreateBox": (_POINTER, _POINTER, _REAL, _REAL, _REAL),
+    "dCreateCylinder": (_POINTER, _POINTER, _REAL, _REAL),
+    "dGeomDestroy": (_NOTHING, _POINTER),
+    "dGeomSetPosition": (_NOTHING, _POINTER, _REAL, _REAL, _REAL),
+    "dGeomSetBody": (_NOTHING, _POINTER, _POINTER),
+    "dGeomSetOffsetPosition": (_NOTHING, _POINTER, _REAL, _REAL, _REAL),
+    "dGeomSetOffsetRotation": (_NOTHING, _POINTER, _POINTER),
+    "dBodyCreate": (_POINTER, _POINTER),
+    "dBodySetMass": (_NOTHING, _POINTER, _POINTER),
+    "dBodySetPosition": (_NOTHING, _POINTER, _REAL, _REAL, _REAL),
+    "dBodySetRotation": (_NOTHING, _POINTER, _POINTER),
+    "dMassSetParameters": (_NOTHING, _POINTER, *[_REAL] * 10),
+    "dMassSetCylinderTotal": (_NOTHING, _POINTER, _REAL, _INT, _REAL, _REAL),
+    "dRFromAxisAndAngle": (_NOTHING, _POINTER, _REAL, _REAL, _REAL, _REAL),
+    "dJointCreateHinge": (_POINTER, _POINTER, _POINTER),
+    "dJointAttach": (_NOTHING, _POINTER, _POINTER, _POINTER),
+    "dJointSetHingeAnchor": (_NOTHING, _POINTER, _REAL, _REAL, _REAL),
+    "dJointSetHingeAxis": (_NOTHING, _POINTER, _REAL, _REAL, _REAL),
+    "dJointSetHingeParam": (_NOTHING, _POINTER, _INT, _REAL),
+}
+_compiled: list[str] = []  # the C functions that machine code calls
+# In rare steps the solver of contacts says that it stops early, "LCP internal error"; see docs/ode.md. ODE's errors
+# have another handler, which ends the process.
+_say_nothing = ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_char_p, ctypes.c_void_p)(lambda *_: None)
+
+
+def _for_machine_code(name: str, result: types.Type, *arguments: types.Type) -> Any:
+    _compiled.append(name)
+    return types.ExternalFunction(name, result(*arguments))
+
+
+_at = types.intp  # an address
+set_hinge = _for_machine_code("dJointSetHingeParam", types.void, _at, types.intc, types.float64)
+empty_group = _for_machine_code("dJointGroupEmpty", types.void, _at)
+collide = _for_machine_code("dCollide", types.intc, _at, _at, types.intc, _at, types.intc)
+create_contact = _for_machine_code("dJointCreateContact", _at, _at, _at, _at)
+attach = _for_machine_code("dJointAttach", types.void, _at, _at, _at)
+world_step = _for_machine_code("dWorldStep", types.intc, _at, types.float64)
+copy_position = _for_machine_code("dBodyCopyPosition", types.void, _at, _at)
+copy_rotation = _for_machine_code("dBodyCopyRotation", types.void, _at, _at)
+
+
+@cache
+def library() -> Any:
+    """The library, ready for use.
+
+    Raises:
+        ValueError: it is not installed, or is another version.
+    """
+    wanted = "physics=ode needs the Open Dynamics Engine 0.16 in double precision (Debian: apt-get install libode8)"
+    for name in _NAMES:
+        try:
+            found = ctypes.CDLL(name)
+            break
+        except OSError:
+            continue
+    else:
+        raise ValueError(f"{wanted}; it is not installed")
+    for name, (result, *arguments) in _FUNCTIONS.items():
+        function = getattr(found, name, None)
+        if function is None:
+            raise ValueError(f"{wanted}; the one installed is another version, without {name}")
+        function.restype, function.argtypes = result, arguments
+    if not found.dCheckConfiguration(_PRECISION):
+        raise ValueError(f"{wanted}; the one installed has single precision")
+    found.dInitODE2(0)
+    found.dSetMessageHandler(_say_nothing)
+    for name in _compiled:
+        address = ctypes.cast(getattr(found, name), ctypes.c_void_p).value
+        llvmlite.binding.add_symbol(name, address)
+    return found
+
+
+def own_threading() -> tuple[int, int]:
+    """What lets several threads each step a world of their own: functions, and what they work on."""
+    made = library().dThreadingAllocateSelfThreadedImplementation()
+    return library().dThreadingImplementationGetFunctions(made), made
+
+
+def rotation(x: float, y: float, z: float, angle: float) -> Floats:
+    """The matrix of a rotation about an axis [rad]."""
+    rows = np.zeros(12)
+    library().dRFromAxisAndAngle(rows.ctypes.data, x, y, z, angle)
+    return rows.reshape(3, 4)[:, :3]
+
+
+def rows_of(matrix: Floats) -> Floats:
+    """A matrix as ODE has it: rows of four numbers."""
+    return np.hstack([matrix, np.zeros((3, 1))]).ravel()

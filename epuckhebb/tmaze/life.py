@@ -1,0 +1,341 @@
+"""The records of a lifetime: its settings, what it begins with, and what it carries from step to step.
+
+`epuckhebb.tmaze.lifetime` has the equations, which read and write these records.
+"""
+
+import math
+from collections import namedtuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.adaptation.adaptation import AdaptationState, Gate
+from epuckhebb.adaptation.change_signal import NominalOfSide
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.controller.network import Network
+from epuckhebb.controller.plasticity.weight_change import weight_change_workspace
+from epuckhebb.controller.random import noise_workspace_size
+from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.wiring import NO_NEURONS, Neurons
+from epuckhebb.tmaze.faults import Faults, initial_past
+from epuckhebb.tmaze.fitness import History
+from epuckhebb.tmaze.goal_signal import SignalNumbers
+from epuckhebb.tmaze.light import Lights
+from epuckhebb.tmaze.maze import Region
+from epuckhebb.tmaze.own_fitness import Fitness
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
+from epuckhebb.tmaze.physics_engine import Physics
+from epuckhebb.tmaze.robot import STEP_S, Robot
+from epuckhebb.tmaze.samples import Samples
+from epuckhebb.tmaze.senses import SenseWorkspace, sense_workspace
+
+_LONGEST_S = 1e9  # 31 years: more is surely a slip
+
+TALLY = np.dtype(
+    [
+        ("step", np.int64),  # done so far
+        ("contacts", np.int64),  # steps with a distance reading above 0.8
+        ("arrived", np.bool_),  # whether the robot ever was at its goal
+        ("lost", np.bool_),  # whether it left the arena or its pose is not finite
+        ("junction", np.float64),  # 1 once it has been in the correct arm
+        ("undirected_sum", np.float64),  # of combined fitness without the junction term
+        ("behaviour_sum", np.float64),  # of combined fitness
+        ("weight_change", np.float64),  # sum of |W - W_gene|
+        ("weight_change_sum", np.float64),
+        ("scale", np.float64),  # of the weights from the light sensors, by homeostasis
+        ("scaling", np.float64),  # sum of |W - W_gene| from that scale
+        ("path_length", np.float64),  # m
+        ("goal_distance", np.float64),  # m
+        ("time_to_goal", np.float64),  # s, nan until it arrives
+        ("need", np.float64),  # g of the last step
+        ("change_signal", np.float64),  # nan without a signal
+        ("away_s", np.float64),  # since the start, or since it was at the goal
+        ("exploring", np.bool_),  # whether the gate of exploration is open
+        ("halted", np.bool_),  # whether it stands still at the goal
+        ("late_s", np.float64),  # how long the signal of change has been above its threshold
+        ("noise_left", np.float64),  # on the wheels' outputs, of exploration
+        ("noise_right", np.float64),
+        ("left_speed", np.float64),  # rad/s at which the wheels move the robot
+        ("right_speed", np.float64),
+        ("trial", np.int64),  # its number, from 0, where a lifetime is many trials
+        ("began", np.int64),  # the step with which it began
+        ("time_outs", np.int64),  # trials that were over without an arrival
+        ("reward", np.float64),  # as the network receives it
+        ("over", np.bool_),  # whether all trials are over
+    ],
+    align=True,
+)
+_namedtuple: Any = namedtuple  # mypy wants the names of the fields written out
+_Tally = _namedtuple("_Tally", TALLY.names)  # a whole tally is read in the time that four of its fields take
+_INITIAL_TALLY = np.zeros(1, TALLY)
+_INITIAL_TALLY["time_to_goal"], _INITIAL_TALLY["change_signal"] = math.nan, math.nan
+_INITIAL_TALLY["need"], _INITIAL_TALLY["scale"] = 1.0, 1.0
+_INITIAL_BYTES = _INITIAL_TALLY.view(np.uint8)  # copied in a tenth of the time: NumPy copies a record field by field
+
+
+@dataclass(kw_only=True)
+class Lifetime:
+    """How a lifetime is run.
+
+    duration_s: its length [s]. gain_rad_s: wheel speed [rad/s] of a network output of 1. noise: 1 for the sensors' own
+    noise, 0 for none, other values scale it. record_every: steps between two recorded samples, 0 to record nothing.
+    """
+
+    duration_s: float = 250.0
+    gain_rad_s: float = 1.0
+    noise: float = 1.0
+    record_every: int = 0
+
+    def __post_init__(self) -> None:
+        if not STEP_S <= self.duration_s <= _LONGEST_S:
+            raise ValueError(
+                f"lifetime.duration_s must be at least one step, {STEP_S} s, and at most {_LONGEST_S:g} s, "
+                f"got {self.duration_s}"
+            )
+        check_range(self, "lifetime", "gain_rad_s", above=True)
+        check_range(self, "lifetime", "noise")
+        if not 0 <= self.record_every <= _LONGEST_S / STEP_S:
+            raise ValueError(
+                f"lifetime.record_every must be 0 or more, and at most the steps of {_LONGEST_S:g} s, "
+                f"got {self.record_every}"
+            )
+
+    @property
+    def steps(self) -> int:
+        """Whole control steps of 32 ms in the lifetime."""
+        return math.floor(self.duration_s / STEP_S + 1e-9)
+
+
+class Workspace(NamedTuple):
+    """Temporary arrays of a step; lifetimes that run one after the other may share them."""
+
+    senses: SenseWorkspace
+    noise: Floats
+    drive: Floats
+    synapses: Floats
+    change: Floats
+
+
+def workspace_for(network: Network, robot: Robot, physics: Physics = PYMUNK) -> Workspace:
+    """Workspace for this network and robot."""
+    return Workspace(
+        senses=sense_workspace(robot, physics),
+        noise=np.zeros(noise_workspace_size(robot.inputs)),
+        drive=np.empty(network.neurons),
+        synapses=np.empty((3, network.synapses)),
+        change=np.empty(weight_change_workspace(network)),
+    )
+
+
+class Genotype(NamedTuple):
+    """What a lifetime starts with and never changes.
+
+    weights: (synapses,), the genes. synapse_state: (synapses,) records, the initial state of each synapse.
+    coefficients: (names, synapses) from evolved parameters of the rule. modulatory: weights of its modulatory neuron,
+    if any. lengths: (neurons,) of each neuron's incoming weights, if the rule keeps them. signs: (synapses,) of the
+    updates. neurons: of a wiring.
+    """
+
+    weights: Floats
+    synapse_state: NDArray[np.void]
+    coefficients: Floats
+    modulatory: Floats
+    lengths: Floats
+    signs: Floats
+    neurons: Neurons = NO_NEURONS
+
+
+class Life(NamedTuple):
+    """All that a lifetime carries from step to step, but for the space in which the robot stands.
+
+    key: of all noise. tally: one record of `TALLY`. weights: (synapses,). synapse_state: (synapses,) records.
+    activation: (neurons,). adaptation: what it carries. trials: records of `epuckhebb.tmaze.task.TRIAL`, none where a
+    lifetime is one trial. score: one record, what its fitness stores. neurons: of a wiring; its state lasts as long as
+    the lifetime. past: what late sensors and wheels need (`epuckhebb.tmaze.faults`).
+    """
+
+    genotype: Genotype
+    key: np.uint64
+    tally: NDArray[np.void]
+    weights: Floats
+    synapse_state: NDArray[np.void]
+    activation: Floats
+    adaptation: AdaptationState
+    trials: NDArray[np.void]
+    score: NDArray[np.void]
+    neurons: Neurons
+    workspace: Workspace
+    past: Floats
+
+
+def initial_life(
+    genotype: Genotype,
+    key: np.uint64,
+    network: Network,
+    robot: Robot,
+    workspace: Workspace,
+    adaptation: AdaptationState,
+    trials: NDArray[np.void],
+    fitness: Fitness,
+) -> Life:
+    """A lifetime before its first step. workspace, adaptation: arrays to use. fitness: by which it is scored."""
+    activation = np.zeros(network.neurons)
+    activation[network.bias] = 1.0
+    neurons = genotype.neurons._replace(state=genotype.neurons.state.copy())
+    tally = _INITIAL_BYTES.copy().view(TALLY)
+    return Life(
+        *(genotype, key, tally, genotype.weights.copy(), genotype.synapse_state.copy(), activation),
+        *(adaptation, trials, fitness.initial_state(), neurons, workspace, initial_past(robot)),
+    )
+
+
+def tally_of(life: Life) -> Any:
+    """The numbers of the tally, by name."""
+    return _Tally._make(life.tally[0].item())
+
+
+class Group(NamedTuple):
+    """What robots in one space carry, first axis of arrays the robots.
+
+    records: a `Life`, in which adaptation, trials and workspace are those of one robot. motion: (robots, 6), the view
+    of the space's state. wheels: (robots, 4) and before: (robots, 2), workspace.
+    """
+
+    records: Life
+    keys: NDArray[np.uint64]
+    motion: Floats
+    wheels: Floats
+    before: Floats
+
+
+@compiled
+def life_of(group: Group, i: int) -> Life:
+    """The lifetime of one robot of a group."""
+    records, genes, neurons = group.records, group.records.genotype, group.records.neurons
+    return Life(
+        Genotype(
+            genes.weights[i],
+            genes.synapse_state[i],
+            genes.coefficients[i],
+            genes.modulatory[i],
+            genes.lengths[i],
+            genes.signs[i],
+            genes.neurons,
+        ),
+        group.keys[i],
+        records.tally[i],
+        records.weights[i],
+        records.synapse_state[i],
+        records.activation[i],
+        records.adaptation,
+        records.trials,
+        records.score[i],
+        Neurons(neurons.state[i], neurons.parameters[i], neurons.numbers, neurons.step_s),
+        records.workspace,
+        records.past[i],
+    )
+
+
+class Trial(NamedTuple):
+    """What the robot is to do, and what is wrong with it.
+
+    goal_x, goal_y, goal_radius: m. signal: how it is given the goal signal. arm: the region in which it has turned the
+    right way. arena: m, half side. faults: what is wrong. terms: the numbers of its task, a tuple of a type of their
+    own.
+    """
+
+    goal_x: float
+    goal_y: float
+    goal_radius: float
+    signal: SignalNumbers
+    arm: Region
+    arena: float
+    faults: Faults
+    terms: tuple[Any, ...] = ()
+
+
+class Plasticity(NamedTuple):
+    """The settings of a rule and of an adaptation, as numbers.
+
+    rate: N at the wheel gain of this lifetime. floor, signal, history: of the live fitness. numbers: all settings of
+    the rule. gate: of the adaptation.
+    """
+
+    rate: float
+    floor: float
+    signal: int
+    history: History
+    numbers: tuple[float, ...]
+    gate: Gate
+
+
+class Setup(NamedTuple):
+    """What stays the same while a lifetime runs in one world.
+
+    nominal: what an adaptation compares with. lit: the lights. fitness: the settings of the fitness, as numbers. gain:
+    wheel speed [rad/s] of a network output of 1. noise_level: 1 for the sensors' own noise. record_every: steps between
+    two samples, 0 for none.
+    """
+
+    plasticity: Plasticity
+    nominal: NominalOfSide
+    lit: Lights
+    trial: Trial
+    fitness: tuple[float, ...]
+    gain: float
+    noise_level: float
+    record_every: int
+    samples: Samples
+
+
+class CalibrationRecord(NamedTuple):
+    """The calibration manoeuvre of a robot before its lifetime.
+
+    poses: (steps + 1, 3) x, y [m], heading [rad]. speeds: (steps, 2) commanded wheel speeds [rad/s]. readings: (steps,
+    inputs) sensor readings. past: what late sensors and wheels need, with commands in rad/s (`epuckhebb.tmaze.faults`).
+    """
+
+    poses: Floats
+    speeds: Floats
+    readings: Floats
+    past: Floats
+
+
+def count_calibration(
+    life: Life, calibration: CalibrationRecord, gain: float, record_every: int, samples: Samples
+) -> None:
+    """Make a calibration manoeuvre the first steps of a lifetime: its time, path and samples count.
+
+    Its live fitness is 0. gain, record_every, samples: as in `live`.
+    """
+    steps, inputs = calibration.readings.shape
+    tally = life.tally
+    tally["step"], tally["away_s"] = steps, steps * STEP_S
+    tally["path_length"] = np.hypot(*np.diff(calibration.poses[:, :2], axis=0).T).sum()
+    life.adaptation.recent[:inputs] = calibration.readings[-1]
+    life.past[:] = calibration.past
+    life.past[:, inputs:] /= gain
+    if record_every:
+        recorded = np.arange(0, steps, record_every)
+        places = slice(0, len(recorded))
+        samples.time[places], samples.pose[places] = recorded * STEP_S, calibration.poses[recorded]
+        samples.sensors[places] = calibration.readings[recorded]
+        samples.motors[places] = calibration.speeds[recorded] / gain
+        samples.weights[places] = life.weights
+
+
+def pad_samples(samples: Samples, life: Life, robot: Robot, record_every: int, pose: Floats) -> None:
+    """Fill the samples after an early end of a lifetime: the robot stays where it was.
+
+    record_every: as in `live`. pose: x, y [m], heading [rad] at the end.
+    """
+    tally = life.tally[0]
+    after = slice(-(-int(tally["step"]) // record_every), None)
+    samples.time[after] = np.arange(len(samples.time))[after] * record_every * STEP_S
+    samples.pose[after], samples.weights[after] = pose[:3], life.weights
+    samples.activations[after] = life.activation[len(life.activation) - samples.activations.shape[1] :]
+    samples.sensors[after, : robot.inputs] = life.activation[: robot.inputs]  # and no reward
+    samples.weight_change[after] = tally["weight_change"] + tally["scaling"]

@@ -1,0 +1,241 @@
+"""A lifetime: sense, act, score, learn, move, every 32 ms, from the genome's weights to its end.
+
+`live` is the whole of it for one robot, compiled. The names in capitals and the functions that are not of this file are
+its parts: `lifetime_kernel` puts those of the robot, the network, the plasticity rule, the adaptation and
+the task in their place. All that a lifetime carries is in one record (`epuckhebb.tmaze.life.Life`). So it can be paused
+at any step, and resumed bit-identically.
+"""
+
+import math
+from typing import Any
+
+from epuckhebb.adaptation.recognise.compass import LIT
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.controller.network import OUTPUTS
+from epuckhebb.controller.plasticity.update import StepContext, effective_rate
+from epuckhebb.tmaze import fitness
+from epuckhebb.tmaze.life import Group, Life, Setup, Trial, life_of
+from epuckhebb.tmaze.maze import Pose, Region
+from epuckhebb.tmaze.physics_engine import Handles, is_lost, pose
+from epuckhebb.tmaze.robot import STEP_S
+from epuckhebb.tmaze.samples import Samples
+from epuckhebb.tmaze.sensors import NO_ROBOTS, Goal
+
+OWN = int(fitness.Signal.fitness)
+CONTACT = 0.8  # a distance reading above this counts as contact, as in the published code
+
+# The parts of a lifetime; `epuckhebb.tmaze.lifetime_kernel` puts them here.
+_part: Any = None
+WHEELS, HAS_RULE, HAS_TRIALS, HAS_SCORE, resets = 0, False, False, False, False
+draw_noise = sense = apply_sensor_faults = blind = reward_input = correct = scale = _part  # sense
+forward = nearest = score = open_gate = modulate = learn = record_tilt = _part  # act, score, learn
+explore = compensate = turn_wheels = move = move_all = to_goal = end_step = _part  # move
+
+
+def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
+    """Run the lifetime of the robot that stands in `space` until before step `until`. life: updated."""
+    tally, trial, at = life.tally[0], setup.trial, pose(space)
+    tally.goal_distance = to_goal(trial, at.x, at.y)
+
+    for step in range(tally.step, until):
+        cos, sin = math.cos(at.heading), math.sin(at.heading)
+        left, right = decide(life, setup, space, NO_ROBOTS, at, cos, sin, step)
+
+        # Move.
+        left, right = turn_wheels(trial.faults, tally, life.past, left, right, setup.gain, life.key, step)
+        move(space, cos, sin, left, right)
+        before, at = at, pose(space)
+        if settle(tally, trial, before, at, step):
+            break
+
+        # Begin again.
+        if HAS_TRIALS:
+            end_step(life, space, trial)
+            if tally.over:
+                break
+            at = pose(space)
+            tally.goal_distance = to_goal(trial, at.x, at.y)
+
+
+def live_group(group: Group, setup: Setup, space: Any, until: int) -> None:
+    """Run the lifetimes of the robots of a space until before step `until`, or until one is lost. group: updated.
+
+    In a step all robots sense and decide, in their order, before any moves.
+    """
+    motion, wheels, before, trial = group.motion, group.wheels, group.before, setup.trial
+    robots, lost = motion.shape[0], False
+    for step in range(group.records.tally[0][0].step, until):
+        for i in range(robots):
+            life, at = life_of(group, i), Pose(motion[i, 0], motion[i, 1], motion[i, 2])
+            tally, cos, sin = life.tally[0], math.cos(at.heading), math.sin(at.heading)
+            tally.goal_distance = to_goal(trial, at.x, at.y)
+            left, right = decide(life, setup, space, motion, at, cos, sin, step)
+            left, right = turn_wheels(trial.faults, tally, life.past, left, right, setup.gain, life.key, step)
+            wheels[i, 0], wheels[i, 1], wheels[i, 2], wheels[i, 3] = left, right, cos, sin
+            before[i, 0], before[i, 1] = at.x, at.y
+        move_all(space, motion, wheels)
+        for i in range(robots):
+            tally, was = group.records.tally[i][0], Pose(before[i, 0], before[i, 1], 0.0)
+            lost = settle(tally, trial, was, Pose(motion[i, 0], motion[i, 1], motion[i, 2]), step) or lost
+        if lost:
+            break
+
+
+def look(life: Life, setup: Setup, space: Handles, readings: Floats) -> None:
+    """Fill the inputs that the next step will have: its noise is numbered, so it is the same then."""
+    tally, at = life.tally[0], pose(space)
+    tally.goal_distance = to_goal(setup.trial, at.x, at.y)
+    perceive(life, setup, space, NO_ROBOTS, at, math.cos(at.heading), math.sin(at.heading), tally.step, readings)
+
+
+def settle(tally: Any, trial: Trial, before: Pose, at: Pose, step: int) -> bool:
+    """Count a step that moved the robot to a new pose; returns whether it is lost."""
+    tally.step = step + 1
+    if is_lost(at.x, at.y, at.heading, trial.arena):
+        tally.lost = True
+        return True
+    tally.path_length += math.sqrt((at.x - before.x) * (at.x - before.x) + (at.y - before.y) * (at.y - before.y))
+    tally.goal_distance = to_goal(trial, at.x, at.y)
+    if math.isnan(tally.time_to_goal) and tally.goal_distance < trial.goal_radius:
+        tally.time_to_goal = (step + 1) * STEP_S
+    return False
+
+
+def perceive(
+    life: Life,
+    setup: Setup,
+    space: Handles,
+    robots: Floats,
+    at: Pose,
+    cos: float,
+    sin: float,
+    step: int,
+    readings: Floats,
+) -> None:
+    """Fill the inputs of the network, as sensors and task give them: with noise and faults, without corrections."""
+    tally, trial, noise = life.tally[0], setup.trial, life.workspace.noise
+    if setup.noise_level > 0.0:
+        draw_noise(life.key, step, noise)
+    goal, workspace = Goal(trial.goal_x, trial.goal_y, tally.goal_distance), life.workspace.senses
+    sense(at.x, at.y, cos, sin, space, setup.lit, noise, setup.noise_level, workspace, readings, goal, robots)
+    apply_sensor_faults(readings, trial.faults, life.past, step)
+    blind(readings, trial.faults.dead_sensors)
+    reward_input(readings, tally.reward)
+
+
+def decide(
+    life: Life, setup: Setup, space: Handles, robots: Floats, at: Pose, cos: float, sin: float, step: int
+) -> tuple[float, float]:
+    """Sense, act, score and learn at a pose; returns the outputs for the left and the right wheel.
+
+    It moves nothing, so that robots which share a space can all decide before any of them moves. robots: all that
+    share it, as `epuckhebb.tmaze.sensors.Surroundings` has them.
+    """
+    tally, weights, activation, workspace = life.tally[0], life.weights, life.activation, life.workspace
+    genotype, plasticity, trial = life.genotype, setup.plasticity, setup.trial
+    corrections = life.adaptation.corrections
+
+    # Sense.
+    perceive(life, setup, space, robots, at, cos, sin, step, activation)
+    correct(activation, corrections, life.adaptation.correcting)
+    scale(activation, weights, tally, life.adaptation.homeostasis, setup.nominal, step)
+
+    # Act.
+    forward(weights, activation, workspace.drive, life.neurons)
+    left, right = activation[WHEELS], activation[WHEELS + 1]
+
+    # Score.
+    if is_in(trial.arm, at.x, at.y):
+        tally.junction = 1.0
+    nearness = nearest(activation)
+    undirected = fitness.combined(left, right, nearness, 0.0)
+    behaviour = undirected + tally.junction / 5.0
+    tally.undirected_sum += undirected
+    tally.behaviour_sum += behaviour
+    tally.contacts += nearness > CONTACT
+    live_fitness = fitness.live_fitness(plasticity, tally, activation, left, right, behaviour, step)
+    if HAS_SCORE:
+        own, contact = life.score[0], nearness > CONTACT
+        worth = score(
+            tally, own, setup.fitness, left, right, nearness, contact, behaviour, at, activation, step * STEP_S
+        )
+        own.sum += worth
+        if plasticity.signal == OWN:
+            live_fitness = worth
+
+    # Learn.
+    need = open_gate(life, setup, live_fitness, step)
+    if resets and tally.need > 0.0 and need == 0.0:
+        reset_to_genes(life)
+    tally.need = need
+    rate = effective_rate(plasticity.rate, need, live_fitness, plasticity.floor)
+    if HAS_RULE and plasticity.rate > 0.0 and need > 0.0:
+        rate *= modulate(genotype.modulatory, activation)
+        context = StepContext(live_fitness, life.key, step)
+        tally.weight_change = learn(
+            weights, life.synapse_state, genotype, activation, rate, context, plasticity.numbers, workspace
+        )
+    tally.weight_change_sum += tally.weight_change + tally.scaling
+    if setup.record_every > 0 and step % setup.record_every == 0:
+        number, believed = step // setup.record_every, life.adaptation.place.now[0]
+        record(setup.samples, number, step * STEP_S, at, tally, weights, activation, believed, live_fitness, rate)
+        record_tilt(space, setup.samples.tilt, number % setup.samples.time.shape[0])
+
+    # Explore, and compensate for weak wheels.
+    left, right = explore(life, setup, left, right)
+    left = compensate(left, corrections.left_loss, setup.gain)
+    right = compensate(right, corrections.right_loss, setup.gain)
+    return left, right
+
+
+@compiled
+def is_in(region: Region, x: float, y: float) -> bool:
+    """Whether a point [m] lies in a region."""
+    return region.left < x < region.right and region.bottom < y < region.top
+
+
+@compiled
+def reset_to_genes(life: Life) -> None:
+    """Reset the weights to the genes, and each synapse to its initial state."""
+    for k in range(life.weights.shape[0]):
+        life.weights[k] = life.genotype.weights[k]
+        life.synapse_state[k] = life.genotype.synapse_state[k]
+    life.tally[0].weight_change = 0.0
+
+
+@compiled
+def record(
+    samples: Samples,
+    number: int,
+    time: float,
+    at: Pose,
+    tally: Any,
+    weights: Floats,
+    activation: Floats,
+    believed: Any,
+    live_fitness: float,
+    rate: float,
+) -> None:
+    """Write the sample of a number; where there is no room left, it replaces the oldest one.
+
+    It takes no whole `Life`, whose type depends on the rule: so it is compiled once for all rules.
+    """
+    place = number % samples.time.shape[0]
+    samples.time[place] = time
+    samples.pose[place, 0], samples.pose[place, 1], samples.pose[place, 2] = at.x, at.y, at.heading
+    inputs, synapses = samples.sensors.shape[1], samples.weights.shape[1]
+    wheels = activation.shape[0] - OUTPUTS
+    for i in range(inputs):
+        samples.sensors[place, i] = activation[i]
+    samples.motors[place, 0], samples.motors[place, 1] = activation[wheels], activation[wheels + 1]
+    samples.fitness[place], samples.change_signal[place] = live_fitness, tally.change_signal
+    samples.rate[place], samples.weight_change[place] = rate, tally.weight_change + tally.scaling
+    for k in range(synapses):
+        samples.weights[place, k] = weights[k]
+    samples.belief[place, 0] = believed.heading
+    samples.belief[place, 1] = 1.0 if believed.lamp >= LIT else 0.0
+    samples.belief[place, 2] = believed.here
+    neurons = samples.activations.shape[1]
+    for j in range(neurons):
+        samples.activations[place, j] = activation[activation.shape[0] - neurons + j]

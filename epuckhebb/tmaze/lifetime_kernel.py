@@ -1,0 +1,84 @@
+"""The compiled lifetime: `lifetime.live` with the parts of a robot, a network, a rule, an adaptation and a task."""
+
+from collections.abc import Callable
+from typing import Any
+
+from epuckhebb.adaptation import adaptation
+from epuckhebb.controller.compiling.kernel import kernel, with_parts
+from epuckhebb.controller.forward_pass import forward_pass
+from epuckhebb.controller.network import Network
+from epuckhebb.controller.plasticity.rule import NoRule, Rule
+from epuckhebb.controller.plasticity.update import modulation_of, update_of
+from epuckhebb.controller.random import normal_numbers
+from epuckhebb.tmaze import faults
+from epuckhebb.tmaze.lifetime import decide, live, perceive, settle
+from epuckhebb.tmaze.own_fitness import PAPER_FITNESS, Fitness, score_of, scored
+from epuckhebb.tmaze.physics.pymunk import PYMUNK, mover_of_all
+from epuckhebb.tmaze.physics_engine import Physics
+from epuckhebb.tmaze.robot import Robot
+from epuckhebb.tmaze.senses import blinding, largest_distance_reading, senses
+from epuckhebb.tmaze.task import Task
+from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
+
+_kernels: dict[tuple[object, ...], Any] = {}  # those that this process has used
+
+
+def kernel_of(
+    rule: type[Rule],
+    adapted: adaptation.Parts,
+    network: Network,
+    robot: Robot,
+    page: Callable[..., None] = live,
+    more_faults: bool = False,
+    task: Task = ONE_TRIAL,
+    fitness: Fitness = PAPER_FITNESS,
+    physics: Physics = PYMUNK,
+) -> Any:
+    """A function of `lifetime.py` (`live`, `live_group` or `look`) with these parts, compiled or from the cache.
+
+    adapted: which functions the adaptation has. more_faults: whether there are other faults than dead sensors and weak
+    wheels. task, fitness: only their kinds matter.
+    """
+    hooks, scoring = adaptation.hooks(adapted, robot, network.post[0]), scored(fitness)
+    place = (rule, hooks, network, robot, more_faults, type(task), scoring, physics, page)
+    if place in _kernels:
+        return _kernels[place]
+    check_inputs(network, robot, task)
+    parts = {
+        "WHEELS": network.wheels,
+        "HAS_RULE": rule is not NoRule,
+        "HAS_TRIALS": task.has_trials,
+        "HAS_SCORE": scoring.step is not None,
+        "score": score_of(scoring),
+        "sense": senses(robot, physics),
+        "blind": blinding(robot),
+        "nearest": largest_distance_reading(robot),
+        "draw_noise": normal_numbers(robot.inputs),
+        "forward": forward_pass(network),
+        "learn": update_of(rule, network),
+        "modulate": modulation_of(rule, network),
+        **hooks._asdict(),
+        **faults.hooks(robot, more_faults)._asdict(),
+        **task.hooks(robot.inputs)._asdict(),
+        "move": physics.mover(robot),
+        "move_all": mover_of_all(robot),
+        "record_tilt": physics.record_tilt(),
+    }
+    for block in (perceive, decide, settle):
+        parts[block.__name__] = with_parts(block, **parts)
+    _kernels[place] = made = kernel(page, **parts)
+    return made
+
+
+def check_inputs(network: Network, robot: Robot, task: Task) -> None:
+    """Check that a network fits the sensors of a robot and the reward of its task; else a ValueError."""
+    wanted = robot.inputs + task.input_count
+    reward = f" and the reward of task={task.name}" if task.gives_reward else ""
+    if network.inputs != wanted:
+        raise ValueError(
+            f"network.layers must begin with {wanted}, the readings of robot {robot.name}{reward}, got "
+            f"{list(network.layers)}"
+        )
+    if network.rewarded != task.gives_reward:
+        other = "is" if network.rewarded else "is not"
+        raise ValueError(f"the last input of the network {other} a reward, unlike in task={task.name}")

@@ -1,0 +1,225 @@
+"""A maze as data, seen from above: walls, where the robot starts, its goals and the arms that lead there.
+
+X points to the robot's right and Y ahead of it at the start of the paper's maze, in metres. All walls are boxes with
+sides along the axes. The paper's T-maze is here; others are files of `conf/maze/` with the keys that `Maze` has.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from epuckhebb.controller import random
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.random import Stream
+from epuckhebb.controller.ranges import check_range
+
+Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
+_LARGEST = 10.0  # m: the half side of the largest arena
+
+
+class Pose(NamedTuple):
+    """Where the robot's centre is, x and y [m], and where it looks, heading [rad], anticlockwise from X."""
+
+    x: float
+    y: float
+    heading: float
+
+
+class Box(NamedTuple):
+    """A wall or an obstacle: its centre x, y [m] and its size along X and along Y [m]."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+class Region(NamedTuple):
+    """An open box: between left and right, and between bottom and top [m]; infinite where it has no bound."""
+
+    left: float = -math.inf
+    right: float = math.inf
+    bottom: float = -math.inf
+    top: float = math.inf
+
+
+class Place(NamedTuple):
+    """A point [m]."""
+
+    x: float
+    y: float
+
+
+class Niche(NamedTuple):
+    """Where an obstacle of a random layout may stand: against a wall of a corridor.
+
+    along: the axis along which the corridor runs, `x` or `y`. walls: positions of its two walls on the other axis [m].
+    between, length, depth: ranges of the obstacle's middle along the corridor, of its size along it, and of how far it
+    juts in [m]. both: 0 for one obstacle, at either wall; else two, one at each wall, with this sum of depths [m].
+    """
+
+    along: str
+    walls: tuple[float, float]
+    between: tuple[float, float]
+    length: tuple[float, float]
+    depth: tuple[float, float]
+    both: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Maze:
+    """A maze.
+
+    walls, obstacles: boxes by name; a scenario has the first few obstacles. obstacle_counts: how many a scenario may
+    have. niches: where random layouts put obstacles. start: of the robot. goals: of each side. goal_radius_m: the robot
+    is at the goal when nearer than this. arms: of each side, the region in which the robot has turned the right way.
+    arena_m: half side; a robot farther from the middle is lost.
+    wall_height_m: for three-dimensional physics.
+    """
+
+    name: str
+    walls: Mapping[str, Box]
+    obstacles: Mapping[str, Box] = field(default_factory=dict)
+    obstacle_counts: tuple[int, ...] = (0,)
+    niches: tuple[Niche, ...] = ()
+    start: Pose
+    goals: Mapping[Side, Place]
+    goal_radius_m: float = 0.05
+    arms: Mapping[Side, Region]
+    arena_m: float = 0.5
+    wall_height_m: float | None = None
+
+    def __post_init__(self) -> None:
+        check_range(self, "maze", "arena_m", most=_LARGEST, above=True)
+        check_range(
+            self, "maze", "goal_radius_m", *(["wall_height_m"] if self.wall_height_m is not None else []), above=True
+        )
+        twice = sorted(self.walls.keys() & self.obstacles.keys())
+        if twice:
+            raise ValueError(f"maze.walls and maze.obstacles must have different names, both have {', '.join(twice)}")
+        if not self.walls:
+            raise ValueError("maze.walls must hold one wall or more")
+        for kind in ("walls", "obstacles"):
+            for name, box in getattr(self, kind).items():
+                if not (all(map(math.isfinite, box)) and box.width > 0 and box.height > 0):
+                    raise ValueError(
+                        f"maze.{kind}.{name} must be x, y, width and height in m, the sizes above 0, got {list(box)}"
+                    )
+        for kind in ("goals", "arms"):
+            if set(getattr(self, kind)) != set(SIDES):
+                raise ValueError(
+                    f"maze.{kind} must have one for each of {', '.join(SIDES)}, got {list(getattr(self, kind))}"
+                )
+        for side in SIDES:
+            region = self.arms[side]
+            if not (region.left < region.right and region.bottom < region.top):
+                raise ValueError(
+                    f"maze.arms.{side} must have left below right and bottom below top, got {list(region)}"
+                )
+        for name, (x, y) in {"start": self.start[:2], **{f"goals.{side}": self.goals[side] for side in SIDES}}.items():
+            if not (math.isfinite(x) and math.isfinite(y) and max(abs(x), abs(y)) < self.arena_m):
+                raise ValueError(
+                    f"maze.{name} must lie in the arena, within {self.arena_m} m of the middle, got {x}, {y}"
+                )
+        if not math.isfinite(self.start.heading):
+            raise ValueError(f"maze.start.heading must be a finite number, got {self.start.heading}")
+        if not self.obstacle_counts or not all(0 <= count <= len(self.obstacles) for count in self.obstacle_counts):
+            raise ValueError(
+                f"maze.obstacle_counts must lie between 0 and the {len(self.obstacles)} obstacles of the maze, "
+                f"got {list(self.obstacle_counts)}"
+            )
+        for number, niche in enumerate(self.niches):
+            if niche.along not in ("x", "y") or not niche.walls[0] < niche.walls[1]:
+                raise ValueError(f"maze.niches[{number}] must run along x or y between two walls, the lower one first")
+
+    def __hash__(self) -> int:
+        """Mazes are compared by what they hold."""
+        return hash((self.name, tuple(self.walls.items()), tuple(self.obstacles.items()), self.start))
+
+
+T_MAZE = Maze(
+    # Positions and sizes are those of the world file published with the paper (there x, z with z = -Y).
+    name="t_maze",
+    walls={
+        "crossbar_far": Box(-0.002842, 0.242401, 0.90, 0.06),
+        "crossbar_near_left": Box(-0.244, 0.082401, 0.40, 0.05),
+        "crossbar_near_right": Box(0.261, 0.082401, 0.40, 0.05),
+        "stem_left": Box(-0.07, -0.173, 0.05, 0.50),
+        "stem_right": Box(0.087, -0.181, 0.05, 0.50),
+        "outer_left": Box(-0.432842, 0.002401, 0.03, 0.90),  # the left dead end
+        "outer_right": Box(0.437158, 0.002401, 0.03, 0.90),  # the right dead end
+        "outer_far": Box(-0.002842, 0.432401, 0.90, 0.03),
+        "outer_near": Box(-0.002842, -0.437599, 0.90, 0.03),  # behind the start
+    },
+    obstacles={
+        "arm_left": Box(-0.114, -0.067599, 0.05, 0.40),  # juts 24.6 mm into the left arm
+        "arm_right": Box(0.226, -0.067599, 0.05, 0.40),  # juts 24.6 mm into the right arm
+        "stem_from_left": Box(-0.234, 0.032401, 0.40, 0.05),  # juts 11 mm into the stem
+        "stem_from_right": Box(0.246, 0.032401, 0.40, 0.05),  # juts 16 mm into the stem
+    },
+    obstacle_counts=(0, 2, 4),
+    niches=(  # corridors stay 80 mm wide, as in the paper
+        Niche("x", (0.107401, 0.212401), (-0.15, -0.27), (0.03, 0.10), (0.010, 0.025)),
+        Niche("x", (0.107401, 0.212401), (0.15, 0.27), (0.03, 0.10), (0.010, 0.025)),
+        Niche("y", (-0.045, 0.062), (-0.22, 0.05), (0.03, 0.10), (0.005, 0.022), 0.027),
+    ),
+    start=Pose(0.007, -0.35, math.pi / 2),
+    goals={"left": Place(-0.36, 0.155), "right": Place(0.36, 0.155)},
+    goal_radius_m=0.05,  # as in the published code
+    arms={"left": Region(right=-0.08, bottom=0.10), "right": Region(left=0.08, bottom=0.10)},
+    arena_m=0.5,
+    wall_height_m=0.05,
+)
+
+
+def random_obstacles(maze: Maze, layout: int) -> list[Box]:
+    """Random obstacles in the niches of a maze; the same for the same layout number."""
+    rng = random.rng(layout, Stream.layout)
+
+    def between(low: float, high: float) -> float:
+        return low + (high - low) * rng.random()
+
+    placed = []
+    for niche in maze.niches:
+        low, high = niche.walls
+        if niche.both:
+            first = between(*niche.depth)
+            for wall, depth, inwards in ((low, first, 1), (high, niche.both - first, -1)):
+                across = wall + inwards * depth / 2
+                placed.append(_in_corridor(niche, between(*niche.between), across, depth, between(*niche.length)))
+        else:
+            length, depth = between(*niche.length), between(*niche.depth)
+            across = low + depth / 2 if rng.random() < 0.5 else high - depth / 2
+            placed.append(_in_corridor(niche, between(*niche.between), across, depth, length))
+    return placed
+
+
+def _in_corridor(niche: Niche, along: float, across: float, depth: float, length: float) -> Box:
+    return Box(along, across, length, depth) if niche.along == "x" else Box(across, along, depth, length)
+
+
+def edges(placed: list[Box]) -> Floats:
+    """Boxes as (boxes, 4): left, right, bottom and top edge [m]."""
+    rows = [(b.x - b.width / 2, b.x + b.width / 2, b.y - b.height / 2, b.y + b.height / 2) for b in placed]
+    return np.array(rows, float).reshape(-1, 4)
+
+
+def boxes(maze: Maze, obstacles: int = 0, layout: int = 0) -> Floats:
+    """The walls and the first obstacles of a layout: (boxes, 4) left, right, bottom and top edge [m]."""
+    return edges([*maze.walls.values(), *(obstacles_of(maze, layout)[:obstacles])])
+
+
+def obstacles_of(maze: Maze, layout: int) -> list[Box]:
+    """All obstacles of a layout: 0 as in the maze, k > 0 the k-th random layout."""
+    return random_obstacles(maze, layout) if layout else list(maze.obstacles.values())
+
+
+def added(before: Floats, after: Floats) -> Floats:
+    """The boxes of `after` (boxes, 4) that are not among those of `before`."""
+    known = (after[:, None] == before).all(axis=2).any(axis=1)
+    new: Floats = after[~known]
+    return new

@@ -1,0 +1,90 @@
+"""The outcome of a lifetime: success and all other metrics.
+
+Success is decided in `outcome_of`: the robot is within 5 cm of its goal at the last step.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.controller.plasticity.weight_change import saturated_fraction
+from epuckhebb.tmaze import fitness
+from epuckhebb.tmaze.life import Life, tally_of
+from epuckhebb.tmaze.maze import Pose
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.task import NO_TRIALS
+
+
+class Outcome(NamedTuple):
+    """The metrics of a lifetime.
+
+    time_to_goal: s, first time within 5 cm of the goal, nan if never. path_length: m. final_distance: m from the goal.
+    behaviour: mean combined fitness over the steps. reward: goal reward at the end. weight_change_mean,
+    weight_change_final: sum over weights of |W - W_gene|. contact_fraction: share of steps with a distance reading
+    above 0.8. success: whether the robot was within 5 cm of its goal at the last step. fitness: how well it did its
+    task; the paper's final fitness unless that is another. steps: done. saturated_fraction: share of the final weights
+    at their bound. x, y: m, where the robot is at the end.
+    """
+
+    time_to_goal: float
+    path_length: float
+    final_distance: float
+    behaviour: float
+    reward: float
+    weight_change_mean: float
+    weight_change_final: float
+    contact_fraction: float
+    success: bool
+    fitness: float
+    steps: int
+    saturated_fraction: float
+    x: float
+    y: float
+
+    @property
+    def trials(self) -> NDArray[np.void]:
+        """The trials of the lifetime, records of `epuckhebb.tmaze.task.TRIAL`; none where it is one."""
+        return NO_TRIALS
+
+
+class OutcomeOfTrials(Outcome):
+    """The metrics of a lifetime of many trials."""
+
+    _trials: NDArray[np.void]
+
+    @property
+    def trials(self) -> NDArray[np.void]:
+        """See `Outcome`."""
+        return self._trials
+
+
+def outcome_of(life: Life, world: Scenario, at_start: float, w_max: float, pose: Pose) -> Outcome:
+    """The metrics of a lifetime so far, of one step or more, in its present world.
+
+    at_start: distance from its start to the nearest goal [m]. w_max: bound of the weights. pose: of the robot now.
+    """
+    tally = tally_of(life)
+    behaviour, goal_reward = tally.behaviour_sum / tally.step, fitness.reward(tally.goal_distance)
+    outcome = Outcome(
+        tally.time_to_goal,
+        tally.path_length,
+        tally.goal_distance,
+        behaviour,
+        goal_reward,
+        tally.weight_change_sum / tally.step,
+        tally.weight_change + tally.scaling,
+        tally.contacts / tally.step,
+        tally.goal_distance < world.maze.goal_radius_m,
+        world.task.fitness(behaviour, goal_reward, life.trials, at_start),
+        tally.step,
+        saturated_fraction(life.weights, w_max),
+        *pose[:2],
+    )
+    if world.fitness.is_own:
+        facts = {**outcome._asdict(), "paper": outcome.fitness, "trials": life.trials}
+        outcome = outcome._replace(fitness=world.fitness.of_lifetime(facts, life.score))
+    if len(life.trials):
+        outcome = OutcomeOfTrials(*outcome)
+        outcome._trials = life.trials
+    return outcome

@@ -1,0 +1,191 @@
+"""What evolution maximises: the paper's fitness, or a class of the user's own.
+
+An own fitness has a static method `step`, which is compiled into the kernel, a static method `life`, which is plain
+Python and called when a lifetime is over, or both. A fitness that has only `life` needs no kernel of its own.
+"""
+
+import functools
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.controller.compiling.kernel import zero
+from epuckhebb.controller.own_class import Functions, OwnClass, arguments, number_of
+from epuckhebb.tmaze.maze import Pose
+from epuckhebb.tmaze.robot import STEP_S
+
+PAPER = "paper"
+_OF_STEP = {  # the arguments that `step` may have, and how the kernel has them
+    "left": "left",
+    "right": "right",
+    "nearest": "nearest",
+    "contact": "contact",
+    "behaviour": "behaviour",
+    "junction": "tally.junction",
+    "goal_distance": "tally.goal_distance",
+    "arrived": "not math.isnan(tally.time_to_goal)",
+    "x": "at.x",
+    "y": "at.y",
+    "heading": "at.heading",
+    "readings": "readings",
+    "time_s": "time_s",
+    "state": "state",
+    "by": "by",
+}
+_ARGUMENTS = "tally, state, numbers, left, right, nearest, contact, behaviour, at, readings, time_s"
+OF_OUTCOME = (  # the fields of an outcome that `life`, and `tell` of an optimizer, may name
+    "success",
+    "time_to_goal",
+    "path_length",
+    "final_distance",
+    "behaviour",
+    "reward",
+    "contact_fraction",
+    "weight_change_mean",
+    "steps",
+    "x",
+    "y",
+)
+_OF_LIFE = ("paper", *OF_OUTCOME, "trials", "by")  # the arguments that `life` may have
+_WITH_STEP = ("mean", "state")  # and those that only `step` makes
+
+Score = Callable[..., float]
+
+
+class FitnessError(ValueError):
+    """A fitness gave no number; the message says which, and what it gave."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitness(OwnClass):
+    """How well a robot does, a number of which evolution wants more; this one is that of the paper.
+
+    A subclass adds settings as fields, and has one or both of these static methods. Each may name any of these
+    arguments, in any order. `step`, compiled by numba, gives the value of a control step:
+
+        left, right      outputs for the two wheels, -1 to 1
+        nearest          the largest distance reading, 0 to 1; contact: whether it is above 0.8
+        behaviour        the paper's combined fitness of this step; junction: 1 once the robot was in the correct arm
+        goal_distance    m from the goal; arrived: whether the robot ever was at its goal
+        x, y, heading    of the robot, m and rad
+        readings         the inputs of the network
+        time_s           since the start
+        state            the numbers named in the class attribute `state`, to be read and set
+        by               the settings
+
+    `life`, plain Python, gives the fitness of a lifetime. Without it, that is the mean over the steps:
+
+        mean             of what `step` gave; state: as the last step left it (both only with `step`)
+        paper            the fitness that the task has by itself
+        success, time_to_goal, path_length, final_distance, behaviour, reward, contact_fraction, weight_change_mean,
+        steps            as in `epuckhebb.tmaze.outcome.Outcome`
+        x, y             m, where the robot is at the end
+        trials           of a task with many trials
+        by               the settings
+
+    state: name -> initial value, a number or a tuple of numbers, of what is stored from step to step.
+    """
+
+    PART: ClassVar[str] = "fitness"
+    state: ClassVar[Mapping[str, Any]] = {}
+    step: ClassVar[Callable[..., float] | None] = None
+    life: ClassVar[Callable[..., float] | None] = None
+
+    @property
+    def name(self) -> str:
+        """What it is called: `paper`, or as its class."""
+        return type(self).__name__ if self.is_own else PAPER
+
+    @property
+    def is_own(self) -> bool:
+        """Whether it is another than the paper's."""
+        return type(self) is not Fitness
+
+    @classmethod
+    def functions(cls) -> Functions:
+        """`step` and `life`, as far as it has them."""
+        return tuple(function for function in (cls.step, cls.life) if function is not None)
+
+    @classmethod
+    def arguments_of_step(cls) -> tuple[str, ...]:
+        """The names of the arguments of `step`, in its order; a ValueError if one is unknown."""
+        return arguments(cls.what(), cls.step, _OF_STEP, {"by": cls.settings(), "state": tuple(cls.state)})
+
+    @classmethod
+    def arguments_of_life(cls) -> tuple[str, ...]:
+        """The same of `life`."""
+        return arguments(cls.what(), cls.life, (*(_WITH_STEP if cls.step else ()), *_OF_LIFE))
+
+    @classmethod
+    def check_class(cls, instead: str = "") -> None:
+        """Check that it has functions, with known arguments; else a ValueError."""
+        if not cls.functions():
+            raise ValueError(f"{cls.what()} has no static method `step` for each step, and no `life` for a lifetime")
+        super().check_class(instead)
+        if cls.step is not None:
+            cls.arguments_of_step()
+        if cls.life is not None:
+            cls.arguments_of_life()
+
+    def initial_state(self) -> NDArray[np.void]:
+        """One record: the sum over the steps, 0, and what is stored from step to step."""
+        kind: Any = type(self)
+        return _initial_state(kind).copy()
+
+    def of_lifetime(self, facts: Mapping[str, Any], state: NDArray[np.void]) -> float:
+        """The fitness of a lifetime. facts: the values of the arguments `paper` to `trials`, and others, by name.
+
+        Raises:
+            FitnessError: `life` failed, or its result is no finite number.
+        """
+        mean: float = float(state["sum"][0]) / facts["steps"]
+        if not math.isfinite(mean):
+            raise FitnessError(f"fitness {self.name}: the values of its steps have the mean {mean}")
+        if self.life is None:
+            return mean
+        known = {**facts, "mean": mean, "state": state.view(np.recarray)[0], "by": self}
+        try:
+            value: Any = self.life(**{name: known[name] for name in self.arguments_of_life()})
+        except Exception as error:  # what a user's code may raise has no end
+            raise FitnessError(f"fitness {self.name}: `life` failed: {type(error).__name__}: {error}") from error
+        is_number = isinstance(value, int | float | np.number | np.bool_)
+        if not is_number or not math.isfinite(value):
+            raise FitnessError(f"fitness {self.name}: `life` must return a finite number, it returned {value!r}")
+        return float(value)
+
+
+@functools.cache
+def _initial_state(kind: Any) -> NDArray[np.void]:
+    """See `Fitness.initial_state`."""
+    initial = kind.state if kind.step else {}
+    kinds = [("sum", np.float64, ()), *((name, np.float64, np.shape(value)) for name, value in initial.items())]
+    record = np.zeros(1, np.dtype(kinds, align=True))
+    for name, value in initial.items():
+        record[name] = value
+    return record
+
+
+PAPER_FITNESS = Fitness()
+
+
+def scored(fitness: Fitness) -> type[Fitness]:
+    """The class whose `step` a kernel has: that of the paper, without one, also for a fitness that has only `life`."""
+    return type(fitness) if fitness.step else Fitness
+
+
+def score_of(kind: type[Fitness]) -> Score:
+    """The function `score(tally, state, numbers, left, ..., time_s)` that gives the value of a step."""
+    made: Score = zero
+    if kind.step is not None:
+        made = number_of(kind, kind.step, kind.arguments_of_step(), _OF_STEP, _ARGUMENTS, "numbers")
+    return made
+
+
+def example_arguments(fitness: Fitness, tally: Any, inputs: int) -> tuple[Any, ...]:
+    """Arguments with which `score` can be called by itself."""
+    state, readings = fitness.initial_state()[0], np.zeros(inputs)
+    return (tally, state, fitness.numbers(), 0.0, 0.0, 0.0, False, 0.0, Pose(0.0, 0.0, 0.0), readings, STEP_S)

@@ -1,0 +1,158 @@
+"""A sensor of the user's own; in the inputs of the network it stands behind the light and distance sensors."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import compiled, nothing
+from epuckhebb.controller.own_class import Functions, OwnClass, arguments, call_of, namedtuple_of
+from epuckhebb.tmaze.light import Lamp, lights
+from epuckhebb.tmaze.sensors import NO_ROBOTS, Goal, Kernels, SensorGroup, Surroundings
+
+_OF_READ = {  # the arguments that `read` may have, and how the kernel has them
+    "x": "around.x",
+    "y": "around.y",
+    "heading": "math.atan2(around.sin, around.cos)",
+    "goal_x": "around.goal.x",
+    "goal_y": "around.goal.y",
+    "goal_distance": "around.goal.distance",
+    "walls": "around.walls",
+    "by": "by",
+}
+
+
+class SensorError(ValueError):
+    """A sensor gave a reading outside 0 to 1; the message says which."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensor(OwnClass, SensorGroup):
+    """A sensor of the user's own; subclasses add settings as fields, and a static method `read`, compiled by numba.
+
+    readings: the name of each reading. noise: standard deviation of the noise on each. `read` gives the reading, or as
+    many as there are names, each from 0 to 1. Its arguments are any of these names, in any order:
+
+        x, y, heading    of the robot, m and rad (0 along x, from -pi to pi)
+        goal_x, goal_y   m, of the goal of this side; goal_distance: m from the goal
+        walls            (boxes, 4) left, right, bottom, top, m
+        by               the settings
+
+    Raises:
+        ValueError: the noise is no number of 0 or more.
+    """
+
+    PART: ClassVar[str] = "sensor"
+    readings: ClassVar[tuple[str, ...]] = ("reading",)
+    read: ClassVar[Callable[..., Any] | None] = None
+
+    noise: float = 0.0
+
+    def __init_subclass__(cls) -> None:
+        """Call the group as its class."""
+        cls.name = cls.label = cls.short = cls.__name__
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.noise) and self.noise >= 0):
+            raise ValueError(f"noise of sensor {self.name} must be 0 or more, got {self.noise}")
+
+    @property
+    def count(self) -> int:
+        """The number of readings."""
+        return len(self.readings)
+
+    @property
+    def labels(self) -> list[str]:
+        """The name of each reading, for pages."""
+        return [self.name if self.count == 1 else f"{self.name} {reading}" for reading in self.readings]
+
+    def kernels(self, first: int, radius_m: float) -> Kernels:  # noqa: ARG002  # others need it
+        """See `SensorGroup`."""
+        noise = float(self.noise)
+
+        @compiled
+        def put(k: int, value: float, around: Surroundings, scratch: Floats, readings: Floats) -> None:
+            if not 0.0 <= value <= 1.0:
+                scratch[k], value = value, 0.0  # is refused when the kernel has returned
+            noisy = value + around.noise_level * noise * around.noise[first + k]
+            readings[first + k] = min(1.0, max(0.0, noisy))
+
+        parts = {"values": call_of(type(self).read, self.arguments(), _OF_READ, "around", by=self._by())}
+        # The calls are written out, because the values of a tuple may be of several types.
+        value = "float(values{})" if self.count == 1 else "float(values[{}])"
+        puts = ", ".join(
+            f"put({k}, {value.format('' if self.count == 1 else k)}, around, scratch, readings)"
+            for k in range(self.count)
+        )
+        parts["put_all"] = compiled(eval(f"lambda values, around, scratch, readings: ({puts},)", {"put": put}))
+        call = "lambda around, rays, scratch, readings: put_all(values(around), around, scratch, readings)"
+        return Kernels(compiled(eval(call, parts)), nothing)
+
+    @classmethod
+    def functions(cls) -> Functions:
+        """`read`, if it has it."""
+        return () if cls.read is None else (cls.read,)
+
+    @classmethod
+    def arguments(cls) -> tuple[str, ...]:
+        """The names of the arguments of `read`, in its order; a ValueError if one is unknown."""
+        return arguments(cls.what(), cls.read, _OF_READ, {"by": cls.settings()})
+
+    def check(self) -> None:
+        """Check `read` and what it gives for a robot at the origin; else a ValueError."""
+        kind, what = type(self), self.what()
+        if kind.read is None:
+            raise ValueError(f"{what} has no static method `read`, which gives the readings")
+        kind.check_class()
+        names = kind.arguments()
+        around = _surroundings()
+        values = {name: eval(how, {"around": around, "math": math, "by": self._by()}) for name, how in _OF_READ.items()}
+        try:
+            given = kind.read(**{name: values[name] for name in names})
+        except Exception as error:  # what a user's code may raise has no end
+            raise ValueError(f"{what}: `read` failed: {type(error).__name__}: {error}") from error
+        several = given if isinstance(given, tuple) else (given,)
+        if len(several) != self.count or (self.count > 1) != isinstance(given, tuple):
+            raise ValueError(f"{what}: `read` must give {' and '.join(self.readings)}, it gave {given!r}")
+        for name, value in zip(self.readings, several, strict=True):
+            self.check_value(value, name)
+
+    def check_value(self, value: Any, reading: str) -> None:
+        """Check that a reading lies in [0, 1]; else a SensorError."""
+        is_number = isinstance(value, int | float | np.number | np.bool_)
+        if not is_number or not 0.0 <= value <= 1.0:
+            raise SensorError(f"sensor {self.name}: {reading} must lie in [0, 1] before the noise, `read` gave {value}")
+
+    def example(self, inputs: int) -> tuple[Any, ...]:
+        """Arguments with which the kernel of the readings can be called by itself."""
+        return _surroundings(inputs), np.zeros((6, 1)), np.zeros(self.count), np.zeros(inputs)
+
+    def _by(self) -> Any:
+        return namedtuple_of("By", self.settings())(*self.numbers())
+
+
+def _surroundings(inputs: int = 1) -> Surroundings:
+    """Those of a robot at the origin, which looks along x."""
+    lit, walls = lights(1.0, Lamp(), lamp_on=False), np.zeros((1, 4))
+    return Surroundings(0.0, 0.0, 1.0, 0.0, walls, lit, np.zeros(inputs), 0.0, Goal(0.0, 0.3, 0.3), NO_ROBOTS)
+
+
+def own_sensors(groups: Sequence[SensorGroup]) -> list[Sensor]:
+    """The sensors of the user's own among the groups of a robot."""
+    return [group for group in groups if isinstance(group, Sensor)]
+
+
+def reading_names(groups: Sequence[SensorGroup]) -> str:
+    """The readings of the user's sensors among the groups of a robot, with `, ` between."""
+    return ", ".join(label for sensor in own_sensors(groups) for label in sensor.labels)
+
+
+def recorded_sensor(name: str, readings: Sequence[str]) -> Sensor:
+    """What stands for a user's sensor where a recorded run is read: its name and readings; it senses nothing."""
+    zeros = (0.0,) * len(readings) if len(readings) > 1 else 0.0
+    kind: Any = type(name, (Sensor,), {"readings": tuple(readings), "read": staticmethod(lambda: zeros)})
+    sensor: Sensor = dataclass(frozen=True, kw_only=True)(kind)()
+    return sensor

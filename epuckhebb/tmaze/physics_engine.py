@@ -1,0 +1,120 @@
+"""What a physics must offer: a space with walls in which a robot stands, moves and senses.
+
+A physics is one file of `physics/`, with a subclass of `Physics` that holds its settings, and a file of `conf/physics/`
+with their values. `pymunk` is that of the paper's experiments, in the plane; `ode` is three-dimensional.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
+
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import compiled, nothing
+from epuckhebb.tmaze.maze import Pose
+from epuckhebb.tmaze.robot import Robot
+from epuckhebb.tmaze.sensors import Kernels, SensorGroup, put_rays
+
+
+class Handles(Protocol):
+    """What compiled code needs of a space; each physics adds its own."""
+
+    @property
+    def state(self) -> Floats:
+        """First x, y [m] and heading [rad] of the robot."""
+
+    @property
+    def walls(self) -> Floats:
+        """(boxes, 4) left, right, bottom, top edge [m]."""
+
+
+class Space(ABC):
+    """Walls and one robot."""
+
+    @property
+    @abstractmethod
+    def handles(self) -> Any:
+        """What compiled code needs, in the thread that asks: see `Handles`."""
+
+    @property
+    def lost(self) -> str:
+        """What became of the pose of a robot that is lost."""
+        return "stopped being finite or left the arena"
+
+    @abstractmethod
+    def place_robot(self, pose: Pose) -> None:
+        """Start a lifetime: put the robot at this pose, at rest, without traces of what was before."""
+
+    @abstractmethod
+    def take_over(self, before: Any) -> None:
+        """Put a robot where the one of another space is, with the same motion and without its contacts."""
+
+
+Move = Callable[[Any, float, float, float, float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Physics(ABC):
+    """A physics with its settings.
+
+    name: as in `physics=NAME`. ray_numbers: of each sensor, see `put_rays`. tilts: how many numbers tell its tilt.
+    """
+
+    name: ClassVar[str]
+    ray_numbers: ClassVar[int] = 6
+    tilts: ClassVar[int] = 0
+
+    @abstractmethod
+    def space(self, walls: Floats, world: Any) -> Space:
+        """A space with these walls, (boxes, 4), for the robot of a world, a `Scenario`."""
+
+    @abstractmethod
+    def mover(self, robot: Robot) -> Move:
+        """The function `move(space, cos, sin, left, right)` that moves a robot of this kind for one step.
+
+        The robot looks along (cos, sin); its wheels are to turn at left and right [rad/s].
+        """
+
+    def put_rays(self, robot: Robot) -> Callable[..., None]:  # noqa: ARG002  # others need it
+        """The function `put(space, x, y, cos, sin, places, rays)` that fills the rays of a robot's sensors."""
+        return _in_plane
+
+    def kernels(self, group: SensorGroup, first: int, radius_m: float) -> Kernels:
+        """The functions of a group of sensors, see `SensorGroup.kernels`."""
+        return group.kernels(first, radius_m)
+
+    def record_tilt(self) -> Callable[..., None]:
+        """The function `record(space, tilt, place)` that writes the tilt of the robot into a sample."""
+        return nothing
+
+    def check(self, world: Any) -> None:  # noqa: B027  # most worlds can be in any
+        """Check that a world can be in this physics; else a ValueError."""
+
+    def check_library(self) -> None:  # noqa: B027  # that of pymunk comes with the program
+        """Check that what this physics runs on is installed; else a ValueError."""
+
+
+@compiled
+def _in_plane(
+    space: Handles,  # noqa: ARG001  # others need it
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    places: Floats,
+    rays: Floats,
+) -> None:
+    put_rays(x, y, cos, sin, places, rays)
+
+
+@compiled
+def pose(space: Handles) -> Pose:
+    """The robot's x, y [m] and heading [rad]."""
+    return Pose(space.state[0], space.state[1], space.state[2])
+
+
+@compiled
+def is_lost(x: float, y: float, heading: float, arena: float) -> bool:
+    """Whether a pose is not finite or outside the arena [m]; no physics reports either."""
+    return not (abs(x) < arena and abs(y) < arena and math.isfinite(heading))

@@ -1,0 +1,93 @@
+"""Which places of a maze a robot can reach, and how far it is from the walls."""
+
+from collections.abc import Mapping
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.tmaze.maze import SIDES, Maze, Place, Side, boxes
+
+GRID = 0.002  # m: of the places that are searched for a way to the goal
+_BYTES_PER_PLACE = 27.0  # of the grid, at most at one time
+SPARE = 0.001  # m: by about this much a robot sinks into a wall in the physics
+
+
+def gap(x: float, y: float, walls: Floats) -> float:
+    """Distance [m] from a point to the nearest box of `walls` (boxes, 4); 0 inside one."""
+    return float(_gaps(np.array([x]), np.array([y]), walls)[0, 0])
+
+
+def check_reachable(maze: Maze, goals: Mapping[Side, Place], obstacles: int, layout: int, radius: float) -> None:
+    """Check that a robot of this radius [m] fits at the start of a maze and can reach its goals; else a ValueError."""
+    _check_reachable(boxes(maze, obstacles, layout).tobytes(), maze, tuple(goals[side] for side in SIDES), radius)
+
+
+@cache
+def _check_reachable(walls: bytes, maze: Maze, goals: tuple[Place, ...], radius: float) -> None:
+    placed = np.frombuffer(walls).reshape(-1, 4)
+    here = gap(*maze.start[:2], placed)
+    if here < radius - SPARE:
+        raise ValueError(
+            f"maze.start = {maze.start.x:g}, {maze.start.y:g} of {maze.name} is in a wall or too near one: a robot of "
+            f"radius {radius:g} m has {here:.3f} m to the nearest"
+        )
+    axis, reached = reachable(maze, placed, radius)
+    for side, goal in zip(SIDES, goals, strict=True):
+        near = np.hypot(axis[:, None] - goal.x, axis[None, :] - goal.y) < maze.goal_radius_m
+        if not (reached & near).any():
+            raise ValueError(
+                f"the goal of the {side}, {goal.x:g}, {goal.y:g}, cannot be reached in maze {maze.name}: no way from "
+                f"the start is wide enough for a robot of radius {radius:g} m"
+            )
+
+
+def grid_bytes(arena_m: float) -> float:
+    """How many bytes of memory the search for a way to the goals takes, about, in an arena of this half side [m]."""
+    return _BYTES_PER_PLACE * (2 * arena_m / GRID + 1) ** 2
+
+
+def reachable(maze: Maze, walls: Floats, radius: float) -> tuple[Floats, NDArray[np.bool_]]:
+    """The places that the centre of a robot of this radius [m] can reach from the start among these walls (boxes, 4).
+
+    Returns the coordinates of a grid along X and Y [m], and (x, y) whether each place can be reached.
+    """
+    axis = np.arange(-maze.arena_m, maze.arena_m + GRID / 2, GRID)
+    free = _gaps(axis, axis, walls) >= radius - SPARE
+    there = np.zeros_like(free)
+    there[tuple(np.rint((np.array(maze.start[:2]) + maze.arena_m) / GRID).astype(int))] = True
+    return axis, _flooded(free, there)
+
+
+def _gaps(x: Floats, y: Floats, walls: Floats) -> Floats:
+    """Distances (x, y) from points of a grid to the nearest box."""
+    nearest = np.full((len(x), len(y)), np.inf)
+    for left, right, bottom, top in walls:
+        beside = np.maximum(np.maximum(left - x, x - right), 0.0)
+        before = np.maximum(np.maximum(bottom - y, y - top), 0.0)
+        np.minimum(nearest, beside[:, None] ** 2 + before[None, :] ** 2, out=nearest)
+    distances: Floats = np.sqrt(nearest)
+    return distances
+
+
+def _flooded(free: NDArray[np.bool_], there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """All free cells that can be reached from `there`, by straight runs along the axes."""
+    runs = [_runs(free, axis) for axis in (0, 1)]
+    there = there & free
+    while True:
+        before = there.sum()
+        for run in runs:
+            reached = np.zeros(run.max() + 1, dtype=np.bool_)
+            reached[run[there]] = True
+            there = reached[run] & free
+        if there.sum() == before:
+            return there
+
+
+def _runs(free: NDArray[np.bool_], axis: int) -> NDArray[np.int64]:
+    """A number for each cell, which the free cells of one straight run along this axis share with no other."""
+    walls_so_far = np.cumsum(~free, axis=axis)
+    line = np.expand_dims(np.arange(free.shape[1 - axis]), axis)
+    numbers: NDArray[np.int64] = walls_so_far + line * (free.shape[axis] + 1)
+    return numbers

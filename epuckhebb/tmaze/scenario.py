@@ -1,0 +1,287 @@
+"""A scenario: the world of a lifetime, as the paper varies it, and how that world changes meanwhile."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.ranges import check_range
+from epuckhebb.tmaze.changes import AT_ONCE, GROUPED, STEPS, check_changes, check_kind, check_placed, check_put, step_of
+from epuckhebb.tmaze.faults import LONGEST_DELAY
+from epuckhebb.tmaze.goal_signal import GoalSignal
+from epuckhebb.tmaze.light import Lamp
+from epuckhebb.tmaze.maze import SIDES, T_MAZE, Box, Maze, Place, Pose, Side, boxes, edges
+from epuckhebb.tmaze.own_fitness import PAPER_FITNESS, Fitness
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
+from epuckhebb.tmaze.physics_engine import Physics
+from epuckhebb.tmaze.reachable import check_reachable
+from epuckhebb.tmaze.robot import EPUCK, Robot
+from epuckhebb.tmaze.sensors import InputGroup
+from epuckhebb.tmaze.task import Task
+from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
+
+_PARTS = ("task", "fitness", "physics")  # with settings of their own
+EXPERIMENTS = ("light", "obstacles")
+TRAINED = {"light": "highlight", "obstacles": "base"}  # the scenario in which each one's controllers are evolved
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """How light it is, how many obstacles stand in the maze, where its lamp is (lit on right trials), what is broken.
+
+    light: level of the sun, 1 as in bright training, 0.1 dimmed. sun_turn_deg: how far the sun is turned anticlockwise
+    from where it stands in training. second_lamp: x, y [m] and intensity of a lamp that is always lit and shines all
+    around. goal_signal: how an adaptation is given the goal signal. obstacles: how many; 0, 2 or 4 in the paper's maze.
+    layout: where they stand, 0 as in the maze, k > 0 the k-th random layout. goals: of each side, None for the maze's.
+    dead_sensors: numbers of the places on the robot's rim where it is blind (senses the dark and no wall).
+    distance_gain, distance_offset: factor on its distance readings, 0 to 1, and what is added then.
+    left_distance_gain: one more factor, for those on the left half. crosstalk: share of its two neighbours' readings
+    that a distance sensor also reads. sensor_levels: how many values a reading can have, 0 for any. sensor_delay_steps,
+    wheel_delay_steps: how late the readings and the commands are, in steps of 32 ms. left_wheel, right_wheel:
+    share of the commanded speed at which the wheel turns. left_slip, right_slip: share of the time for which the wheel
+    slips. mass_ratio: the robot's mass over that for which its drive was made. wall_friction:
+    coefficient of friction between robot and walls. lamp_on: whether the lamp is lit, None for what the side says.
+    placed: blocks in the maze besides its obstacles. rate: factor on N. put: where the robot is put, at rest, when this
+    world begins. reset: whether its weights become those of the genes then. changes: what changes during a lifetime, in
+    the order of time; each is `at_s` [s] and new values of keys of this class (`CHANGEABLE`). hand: changes by hand
+    (`epuckhebb play`), as `changes`. experiment: that of the paper to which the
+    scenario belongs, `light` or `obstacles`. paper_N, paper_duration_s: the paper's base rate and evaluation time [s].
+
+    Whether the goals can be reached is not checked here; see `check`.
+    """
+
+    name: str = "base"
+    experiment: str = "obstacles"
+    light: float = 0.1
+    sun_turn_deg: float = 0.0
+    obstacles: int = 0
+    layout: int = 0
+    goals: Mapping[Side, Place] | None = None
+    dead_sensors: Sequence[int] = ()
+    distance_gain: float = 1.0
+    distance_offset: float = 0.0
+    left_distance_gain: float = 1.0
+    crosstalk: float = 0.0
+    sensor_levels: int = 0
+    sensor_delay_steps: int = 0
+    wheel_delay_steps: int = 0
+    left_wheel: float = 1.0
+    right_wheel: float = 1.0
+    left_slip: float = 0.0
+    right_slip: float = 0.0
+    mass_ratio: float = 1.0
+    wall_friction: float = 0.0
+    lamp: Lamp = field(default_factory=Lamp)
+    second_lamp: Sequence[float] | None = None
+    goal_signal: GoalSignal = field(default_factory=GoalSignal)
+    lamp_on: bool | None = None
+    placed: Sequence[Box] = ()
+    rate: float = 1.0
+    put: Pose | None = None
+    reset: bool = False
+    changes: Sequence[Mapping[str, Any]] = ()
+    hand: Sequence[Mapping[str, Any]] = ()
+    paper_N: float = 0.000015
+    paper_duration_s: float = 250.0
+    maze: Maze = T_MAZE
+    robot: Robot = EPUCK
+    task: Task = ONE_TRIAL
+    fitness: Fitness = PAPER_FITNESS
+    physics: Physics = PYMUNK
+
+    def __post_init__(self) -> None:
+        if self.experiment not in EXPERIMENTS:
+            raise ValueError(f"scenario.experiment must be one of {', '.join(EXPERIMENTS)}, got {self.experiment!r}")
+        check_range(self, "scenario", "light")
+        check_range(self, "scenario", "sun_turn_deg", least=-180, most=180)
+        if self.obstacles not in self.maze.obstacle_counts:
+            allowed = ", ".join(map(str, self.maze.obstacle_counts))
+            raise ValueError(
+                f"scenario.obstacles must be one of {allowed} in maze {self.maze.name}, got {self.obstacles}"
+            )
+        if self.layout < 0:
+            raise ValueError(f"scenario.layout must be 0 (as in the maze) or more, got {self.layout}")
+        if self.layout and not self.maze.niches:
+            raise ValueError(f"scenario.layout = {self.layout} needs niches, and maze {self.maze.name} has none")
+        for key in ("second_lamp", "lamp_on", "rate", "reset"):
+            check_kind(f"scenario.{key}", getattr(self, key))
+        last, dead = self.robot.sensor_numbers - 1, self.dead_sensors
+        whole = isinstance(dead, list | tuple) and all(type(number) is int and 0 <= number <= last for number in dead)
+        if not whole or len(set(dead)) < len(dead):
+            raise ValueError(
+                f"scenario.dead_sensors must be a list of whole numbers, 0 to {last} for robot {self.robot.name}, each "
+                f"once, for example [0] or [], got {_plain(dead)}"
+            )
+        self._check_faults()
+        if self.goals is not None and set(self.goals) != set(SIDES):
+            raise ValueError(f"scenario.goals must have {' and '.join(SIDES)}, got {sorted(self.goals)}")
+        for side, (x, y) in self.goals_now.items():
+            if max(abs(x), abs(y)) > self.maze.arena_m:
+                raise ValueError(
+                    f"scenario.goals.{side} must lie within {self.maze.arena_m:g} m of the middle of maze "
+                    f"{self.maze.name}, got {x:g}, {y:g}; goals are given in metres"
+                )
+        self.task.check_lamp(self.lamp.intensity)
+        check_placed(self.placed, self.maze)
+        if self.put is not None:
+            check_put(self.put, self.maze, self.robot.radius_m, self.boxes)
+        self.physics.check(self)
+        self._check_changes()
+
+    def check(self) -> None:
+        """Check that the robot can get to its goals, before and after each change. Takes some 35 ms for new walls."""
+        events = self.events
+        for number, (_, world) in enumerate(self.phases):
+            try:
+                check_reachable(world.maze, world.goals_now, world.obstacles, world.layout, world.robot.radius_m)
+            except ValueError as error:
+                raise ValueError(f"{events[number - 1][0]}: {error}" if number else str(error)) from error
+
+    def _check_faults(self) -> None:
+        check_range(self, "scenario", "left_wheel", "right_wheel", most=1)
+        for side in SIDES:
+            slip = getattr(self, f"{side}_slip")
+            if not 0 <= slip < 1:
+                raise ValueError(
+                    f"scenario.{side}_slip must lie in [0, 1), got {slip}; for a weak wheel give scenario.{side}_wheel"
+                )
+        if not (math.isfinite(self.distance_gain) and self.distance_gain > 0):
+            raise ValueError(
+                f"scenario.distance_gain must be a number above 0, got {self.distance_gain}; for a dead sensor give "
+                "scenario.dead_sensors"
+            )
+        check_range(self, "scenario", "left_distance_gain", above=True)
+        check_range(self, "scenario", "crosstalk", most=0.5)
+        check_range(self, "scenario", *STEPS[1:], most=LONGEST_DELAY)
+        if not (self.sensor_levels == 0 or self.sensor_levels >= 2):
+            raise ValueError(
+                f"scenario.sensor_levels must be 2 or more, or 0 for any reading, got {self.sensor_levels}"
+            )
+        if not -1 < self.distance_offset < 1:
+            raise ValueError(f"scenario.distance_offset must lie between -1 and 1, got {self.distance_offset}")
+        if not (math.isfinite(self.mass_ratio) and self.mass_ratio >= 1):
+            raise ValueError(
+                f"scenario.mass_ratio must be 1, the robot's own mass, or more, got {self.mass_ratio}; a lighter robot "
+                "would move as with 1"
+            )
+        check_range(self, "scenario", "wall_friction")
+
+    def _check_changes(self) -> None:
+        check_changes("changes", self.changes)
+        check_changes("hand", self.hand)
+        now = self
+        for where, change in self.events:
+            try:
+                now = now.changed(change)
+            except (ValueError, TypeError) as error:
+                raise ValueError(f"{where}: {error}") from error
+
+    @property
+    def events(self) -> list[tuple[str, Mapping[str, Any]]]:
+        """All changes in the order of the steps from which they hold, by hand before planned, each with its key."""
+        events = [(f"scenario.hand[{number}]", change) for number, change in enumerate(self.hand)]
+        events += [(f"scenario.changes[{number}]", change) for number, change in enumerate(self.changes)]
+        return sorted(events, key=lambda event: step_of(event[1])) if self.hand else events
+
+    def changed(self, change: Mapping[str, Any]) -> "Scenario":
+        """This world after a change, without changes of its own; what happens at once happens with this one alone.
+
+        Raises:
+            TypeError: a new value is of another kind.
+        """
+        values = {key: value for key, value in change.items() if key != "at_s"}
+        for key, value in values.items():
+            check_kind(key, value)
+        if isinstance(values.get("dead_sensors"), list):
+            values["dead_sensors"] = tuple(values["dead_sensors"])
+        if "placed" in values:
+            values["placed"] = tuple(Box(*box) for box in values["placed"])
+        if values.get("put") is not None:
+            values["put"] = Pose(*values["put"])
+        for key in GROUPED.keys() & values.keys():
+            values[key] = replace(getattr(self, key), **values[key])
+        if values.get("goals") is not None:
+            values["goals"] = {**self.goals_now, **{side: Place(*place) for side, place in values["goals"].items()}}
+        return replace(self, **{"changes": (), "hand": (), **AT_ONCE, **values})
+
+    @property
+    def boxes(self) -> Floats:
+        """All that stands here: walls, obstacles and blocks, (boxes, 4) left, right, bottom and top edge [m]."""
+        standing = boxes(self.maze, self.obstacles, self.layout)
+        return np.concatenate([standing, edges(list(self.placed))]) if self.placed else standing
+
+    @property
+    def goals_now(self) -> Mapping[Side, Place]:
+        """The goals of each side."""
+        return self.maze.goals if self.goals is None else self.goals
+
+    @property
+    def groups(self) -> tuple[InputGroup, ...]:
+        """The inputs of a network for this robot and task, group by group."""
+        return (*self.robot.sensors, *self.task.inputs)
+
+    @property
+    def inputs(self) -> int:
+        """How many inputs a network for this robot and task has."""
+        return sum(group.count for group in self.groups)
+
+    @property
+    def phases(self) -> "list[tuple[int, Scenario]]":
+        """The worlds of a lifetime, each with the control step from which on it holds."""
+        phases = [(0, replace(self, changes=(), hand=()) if self.changes or self.hand else self)]
+        for _, change in self.events:
+            phases.append((step_of(change), phases[-1][1].changed(change)))
+        return phases
+
+    def changed_from(self, named: "Scenario", maze: Maze = T_MAZE, robot: Robot = EPUCK) -> str:
+        """What differs from another scenario in this maze with this robot, as overrides; empty if nothing."""
+        words = []
+        if self.maze != named.maze and self.maze == replace(named.maze, start=self.maze.start):
+            x, y, heading = self.maze.start
+            words.append(f"start={x:g}/{y:g}/{math.degrees(heading):g}")
+            maze = replace(maze, start=self.maze.start)
+        for kind, mine, its in (("maze", self.maze, maze), ("robot", self.robot, robot)):
+            if mine != its:
+                words.append(f"{kind}={mine.name}" + (" changed" if mine.name == its.name else ""))
+        for key in _PARTS:
+            part, its_part = getattr(self, key), getattr(named, key)
+            if part != its_part:
+                usual = {setting.name: setting.default for setting in fields(part)}
+                words += [f"{key}={part.name}", *_others(key, part, usual)]
+        for field_ in fields(self):
+            mine, its = getattr(self, field_.name), getattr(named, field_.name)
+            if field_.name in GROUPED:  # a lamp is off where the task demands it
+                taken = {"intensity": mine.intensity} if field_.name == "lamp" and self.task.has_trials else {}
+                words += _others(field_.name, mine, vars(its) | taken)
+            elif field_.name in ("maze", "robot", "name", *_PARTS):
+                continue
+            elif field_.name == "goals" and mine != its:
+                words.append("goals=" + "/".join(f"{side}:{x:g},{y:g}" for side, (x, y) in self.goals_now.items()))
+            elif field_.name == "changes" and mine != its:
+                words += [
+                    " ".join([*(f"{key}={_plain(value)}" for key, value in change.items() if key != "at_s")])
+                    + f" at {change['at_s']:g} s"
+                    for change in mine
+                ]
+            elif field_.name == "hand" and mine != its:
+                words.append(f"{len(mine)} changes by hand")
+            elif mine != its:
+                words.append(f"{field_.name}={_plain(mine)}")
+        return ", ".join(words)
+
+
+def _others(key: str, part: Any, usual: Mapping[str, Any]) -> list[str]:
+    """The settings of a part that are not the usual ones, as overrides."""
+    values = {name: getattr(part, name) for name in usual}
+    return [f"{key}.{name}={_plain(value)}" for name, value in values.items() if value != usual[name]]
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, Mapping):
+        return "{" + " ".join(f"{key}:{_plain(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return f"[{','.join(map(_plain, value))}]"
+    return f"{value:g}" if isinstance(value, float) else "null" if value is None else str(value)

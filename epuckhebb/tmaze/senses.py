@@ -1,0 +1,122 @@
+"""Makes one compiled function of the groups of sensors that `sensors.py` defines."""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.tmaze.light import Lights
+from epuckhebb.tmaze.physics_engine import Handles, Physics
+from epuckhebb.tmaze.robot import Robot
+from epuckhebb.tmaze.sensors import NO_GOAL, NO_ROBOTS, Goal, Place, RimSensors, Surroundings
+
+Sense = Callable[..., None]
+
+
+class SenseWorkspace(NamedTuple):
+    """Workspace of `sense`: rays (numbers, sensors) of each ring of places; of each group a number for each sensor."""
+
+    rays: tuple[Floats, ...]
+    scratch: tuple[Floats, ...]
+
+
+def sense_workspace(robot: Robot, physics: Physics) -> SenseWorkspace:
+    """Workspace for a robot of this kind."""
+    rays = tuple(np.empty((physics.ray_numbers, len(ring))) for ring in _rings(robot))
+    return SenseWorkspace(rays, tuple(np.zeros(group.count) for group in robot.sensors))
+
+
+@cache
+def senses(robot: Robot, physics: Physics) -> Sense:
+    """The function `sense(x, y, cos, sin, space, lit, noise, noise_level, workspace, readings, goal, robots)`.
+
+    It fills the readings, (inputs,), from the pose of the robot, its space, the lights, standard normal
+    noise, one number for each input, the noise level, 1 for the sensors' own, the goal, and the robots in its space.
+    """
+    rings = _rings(robot)
+    parts: dict[str, Any] = {"put_rays": physics.put_rays(robot)}
+    put, look, read = [], [], []
+    for k, ring in enumerate(rings):
+        parts[f"ring_{k}"] = _in_frame(ring)
+        put.append(f"put_rays(space, x, y, cos, sin, ring_{k}, rays[{k}])")
+    for k, group in enumerate(robot.sensors):
+        ring_of = rings.index(group.places) if isinstance(group, RimSensors) else 0
+        own = f"around, rays[{ring_of}], scratch[{k}]"
+        parts[f"read_{k}"], parts[f"look_{k}"] = physics.kernels(group, robot.inputs_of(group).start, robot.radius_m)
+        look.append(f"look_{k}({own})")
+        read.append(f"read_{k}({own}, readings)")
+    # The calls are written out, because each group has its own functions. All groups look before any reads: a group
+    # that reads right after its look waits for memory, and sensing takes 15 to 20 % longer.
+    calls = ", ".join([*put, *look, *read])
+    feel = compiled(eval(f"lambda space, x, y, cos, sin, around, rays, scratch, readings: ({calls},)", parts))
+
+    @compiled
+    def sense(
+        x: float,
+        y: float,
+        cos: float,
+        sin: float,
+        space: Handles,
+        lit: Lights,
+        noise: Floats,
+        noise_level: float,
+        workspace: SenseWorkspace,
+        readings: Floats,
+        goal: Goal = NO_GOAL,
+        robots: Floats = NO_ROBOTS,
+    ) -> None:
+        around = Surroundings(x, y, cos, sin, space.walls, lit, noise, noise_level, goal, robots)
+        feel(space, x, y, cos, sin, around, workspace.rays, workspace.scratch, readings)
+
+    return sense
+
+
+def _rings(robot: Robot) -> list[tuple[Place, ...]]:
+    """The places of all groups on the rim; groups that share places share their rays."""
+    return list(dict.fromkeys(group.places for group in robot.sensors if isinstance(group, RimSensors)))
+
+
+def _in_frame(places: tuple[Place, ...]) -> Floats:
+    """Sensors in the robot's frame, (4, n): x, y, and the unit vector each looks along."""
+    azimuth = np.radians([place.azimuth for place in places])
+    x, y = [place.x for place in places], [place.y for place in places]
+    return np.array([x, y, np.cos(azimuth), np.sin(azimuth)])
+
+
+@cache
+def blinding(robot: Robot) -> Callable[[Floats, NDArray[np.int64]], None]:
+    """The function that makes the sensors of these numbers dead, in all groups: they sense the dark, and no wall."""
+    on_rim = [group for group in robot.sensors if isinstance(group, RimSensors)]
+    firsts = np.array([robot.inputs_of(group).start for group in on_rim])
+    counts = np.array([group.count for group in on_rim])
+    dead = np.array([group.dead for group in on_rim])
+
+    @compiled
+    def blind(readings: Floats, numbers: NDArray[np.int64]) -> None:
+        for k in range(numbers.shape[0]):
+            number = numbers[k]
+            for group in range(firsts.shape[0]):
+                if number < counts[group]:
+                    readings[firsts[group] + number] = dead[group]
+
+    return blind
+
+
+@cache
+def largest_distance_reading(robot: Robot) -> Callable[[Floats], float]:
+    """The function that gives the largest of a robot's distance readings."""
+    inputs = robot.inputs_of(robot.distance)
+    first, end = inputs.start, inputs.stop
+
+    @compiled
+    def largest(readings: Floats) -> float:
+        most = float(readings[first])
+        for i in range(first + 1, end):
+            most = max(most, readings[i])
+        return most
+
+    return largest

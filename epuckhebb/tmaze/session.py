@@ -1,0 +1,368 @@
+"""A lifetime in progress, run any number of steps at a time; at its end, its outcome: success and all other metrics.
+
+A lifetime that is run in pieces is bit-identical to the same lifetime run at once. `epuckhebb.tmaze.batch` runs whole
+lifetimes; with `Session` one can watch a robot, or change its world, between two steps.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from epuckhebb.adaptation.adaptation import initial_adaptation_state
+from epuckhebb.adaptation.change_signal import NominalOfSide, check_nominal
+from epuckhebb.adaptation.controller import GA_ALONE, Controller
+from epuckhebb.adaptation.homeostasis import check_patterns
+from epuckhebb.adaptation.self_check.corrections import Corrections, check_corrections
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.errors import NotCompiledError, explained
+from epuckhebb.controller.compiling.kernel import compile_error
+from epuckhebb.controller.forward_pass import neuron_of
+from epuckhebb.controller.genome import NEURON, WEIGHTS
+from epuckhebb.controller.network import OUTPUTS, PAPER_NETWORK, Network, initial_weights_of
+from epuckhebb.controller.plasticity.rule import (
+    INITIAL_RANGE,
+    InitialWeights,
+    coefficients,
+    modulatory_weights,
+    values_of,
+)
+from epuckhebb.controller.plasticity.update import initial_lengths
+from epuckhebb.controller.random import Stream, rng
+from epuckhebb.controller.wiring import NO_NEURONS, WiringError
+from epuckhebb.tmaze import fitness
+from epuckhebb.tmaze.life import (
+    CalibrationRecord,
+    Genotype,
+    Life,
+    Lifetime,
+    Setup,
+    count_calibration,
+    initial_life,
+    pad_samples,
+    tally_of,
+)
+from epuckhebb.tmaze.lifetime import look
+from epuckhebb.tmaze.maze import Pose, Side
+from epuckhebb.tmaze.outcome import Outcome, outcome_of
+from epuckhebb.tmaze.own_fitness import FitnessError, example_arguments, score_of
+from epuckhebb.tmaze.own_sensor import Sensor, own_sensors
+from epuckhebb.tmaze.samples import empty_samples
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.simulator import Kind, Phase, Simulator, have_more_faults, lights_of, trial_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Individual:
+    """What one lifetime needs besides its world: genes and their network, a side, a controller, a noise key, a start.
+
+    genes: of all parts of the genome (`controller.genome`), 234 in the paper. key: of all noise. task_key: of the
+    task's random numbers; individuals that are compared have the same, and so have both sides. start: None for the
+    maze's. signs: of the plastic updates, (synapses,), None for the rule's sign; shuffled ones must be given. nominal:
+    what an adaptation compares with. corrections: from a self-check, None for none. calibration: the manoeuvre before
+    its lifetime, if it is part of the lifetime. record: whether samples are recorded. after: whose lifetime comes
+    before, where the live fitness carries its history.
+    """
+
+    genes: Floats
+    side: Side
+    key: np.uint64
+    controller: Controller = GA_ALONE
+    network: Network = PAPER_NETWORK
+    start: Pose | None = None
+    task_key: int = 0
+    signs: Floats | None = None
+    nominal: NominalOfSide | None = None
+    corrections: Corrections | None = None
+    calibration: CalibrationRecord | None = None
+    record: bool = False
+    after: "Individual | None" = None
+
+
+class LostRobotError(ArithmeticError):
+    """A robot's pose or weights stopped being finite, or it left the arena: its lifetime means nothing."""
+
+
+class Session:
+    """A lifetime in progress, run with `step`, in a world that `change` may replace at any time.
+
+    individual, lifetime: as given. world: the present scenario. life: the present state. setup: what holds in that
+    world. samples: what is recorded, of length 0 where nothing is.
+
+    simulator: shared by lifetimes that run one after the other; without it, any number of sessions may be in progress.
+    most_samples: how many are kept, the last ones; None for all. Sample n is in place n modulo this number.
+    """
+
+    def __init__(
+        self,
+        individual: Individual,
+        world: Scenario,
+        lifetime: Lifetime | None = None,
+        *,
+        simulator: Simulator | None = None,
+        most_samples: int | None = None,
+    ) -> None:
+        self.individual, self.lifetime = individual, Lifetime() if lifetime is None else lifetime
+        self._simulator = simulator = Simulator(world, self.lifetime) if simulator is None else simulator
+        self._phases = list(simulator.phases)
+        self._more_faults = simulator.more_faults
+        self._kind = kind = simulator.kind_of(individual.controller, individual.network, self._more_faults)
+        self._first = first = self._phases[0].scenario
+        self._is_usual = individual.nominal is None and individual.corrections is None and individual.after is None
+        genotype = _genotype_of(individual, kind, first, self.lifetime.gain_rad_s)
+        self._record_every = self.lifetime.record_every if individual.record else 0
+        adaptation = kind.unused
+        if adaptation is None or individual.corrections is not None:
+            adaptation = initial_adaptation_state(first.robot, individual.corrections)
+        trials = first.task.initial_trials(individual.side, individual.task_key)
+        self.life = initial_life(
+            *(genotype, np.uint64(individual.key), individual.network, first.robot, kind.workspace, adaptation, trials),
+            world.fitness,
+        )
+        self._tally = self.life.tally[0]  # a view of the record
+        self.samples = kind.no_samples
+        if self._record_every:
+            count = -(-self.lifetime.steps // self._record_every)
+            count = count if most_samples is None else min(count, most_samples)
+            self.samples = empty_samples(count, individual.network, first.physics)
+        if individual.calibration is not None:
+            count_calibration(
+                self.life, individual.calibration, self.lifetime.gain_rad_s, self._record_every, self.samples
+            )
+        self._history = individual.controller.rule.history
+        if individual.after is not None:
+            before = Session(individual.after, world, self.lifetime, simulator=simulator)
+            before.step(self.lifetime.steps)
+            self._history = before.history
+        self._start = first.maze.start if individual.start is None else individual.start
+        self._space = self._phases[0].space
+        self._space.place_robot(self._start)
+        self._enter(self._phases.pop(0))
+
+    @property
+    def steps(self) -> int:
+        """How many steps have been run."""
+        return int(self._tally["step"])
+
+    @property
+    def history(self) -> fitness.History:
+        """The history of the live fitness so far."""
+        tally, before = self._tally, self._history
+        steps = float(tally["step"] - tally["began"])
+        return fitness.History(before.steps + steps, before.sum + float(tally["undirected_sum"]))
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the lifetime has ended: its time is over, or all trials of its task are."""
+        return self.steps >= self.lifetime.steps or self._has_ended()
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot is."""
+        return Pose(*self._space.handles.state[:3].tolist())
+
+    def step(self, count: int = 1) -> int:
+        """Run so many steps, fewer if the lifetime ends before.
+
+        Returns:
+            How many were run.
+
+        Raises:
+            NotCompiledError: the rule, or another part of the user's, does not compile.
+            FitnessError, SensorError, WiringError: the user's fitness or neurons gave no number, or a sensor none from
+                0 to 1.
+            LostRobotError: a pose or a weight stopped being finite; the message says whose and when.
+        """
+        first = self.steps
+        last = min(first + count, self.lifetime.steps)
+        while (now := self.steps) < last and not self._has_ended():
+            self._enter_due()
+            self._run(min(last, self._phases[0].step) if self._phases else last)
+        return now - first
+
+    def change(self, world: Scenario) -> None:
+        """Put the robot into this world from the next step on.
+
+        The world's own `changes` count from the start of the lifetime: past ones hold already, others come in their
+        time. A wall that would appear where the robot stands waits until it has left.
+        """
+        for kind in ("robot", "task", "fitness", "physics"):
+            new, old = getattr(world, kind), getattr(self.world, kind)
+            if new != old:
+                raise ValueError(
+                    f"a world may change during a lifetime, its {kind} may not: got {new.name} for {old.name}"
+                )
+        self._phases = self._simulator.phases_of(world, self.steps, self._phase)
+        who, self._more_faults = self.individual, have_more_faults(self._phases)
+        now = self._simulator.kind_of(who.controller, who.network, self._more_faults)
+        if now.live is not self._kind.live:
+            # A kernel without delays has kept no readings: those before count as the last.
+            self.life.past[:] = np.append(self.life.activation[: world.robot.inputs], self.life.activation[-OUTPUTS:])
+        self._kind = self._kind._replace(live=now.live, usual=now.usual)
+        self._enter(self._phases.pop(0))
+
+    def look(self) -> Floats:
+        """The inputs that the network will have in the next step, (inputs,), without corrections of an adaptation."""
+        self._enter_due()
+        self._move_to_new_walls()
+        readings = np.zeros(self.individual.network.inputs)
+        who = self.individual
+        kernel = self._simulator.kernel(look, who.controller, who.network, self._more_faults)
+        kernel(self.life, self.setup, self._space.handles, readings)
+        return readings
+
+    def outcome(self, pose: Pose | None = None) -> Outcome:
+        """The metrics of the lifetime so far, of one step or more. pose: of a robot that is in another's space."""
+        at_start = min(math.dist(self._start[:2], goal) for goal in self._first.goals_now.values())
+        return outcome_of(self.life, self.world, at_start, self.individual.controller.rule.w_max, pose or self.pose)
+
+    def carry_on(self, life: Life) -> None:
+        """Carry on in these arrays: those of robots in one space lie behind one another."""
+        self.life, self._tally = life, life.tally[0]
+
+    def _has_ended(self) -> bool:
+        return len(self.life.trials) > 0 and bool(self._tally["over"])
+
+    def _enter_due(self) -> None:
+        """Begin the phases that the next step belongs to."""
+        while self._phases and self._phases[0].step <= self.steps:
+            self._enter(self._phases.pop(0))
+
+    def _move_to_new_walls(self) -> None:
+        """Put the robot among the walls of this phase, unless it stands in their way."""
+        if self._space is not self._phase.space and not self._phase.is_blocked(self._space):
+            self._phase.space.take_over(self._space)
+            self._space = self._phase.space
+
+    def _enter(self, phase: Phase) -> None:
+        """Begin a phase; its walls appear as soon as the robot is not in their way."""
+        individual, lifetime, kind = self.individual, self.lifetime, self._kind
+        self._phase, self.world = phase, phase.scenario
+        lamp_on = individual.side == "right" if self.world.lamp_on is None else self.world.lamp_on
+        if self.world.put is not None:
+            self._space = phase.space  # there is room for it among the new walls
+            self._space.place_robot(self.world.put)
+        if self.world.reset:
+            genotype = self.life.genotype
+            self.life.weights[:], self.life.synapse_state[:] = genotype.weights, genotype.synapse_state
+            self._tally["weight_change"] = 0.0
+        self.setup = Setup(
+            kind.plasticity._replace(rate=kind.plasticity.rate * float(self.world.rate), history=self._history),
+            kind.nominal if individual.nominal is None else individual.nominal,
+            lights_of(self.world, lamp_on=lamp_on),
+            trial_of(self.world, individual.side, self._start, phase.faults),
+            self.world.fitness.numbers() if self.world.fitness.step else (),
+            float(lifetime.gain_rad_s),
+            float(lifetime.noise),
+            self._record_every,
+            self.samples,
+        )
+
+    def _run(self, until: int) -> None:
+        """Run the steps of one phase."""
+        phase = self._phase
+        while self._space is not phase.space and self.steps < until and not self._has_ended():
+            self._move_to_new_walls()
+            if self._space is not phase.space:
+                self._live(self.steps + 1)  # the new walls wait until the robot has left
+        if not self._has_ended():
+            self._live(until)
+        if self._has_ended() and self._record_every:
+            pad_samples(self.samples, self.life, self.world.robot, self._record_every, self._space.handles.state)
+
+    def _live(self, until: int) -> None:
+        live = self._kind.usual.call if self._is_usual else self._kind.live
+        try:
+            live(self.life, self.setup, self._space.handles, until)
+        except Exception as error:  # machine code raises nothing, so it comes from compiling
+            raise self.explained(error) from error
+        self.check()
+
+    def explained(self, error: Exception) -> NotCompiledError:
+        """Whose fault it is that a kernel does not compile: that of a part that does not compile alone, or the rule."""
+        fitness, life, network = self.world.fitness, self.life, self.individual.network
+        rule, wiring = type(self.individual.controller.rule), network.wiring
+        parts: list[Any] = [
+            (sensor, sensor.read, sensor.kernels(0, 0.0).read, sensor.example(network.inputs))
+            for sensor in own_sensors(self.world.robot.sensors)
+        ]
+        if fitness.step is not None:
+            arguments = example_arguments(fitness, life.tally[0], network.inputs)
+            parts.insert(0, (fitness, fitness.step, score_of(type(fitness)), arguments))
+        if wiring is not None:
+            arguments = 0, 0, np.zeros(network.neurons), life.activation, life.neurons
+            parts.append((wiring, wiring.neuron, neuron_of(wiring), arguments))
+        for part, function, block, arguments in parts:
+            alone = compile_error(block, *arguments)
+            if alone is not None:
+                return explained(f"{part.PART} {part.name}", function, alone, "state" * hasattr(part, "state"))
+        return explained(rule.what(), rule.synapse, error, "synapse_state")
+
+    def check(self) -> None:
+        """Check that the lifetime still has finite numbers."""
+        life, who, tally = self.life, self.individual, tally_of(self.life)
+        for group, scratch in zip(self.world.robot.sensors, life.workspace.senses.scratch, strict=True):
+            if isinstance(group, Sensor):
+                for reading, value in zip(group.readings, scratch, strict=True):
+                    group.check_value(value, reading)
+        is_scored, wiring = self.world.fitness.step is not None, who.network.wiring
+        score = life.score["sum"][0] if is_scored else 0.0
+        fires = wiring is None or bool(np.isfinite(life.activation).all())
+        finite = bool(np.isfinite(life.weights).all() and np.isfinite(life.synapse_state.view(np.float64)).all())
+        finite = finite and math.isfinite(tally.weight_change_sum)
+        sums = tally.behaviour_sum + tally.path_length + tally.goal_distance
+        if finite and fires and not tally.lost and math.isfinite(sums) and math.isfinite(score):
+            return
+        where = f"on a {who.side} trial of scenario {self.world.name}"
+        when = f"at step {tally.step - tally.lost} of {self.lifetime.steps}"
+        if not math.isfinite(score):
+            name = self.world.fitness.name
+            raise FitnessError(f"fitness {name}: `step` gave infinite or nan values {where}; noticed {when}")
+        if wiring is not None and not fires:
+            name = wiring.name
+            raise WiringError(f"wiring {name}: `neuron` gave infinite or nan activations {where}; noticed {when}")
+        where = f"{where}, controller {who.controller.name},"
+        if finite:
+            raise LostRobotError(f"{where} the robot's pose {self._space.lost} {when}")
+        raise LostRobotError(
+            f"{where} the rule {type(who.controller.rule).__name__} made weights, their change, or what synapses keep, "
+            f"infinite or nan; noticed {when}"
+        )
+
+
+def _genotype_of(individual: Individual, kind: Kind, world: Scenario, gain_rad_s: float) -> Genotype:
+    """What an individual starts with; a ValueError if its arguments do not fit each other."""
+    if individual.nominal is not None:
+        check_nominal(individual.nominal, world.robot.inputs)
+    if individual.controller.adaptation.homeostasis:
+        check_patterns(kind.nominal if individual.nominal is None else individual.nominal, world.robot.light.count)
+    if individual.corrections is not None:
+        check_corrections(individual.corrections, world.robot)
+    of_updates = kind.signs if individual.signs is None else individual.signs
+    rule, network = individual.controller.rule, individual.network
+    if of_updates is None or of_updates.shape != (network.synapses,):
+        given = "none" if of_updates is None else of_updates.size
+        raise ValueError(
+            "a rule with sign=shuffled needs Individual.signs, the signs of its updates: one for each of the "
+            f"{network.synapses} weights of network {network}, got {given}"
+        )
+    parts = values_of(type(rule), network, kind.plan.split(np.ascontiguousarray(individual.genes, float)))
+    inherited = parts[WEIGHTS]
+    if rule.initial_weights is InitialWeights.random:
+        inherited = rng(int(individual.key), Stream.initial_weights).uniform(
+            -INITIAL_RANGE, INITIAL_RANGE, network.synapses
+        )
+    weights = initial_weights_of(inherited)
+    neurons, wiring = NO_NEURONS, network.wiring
+    if wiring is not None:
+        neurons = wiring.initial({name: parts[NEURON + name] for name in wiring.evolved}, gain_rad_s)
+    return Genotype(
+        weights,
+        kind.synapse_state,
+        coefficients(type(rule), network, parts),
+        modulatory_weights(type(rule), parts, rule.reward),
+        initial_lengths(type(rule), network, weights),
+        np.ascontiguousarray(of_updates, float),
+        neurons,
+    )

@@ -1,0 +1,182 @@
+"""What lifetimes that run one after the other share: the world's phases, spaces, kernels and workspaces."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.adaptation.adaptation import AdaptationState, gate_numbers, initial_adaptation_state
+from epuckhebb.adaptation.change_signal import NominalOfSide, no_nominal
+from epuckhebb.adaptation.controller import Controller
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import SameTypes
+from epuckhebb.controller.genome import GenomePlan, plan_of
+from epuckhebb.controller.network import Network
+from epuckhebb.controller.plasticity.control import Sign, signs
+from epuckhebb.controller.plasticity.rule import Rule, initial_synapse_state
+from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.tmaze.changes import AT_ONCE
+from epuckhebb.tmaze.faults import Faults, faults_of
+from epuckhebb.tmaze.fitness import LIGHT_CODE_SENSORS, Signal
+from epuckhebb.tmaze.life import Lifetime, Plasticity, Trial, Workspace, workspace_for
+from epuckhebb.tmaze.lifetime import live
+from epuckhebb.tmaze.lifetime_kernel import kernel_of
+from epuckhebb.tmaze.light import Lights, lights
+from epuckhebb.tmaze.maze import Pose, Region, Side, added
+from epuckhebb.tmaze.physics_engine import Space
+from epuckhebb.tmaze.reachable import gap
+from epuckhebb.tmaze.samples import Samples, empty_samples
+from epuckhebb.tmaze.scenario import Scenario
+
+_NOWHERE = Region(math.inf, -math.inf, math.inf, -math.inf)  # the arm of a task that has no correct side
+
+
+class Phase(NamedTuple):
+    """The world from a step on: its scenario, the space with its walls, and the faults of the robot."""
+
+    step: int
+    scenario: Scenario
+    space: Space
+    walls: Floats
+    faults: Faults
+
+    def is_blocked(self, space: Space) -> bool:
+        """Whether the robot of another space stands where this phase has new walls."""
+        x, y = space.handles.state[:2].tolist()
+        return gap(x, y, added(space.handles.walls, self.walls)) < self.scenario.robot.radius_m
+
+
+class Kind(NamedTuple):
+    """What individuals with the same controller and network share.
+
+    live: the kernel. usual: the same, for individuals without nominal statistics, corrections and a history of their
+    own; their records are made here, so they have the same types. unused: arrays of an adaptation for individuals
+    without one, which never write there; None with an adaptation.
+    """
+
+    live: Callable[..., None]
+    usual: SameTypes
+    plasticity: Plasticity
+    plan: GenomePlan
+    synapse_state: NDArray[np.void]
+    signs: Floats | None
+    nominal: NominalOfSide
+    workspace: Workspace
+    unused: AdaptationState | None
+    no_samples: Samples
+
+
+class Simulator:
+    """What lifetimes that run one after the other share: the world's spaces, kernels and workspaces.
+
+    fallback_rule: individuals without a rule share its kernel, with N = 0. The results are bit-identical, and there is
+    one kernel less to compile.
+    """
+
+    def __init__(self, world: Scenario, lifetime: Lifetime, fallback_rule: type[Rule] = Paper) -> None:
+        robot = world.robot
+        if lifetime.gain_rad_s > robot.motor_limit_rad_s:
+            raise ValueError(
+                f"lifetime.gain_rad_s must be more than 0 and at most {robot.motor_limit_rad_s:g}, the fastest of "
+                f"robot {robot.name}, got {lifetime.gain_rad_s}"
+            )
+        self.world, self.lifetime, self._fallback_rule = world, lifetime, fallback_rule
+        self.phases = self.phases_of(world)
+        self.more_faults = have_more_faults(self.phases)
+        self._kinds: dict[tuple[int, int, bool], Kind] = {}
+
+    def phases_of(self, world: Scenario, since: int = 0, before: Phase | None = None) -> list[Phase]:
+        """The phases of a world from step `since` on. before: the phase until then."""
+        begins = world.phases
+        steps = [step for step, _ in begins]
+        first = max(number for number, step in enumerate(steps) if step < since or number == 0)
+        phases: list[Phase] = []
+        for step, now in begins[first:]:
+            if phases and step >= self.lifetime.steps:
+                break  # it changes after the end
+            walls = now.boxes
+            last = phases[-1] if phases else before
+            same = last and np.array_equal(last.walls, walls) and last.scenario.wall_friction == now.wall_friction
+            space = last.space if last and same else now.physics.space(walls, now)
+            has_begun = step < since and step > 0  # what was to happen at once has happened
+            phases.append(Phase(step, replace(now, **AT_ONCE) if has_begun else now, space, walls, faults_of(now)))
+        return phases
+
+    def kind_of(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
+        """What individuals with this controller and network share. more_faults: whether their kernel has these."""
+        place = (id(controller), id(network), more_faults)
+        if place not in self._kinds:
+            self._kinds[place] = self._kind(controller, network, more_faults)
+        return self._kinds[place]
+
+    def kernel(self, page: Callable[..., None], controller: Controller, network: Network, more_faults: bool) -> Any:
+        """A function of `lifetime.py`, compiled for such individuals in this world."""
+        world, rule = self.world, self._compiled_for(controller)
+        choice = page, more_faults, world.task, world.fitness, world.physics
+        return kernel_of(rule, controller.adaptation.parts, network, world.robot, *choice)
+
+    def _compiled_for(self, controller: Controller) -> type[Rule]:
+        return self._fallback_rule if controller.is_ga_alone else type(controller.rule)
+
+    def _kind(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
+        rule, adaptation, robot = controller.rule, controller.adaptation, self.world.robot
+        if rule.signal is Signal.light_code and (robot.light.count, robot.distance.count) != LIGHT_CODE_SENSORS:
+            raise ValueError(
+                f"hebbian.signal=light_code is of the published program, whose robot has 8 light and 8 distance "
+                f"sensors; robot {robot.name} has {robot.light.count} and {robot.distance.count}"
+            )
+        compiled_for = self._compiled_for(controller)
+        own = compiled_for is type(rule)
+        numbers = rule.numbers() if own else (0.0,) * len(compiled_for.settings())
+        kernel = self.kernel(live, controller, network, more_faults)
+        return Kind(
+            live=kernel,
+            usual=SameTypes(kernel),
+            plasticity=Plasticity(
+                float(rule.N) * rule.gain_factor(self.lifetime.gain_rad_s) if own else 0.0,
+                float(rule.floor),
+                int(rule.signal),
+                rule.history,
+                numbers,
+                gate_numbers(adaptation),
+            ),
+            plan=plan_of(network, type(rule)),
+            synapse_state=initial_synapse_state(compiled_for, network),
+            signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
+            nominal=no_nominal(robot.inputs),
+            workspace=workspace_for(network, robot, self.world.physics),
+            unused=None if adaptation.acts else initial_adaptation_state(robot),
+            no_samples=empty_samples(0, network, self.world.physics),
+        )
+
+
+def have_more_faults(phases: list[Phase]) -> bool:
+    """Whether one of these phases has other faults than dead sensors and weak wheels."""
+    return any(phase.faults.more for phase in phases)
+
+
+def trial_of(scenario: Scenario, side: Side, start: Pose | None = None, faults: Faults | None = None) -> Trial:
+    """The task and faults of a robot on this side in a world. start: of each trial; None for the maze's.
+
+    faults: those of this world, if they are known.
+    """
+    goals, maze, task = scenario.goals_now, scenario.maze, scenario.task
+    goal = goals[side]
+    return Trial(
+        float(goal.x),
+        float(goal.y),
+        float(maze.goal_radius_m),
+        scenario.goal_signal.numbers(),
+        _NOWHERE if task.has_trials else Region(*map(float, maze.arms[side])),
+        float(maze.arena_m),
+        faults_of(scenario) if faults is None else faults,
+        task.terms(goals, maze.start if start is None else start),
+    )
+
+
+def lights_of(scenario: Scenario, lamp_on: bool) -> Lights:
+    """The lights of a world."""
+    return lights(scenario.light, scenario.lamp, lamp_on, scenario.sun_turn_deg, scenario.second_lamp)

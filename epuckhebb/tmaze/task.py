@@ -1,0 +1,110 @@
+"""What the robot is to do in a lifetime: a task's settings, the functions that a lifetime calls, and its fitness.
+
+A task is one file of `tasks/`, with a subclass of `Task` that holds its settings, and a file of `conf/task/` with their
+values: `kind`, the name of its file, and the settings. In the paper's task, `trial`, a lifetime is one trial, at the
+end of which the robot should be at its goal. In others a lifetime has many trials, each from the start.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epuckhebb.controller.arrays import Floats
+from epuckhebb.controller.compiling.kernel import compiled, nothing
+from epuckhebb.tmaze.fitness import distance_to
+from epuckhebb.tmaze.maze import Place, Pose, Side
+from epuckhebb.tmaze.sensors import InputGroup, RewardInput
+
+TRIAL = np.dtype(
+    [
+        ("good", np.int64),  # the end that is rewarded: -1 left, 1 right
+        ("reached", np.int64),  # the end that the robot reached: -1 left, 1 right, 0 none
+        ("steps", np.int64),  # until it arrived, or until the time was over
+        ("nearest", np.float64),  # m: the least distance from an end
+    ],
+    align=True,
+)
+NO_TRIALS = np.zeros(0, TRIAL)  # of a lifetime that is one trial, described by its outcome
+
+
+def rewarded(trials: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Which trials, records of `TRIAL`, were rewarded, (trials,)."""
+    rewarded: NDArray[np.bool_] = trials["reached"] == trials["good"]
+    return rewarded
+
+
+class Hooks(NamedTuple):
+    """The functions of a task that a lifetime calls.
+
+    reward_input(activation, reward): gives the network the reward, if it has an input for that. to_goal(trial, x, y):
+    distance to the goal [m]. end_step(life, space, trial): called after every step.
+    """
+
+    reward_input: Callable[[Floats, float], None]
+    to_goal: Callable[[Any, float, float], float]
+    end_step: Callable[[Any, Any, Any], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """A task; subclasses hold its settings.
+
+    inputs: network inputs of the task, after the robot's. has_trials: whether a lifetime has more than one trial.
+    """
+
+    inputs: ClassVar[tuple[InputGroup, ...]] = ()
+    has_trials: ClassVar[bool] = False
+
+    @property
+    def name(self) -> str:
+        """The name of its file."""
+        return type(self).__module__.rpartition(".")[2]
+
+    @property
+    def input_count(self) -> int:
+        """How many network inputs the task has."""
+        return sum(group.count for group in self.inputs)
+
+    @property
+    def gives_reward(self) -> bool:
+        """Whether the last input of the network is a reward."""
+        return RewardInput() in self.inputs
+
+    def check_lamp(self, intensity: float) -> None:
+        """Check that the task allows a lamp of this intensity; else a ValueError."""
+
+    def check_time(self, duration_s: float) -> None:
+        """Check that a lifetime is long enough; else a ValueError."""
+
+    def hooks(self, first: int) -> Hooks:  # noqa: ARG002  # others need it
+        """The functions that a lifetime calls. first: the place of the task's first input among the network's."""
+        return Hooks(nothing, _to_one_goal, nothing)
+
+    def terms(self, goals: Mapping[Side, Place], start: Pose) -> tuple[Any, ...]:  # noqa: ARG002  # others need them
+        """The numbers that these functions need. goals: the ends of the maze. start: of each trial."""
+        return ()
+
+    def initial_trials(self, side: Side, key: int) -> NDArray[np.void]:  # noqa: ARG002  # others need them
+        """The trials of a lifetime before it starts, records of `TRIAL`. key: of random numbers."""
+        return NO_TRIALS
+
+    def fitness(
+        self,
+        behaviour: float,
+        reward: float,
+        trials: NDArray[np.void],  # noqa: ARG002  # others need them
+        at_start: float,  # noqa: ARG002
+    ) -> float:
+        """The fitness of a lifetime: in the paper, the mean of behaviour fitness and final goal reward.
+
+        at_start: distance from the start to the goal [m].
+        """
+        return (behaviour + reward) / 2.0
+
+
+@compiled
+def _to_one_goal(trial: Any, x: float, y: float) -> float:
+    return distance_to(x, y, trial.goal_x, trial.goal_y)
