@@ -177,33 +177,11 @@ def reference(name):
     return pd.read_csv(REFERENCE / f"{name}.csv")
 
 
-def test_the_tables_of_the_page_are_those_of_the_reference_study(generated):
-    table = reference("flock")
-    generated(PAGE, "flock", tables.main_table(table))
-    generated(PAGE, "sweep", tables.sweep_table(table))
-    generated(PAGE, "estimator", tables.estimator_table(reference("estimator")))
-
-
 def test_the_table_of_the_reference_study_follows_from_its_runs():
     runs, table = reference("runs"), reference("flock")
     usual = tables.usual(runs)
     again = tables.table(usual, int(runs.seed.min()))
     pd.testing.assert_frame_equal(again, tables.usual(table), check_exact=False, rtol=1e-9)
-
-
-def test_what_the_page_says_of_the_reference_study():
-    table = reference("flock")
-    rows = table.set_index([*tables.CONDITION[:-1], "coupling"])
-    mean = rows.long_after.unstack()
-    influence, competence, frozen = mean.transfer_entropy, mean.live_fitness, mean.frozen
-    assert (len(mean), (influence < frozen).sum()) == (22, 21)
-    assert (rows.difference_high.unstack().transfer_entropy < 0).sum() == 19
-    assert (competence > frozen - 0.005).all()
-    assert (abs(competence - mean.oracle) < 0.01).sum() == 19
-    usual = tables.usual(table).set_index(["breaks", "coupling"])
-    assert (usual.loc[(slice(None), "live_fitness"), "weight_to_broken"] < 0.05).all()
-    assert (usual.loc[(slice(None), "transfer_entropy_x_fitness"), "weight_to_broken"] > 1).all()
-    assert usual.loc[("stranger", "live_fitness")].just_after > usual.loc[("stranger", "frozen")].just_after_high
 
 
 def test_the_estimator_of_the_reference_study_agrees_with_theory():

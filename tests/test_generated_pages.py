@@ -1,4 +1,4 @@
-"""Parts of the pages that are generated from the code: what is in each file, and every key."""
+"""Every key and every column has a description."""
 
 from fnmatch import fnmatch
 from pathlib import Path
@@ -11,8 +11,7 @@ from cases import COLUMNS, described_columns, done, refused
 
 from epuckhebb.analysis import evaluate, findings, reversal, summary
 from epuckhebb.analysis.evaluate import Traces
-from epuckhebb.analysis.tables import markdown_table, plain
-from epuckhebb.cli.keys import sections, title
+from epuckhebb.cli.keys import sections
 from epuckhebb.config import keys
 from epuckhebb.config.compose import composed
 from epuckhebb.config.compose import plain as plain_values
@@ -27,42 +26,7 @@ from epuckhebb.store.traces import traces_file
 from epuckhebb.tmaze.physics.ode import Ode
 from epuckhebb.tmaze.samples import empty_samples
 
-ROOT = Path(__file__).parents[1]
-KEYS, METHODS = (ROOT / "docs" / f"{name}.md" for name in ("keys", "methods"))
-OF_THE_MODEL = ("hebbian", "adaptation", "lifetime", "ga")  # groups whose keys the page of methods lists
-REFERENCE = ROOT / "runs" / "reference"
-
-
-def all_keys():
-    """Every group, its choices and its keys, as sections of a page."""
-    parts = []
-    for group in keys.all_groups():
-        parts.append(f"\n## {title(group)}\n")
-        if group.choices:
-            rows = [[f"`{choice}`", plain(told)] for choice, told in group.choices.items()]
-            parts.append(f"\n{markdown_table(['choice', 'what it is'], rows)}")
-        for told, own in sections(group):
-            table = markdown_table(["key", "default", "what it is"], map(row_of, own))
-            parts.append(f"\n{told}\n\n{table}" if told else f"\n{table}")
-    return "".join(parts)
-
-
-def row_of(key):
-    return [f"`{key.name}`", f"`{key.default}`" if key.default else "", plain(key.description)]
-
-
-def parameters():
-    """The keys of the model with their defaults: those of the paper's rule, of an evaluation and of the GA."""
-    first = [next(sections(group)) for group in keys.all_groups() if group.name in OF_THE_MODEL]
-    return markdown_table(["key", "default", "what it is"], [row_of(key) for _, own in first for key in own])
-
-
-def test_the_page_of_keys_tells_what_the_files_of_conf_tell(generated):
-    generated(KEYS, "keys", all_keys())
-
-
-def test_the_page_of_methods_has_the_parameters_of_conf(generated):
-    generated(METHODS, "parameters", parameters())
+REFERENCE = Path(__file__).parents[1] / "runs" / "reference"
 
 
 @pytest.mark.parametrize("command", ["evaluate", "evolve", "reproduce", "leaderboard", "flock"])

@@ -491,17 +491,6 @@ def test_the_reference_table_comes_of_the_rows_of_champions(folder):
         assert row.champions == {"leaderboard": 12, "leaderboard_unseen": 20, "reversal": 10}[folder.name]
 
 
-@pytest.mark.parametrize("folder", REFERENCES)
-def test_the_page_of_the_reference_results_tells_what_is_in_their_csv(folder, generated):
-    told = pd.read_csv(folder / "leaderboard.csv").fillna({"matched_control": ""})
-    worlds = pd.read_csv(folder / "worlds.csv").fillna({"tests": ""})
-    for experiment, own in told.groupby("experiment", sort=False):
-        page, mark = folder.name, experiment
-        if page == "leaderboard_unseen":
-            page, mark = "unseen_kinds", f"unseen_{experiment}"
-        generated(ROOT / "docs" / f"{page}.md", mark, board.markdown_of(own, worlds))
-
-
 # What is refused
 
 BAD = {

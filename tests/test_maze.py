@@ -83,7 +83,7 @@ def other(**values):
         ({"arms": {"left": Region(), "right": Region(left=1, right=0)}}, r"maze\.arms\.right must have left below"),
         ({"start": Pose(0, -0.7, 0)}, r"maze\.start must lie in the arena"),
         ({"start": Pose(0, 0, math.inf)}, r"maze\.start\.heading"),
-        ({"arena_m": 11.0}, r"maze\.arena_m must be more than 0 and at most 10"),
+        ({"arena_m": 11.0}, r"maze\.arena_m must lie in"),
         ({"goal_radius_m": 0.0}, r"maze\.goal_radius_m must"),
         ({"niches": (Niche("z", (0, 1), (0, 1), (0, 1), (0, 1)),)}, r"maze\.niches\[0\] must run along x or y"),
     ],

@@ -9,8 +9,6 @@ import pandas as pd
 import pytest
 from cases import done
 
-from epuckhebb.analysis import rescue
-from epuckhebb.analysis.tables import markdown_table
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.export.replay import recording, write_page
@@ -31,7 +29,6 @@ from epuckhebb.tmaze.session import Individual, LostRobotError, Session
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "runs" / "reference"
-CHAMPIONS_IN_3D = 4  # of each experiment, seeds 301 to 304
 try:
     libode.library()
     MISSING = ""
@@ -241,43 +238,3 @@ def test_an_adaptation_is_added_in_three_dimensions_to_what_a_champion_knows_of_
     prepared = prepare_evaluation(asked)
     rows, _ = prepared.run(prepared.remember(1), 1)
     assert {row["controller"] for row in rows} == {"GA", "best"}
-
-
-GAPS = [("gap", "3d"), ("gap_plane", "plane")]  # the study, and the change to the other physics
-
-
-@pytest.mark.parametrize(("study", "change"), GAPS)
-def test_the_page_has_what_each_controller_rescues_and_harms_across_the_gap(study, change, generated):
-    table = pd.read_csv(REFERENCE / study / "rescue_and_harm.csv")
-    both = [
-        table.query("scenario == @world").set_index("controller") for world in (f"base_{change}", f"highlight_{change}")
-    ]
-    cells = [{one.Index: rescue.counts(one) for one in world.itertuples()} for world in both]
-    rows = [[f"`{name}`", *cells[0][name], *cells[1][name]] for name in cells[0]]
-    head = [f"{experiment}: {what}" for experiment in ("obstacles", "light") for what in ("rescued", "harmed")]
-    generated(ROOT / "docs" / "ode.md", study, markdown_table(["controller", *head], rows))
-
-
-@pytest.mark.parametrize(("study", "change"), GAPS)
-def test_the_page_has_what_breaks_across_the_gap(study, change, generated):
-    table = pd.read_csv(REFERENCE / study / "rescue_and_harm.csv").query("controller == 'best'").set_index("scenario")
-    rows = []
-    for world in (name for name in table.index if name.endswith(f"_{change}")):
-        before = world.removesuffix(f"_{change}")
-        cells = [f"{table.broken[name]} of {table.solved[name]}" for name in (before, world)]
-        rows.append([table.experiment[world], before, *cells])
-    text = markdown_table(["experiment", "world", "broken in the physics of evolution", "broken in the other"], rows)
-    generated(ROOT / "docs" / "ode.md", f"broken in {study}", text)
-
-
-def test_the_page_has_the_papers_claims_in_both_physics(generated):
-    plane, deep = (pd.read_csv(folder / "claims.csv") for folder in (REFERENCE, REFERENCE / "ode"))
-    assert list(plane.claim) == list(deep.claim)
-    rows = [
-        [one.experiment, one.claim, *(f"{row.true} of {row.n}: {row.verdict}" for row in (one, other))]
-        for one, other in zip(plane.itertuples(), deep.itertuples(), strict=True)
-    ]
-    judged = deep.share.notna() & deep.low.notna()
-    assert (judged & (deep.low <= plane.share) & (plane.share <= deep.high)).equals(judged)  # as the page says
-    head = ["experiment", "claim", "the plane, 20 champions", f"three dimensions, {CHAMPIONS_IN_3D} champions"]
-    generated(ROOT / "docs" / "ode.md", "claims", markdown_table(head, rows))
