@@ -29,7 +29,7 @@ from epuckhebb.config import (
     typed_as,
     value_of,
 )
-from epuckhebb.controller.compiling.code_digest import UnknownPartError, digest
+from epuckhebb.controller.compiling.sources import UnknownSourceError, own_code
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved_sizes
@@ -111,26 +111,25 @@ class PreparedEvaluation:
         """For each controller a digest of what its lifetimes depend on, besides side, repeat and seed."""
         config, genome = self.config, self.genome
         fitness, lifetime = config.world.fitness, replace(config.lifetime, record_every=0)
-        own = [_identity(fitness, fitness.functions())]
-        own += [_identity(one, one.functions()) for one in own_sensors(config.world.robot.sensors)]
+        own = [_identity(fitness)]
+        own += [_identity(one) for one in own_sensors(config.world.robot.sensors)]
         if genome.network.wiring is not None:
-            own += [_identity(genome.network.wiring, genome.network.wiring.functions())]
+            own += [_identity(genome.network.wiring)]
         everywhere = (genome.sha256, genome.network, config.world, lifetime, *own)
         memories = (genome.nominal_sha256, genome.self_memory_sha256)
         depends: dict[str, tuple[object, ...]] = {GA_ALONE.name: everywhere}
         for controller in config.controllers:
             rule, adaptation = type(controller.rule), controller.adaptation
-            parts = (*everywhere, controller, *_identity(controller.rule, rule.functions()))
+            parts = (*everywhere, controller, *_identity(controller.rule))
             depends[controller.name] = (*parts, *(memories if adaptation.acts else ()))
         return {name: hashlib.sha256(repr(parts).encode()).hexdigest()[:16] for name, parts in depends.items()}
 
 
-def _identity(part: object, functions: Sequence[Callable[..., object]]) -> tuple[str, ...]:
+def _identity(part: object) -> tuple[str, ...]:
     """The code of a part of the user's, which distinguishes it from another one with the same settings."""
-    module = type(part).__module__
-    with suppress(UnknownPartError):  # then the module must do, whose name has the SHA-256 of a user's file
-        return (module, *map(digest, functions))
-    return (module,)
+    with suppress(UnknownSourceError):
+        return (own_code(part),)
+    return (type(part).__module__,)
 
 
 def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> PreparedEvaluation:

@@ -96,6 +96,7 @@ def _kernel_of(robot: Robot, physics: Physics) -> Any:
     apply_sensor_faults, turn_wheels = faults.hooks(robot, more=True)
     return kernel(
         drive,
+        (robot, physics),
         sense=senses(robot, physics),
         blind=blinding(robot),
         draw_noise=normal_numbers(robot.inputs),
