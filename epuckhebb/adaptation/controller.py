@@ -7,7 +7,7 @@ from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Rule
 
 # Classes of knowledge, from less to more that is given; the last one is a robot without a network.
-CLASSES = ("senses", "live fitness", "clock", "goal signal", "sensor model", "hand-written robot")
+CLASSES = ("senses", "live fitness", "clock", "goal signal", "hand-written robot")
 GA, HEBBIAN = "GA", "Hebbian"  # in the paper's words
 CONTROLS = {Sign.hebbian: HEBBIAN, Sign.anti: "anti-Hebbian", Sign.shuffled: "shuffled signs"}
 

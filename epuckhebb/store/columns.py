@@ -76,24 +76,6 @@ METRICS: Columns = {
     "changed": text_or_empty("what differs from the named scenario, its lifetimes, and the paper's maze and robot"),
     "saturated_fraction": number(f"share of weights that end with abs(W) above {SATURATED:g} of `hebbian.w_max`"),
 }
-FOUND: Columns = {
-    "side": METRICS["side"],
-    "repeat": METRICS["repeat"],
-    "lamp": Column(("on", "off"), "whether the robot took the lamp to be lit"),
-    "dead_sensors": text_or_empty("numbers of the places on its rim where its sensors are dead, with `; ` between"),
-    "left_wheel_loss": number("share of its speed that the left wheel loses; below 0 it is too fast"),
-    "left_wheel_loss_error": number("standard error of that"),
-    "right_wheel_loss": number("the same of the right wheel"),
-    "right_wheel_loss_error": number("standard error of that"),
-    "light_ratio": number("the light now over that of the training world"),
-    "light_ratio_error": number("standard error of that"),
-    "distance_misfit": number("distance readings: how far from what the findings explain, in standard deviations"),
-    "light_misfit": number("the same of the light readings"),
-    "unexplained": text_or_empty("`distance`, `light` or both: the misfit is too large, and the findings are not used"),
-    "corrected": text_or_empty("what is corrected during the whole lifetime, with `; ` between"),
-    "turned_back": number("1 if the manoeuvre left a careful robot turned, and it turned back, else 0"),
-    "careful": number("1 of a careful self-check (`adaptation.careful`), else 0"),
-}
 REWARDED: Columns = {
     "rewarded_share": number("share of the trials of the lifetime that were rewarded"),
     "switch_trial": number_or_empty("first trial, from 1, that rewards the end opposite to `side`; empty: none"),
@@ -343,7 +325,6 @@ _ESTIMATOR: Columns = {
 
 TABLES: Mapping[str, tuple[str, Columns]] = {
     "metrics.csv": ("Of `evaluate`, `reproduce` and tests of `leaderboard`: a row a lifetime.", METRICS),
-    "findings.csv": ("Of `evaluate` with a self-check: a row for each self-check.", FOUND),
     "metrics.csv with task=reversal": ("Columns that then follow.", REWARDED),
     "reversal_trials.csv": ("Of `evaluate task=reversal`: a row for each trial of each lifetime.", REVERSAL_TRIALS),
     "reversal.csv": ("Of `evaluate task=reversal`: a row for each controller, for chance, the optimum.", REVERSAL),
@@ -417,11 +398,6 @@ TRACES: Mapping[str, Array] = {
     "rate": _sample("per step", "effective rate N_e"),
     "weight_change": _sample("", "sum of abs(W - W_gene) over all weights"),
     "tilt": _sample("rad, rad, m", "roll, pitch and height above the floor, with `physics=ode` alone", (3,)),
-    "belief": _sample(
-        "rad, 0 or 1, 0 or 1",
-        "of recognition: heading since the start, whether the lamp counts as lit, whether the goal is recognised",
-        (3,),
-    ),
     "weights": _sample("", "all weights, layer by layer, a row for each presynaptic neuron", ("synapses",)),
     "activations": _sample("", "beside `wiring`: activations of its neurons, those behind the bias", ("neurons",)),
 }
@@ -449,5 +425,4 @@ CHAMPION: Mapping[str, Array] = {
     "sensors": Array((), "", "the readings of the user's own sensors, with `, ` between, if it has any"),
     "physics": Array((), "", "the physics in which it evolved, unless it is `pymunk`"),
     "memory_*": Array((), "", "nominal statistics of its training world, for adaptations"),
-    "self_*": Array((), "", "what a self-check compares with"),
 }

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from epuckhebb.adaptation.homeostasis import PATTERNS
 from epuckhebb.adaptation.nominal import Nominal
-from epuckhebb.adaptation.self_check.calibration import STEPS
-from epuckhebb.adaptation.self_check.memory import EFFECTS, SelfMemory
 from epuckhebb.controller import wirings
 from epuckhebb.controller.genome import WEIGHTS, GenomePlan, Part, plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
@@ -27,7 +25,6 @@ from epuckhebb.store.run import Run
 from epuckhebb.tmaze.robot import EPUCK
 
 _NOMINAL = "memory_"  # how the names of the arrays of nominal statistics begin
-_SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
 _OF_SEED = re.compile(rf"{REFERENCE}_(ode_)?(\d+)")
 # Of a champion, where there are such:
 _FACTS = ("rule", "task", "fitness_function", "sensors", "wiring_settings", "physics")
@@ -53,7 +50,6 @@ class Genome:
         sensors: The readings of the robot's own sensors, by name, with `, ` between; "" without any.
         physics: The name of the physics in which it was evolved, if it is not that of the plane.
         nominal: Statistics of the champion in its training world.
-        self_memory: What its self-check compares with.
     """
 
     genes: NDArray[np.float64]
@@ -72,7 +68,6 @@ class Genome:
     wiring_settings: str = ""
     physics: str = ""
     nominal: Nominal | None = None
-    self_memory: SelfMemory | None = None
 
     @property
     def weights(self) -> NDArray[np.float64]:
@@ -97,23 +92,10 @@ class Genome:
     @property
     def nominal_sha256(self) -> str:
         """SHA-256 of the nominal statistics; "" if there are none."""
-        return _sha256(self.nominal)
-
-    @property
-    def self_memory_sha256(self) -> str:
-        """SHA-256 of what the self-check compares with; "" if there is nothing."""
-        return _sha256(self.self_memory)
-
-
-def _sha256(remembered: Nominal | SelfMemory | None) -> str:
-    if remembered is None:
-        return ""
-    values = sorted(_known(remembered).items())
-    return hashlib.sha256(b"".join(name.encode() + np.asarray(value).tobytes() for name, value in values)).hexdigest()
-
-
-def _known(remembered: Nominal | SelfMemory) -> dict[str, Any]:
-    return {name: value for name, value in asdict(remembered).items() if value is not None}
+        if self.nominal is None:
+            return ""
+        parts = (name.encode() + np.asarray(value).tobytes() for name, value in sorted(asdict(self.nominal).items()))
+        return hashlib.sha256(b"".join(parts)).hexdigest()
 
 
 def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | None = None) -> Genome:
@@ -184,9 +166,8 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
     if genome.network.wiring is not None:
         settings = json.dumps(asdict(genome.network.wiring), default=str)
         arrays |= {**wiring_arrays(genome.network), "wiring_settings": np.str_(settings)}
-    for prefix, remembered in ((_NOMINAL, genome.nominal), (_SELF_MEMORY, genome.self_memory)):
-        if remembered is not None:
-            arrays |= {prefix + key: np.asarray(value) for key, value in _known(remembered).items()}
+    if genome.nominal is not None:
+        arrays |= {_NOMINAL + key: np.asarray(value) for key, value in asdict(genome.nominal).items()}
     return compressed(arrays)
 
 
@@ -266,7 +247,6 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
         lights=lights,
         plan=plan,
         nominal=_nominal(arrays, path, network.inputs, lights),
-        self_memory=_self_memory(arrays, path, network.inputs),
         **texts,
     )
 
@@ -306,23 +286,7 @@ def _nominal(arrays: Arrays, path: Path, inputs: int, lights: int) -> Nominal | 
         values = _memory(arrays, _NOMINAL, shapes)
         if values and not values["fitness"].size:
             raise ValueError("its fitness is of no second")
-        for name, shape in {"sun": (3,), "echo": (2, None)}.items() if values else ():
-            if _NOMINAL + name in arrays:
-                values[name] = arrays.take(_NOMINAL + name, "f", shape).astype(np.float64)
         return Nominal(**values) if values else None
-
-
-def _self_memory(arrays: Arrays, path: Path, inputs: int) -> SelfMemory | None:
-    """What the self-check of a champion compares with, if it is in its file."""
-    steps, terms = len(STEPS), 1 + inputs + inputs * (inputs + 1) // 2
-    shapes: dict[str, Shape] = {"mean": (2, steps, inputs), "spread": (steps, inputs)}
-    shapes |= {"effects": (EFFECTS, steps, inputs), "moments": (terms * (terms + 1) // 2,), "light": ()}
-    with one_error(f"genome={path} holds a memory of the self-check that this program cannot read"):
-        values = _memory(arrays, _SELF_MEMORY, shapes)
-        for name in shapes if values else ():
-            if name != "light" and not np.isfinite(values[name]).all():
-                raise ValueError(f"{name} must hold finite numbers")
-        return SelfMemory(lights=int(arrays.take(f"{_SELF_MEMORY}lights", "iu", ())), **values) if values else None
 
 
 def _memory(arrays: Arrays, prefix: str, shapes: Mapping[str, Shape]) -> dict[str, Any]:

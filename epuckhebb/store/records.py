@@ -57,7 +57,6 @@ class Provenance(TypedDict):
     genome_sha256: NotRequired[str]
     lifetimes: NotRequired[dict[str, str]]
     nominal_sha256: NotRequired[str]
-    self_memory_sha256: NotRequired[str]
     notes: NotRequired[list[str]]
     own_code: NotRequired[dict[str, OwnCode]]
     resumed: NotRequired[list[Resumed]]

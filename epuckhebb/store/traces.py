@@ -1,4 +1,4 @@
-"""Writes and reads `traces.npz` and `findings.csv`."""
+"""Writes and reads `traces.npz`."""
 
 from typing import Any
 
@@ -15,7 +15,6 @@ from epuckhebb.store.run import Run
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.samples import Samples, empty_samples
 
-_BELIEF = "belief"  # there is none in runs before recognition
 _TILT = "tilt"  # there is none where no robot tilts
 
 
@@ -45,9 +44,7 @@ def read_traces(run: Run, lifetimes: int, samples: int) -> tuple[Traces, NDArray
         found = {}
         for name, empty in empty_samples(0, network)._asdict().items():
             shape = (lifetimes, samples, *empty.shape[1:])
-            if name == _BELIEF and name not in arrays:
-                found[name] = np.zeros(shape)
-            elif name == _TILT and name in arrays:
+            if name == _TILT and name in arrays:
                 found[name] = arrays.take(name, "f", (*shape[:2], None))
             else:
                 found[name] = np.zeros(shape) if 0 in empty.shape[1:] else arrays.take(name, "f", shape)
@@ -60,10 +57,3 @@ def read_traces(run: Run, lifetimes: int, samples: int) -> tuple[Traces, NDArray
             raise ValueError(f"side must be one of {', '.join(SIDES)}, and each controller's lifetime there one")
         traces = Traces(controller=controllers, side=sides, samples=Samples(**found))
         return traces, checked_genes(arrays.take("genome", "f", (network.synapses,)), TRACES, plan_of(network)), network
-
-
-def read_findings(run: Run) -> list[dict[str, Any]]:
-    """What the robots of a run found in their self-checks, a row each; nothing if they made none."""
-    if not run.has("findings.csv"):
-        return []
-    return [{name: "" if value is None else value for name, value in row.items()} for row in run.rows("findings.csv")]
