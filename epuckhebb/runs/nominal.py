@@ -30,11 +30,14 @@ def nominal_for(genome: Genome, config: EvaluateConfig, threads: int, report: Ca
             f"cannot tell what is new in a scenario of the {experiment} experiment. Give a champion of that "
             "experiment, or adaptation=none"
         )
-    missing = missing_nominal(config, known)
-    if known is not None and not missing:
+    gain = config.lifetime.gain_rad_s
+    if known is not None and (known.gain_rad_s == gain or not any(one.is_gated for one in adaptations)):
         return known
-    report(f"genome={genome.name} {missing}: it runs {REPEATS} lifetimes a side in {TRAINED[experiment]} first.")
-    world, gain = training_world(config, genome.physics), config.lifetime.gain_rad_s
+    report(
+        f"genome={genome.name} has no nominal statistics at {gain:g} rad/s: it runs {REPEATS} lifetimes a side in "
+        f"{TRAINED[experiment]} first."
+    )
+    world = training_world(config, genome.physics)
     check_library(world)
     key = (gain, genome.sha256, genome.network, repr(world))
     if key not in _measured:
@@ -46,16 +49,6 @@ def nominal_for(genome: Genome, config: EvaluateConfig, threads: int, report: Ca
             f"neither goal in {nominal.scenario}; give a champion that does, or change_signal=novelty or shortfall"
         )
     return nominal
-
-
-def missing_nominal(config: EvaluateConfig, nominal: Nominal | None) -> str:
-    """Why nominal statistics must be measured before adaptations can use them; nothing if they need not be."""
-    adaptations = [controller.adaptation for controller in config.controllers]
-    gain = config.lifetime.gain_rad_s
-    at_another = nominal is not None and nominal.gain_rad_s != gain and any(one.is_gated for one in adaptations)
-    if any(one.needs_nominal for one in adaptations) and (nominal is None or at_another):
-        return f"has no nominal statistics at {gain:g} rad/s"
-    return ""
 
 
 def training_world(config: EvaluateConfig, evolved_in: str = "") -> Scenario:
