@@ -186,7 +186,7 @@ def test_what_cannot_be_is_refused_and_changes_nothing(world):
     for values in BAD:
         with pytest.raises(ValueError, match=r"must|cannot|no room"):
             world.wish(values)
-        assert not world.is_changing
+        assert not world.wishes
 
 
 def test_wishes_before_a_step_are_joined():
