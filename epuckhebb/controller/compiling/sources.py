@@ -28,18 +28,20 @@ class UnknownSourceError(ValueError):
 def kernel_key(values: object) -> str:
     """Sixteen hexadecimal digits for a kernel. values: all that its parts are made from, as tuples and dataclasses."""
     text = re.sub(rf"{OWN_PACKAGE}\w+", "own", repr(values))  # wherever the user's file is
-    if " at 0x" in text:
-        raise UnknownSourceError(f"{text} names nothing that lasts")
+    others = [name for name in _packages(values) if not name.startswith(OWN_PACKAGE)]
+    if others or " at 0x" in text:
+        raise UnknownSourceError(f"the sources of {', '.join(others) or text} are not known")
     return _digest(_science(), own_code(values), text)
 
 
 def own_code(values: object) -> str:
-    """A digest of the users' files that the classes of these values are from; "" if there are none."""
-    packages = {kind.__module__.partition(".")[0] for kind in _kinds(values)} - _OURS
-    for name in packages:
-        if not name.startswith(OWN_PACKAGE):
-            raise UnknownSourceError(f"the sources of module {name} are not known")
-    return _digest(*sorted(map(_package_digest, packages))) if packages else ""
+    """A digest of the users' files that the classes of these values are from, as far as they are known."""
+    return _digest(*sorted(_package_digest(package) for package in _packages(values)))
+
+
+def _packages(values: object) -> set[str]:
+    """The packages, but for ours and Python's, that classes of these values are from."""
+    return {kind.__module__.partition(".")[0] for kind in _kinds(values)} - _OURS
 
 
 def _kinds(values: object) -> Iterator[type]:
