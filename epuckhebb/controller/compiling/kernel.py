@@ -2,9 +2,10 @@
 
 A building block is an ordinary Python function, which tests can call; when a kernel calls it, numba compiles it into
 that kernel. A *kernel* is a whole loop (a lifetime) that Python calls. Its parts, such as the plasticity rule or the
-robot's senses, are chosen when it is made: `kernel(live, learn=...)` is `live` in which the name `learn` means that
-function. So parts cost nothing while the loop runs, and only those in use are compiled. Numba compiles a building block
-once in a process: functions that make one for a robot or a network, and not for a rule, give the same one each time.
+robot's senses, are chosen when it is made: `kernel(live, values, learn=...)` is `live` in which the name `learn` means
+that function. So parts cost nothing while the loop runs, and only those in use are compiled. Numba compiles a building
+block once in a process: functions that make one for a robot or a network, and not for a rule, give the same one each
+time.
 
 Arithmetic is IEEE float64 in the written order (no `fastmath`), so the same lifetime is always bit-identical.
 `error_model="numpy"` makes 1 / 0 infinite instead of an exception. `_nrt=False` leaves out numba's counting of
@@ -64,7 +65,7 @@ def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]],
     return compiled(eval(f"lambda {arguments}: ({calls})", {"function": compiled(function)}))
 
 
-def kernel(function: Function, values: object = (), **parts: object) -> Function:
+def kernel(function: Function, values: object, **parts: object) -> Function:
     """Compile a function that Python calls, with these parts in place of its module's global names.
 
     The machine code is stored on disk, in a folder named by its sources and `values`. It is compiled in memory where

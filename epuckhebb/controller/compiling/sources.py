@@ -6,10 +6,11 @@ import platform
 import re
 import sys
 import sysconfig
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numba
 import numpy as np
@@ -44,14 +45,13 @@ def _packages(values: object) -> set[str]:
     return {kind.__module__.partition(".")[0] for kind in _kinds(values)} - _OURS
 
 
-def _kinds(values: object) -> Iterator[type]:
-    """The classes in these values, and of them."""
-    yield values if isinstance(values, type) else type(values)
-    if isinstance(values, tuple):
-        inner: list[object] = list(values)
-    else:
-        is_instance = is_dataclass(values) and not isinstance(values, type)
-        inner = [getattr(values, field.name) for field in fields(values)] if is_instance else []
+def _kinds(values: Any) -> Iterator[type]:
+    """The classes in these values, and those of the values."""
+    is_class = isinstance(values, type)
+    yield values if is_class else type(values)
+    inner: Iterable[Any] = values if isinstance(values, tuple) else ()
+    if is_dataclass(values) and not is_class:
+        inner = [getattr(values, field.name) for field in fields(values)]
     for value in inner:
         yield from _kinds(value)
 
