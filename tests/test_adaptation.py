@@ -267,9 +267,6 @@ def test_a_champion_that_never_arrives_is_never_late():
         ({"change_signal": "late", "rest_s": 3.0}, "adaptation.active_s"),
         ({"motor_noise": 1.0}, "adaptation.motor_noise"),
         ({"threshold": 1.0}, "adaptation.threshold"),
-        ({"calibration_counts": True}, "adaptation.self_check"),
-        ({"careful": True}, "adaptation.self_check"),
-        ({"self_check": True, "careful": True, "calibration_counts": True}, "careful=false"),
         ({"exploration": Exploration.wall_following}, "adaptation.exploration"),
         (
             {"change_signal": "late", "exploration": Exploration.wall_following, "motor_noise": 1.0},

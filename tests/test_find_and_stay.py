@@ -151,10 +151,7 @@ def test_a_start_by_a_time_does_not_wait_for_lateness(nominal):
     [
         (["adaptation=find", "adaptation.stay=learn"], "plastic_when=goal_signal, not late"),
         (["adaptation=find_and_learn_to_stay", "hebbian=none"], "needs a plasticity rule"),
-        (["adaptation=find", "adaptation.plastic_when=recognised"], "needs recognise=true"),
-        (["adaptation=recognise_and_halt", "adaptation.plastic_when=goal_signal"], "plastic_when=recognised"),
         (["adaptation=find", "adaptation.start_by_s=250"], "less than lifetime.duration_s = 250"),
-        (["adaptation=recognise_and_halt", "robot=epuck_lidar"], "infra-red sensors at the same four places"),
         (["adaptation=none", "adaptation.stay=halt"], "adaptation.stay does nothing without a signal of change"),
         (["scenario.goal_signal.delay_s=11"], r"goal_signal.delay_s must lie in \[0, 10\]"),
         (["scenario.second_lamp=[1,2]"], "scenario.second_lamp must be"),

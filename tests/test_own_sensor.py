@@ -57,9 +57,6 @@ def test_a_champion_of_other_sensors_is_refused():
     assert "own sensors are Compass north, Compass east, GoalDistance, FloorPatch; those of robot epuck" in said
     other = "robot.sensors=[{sensor: examples/own_sensor/my_sensors.py:FloorPatch}]"
     assert "those of robot epuck are FloorPatch" in refused("evaluate", "genome=evolved", other, *SHORT)
-    for words in (["adaptation=self_check"], ["adaptation=best"]):
-        said = refused("evaluate", "genome=evolved", *ROBOT, *words, *SHORT)
-        assert "no model of the sensors Compass, GoalDistance, FloorPatch" in said
 
 
 def sensor(name, **settings):
