@@ -146,7 +146,7 @@ def controllers(*words):
 
 
 def test_what_is_compared_by_its_name_is_what_the_name_alone_gives():
-    main, *others = controllers("scenario=lowlight", "compare=[late,best,homeostasis,oja,mild]")
+    main, *others = controllers("scenario=lowlight", "compare=[late,find,homeostasis,oja,mild]")
     assert main.name == "Hebbian"
     for other in others:
         group = "hebbian" if other.name in ("oja", "mild") else "adaptation"

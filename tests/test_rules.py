@@ -136,7 +136,7 @@ def test_a_rule_is_compiled_once_and_then_comes_from_disk(monkeypatch, tmp_path)
     genes, seen = np.random.default_rng(0).uniform(-1, 1, network.synapses), []
     for _ in range(2):
         made, weights = kernel(one_update, learn=update_of(Simple, network)), genes.copy()
-        state, now = initial_synapse_state(Simple, network), StepContext(0.5, np.uint64(1), 0)
+        state, now = initial_synapse_state(Simple, network), StepContext(0.5, np.uint64(1), 0, 0.032)
         nothing, ones = np.empty((0, network.synapses)), np.ones(network.synapses)
         genotype = Genotype(genes, state, nothing, np.empty(0), np.empty(0), ones)
         workspace = workspace_for(network, EPUCK)
