@@ -165,7 +165,7 @@ def fixed_facts(
         },
         "maze": {
             "view": view(scenario),
-            "floor": np.round(floor(scenario), 6).tolist(),
+            "floor": np.round(floor(scenario.maze, scenario.robot.radius_m), 6).tolist(),
             "walls": boxes(maze).tolist(),
             "start": maze.start[:2],
             "goalRadius": maze.goal_radius_m,
