@@ -16,7 +16,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import GenomePlan
-from epuckhebb.controller.own_class import arguments
+from epuckhebb.controller.own_class import arguments, is_own
 from epuckhebb.evolution.optimizer import Algorithm, Optimizer
 from epuckhebb.tmaze.own_fitness import OF_OUTCOME
 
@@ -123,8 +123,7 @@ class Search:
             raise OptimizerError(f"optimizer {wanted}, got {'None' if given is None else f'shape {genomes.shape}'}")
         if not np.isfinite(genomes).all():
             raise OptimizerError(f"optimizer {wanted}; one is nan or infinite")
-        is_users = not type(self._settings).__module__.startswith("epuckhebb.")
-        if is_users and isinstance(self._settings, Optimizer):
+        if is_own(type(self._settings)) and isinstance(self._settings, Optimizer):
             beyond = np.abs(genomes) > self._settings.limits(self._plan)
             if beyond.any():
                 raise OptimizerError(

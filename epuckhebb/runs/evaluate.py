@@ -21,6 +21,7 @@ from epuckhebb.config import (
     alternatives,
     brings_physics,
     check_library,
+    code_digest,
     dump,
     hand,
     own_files,
@@ -30,7 +31,6 @@ from epuckhebb.config import (
     typed_as,
     value_of,
 )
-from epuckhebb.controller.compiling.code_digest import UnknownPartError, digest
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved_sizes
@@ -111,27 +111,15 @@ class PreparedEvaluation:
     def lifetime_ids(self) -> dict[str, str]:
         """For each controller a digest of what its lifetimes depend on, besides side, repeat and seed."""
         config, genome = self.config, self.genome
-        fitness, lifetime = config.world.fitness, replace(config.lifetime, record_every=0)
-        own = [_identity(fitness, fitness.functions())]
-        own += [_identity(one, one.functions()) for one in own_sensors(config.world.robot.sensors)]
-        if genome.network.wiring is not None:
-            own += [_identity(genome.network.wiring, genome.network.wiring.functions())]
-        everywhere = (genome.sha256, genome.network, config.world, lifetime, *own)
+        world, lifetime = config.world, replace(config.lifetime, record_every=0)
+        own = map(code_digest, (world.fitness, *own_sensors(world.robot.sensors), genome.network.wiring))
+        everywhere = (genome.sha256, genome.network, world, lifetime, *own)
         memories = (genome.nominal_sha256, genome.self_memory_sha256)
         depends: dict[str, tuple[object, ...]] = {GA_ALONE.name: everywhere}
         for controller in config.controllers:
-            rule, adaptation = type(controller.rule), controller.adaptation
-            parts = (*everywhere, controller, *_identity(controller.rule, rule.functions()))
-            depends[controller.name] = (*parts, *(memories if adaptation.acts else ()))
+            parts = (*everywhere, controller, code_digest(controller.rule))
+            depends[controller.name] = (*parts, *(memories if controller.adaptation.acts else ()))
         return {name: hashlib.sha256(repr(parts).encode()).hexdigest()[:16] for name, parts in depends.items()}
-
-
-def _identity(part: object, functions: Sequence[Callable[..., object]]) -> tuple[str, ...]:
-    """The code of a part of the user's, which distinguishes it from another one with the same settings."""
-    module = type(part).__module__
-    with suppress(UnknownPartError):  # then the module must do, whose name has the SHA-256 of a user's file
-        return (module, *map(digest, functions))
-    return (module,)
 
 
 def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> PreparedEvaluation:

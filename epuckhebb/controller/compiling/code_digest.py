@@ -6,8 +6,6 @@ Python, NumPy and numba count by their versions; all other code is read.
 import dis
 import functools
 import hashlib
-import random
-import re
 import sys
 import sysconfig
 import types
@@ -135,33 +133,6 @@ def python_of(value: Any) -> types.FunctionType | None:
     return value if isinstance(value, types.FunctionType) else None
 
 
-def random_generator(function: Callable[..., Any]) -> str | None:
-    """The global random generator that a function, or one that it calls, uses, such as `np.random`; None if none.
-
-    Its state is not part of a lifetime, so no run could be repeated.
-    """
-    seen: set[types.FunctionType] = set()
-    waiting = [python_of(function)]
-    while waiting:
-        python = waiting.pop()
-        if (
-            python is None
-            or python in seen
-            or _is_known(python.__code__.co_filename)
-            or Path(python.__code__.co_filename).resolve().is_relative_to(_OURS)
-        ):
-            continue
-        seen.add(python)
-        for value in _loaded(python.__code__, python):
-            drawn = getattr(value, "__self__", value)
-            if drawn is random or isinstance(drawn, random.Random):
-                return "random"
-            if drawn is np.random or isinstance(drawn, np.random.RandomState):
-                return "np.random"
-            waiting.append(python_of(value))
-    return None
-
-
 def _loaded(code: types.CodeType, python: types.FunctionType) -> Iterator[Any]:
     """The values that the code of a function loads from globals, its closure and modules; of builtins, the names."""
     cells = dict(zip(python.__code__.co_freevars, python.__closure__ or (), strict=True))
@@ -223,15 +194,6 @@ def _is_known_module(module: Any) -> bool:
         return False
     file = getattr(module, "__file__", None)
     return module.__name__ in sys.builtin_module_names if file is None else _is_known(file)
-
-
-def is_installed(file: Path) -> bool:
-    """Whether a file or folder is of this program, of Python or of an installed package (which has a RECORD)."""
-    place = file.resolve()
-    if _is_known(str(place)) or place.is_relative_to(_OURS) or set(_INSTALLED) & set(place.parts):
-        return True
-    records = (record.read_text(encoding="utf-8") for record in place.parent.glob("*.dist-info/RECORD"))
-    return any(re.search(rf"^{re.escape(place.name)}[/,]", text, re.MULTILINE) for text in records)
 
 
 @functools.cache
