@@ -44,15 +44,23 @@ class Layers:
 class Kind:
     """A kind of part.
 
-    group, key: `group.key` names a part of it in the configuration. base: of a user's class. package: where the
-    program's are, if it has any. besides: classes that are no file of the package, by name.
+    base: of a user's class; its KEY names a part in the configuration. package: where the program's are, if it has any.
+    besides: classes that are no file of the package, by name.
     """
 
-    group: str
-    key: str
     base: type[OwnClass]
     package: ModuleType | None = None
     besides: Mapping[str, type] = field(default_factory=dict)
+
+    @property
+    def group(self) -> str:
+        """The group of the configuration that has its settings."""
+        return self.base.KEY.rpartition(".")[0]
+
+    @property
+    def key(self) -> str:
+        """The key there that names a part."""
+        return self.base.KEY.rpartition(".")[2]
 
     @property
     def names(self) -> list[str]:
@@ -62,14 +70,14 @@ class Kind:
 
 
 KINDS = {
-    "rule": Kind("hebbian", "rule", Rule, rules),
-    "fitness": Kind("fitness", "function", Fitness, besides={PAPER: Fitness}),
-    "wiring": Kind("network", "wiring", Wiring, wirings, {LAYERS: Layers}),
-    "sensor": Kind("robot.sensors", "sensor", Sensor),
-    "task": Kind("task", "kind", Task, tasks),
-    "physics": Kind("physics", "kind", Physics, physics),
-    "optimizer": Kind("optimizer", "algorithm", Optimizer, optimizers),
-    "coupling": Kind("flock", "coupling", Coupling, couplings),
+    "rule": Kind(Rule, rules),
+    "fitness": Kind(Fitness, besides={PAPER: Fitness}),
+    "wiring": Kind(Wiring, wirings, {LAYERS: Layers}),
+    "sensor": Kind(Sensor),
+    "task": Kind(Task, tasks),
+    "physics": Kind(Physics, physics),
+    "optimizer": Kind(Optimizer, optimizers),
+    "coupling": Kind(Coupling, couplings),
 }
 
 PART_GROUPS = ("compare", *(kind.group.partition(".")[0] for kind in KINDS.values()))

@@ -2,10 +2,13 @@
 
 import inspect
 import math
+import traceback
 from collections import namedtuple
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields
 from enum import Enum
+from pathlib import Path
 from typing import Any, ClassVar, cast
 
 import numpy as np
@@ -13,16 +16,18 @@ from numpy.typing import NDArray
 
 from epuckhebb.controller.compiling.kernel import compiled, in_module
 
+_OURS = Path(__file__).parents[1]
 namedtuple_of: Any = namedtuple  # mypy wants the names of the fields written out
 
 
 class OwnClass:
     """A dataclass whose fields are its settings, with functions of which one at least is the user's.
 
-    PART: what messages call it. METHODS: the names of these functions.
+    PART: what messages call it. KEY: names it in the configuration. METHODS: the names of these functions.
     """
 
     PART: ClassVar[str]
+    KEY: ClassVar[str]
     METHODS: ClassVar[tuple[str, ...]] = ()
 
     @property
@@ -54,6 +59,20 @@ class OwnClass:
     def what(cls) -> str:
         """It in messages."""
         return f"{cls.PART} {cls.__name__}"
+
+
+@contextmanager
+def calling(what: str, error: type[ValueError] = ValueError) -> Iterator[None]:
+    """Turn whatever a function of the user's raises into an error that names it and the line. what: it, in messages."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise
+    except BaseException as reason:  # it may even leave Python
+        frames = traceback.extract_tb(reason.__traceback__)
+        lines = [frame.lineno for frame in frames if not Path(frame.filename).is_relative_to(_OURS)]
+        where = f" in line {lines[0]}" if lines else ""
+        raise error(f"{what} failed{where}: {type(reason).__name__}: {reason}") from reason
 
 
 def base_of(kind: type[OwnClass]) -> type[OwnClass]:

@@ -70,6 +70,7 @@ class Wiring(OwnClass):
     """
 
     PART: ClassVar[str] = "wiring"
+    KEY: ClassVar[str] = "network.wiring"
     METHODS: ClassVar[tuple[str, ...]] = ("neuron",)
     state: ClassVar[Mapping[str, float]] = {}
     evolved: ClassVar[Mapping[str, Evolved]] = {}

@@ -54,6 +54,7 @@ class Algorithm(OwnClass, ABC):
     """
 
     PART: ClassVar[str] = "optimizer"
+    KEY: ClassVar[str] = "optimizer.algorithm"
     METHODS: ClassVar[tuple[str, ...]] = ("tell",)
     key: ClassVar[str] = "optimizer"
     common_random_numbers: ClassVar[bool] = False

@@ -10,7 +10,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.own_class import OwnClass
+from epuckhebb.controller.own_class import OwnClass, calling
 from epuckhebb.controller.ranges import check_range
 
 
@@ -43,6 +43,7 @@ class Coupling(OwnClass):
     """
 
     PART: ClassVar[str] = "coupling"
+    KEY: ClassVar[str] = "flock.coupling"
     METHODS: ClassVar[tuple[str, ...]] = ("drive", "weights")
 
     N: float = 0.3
@@ -68,10 +69,8 @@ def changed(coupling: Coupling, now: Moment) -> Floats:
         CouplingError: the coupling failed, or its weights are not finite, negative, or not as many as pairs.
     """
     name, count = type(coupling).__name__, len(now.fitness)
-    try:
+    with calling(f"coupling {name}", CouplingError):
         given = np.array(coupling.weights(now), float)
-    except Exception as error:  # what a user's code may raise has no end
-        raise CouplingError(f"coupling {name} failed: {type(error).__name__}: {error}") from error
     if given.shape != (count, count):
         raise CouplingError(f"coupling {name} must give {count} rows of {count} weights, it gave shape {given.shape}")
     np.fill_diagonal(given, 0.0)

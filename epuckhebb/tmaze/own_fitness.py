@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.compiling.kernel import zero
-from epuckhebb.controller.own_class import OwnClass, arguments, number_of
+from epuckhebb.controller.own_class import OwnClass, arguments, calling, number_of
 from epuckhebb.tmaze.maze import Pose
 from epuckhebb.tmaze.robot import STEP_S
 
@@ -91,6 +91,7 @@ class Fitness(OwnClass):
     """
 
     PART: ClassVar[str] = "fitness"
+    KEY: ClassVar[str] = "fitness.function"
     METHODS: ClassVar[tuple[str, ...]] = ("step", "life")
     state: ClassVar[Mapping[str, Any]] = {}
     step: ClassVar[Callable[..., float] | None] = None
@@ -142,10 +143,8 @@ class Fitness(OwnClass):
         if self.life is None:
             return mean
         known = {**facts, "mean": mean, "state": state.view(np.recarray)[0], "by": self}
-        try:
+        with calling(f"fitness {self.name}: `life`", FitnessError):
             value: Any = self.life(**{name: known[name] for name in self.arguments_of_life()})
-        except Exception as error:  # what a user's code may raise has no end
-            raise FitnessError(f"fitness {self.name}: `life` failed: {type(error).__name__}: {error}") from error
         is_number = isinstance(value, int | float | np.number | np.bool_)
         if not is_number or not math.isfinite(value):
             raise FitnessError(f"fitness {self.name}: `life` must return a finite number, it returned {value!r}")

@@ -9,7 +9,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing
-from epuckhebb.controller.own_class import OwnClass, arguments, call_of, namedtuple_of
+from epuckhebb.controller.own_class import OwnClass, arguments, call_of, calling, namedtuple_of
 from epuckhebb.tmaze.light import Lamp, lights
 from epuckhebb.tmaze.sensors import NO_ROBOTS, Goal, Kernels, SensorGroup, Surroundings
 
@@ -46,6 +46,7 @@ class Sensor(SensorGroup, OwnClass):
     """
 
     PART: ClassVar[str] = "sensor"
+    KEY: ClassVar[str] = "robot.sensors.sensor"
     METHODS: ClassVar[tuple[str, ...]] = ("read",)
     readings: ClassVar[tuple[str, ...]] = ("reading",)
     read: ClassVar[Callable[..., Any] | None] = None
@@ -107,7 +108,8 @@ class Sensor(SensorGroup, OwnClass):
         """Check what `read` gives for a robot at the origin; else a ValueError."""
         around = _surroundings()
         values = {name: eval(how, {"around": around, "math": math, "by": self._by()}) for name, how in _OF_READ.items()}
-        given = type(self).read(**{name: values[name] for name in self.arguments()})  # type: ignore[misc]  # it has one
+        with calling(f"{self.what()}: `read`"):
+            given = type(self).read(**{name: values[name] for name in self.arguments()})  # type: ignore[misc]
         several = given if isinstance(given, tuple) else (given,)
         if len(several) != self.count or (self.count > 1) != isinstance(given, tuple):
             raise ValueError(f"{self.what()}: `read` must give {' and '.join(self.readings)}, it gave {given!r}")

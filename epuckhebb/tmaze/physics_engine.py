@@ -63,6 +63,7 @@ class Physics(OwnClass, ABC):
     """
 
     PART: ClassVar[str] = "physics"
+    KEY: ClassVar[str] = "physics.kind"
     ray_numbers: ClassVar[int] = 6
     tilts: ClassVar[int] = 0
 

@@ -57,6 +57,7 @@ class Task(OwnClass):
     """
 
     PART: ClassVar[str] = "task"
+    KEY: ClassVar[str] = "task.kind"
     inputs: ClassVar[tuple[InputGroup, ...]] = ()
     has_trials: ClassVar[bool] = False
 

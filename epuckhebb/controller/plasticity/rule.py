@@ -87,6 +87,7 @@ class Rule(OwnClass):
     """
 
     PART: ClassVar[str] = "rule"
+    KEY: ClassVar[str] = "hebbian.rule"
     METHODS: ClassVar[tuple[str, ...]] = ("synapse",)
     synapse_state: ClassVar[Mapping[str, float]] = {}
     evolved: ClassVar[Mapping[str, Evolved]] = {}
