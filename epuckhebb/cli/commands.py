@@ -1,5 +1,7 @@
 """Declares the commands of `epuckhebb`. Each imports what is heavy when it is called, so help comes at once."""
 
+import os
+import socket
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -173,7 +175,9 @@ def play(
         raise ConfigError(f"--side must be left or right, got {side}")
     words = as_evolved(with_genomes_named(overrides), config_dir)
     with Play(words, "right" if side == "right" else "left", config_dir, port) as live, suppress(KeyboardInterrupt):
-        say(live.hint or "Ctrl-C ends it.")
+        forward = f"ssh -L {live.server.port}:127.0.0.1:{live.server.port} {socket.gethostname()}"
+        remote = f"On your own computer type `{forward}`, then open this address there."
+        say(remote if "SSH_CONNECTION" in os.environ else "Ctrl-C ends it.")
         typer.echo(live.address)  # from here on, Ctrl-C is how it is ended
         if browser:
             open_page(live.address)

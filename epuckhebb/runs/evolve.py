@@ -242,7 +242,6 @@ def resume(arguments: list[str]) -> Path:
     generations = config.schedule.generations
     after = Checkpoint.read(
         path,
-        prepared.plan.genes,
         lambda log: Search(config.algorithm, config.plan, config.seed, log),
         _digest(path, changeable),
     )
