@@ -67,7 +67,6 @@ def disturb(world, changes, seed=1):
     [
         (WORDS, "left"),
         pytest.param(["adaptation=novelty"], "right", marks=pytest.mark.thorough),
-        pytest.param(["adaptation=self_check", "hebbian=oja"], "left", marks=pytest.mark.thorough),
         pytest.param(
             ["scenario.changes=[{at_s: 3.2, light: 1.0}]", "adaptation=late"], "right", marks=pytest.mark.thorough
         ),

@@ -76,7 +76,6 @@ class LiveWorld:
             raise ConfigError(f"scenario.hand={config.scenario.hand}: play writes such a file; evaluate repeats it")
         say_unusual(config)
         compile_for([GA_ALONE, *config.controllers], genome.network, config.world)
-        nominal, checks = prepared.remember(1)
         self.controllers = [GA_ALONE, *config.controllers]
         self.lifetime = replace(config.lifetime, record_every=1)
         self.kept = KEPT
@@ -84,8 +83,7 @@ class LiveWorld:
             genome.genes,
             self.controllers,
             [(number, side, 0) for number in range(len(self.controllers))],
-            nominal,
-            checks,
+            prepared.remember(1),
             genome.plan,
             genome.network,
             config.seed,

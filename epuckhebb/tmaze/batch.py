@@ -89,7 +89,7 @@ def load_kernel(
         parts = " or ".join(f"{part.KEY} ({part.what()})" for part in own)
         raise ValueError(
             f"{parts} gives other results when the same lifetime is run again, so no run could be repeated: it draws "
-            "random numbers of its own, or remembers earlier lifetimes. Random numbers come from epuckhebb.random"
+            "random numbers of its own, or remembers earlier lifetimes"
         )
 
 
