@@ -164,7 +164,7 @@ def policy_from_genome(genes: Floats, network: Network = PAPER_NETWORK) -> Calla
         raise ConfigError(f"a network of layers {network} has {network.synapses} weights, got shape {weights.shape}")
     activation, drive = np.zeros(network.neurons), np.empty(network.neurons)
     activation[network.bias] = 1.0
-    pass_through = kernel(_pass, forward=forward_pass(network))
+    pass_through = kernel(_pass, network, forward=forward_pass(network))
 
     def policy(observation: Floats) -> Floats:
         activation[: network.inputs] = observation

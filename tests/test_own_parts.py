@@ -243,7 +243,6 @@ EDITED = {
 
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("what", [next(iter(EDITED)), pytest.param("an overload", marks=pytest.mark.thorough)])
-@pytest.mark.xfail(reason="machine code is named by less than numba reads")
 def test_an_edit_is_compiled_anew(what):
     text, value = EDITED[what]
     method = f"step = staticmethod(lambda x: x - x + {value})"

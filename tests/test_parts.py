@@ -51,17 +51,6 @@ def test_what_changed_is_told_wherever_the_scenario_is(here):
     assert "bit-identical" in done("rerun", str(run)).stdout
 
 
-@pytest.mark.thorough
-@pytest.mark.usefixtures("here")
-def test_a_sweep_in_another_maze_with_another_rule():
-    """Nothing of the usual maze and rule is left in a job."""
-    words = ["sweep", "obstacles", "scenario=base", "maze=double_t", "hebbian=differential", *BRIEF]
-    done(*words, "hydra/launcher=basic", "hydra.sweep.dir=out")
-    rows = pd.read_csv("out/sweep.csv")
-    assert set(rows.changed) == {"maze=double_t, lifetime.duration_s=2"}
-    assert set(rows.controller) == {"GA", "differential"}
-
-
 @pytest.mark.usefixtures("here")
 def test_a_scenario_of_ones_own_has_the_name_of_its_file():
     Path("conf/scenario").mkdir(parents=True)
@@ -137,20 +126,3 @@ def test_a_champion_of_another_robot_or_network(others, here, name, layers, robo
 
 
 # A change in mid-life
-
-
-@pytest.mark.thorough
-def test_a_change_in_mid_life_from_end_to_end(here):
-    change = "scenario.changes=[{at_s: 1, light: 1.0}, {at_s: 1.5, obstacles: 4}]"
-    done("evaluate", change, *SHORT, "hydra.run.dir=run")
-    assert set(metrics("run").changed) == {"light=1 at 1 s, obstacles=4 at 1.5 s, lifetime.duration_s=2"}
-    with np.load("run/traces.npz") as traces:
-        early = traces["time"][0] < 0.9 if traces["time"].ndim > 1 else traces["time"] < 0.9
-        lit = traces["sensors"][0, :, :8].mean(axis=1)
-    assert lit[~early][-1] != pytest.approx(lit[early].mean(), rel=0.05)
-    done("evaluate", *SHORT, "hydra.run.dir=steady")
-    assert not metrics("run").drop(columns="changed").equals(metrics("steady").drop(columns="changed"))
-    assert (here / "run" / "figures" / "trajectories.png").read_bytes().startswith(b"\x89PNG")
-    done("replay", "run")
-    assert "light=1 at 1 s" in (here / "run" / "replay.html").read_text()
-    assert "bit-identical" in done("rerun", "run").stdout

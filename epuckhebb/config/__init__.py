@@ -30,7 +30,7 @@ from epuckhebb.config.overrides import (
     with_names_compared,
 )
 from epuckhebb.config.parts import KINDS, part_from, part_names
-from epuckhebb.config.plugins import OWN_CODE, OwnFile, code_digest, own_files, own_references, own_sources
+from epuckhebb.config.plugins import OWN_CODE, OwnFile, own_files, own_references, own_sources
 from epuckhebb.config.schema import (
     SCHEMAS,
     Checked,

@@ -21,11 +21,11 @@ from types import CodeType, ModuleType
 from typing import Any, TypeVar
 
 from epuckhebb.config import hand
+from epuckhebb.controller.compiling.sources import OWN_PACKAGE
 from epuckhebb.runtime import ConfigError, did_you_mean, path_of
 
 OWN_CODE = "own_code"  # the folder of the copies in a run folder
 _NAMED = re.compile(r"(.+\.py):([^\W\d]\w*)", re.DOTALL)
-_PREFIX = "epuckhebb_own_"
 Base = TypeVar("Base")
 
 
@@ -106,13 +106,6 @@ def own_sources(config: Any) -> dict[str, str]:
     return own | hand.source(config)
 
 
-def code_digest(part: object) -> str:
-    """The digest of the user's files that hold the class of a part; the name of its module for another class."""
-    module = type(part).__module__
-    own = _packages.get(module.partition(".")[0])
-    return own.digest if own else module
-
-
 def class_named(text: str, base: type[Base], key: str) -> type[Base]:
     """The subclass of a base class that `FILE.py:NAME` names. key: whose value that is, for messages."""
     file, _, name = text.rpartition(":")
@@ -136,7 +129,7 @@ def load(file: Path, key: str) -> OwnFile:
         raise ConfigError(f"{key}: there is no Python file {file}")
     own = OwnFile(path, "")
     try:
-        own = OwnFile(path, _PREFIX + _sha256(str(path).encode() + path.read_bytes())[:16])
+        own = OwnFile(path, OWN_PACKAGE + _sha256(str(path).encode() + path.read_bytes())[:16])
         _unload(own.package)
         _packages[own.package] = own
         importlib.invalidate_caches()
@@ -170,7 +163,7 @@ class _Finder(MetaPathFinder):
     def find_spec(self, name: str, path: Sequence[str] | None, _target: Any = None) -> ModuleSpec | None:
         """Where a module of such a package is."""
         package, _, inner = name.partition(".")
-        if not package.startswith(_PREFIX):
+        if not package.startswith(OWN_PACKAGE):
             return None
         own = _packages.get(package)
         if own is None or not inner:  # numba names packages that were loaded when it compiled; it needs nothing of them
@@ -192,7 +185,8 @@ class _Loader(SourceFileLoader):
     def get_code(self, fullname: str) -> CodeType:
         """The code of the file as it is now; a compiled copy may be older."""
         own = _packages[fullname.partition(".")[0]]
-        code: CodeType = self.source_to_code(own.sources[own.place_of(Path(self.path))], self.path)
+        self.content = own.sources[own.place_of(Path(self.path))]  # by which kernels are named
+        code: CodeType = self.source_to_code(self.content, self.path)
         return code
 
     def exec_module(self, module: ModuleType) -> None:

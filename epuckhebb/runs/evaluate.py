@@ -1,7 +1,6 @@
 """`epuckhebb evaluate`: runs the lifetimes of a genome in a scenario, and writes them into a run folder."""
 
 import copy
-import hashlib
 import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -20,7 +19,6 @@ from epuckhebb.config import (
     alternatives,
     brings_physics,
     check_library,
-    code_digest,
     dump,
     hand,
     own_files,
@@ -33,16 +31,17 @@ from epuckhebb.config import (
     value_of,
 )
 from epuckhebb.config import training_world as world_of_training
+from epuckhebb.controller.compiling.sources import own_code
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved_sizes
 from epuckhebb.runs import hydra
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, say, saying_if_slow
-from epuckhebb.store import Genome, RunFolder, check_wiring, load_genome, traces_file
+from epuckhebb.store import Genome, RunFolder, check_wiring, digest, load_genome, traces_file
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.goal_signal import GoalSignal
-from epuckhebb.tmaze.own_sensor import own_sensors, reading_names
+from epuckhebb.tmaze.own_sensor import reading_names
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.robot import EPUCK, Robot
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
@@ -143,14 +142,12 @@ class PreparedEvaluation:
     def lifetime_ids(self) -> dict[str, str]:
         """For each controller a digest of what its lifetimes depend on, besides side, repeat and seed."""
         config, genome = self.config, self.genome
-        world, lifetime = config.world, replace(config.lifetime, record_every=0)
-        own = map(code_digest, (world.fitness, *own_sensors(world.robot.sensors), genome.network.wiring))
-        everywhere = (genome.sha256, genome.network, world, lifetime, *own)
+        everywhere = (genome.sha256, genome.network, config.world, replace(config.lifetime, record_every=0))
         depends: dict[str, tuple[object, ...]] = {GA_ALONE.name: everywhere}
         for controller in config.controllers:
-            parts = (*everywhere, controller, code_digest(controller.rule))
-            depends[controller.name] = (*parts, *((genome.nominal_sha256,) if controller.adaptation.acts else ()))
-        return {name: hashlib.sha256(repr(parts).encode()).hexdigest()[:16] for name, parts in depends.items()}
+            nominal = genome.nominal_sha256 if controller.adaptation.acts else ""
+            depends[controller.name] = (*everywhere, controller, nominal)
+        return {name: digest([repr(values), own_code(values)])[:16] for name, values in depends.items()}
 
 
 def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> PreparedEvaluation:

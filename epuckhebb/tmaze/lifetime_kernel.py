@@ -66,7 +66,8 @@ def kernel_of(
     }
     for block in (perceive, decide, settle):
         parts[block.__name__] = with_parts(block, **parts)
-    _kernels[place] = made = kernel(page, **parts)
+    values = (rule, adapted, network, robot, more_faults, type(task), scoring, physics)
+    _kernels[place] = made = kernel(page, values, **parts)
     return made
 
 
