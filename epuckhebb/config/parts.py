@@ -24,6 +24,7 @@ from epuckhebb.flock import couplings
 from epuckhebb.flock.coupling import Coupling
 from epuckhebb.runtime import ConfigError
 from epuckhebb.tmaze import physics, tasks
+from epuckhebb.tmaze.fitness import Signal
 from epuckhebb.tmaze.own_fitness import Fitness
 from epuckhebb.tmaze.own_sensor import Sensor
 from epuckhebb.tmaze.physics_engine import Physics
@@ -114,7 +115,8 @@ def part_from(kind: str, settings: Mapping[str, Any], key: str) -> Any:
     which = KINDS[kind].key
     name, own = settings.get(which), {one: value for one, value in settings.items() if one != which}
     part = part_class(kind, name, key)
-    values = part_settings(part, own, key, f"{kind} {name}")
+    more = {"signal": Signal} if kind == "rule" else {}
+    values = part_settings(part, own, key, f"{kind} {name}", **more)
     try:
         return part(**values)
     except KeyboardInterrupt:
