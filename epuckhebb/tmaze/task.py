@@ -64,11 +64,6 @@ class Task:
         return type(self).__module__.rpartition(".")[2]
 
     @property
-    def input_count(self) -> int:
-        """How many network inputs the task has."""
-        return sum(group.count for group in self.inputs)
-
-    @property
     def gives_reward(self) -> bool:
         """Whether the last input of the network is a reward."""
         return RewardInput() in self.inputs
