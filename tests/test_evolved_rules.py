@@ -110,7 +110,7 @@ def test_the_incoming_weights_of_each_neuron_keep_their_length():
     workspace = workspace_for(network, EPUCK)
     spread, lengths = coefficients(Discrete, network, values), initial_lengths(Discrete, network, genes)
     genotype = Genotype(genes, np.empty(0), spread, np.empty(0), lengths, np.ones_like(genes))
-    now = StepContext(0.1, np.uint64(1), 0)
+    now = StepContext(0.1, np.uint64(1), 0, 0.032)
     total = update_of(Discrete, network)(weights, np.empty(0), genotype, activation, 0.1, now, numbers, workspace)
     assert total == pytest.approx(np.abs(weights - genes).sum()) != 0
     for now, before in zip(by_layer(network, weights), by_layer(network, genes), strict=True):
@@ -126,7 +126,7 @@ def test_three_windows_of_online_evolution():
     def after(weight, step, *fitness):
         """A window of two steps; the weight that is tried next."""
         for k, live in enumerate(fitness):
-            towards = Online.synapse(weight, live, key, step + k, 7, state, by)
+            towards = Online.synapse(weight, live, key, step + k, 0.032, 7, state, by)
         return weight + towards
 
     def drawn(step):

@@ -21,7 +21,8 @@ from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wirings.elman import Elman
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp
-from epuckhebb.tmaze.maze import Box, Maze, Place, Pose, Region, boxes
+from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
+from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.samples import Samples, empty_samples
 from epuckhebb.tmaze.scenario import Scenario
 
@@ -100,8 +101,8 @@ def test_view_holds_lamps_wherever_they_go():
 
 
 def test_floor_is_where_the_robot_can_be():
-    np.testing.assert_allclose(floor(IN_ROOM), [[0.2, 0.8, 0.1, 0.5]], atol=0.0015)
-    left, right, bottom, top = floor(Scenario()).T
+    np.testing.assert_allclose(floor(IN_ROOM.maze, EPUCK.radius_m), [[0.2, 0.8, 0.1, 0.5]], atol=0.0015)
+    left, right, bottom, top = floor(T_MAZE, EPUCK.radius_m).T
     assert ((right - left) * (top - bottom)).sum() == pytest.approx(0.84 * 0.105 + 0.107 * 0.53, rel=0.02)
 
 

@@ -24,6 +24,7 @@ from epuckhebb.runs import evaluate as runs_evaluate
 from epuckhebb.runs import hydra
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.resources import data_folder
+from epuckhebb.store import provenance
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
 from epuckhebb.studies import identity, leaderboard_jobs, sweep
@@ -169,7 +170,7 @@ def test_another_genome_or_another_science_is_done_anew(here, monkeypatch):
     assert "0 to do" in call(*words).stderr
     np.save("mine.npy", np.ones(234))
     assert "0 done before, 1 to do" in call(*words).stderr
-    monkeypatch.setattr(identity, "science_version", lambda: "another")
+    monkeypatch.setattr(provenance, "SCIENCE", 0)
     assert "0 done before, 1 to do" in call(*words).stderr
     assert list(pd.read_csv(only_sweep(here) / "sweep.csv").genome.unique()) == ["mine"]
 

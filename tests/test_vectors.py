@@ -73,7 +73,7 @@ def test_layers_of_any_width_are_bit_identical_to_single_numbers(network):
     genotype = Genotype(genes, state, np.empty((0, network.synapses)), nothing, nothing, ones)
     workspace = workspace_for(network, EPUCK)._replace(drive=drive, synapses=rows[:3])
     numbers = Everything(N=1.0, w_max=1e6).numbers()
-    made(weights, activation, state, genotype, StepContext(0.5, np.uint64(1), 0), numbers, workspace)
+    made(weights, activation, state, genotype, StepContext(0.5, np.uint64(1), 0, 0.032), numbers, workspace)
     neurons, updated = expected_of(network, genes, seen)
     np.testing.assert_array_equal(activation, neurons)
     np.testing.assert_array_equal(weights, updated)

@@ -147,7 +147,7 @@ class PreparedEvaluation:
         for controller in config.controllers:
             nominal = genome.nominal_sha256 if controller.adaptation.acts else ""
             depends[controller.name] = (*everywhere, controller, nominal)
-        return {name: digest([repr(values), own_code(values)])[:16] for name, values in depends.items()}
+        return {name: digest([repr(values), own_code(values)]) for name, values in depends.items()}
 
 
 def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> PreparedEvaluation:

@@ -4,9 +4,7 @@ The checkpoint alone says how far an evolution is. `history.csv` and `champion.n
 be killed between any two files: resumed, it ends bit-identical.
 """
 
-import hashlib
 import io
-import json
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -42,14 +40,15 @@ from epuckhebb.store import (
     CHAMPION,
     CHECKPOINT,
     CONFIG,
+    SCIENCE,
     Checkpoint,
     Genome,
     Run,
     RunFolder,
     champion_file,
     check_wiring,
+    digest,
     load_genome,
-    science_version,
 )
 from epuckhebb.tmaze.own_sensor import reading_names
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
@@ -115,6 +114,7 @@ class PreparedEvolution:
             robot=config.world.robot.name,
             lights=config.world.robot.light.count,
             plan=self.plan,
+            experiment=config.world.experiment,
             optimizer=config.algorithm.name,
             training=config.training.name,
             rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
@@ -124,7 +124,7 @@ class PreparedEvolution:
             physics="" if config.world.physics.name == PYMUNK.name else config.world.physics.name,
             nominal=nominal,
         )
-        return champion_file(genome, last.champion_fitness, config.world.experiment, config.seed, last.number)
+        return champion_file(genome, last.champion_fitness, config.seed, last.number)
 
 
 def prepare_evolution(config: EvolveConfig, *, has_genome: bool = True) -> PreparedEvolution:
@@ -176,13 +176,13 @@ def evolve_into(
     say_unusual(config)
     run.left_behind = left_behind
     with run, EvolutionProgress(config.schedule.generations, quiet=quiet) as progress:
-        digest = _digest(run.path, config)
+        settings_digest = _digest(run.path, config)
         history = run.path / "history.csv"
         if after is not None and not (history.is_file() and history.read_bytes() == after.history.encode()):
             _write_generation(run, after, prepared)  # the run was killed before these files were written
         for generation in prepared.generations(threads, after.generation if after else None):
             after = Checkpoint.following(after, generation)
-            run.write(CHECKPOINT, after.as_bytes(digest))
+            run.write(CHECKPOINT, after.as_bytes(settings_digest))
             _write_generation(run, after, prepared)
             progress.add(generation)
         assert after is not None  # there is at least one generation
@@ -260,7 +260,7 @@ def resume(arguments: list[str]) -> Path:
     if generations == done and run.status["state"] == "finished":
         say(f"{path} has all of its {done} generations; {key}={2 * done} would add {done}.")
         return path
-    if facts["code"].get("science") != science_version():
+    if facts["code"].get("science") != SCIENCE:
         say("The program has changed since this evolution began; it may end otherwise than one that never stopped.")
     folder = RunFolder.resume(path, "evolve", dump(config), arguments, {"generations": done}, own)
     say(f"Resuming after {done} of {generations} generations.")
@@ -279,7 +279,7 @@ def _digest(path: Path, config: EvolveConfig) -> str:
     for dotted in _changeable(config):
         group, _, key = dotted.rpartition(".")
         (values[group] if group else values).pop(key, None)
-    return hashlib.sha256(json.dumps(values, sort_keys=True, default=str).encode()).hexdigest()
+    return digest(values)
 
 
 class EvolutionProgress(Bar):

@@ -10,7 +10,7 @@ from epuckhebb.runs.evaluate import evaluate_into, prepare_evaluation
 from epuckhebb.runs.evolve import evolve_into, new_evolution, prepare_evolution
 from epuckhebb.runs.hydra import new_stamp
 from epuckhebb.runtime import ConfigError, say, thread_count
-from epuckhebb.store import Run, load_genome, science_version, versions
+from epuckhebb.store import SCIENCE, Run, load_genome, versions
 
 
 def repeat(path: Path) -> tuple[Path, str]:
@@ -22,7 +22,7 @@ def repeat(path: Path) -> tuple[Path, str]:
         raise ConfigError(f"{path} is a run of `epuckhebb {command}`; rerun repeats those of evaluate and evolve")
     if state != "finished":
         raise ConfigError(f"{path} is {state}; only a finished run can be compared with")
-    if facts["code"].get("science") != science_version():
+    if facts["code"].get("science") != SCIENCE:
         say("The program has changed since this run.")
     for name, number in versions().items():
         before = facts.get("packages", {}).get(name)
