@@ -62,11 +62,6 @@ class Task(OwnClass):
     has_trials: ClassVar[bool] = False
 
     @property
-    def input_count(self) -> int:
-        """How many network inputs the task has."""
-        return sum(group.count for group in self.inputs)
-
-    @property
     def gives_reward(self) -> bool:
         """Whether the last input of the network is a reward."""
         return RewardInput() in self.inputs
