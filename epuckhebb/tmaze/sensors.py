@@ -214,7 +214,8 @@ class DistanceSensors(RimSensors):
             )
         if not all(math.isfinite(number) and number >= 0 for point in self.curve for number in point):
             raise ValueError("robot.distance_curve must hold finite numbers, 0 or more")
-        check_value("robot.reach_m", self.reach_m, Range(0, distances[-1], above=True))  # the curve ends there
+        ends = distances[-1] / min(1.0, self.stretch)  # [m], where nothing is sensed any more
+        check_value("robot.reach_m", self.reach_m, Range(0, ends, above=True))
 
     def kernels(self, first: int, radius_m: float) -> Kernels:
         """See `SensorGroup`."""
