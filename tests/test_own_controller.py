@@ -12,8 +12,9 @@ from epuckhebb.config import plugins
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.store import load_genome
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.session import Session
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "own_controller" / "my_neurons.py"
 OWN = "network.wiring=my_neurons.py:Ring"

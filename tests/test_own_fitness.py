@@ -11,8 +11,6 @@ from cases import SHORT, SMALL_GA, check_resumed, done, refused, refused_before,
 
 import epuckhebb
 from epuckhebb import Fitness, Lifetime
-from epuckhebb.adaptation.adaptation import Parts
-from epuckhebb.adaptation.controller import Controller
 from epuckhebb.config import plugins
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.plasticity.rules.paper import Paper
@@ -20,13 +18,14 @@ from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.individual import Controller, Individual, NoAdaptation
 from epuckhebb.tmaze.lifetime_kernel import kernel_of
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.outcome import OutcomeOfTrials
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.robot import EPUCK, STEP_S
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.session import Session
 from epuckhebb.tmaze.tasks.reversal import Reversal
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "own_fitness" / "my_fitness.py"
@@ -154,7 +153,7 @@ def test_a_fitness_of_a_lifetime_alone_needs_no_kernel_of_its_own(genomes):
     usual, _ = run_lifetimes([session.individual], Scenario(), session.lifetime)[0]
     x, y, _ = session.pose
     assert session.outcome().fitness == usual.fitness + usual.path_length + math.hypot(x, y)
-    parts = (Paper, Parts(), PAPER_NETWORK, EPUCK)
+    parts = (Paper, NoAdaptation(), PAPER_NETWORK, EPUCK)
     assert kernel_of(*parts, fitness=Judged()) is kernel_of(*parts)
 
 

@@ -163,7 +163,7 @@ def test_a_kernel_with_a_helper_comes_from_disk_in_another_folder(tmp_path):
     code = (
         "import sys; from pathlib import Path; from epuckhebb import Rule; from epuckhebb.config import plugins;"
         "from epuckhebb.tmaze import lifetime_kernel; from epuckhebb.tmaze.batch import load_kernel;"
-        "from epuckhebb.adaptation.controller import Controller;"
+        "from epuckhebb.tmaze.individual import Controller;"
         "load_kernel(Controller(rule=plugins.class_named(sys.argv[1] + ':oja', Rule, 'x')(N=1.0)));"
         "print([sum(made.stats.cache_hits.values()) for made in lifetime_kernel._kernels.values()])"
     )

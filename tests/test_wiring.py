@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network
@@ -15,6 +14,7 @@ from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.controller.wirings.ctrnn import CTRNN
 from epuckhebb.controller.wirings.elman import Elman
+from epuckhebb.tmaze.individual import GA_ALONE, Controller
 
 LEARNING = Controller(name="Hebbian", rule=Paper(N=0.0005))
 
