@@ -18,7 +18,6 @@ from epuckhebb.store.genome import Genome
 # of a study run again, and `rerun` and `resume=` say that the program has changed.
 SCIENCE = 1
 _PACKAGE = Path(__file__).resolve().parents[1]
-_SCIENCE = ("controller", "tmaze", "adaptation", "flock", "evolution")
 _NUMERIC = ("cmaes", "numba", "numpy", "pymunk")  # the packages on which digits may depend
 _PACKAGES = ("epuckhebb", "cmaes", "pymunk", "numpy", "numba", "pandas", "hydra-core", "typer", "matplotlib")
 
@@ -65,8 +64,7 @@ def _code_version() -> dict[str, Any]:
         return done.stdout.decode(errors="replace").strip()
 
     known: dict[str, Any] = {"version": __version__, "science": SCIENCE, "commit": None, "dirty": None}
-    is_below = any((folder / ".git").exists() for folder in _PACKAGE.parents)  # else there is nothing to ask git
-    tracked = is_below and git("ls-files", "--error-unmatch", "__init__.py") is not None
+    tracked = git("ls-files", "--error-unmatch", "__init__.py") is not None  # or it is installed below a user's project
     if tracked and (state := git("status", "--porcelain=v2", "--branch", "--", str(_PACKAGE))):
         commit, *others = state.splitlines()
         known["commit"] = commit.removeprefix("# branch.oid ")
