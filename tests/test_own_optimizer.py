@@ -41,6 +41,7 @@ def runs(tmp_path_factory):
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("copy")
 def test_it_is_resumed_to_the_same_genomes_after_its_emitters_have_restarted():
     own = part_class("optimizer", "my_optimizer.py:CmaMe", "optimizer")(cells=5)
