@@ -102,7 +102,7 @@ def test_what_cannot_be_a_part_is_refused_with_its_key(kind):
     ):
         with pytest.raises(ConfigError, match=message):
             config_with(kind, text, name, **settings)
-    with pytest.raises(ConfigError, match=r"there is no Python file, FILE\.py, at nowhere\.py"):
+    with pytest.raises(ConfigError, match=r"there is no Python file, FILE\.py, at "):
         load(EvaluateConfig, ["hebbian.rule=nowhere.py:Fine"])
 
 
