@@ -4,6 +4,7 @@ import hashlib
 import json
 import platform
 import subprocess
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -56,12 +57,10 @@ def _code_version() -> dict[str, Any]:
     """The version of this program and of its science, and its git commit where it runs from a checkout."""
 
     def git(*words: str) -> str | None:
-        command = ["git", "-C", str(_PACKAGE), *words]
-        try:
-            done = subprocess.run(command, capture_output=True, timeout=5, check=True)
-        except (OSError, subprocess.SubprocessError):
-            return None
-        return done.stdout.decode(errors="replace").strip()
+        with suppress(OSError, subprocess.SubprocessError):
+            command = ["git", "-C", str(_PACKAGE), *words]
+            return subprocess.run(command, capture_output=True, timeout=5, check=True, text=True).stdout.strip()
+        return None
 
     known: dict[str, Any] = {"version": __version__, "science": SCIENCE, "commit": None, "dirty": None}
     tracked = git("ls-files", "--error-unmatch", "__init__.py") is not None  # or it is installed below a user's project
