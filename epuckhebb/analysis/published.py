@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis.findings import PAPER_N
 from epuckhebb.analysis.tables import ROWS, markdown_table
+from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.maze import SIDES
 
 NEW_LINE = "<br>"  # in a cell of a table in Markdown

@@ -15,10 +15,10 @@ import pandas as pd
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
-from epuckhebb.adaptation.controller import CONTROLS, GA
 from epuckhebb.analysis import page, published, rescue
 from epuckhebb.analysis.findings import PAPER_N, RULE
 from epuckhebb.analysis.tables import code, markdown_table
+from epuckhebb.tmaze.individual import CONTROLS, GA
 
 _STYLE = """
 :root { color-scheme: light dark; }

@@ -7,12 +7,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.controller import CONTROLS, HEBBIAN, Controller
 from epuckhebb.analysis import charts, figures, findings, published, report
 from epuckhebb.analysis.evaluate import evaluate
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.individual import CONTROLS, HEBBIAN, Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import TRAINED, Scenario

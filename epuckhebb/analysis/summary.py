@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis import findings, rescue
 from epuckhebb.analysis.evaluate import COLUMNS, MEANS
 from epuckhebb.analysis.lifetimes import is_of_plasticity
 from epuckhebb.analysis.statistics import bootstrap_mean, wilson
 from epuckhebb.analysis.tables import code
+from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.scenario import TRAINED
 
 if TYPE_CHECKING:

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.text import Text
 
-from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis import rescue, tables
 from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.cli.console import print_line, print_table
 from epuckhebb.config import settings
 from epuckhebb.runtime import thread_count
 from epuckhebb.store import CONFIG, Run, is_bundled, load_genome
+from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import EXPERIMENTS
 

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 from epuckhebb.config.build import check_counts
 from epuckhebb.config.parts import part_class, part_from
 from epuckhebb.config.values import part_settings
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import check as check_ranges
+from epuckhebb.controller.ranges import within
 from epuckhebb.flock.coupling import Coupling
 from epuckhebb.flock.couplings.frozen import Frozen
 from epuckhebb.flock.couplings.oracle import Oracle
@@ -42,7 +43,10 @@ class Sweep:
     loudness: list[float] = field(default_factory=list)
     knowers: list[int] = field(default_factory=list)
     range_m: list[float] = field(default_factory=list)
-    repeats: int = 20
+    repeats: int = within(1, default=20)
+
+    def __post_init__(self) -> None:
+        check_ranges(self, "flock.sweep")
 
 
 @dataclass(kw_only=True)
@@ -69,7 +73,6 @@ class FlockKeys:
 def check(keys: FlockKeys, seed: int, repeats: int, threads: int) -> tuple[list[Row], list[Condition]]:
     """The rows of the tables, and the conditions of the sweep, the usual one first."""
     check_counts({"seed": seed, "repeats": repeats, "threads": threads})
-    check_range(keys.sweep, "flock.sweep", "repeats", least=1)
     names = [keys.breaks] if isinstance(keys.breaks, str) else keys.breaks
     if not isinstance(names, list) or not names or len(set(map(str, names))) < len(names):
         raise ValueError(f"flock.breaks must be none, stranger, knower, or a list of different ones, got {keys.breaks}")

@@ -18,7 +18,6 @@ from typing import Any
 from omegaconf import DictConfig, ListConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.adaptation.controller import HEBBIAN
 from epuckhebb.config.build import scenario_from
 from epuckhebb.config.choices import BROUGHT, OURS, choice_names, choice_of, known_choice
 from epuckhebb.config.overrides import literal
@@ -30,6 +29,7 @@ from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime import ConfigError, path_of
+from epuckhebb.tmaze.individual import HEBBIAN
 from epuckhebb.tmaze.maze import T_MAZE
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.physics_engine import Physics
@@ -77,13 +77,15 @@ def resolve_names(
             cfg.training.name += " changed"
         if cfg.get("compare"):
             cfg.compare = dict(_compared(str(name), given, folders) for name, given in cfg.compare.items())
-        _own_code(cfg)
-        _own_rule(cfg, chosen.get("hebbian", ""), folders)
-        if cfg.scenario.get("hand") is not None:
-            cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
         try:
+            _own_code(cfg)
+            _own_rule(cfg, chosen.get("hebbian", ""), folders)
+            if cfg.scenario.get("hand") is not None:
+                cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
             cfg.changed = literal(_changes(cfg, chosen, folders, for_name=for_name))
             cfg.change = {}  # they are in the scenario, and in its name
+        except ConfigError:
+            raise
         except (ValueError, OmegaConfBaseException) as error:
             raise ConfigError(said(error)) from error
     return cfg

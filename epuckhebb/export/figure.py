@@ -8,7 +8,6 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
-from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis import charts, figures, leaderboard, summary
 from epuckhebb.analysis.image import KINDS, MM, image
 from epuckhebb.analysis.reversal import limits
@@ -26,6 +25,7 @@ from epuckhebb.runs import figures as of_runs
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, load_genome, write_atomic
 from epuckhebb.studies import flock, reproduce
+from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.tasks.reversal import Reversal
 
