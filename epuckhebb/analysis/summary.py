@@ -5,7 +5,7 @@ a condition.
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 
@@ -16,9 +16,6 @@ from epuckhebb.analysis.lifetimes import is_of_plasticity
 from epuckhebb.analysis.statistics import bootstrap_mean, wilson
 from epuckhebb.analysis.tables import code
 from epuckhebb.tmaze.scenario import TRAINED
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _TRIAL = ["experiment", "scenario", "controller", "N", "genome", "side", "seed", "repeat"]  # of rescue and harm
 _RATE = "N"
@@ -82,8 +79,11 @@ def _means(lifetimes: pd.DataFrame, *, several: bool = True) -> dict[str, float]
     return means
 
 
-def dose_response(rows: pd.DataFrame, settings: list[str]) -> "Figure | None":
-    """A figure of success and weight change against the base rate; None unless several rates were set."""
+def dose_response(rows: pd.DataFrame, settings: list[str]) -> pd.DataFrame | None:
+    """Success and weight change at each base rate, a row each with a side; None unless several rates were set.
+
+    `genome`: the champion; empty for means over several.
+    """
     rows = _numeric(rows)
     plastic = rows[(rows.controller != GA) & (rows.N > 0)]
     swept = plastic.groupby("controller").N.nunique()
@@ -101,15 +101,9 @@ def dose_response(rows: pd.DataFrame, settings: list[str]) -> "Figure | None":
         title = f"{', '.join(_described(place, differ))}: {place['controller']}"
         for (controller, rate, side), cell in pd.concat([alone, own]).groupby(["controller", "N", "side"], sort=False):
             row = {"condition": title, "controller": controller, "N": rate, "side": side}
+            row["genome"] = "" if several else cell.genome.iloc[0]
             found.append(row | _means(cell, several=several))
-    doses = pd.DataFrame(found)
-    each = f"{doses.lifetimes.max()} lifetimes of {rows.genome.iloc[0]} on each side (95 % intervals: noise only)"
-    if several:
-        counts = dict.fromkeys(str(number) for number in sorted(doses.champions.unique()))
-        each = f"{' or '.join(counts)} champions on each side (95 % intervals over champions)"
-    from epuckhebb.analysis import charts  # matplotlib is slow to load
-
-    return charts.rates(doses, each)
+    return pd.DataFrame(found)
 
 
 def _described(place: dict[str, Any], differ: list[str]) -> Iterator[str]:
@@ -122,8 +116,8 @@ def _described(place: dict[str, Any], differ: list[str]) -> Iterator[str]:
             yield f"{key}={place[key]}"
 
 
-def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str, "Figure"] | None:
-    """Rescue and harm: tables by their names, a page in Markdown, and a figure.
+def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str] | None:
+    """Rescue and harm: tables by their names, and a page in Markdown.
 
     None unless each of several champions ran once in its training world and in changed worlds: see `no_rescue`.
     """
@@ -138,9 +132,7 @@ def rescue_and_harm(rows: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], str, "
     page = rescue.markdown(over_all, by_scenario, retention, champions, lifetimes.repeat.nunique(), seeds)
     found = {"rescue_over_all": over_all, "rescue_and_harm": by_scenario, "retention": retention}
     found["rescue_by_champion"] = findings.rescue_by_champion(each)
-    from epuckhebb.analysis import charts
-
-    return found, page, charts.rescue_over_all(over_all)
+    return found, page
 
 
 def _can_rescue(rows: pd.DataFrame) -> bool:

@@ -73,6 +73,10 @@ class Task:
         """Whether the last input of the network is a reward."""
         return RewardInput() in self.inputs
 
+    def limits(self) -> dict[str, float]:
+        """Shares of rewarded trials by name, to compare with: without learning, and the best one; none for one trial."""
+        return {}
+
     def check_lamp(self, intensity: float) -> None:
         """Check that the task allows a lamp of this intensity; else a ValueError."""
 
