@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from cases import call, done, first_of, refused
+from cases import call, described_columns, done, first_of, refused
 
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.cli import completion
@@ -19,7 +19,6 @@ from epuckhebb.evolution.training import UNVARIED, Training
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
-from epuckhebb.store import columns
 from epuckhebb.studies import champions as champion_jobs
 from epuckhebb.studies import leaderboard_jobs, leaderboard_plan
 from epuckhebb.studies.leaderboard_plan import in_reversal
@@ -106,7 +105,7 @@ def test_it_leaves_tables_a_figure_and_a_page(made):
     names = {file.name for file in folder.iterdir()}
     assert {"leaderboard.csv", "leaderboard.md", "champions.csv", "worlds.csv", "cost.csv", "report.md"} <= names
     for table in folder.glob("*.csv"):
-        assert list(pd.read_csv(table, nrows=0)) == list(columns.TABLES[table.name][1])
+        assert list(pd.read_csv(table, nrows=0)) == described_columns(table.name)
     assert (folder / "figures" / "leaderboard.png").read_bytes().startswith(b"\x89PNG")
     page = (folder / "report.html").read_text()
     assert "://" not in re.sub(r'src="data:[^"]+"', "", page)

@@ -79,7 +79,7 @@ def test_a_saved_life_is_the_one_that_was_seen(here, words, side):
     saved = world.save(world.record())
     assert saved.same
     run = here / saved.run
-    traces, *_ = read_traces(Run(run), 2 * len(world.controllers), -(-world.steps // 8))
+    traces, *_ = read_traces(Run(run))
     lifetimes = list(zip(traces.controller, traces.side, strict=True))
     for number, controller in enumerate(world.controllers):
         (place,) = (k for k, of in enumerate(lifetimes) if of == (controller.name, side))

@@ -10,9 +10,9 @@ import pytest
 from cases import call, done
 from rich.console import Console
 
+from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.cli import results
 from epuckhebb.cli.console import Terminal
-from epuckhebb.store import columns
 from epuckhebb.tmaze.maze import SIDES
 
 SHORT = ["lifetime.duration_s=0.064", "repeats=1"]
@@ -127,7 +127,7 @@ def test_verbs_take_the_latest_run_that_they_can_use(folder, tmp_path, monkeypat
 
 
 def test_it_is_told_that_robots_came_to_the_goal_and_drove_on(capsys):
-    same = {**dict.fromkeys(columns.METRICS, 0.0), "controller": "GA", "genome": "g", "scenario": "base", "changed": ""}
+    same = {**dict.fromkeys(COLUMNS, 0.0), "controller": "GA", "genome": "g", "scenario": "base", "changed": ""}
     lives = (("left", 0, 12.0), ("right", 0, math.nan), ("right", 1, 20.0))
     metrics = [{**same, "side": side, "success": success, "time_to_goal_s": time} for side, success, time in lives]
     results.print_metrics(metrics, Console(width=200))

@@ -23,7 +23,7 @@ from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES, Place, Side
 from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.robot import STEP_S
-from epuckhebb.tmaze.samples import Samples, sample_bytes
+from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import EXPERIMENTS, Scenario
 from epuckhebb.tmaze.session import Individual
 
@@ -95,12 +95,6 @@ class Nominal:
     def has_facts(self) -> bool:
         """Whether it has what recognition compares with."""
         return self.sun is not None and self.echo is not None and self.echo.size > 0
-
-
-def memory_to_measure_nominal(paper_duration_s: float, gain_rad_s: float, network: Network) -> float:
-    """How many bytes of memory `measure_nominal` takes, about."""
-    samples = paper_duration_s / gain_rad_s / STEP_S / _RECORD_EVERY
-    return 1.2 * len(SIDES) * REPEATS * samples * sample_bytes(network)
 
 
 Recorded = list[tuple[Outcome, Samples]]

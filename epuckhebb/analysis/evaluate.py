@@ -25,13 +25,11 @@ from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES, Side
 from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.robot import STEP_S
-from epuckhebb.tmaze.samples import Samples, sample_bytes
+from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import Individual
 from epuckhebb.tmaze.task import rewarded
 
-_LIFETIME_BYTES = 2000.0  # of an individual and of its row of metrics
-_COPIES = 2.5  # of the samples: of each lifetime, stacked, and in the files
 _CONDITION = ("genome", "experiment", "scenario", "light", "obstacles", "controller", "N", "signal")
 _REPEAT = ("side", "repeat", "seed")
 _PATH = ("time_to_goal_s", "path_length_m", "average_speed_m_s", "final_position_error_m")
@@ -204,13 +202,6 @@ def _trials(trials: NDArray[np.void]) -> Iterator[dict[str, Any]]:
             "rewarded": int(reached == good),
             "time_s": steps * STEP_S if steps else math.nan,
         }
-
-
-def memory_to_evaluate(controllers: int, lifetime: Lifetime, repeats: int, network: Network) -> tuple[float, float]:
-    """About how many bytes of memory `evaluate` takes: for all lifetimes, and for the recorded samples."""
-    kinds = len(SIDES) * (1 + controllers)
-    samples = lifetime.steps / lifetime.record_every if lifetime.record_every else 0.0
-    return kinds * repeats * _LIFETIME_BYTES, _COPIES * kinds * samples * sample_bytes(network)
 
 
 def _metrics(outcome: Outcome, lifetime: Lifetime) -> dict[str, float]:

@@ -13,7 +13,7 @@ from epuckhebb.analysis.evaluate import Rows
 from epuckhebb.analysis.self_checks import in_words
 from epuckhebb.cli.console import print_line, print_table
 from epuckhebb.config import settings
-from epuckhebb.runtime import cores
+from epuckhebb.runtime import thread_count
 from epuckhebb.store import CONFIG, Run, is_bundled, load_genome, read_findings
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import EXPERIMENTS
@@ -130,8 +130,9 @@ def print_jobs(found: dict[str, Any], console: Console) -> None:
     done = sum(job["done"] for job in listed)
     print_line(console, f"{done} done, {len(listed) - done} to do; nothing was run.")
     if found.get("cpu_s"):
-        seconds = found["cpu_s"] / min(cores(), len(listed) - done)
-        print_line(console, f"About {_duration(seconds)} on the {cores()} cores of this machine, if they are free.")
+        cores = thread_count()
+        duration = _duration(found["cpu_s"] / min(cores, len(listed) - done))
+        print_line(console, f"About {duration} on the {cores} cores of this machine, if they are free.")
 
 
 def _duration(seconds: float) -> str:

@@ -17,7 +17,6 @@ from epuckhebb.controller.network import Network
 from epuckhebb.runs import caption
 from epuckhebb.runtime import ConfigError, track
 from epuckhebb.store import Run, read_findings, read_traces, write_atomic
-from epuckhebb.tmaze.maze import SIDES
 
 
 @dataclass(frozen=True)
@@ -56,9 +55,7 @@ def recording(path: Path) -> Recording:
             f"recording on: {' '.join([*words, 'lifetime.record_every=8'])}"
         )
     metrics = run.table("metrics.csv")
-    lifetimes = len(SIDES) * metrics.controller.nunique()
-    samples = -(-config.lifetime.steps // config.lifetime.record_every)
-    traces, weights, network = read_traces(run, lifetimes, samples)
+    traces, weights, network = read_traces(run)
     title = caption(config, facts.get("genome", "genome"), list(zip(metrics.controller, metrics.N, strict=True)))
     return Recording(traces, weights, network, config, title, sentences_of(run, config), facts.get("notes", []))
 

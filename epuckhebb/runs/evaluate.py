@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from epuckhebb.adaptation.controller import GA_ALONE, Controller
-from epuckhebb.adaptation.nominal import memory_to_measure_nominal
 from epuckhebb.analysis import tables
-from epuckhebb.analysis.evaluate import Rows, Traces, evaluate, memory_to_evaluate
+from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
 from epuckhebb.analysis.self_checks import findings
 from epuckhebb.config import (
     EvaluateConfig,
@@ -35,9 +34,9 @@ from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved_sizes
 from epuckhebb.runs import hydra
-from epuckhebb.runs.nominal import Remembered, missing_nominal, remembered_for, training_world
+from epuckhebb.runs.nominal import Remembered, remembered_for
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runtime import ConfigError, JobFailedError, Need, data_folder, require, say, saying_if_slow
+from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, say, saying_if_slow
 from epuckhebb.store import Genome, RunFolder, check_wiring, load_genome, traces_file
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.goal_signal import GoalSignal
@@ -135,21 +134,11 @@ def _identity(part: object, functions: Sequence[Callable[..., object]]) -> tuple
 
 
 def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> PreparedEvaluation:
-    """Check that a genome, the one that the settings name unless given, fits them, and that memory is large enough."""
+    """Check that a genome, the one that the settings name unless given, fits them."""
     check_library(config.world)
     if genome is None:
         genome = load_genome(config.genome, config.world.experiment, config.shape)
     _check_genome(genome, config)
-    lifetimes, records = memory_to_evaluate(len(config.controllers), config.lifetime, config.repeats, genome.network)
-    needed = [
-        Need(lifetimes, f"{config.repeats} lifetimes a side and controller", "lower repeats"),
-        Need(records, "what is recorded", "lower lifetime.duration_s, or raise lifetime.record_every"),
-    ]
-    if missing_nominal(config, genome.nominal):
-        duration_s, gain = training_world(config, genome.physics).paper_duration_s, config.lifetime.gain_rad_s
-        nominal = memory_to_measure_nominal(duration_s, gain, genome.network)
-        needed.append(Need(nominal, "lifetimes in the training world at this gain", "raise lifetime.gain_rad_s"))
-    require(needed)
     return PreparedEvaluation(config=config, genome=genome)
 
 

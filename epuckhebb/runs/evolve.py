@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.nominal import Nominal, memory_to_measure_nominal
+from epuckhebb.adaptation.nominal import Nominal
 from epuckhebb.adaptation.self_check.memory import SelfMemory
 from epuckhebb.config import (
     OWN_CODE,
@@ -35,12 +35,12 @@ from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.rule import NoRule
-from epuckhebb.evolution.evolve import Generation, evolve, memory_to_evolve
+from epuckhebb.evolution.evolve import Generation, evolve
 from epuckhebb.evolution.search import OptimizerError, Search, check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import check_sensors, compile_for
 from epuckhebb.runs.nominal import remember_training_world
-from epuckhebb.runtime import Bar, ConfigError, Need, path_of, require, say, thread_count
+from epuckhebb.runtime import Bar, ConfigError, path_of, say, thread_count
 from epuckhebb.store import (
     CHAMPION,
     CHECKPOINT,
@@ -141,11 +141,11 @@ class PreparedEvolution:
 
 
 def prepare_evolution(config: EvolveConfig, *, has_genome: bool = True) -> PreparedEvolution:
-    """Check that the given weights fit, that the optimizer starts, and that there is memory for all individuals.
+    """Check that the given weights fit, and that the optimizer starts.
 
     has_genome: whether the genome that the settings name exists yet; else nothing is read.
     """
-    world, key, individuals = config.world, config.algorithm.key, config.algorithm.individuals
+    world = config.world
     check_library(world)
     network = network_for(world, config.shape)
     plan = plan_of(network, type(config.controller.rule))
@@ -161,14 +161,6 @@ def prepare_evolution(config: EvolveConfig, *, has_genome: bool = True) -> Prepa
                 "network.layers"
             )
         given = genome.network_genes
-    generation = memory_to_evolve(individuals, config.schedule.loops, plan.genes)
-    nominal = memory_to_measure_nominal(world.paper_duration_s, 1.0, network)
-    require(
-        [
-            Need(generation, f"{individuals} individuals", f"lower {key}.population or {key}.loops"),
-            Need(nominal, "what the champion remembers", "lower scenario.paper_duration_s"),
-        ]
-    )
     try:
         check_start(config.algorithm, config.plan, config.seed)
     except OptimizerError as error:
@@ -250,7 +242,6 @@ def resume(arguments: list[str]) -> Path:
     generations = config.schedule.generations
     after = Checkpoint.read(
         path,
-        prepared.plan.genes,
         lambda log: Search(config.algorithm, config.plan, config.seed, log),
         _digest(path, changeable),
     )

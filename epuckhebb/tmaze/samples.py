@@ -61,8 +61,3 @@ def empty_samples(count: int, network: Network, physics: Physics = PYMUNK) -> Sa
 def recorded_neurons(network: Network) -> int:
     """How many activations are recorded: all neurons of a wiring, none of layers."""
     return 0 if network.wiring is None else sum(network.layers[1:])
-
-
-def sample_bytes(network: Network) -> int:
-    """How many bytes of memory a sample takes."""
-    return sum(array.nbytes for array in empty_samples(1, network))
