@@ -3,6 +3,7 @@
 Colours are Okabe and Ito's, which colour-blind readers can distinguish; line styles, markers or positions differ too.
 """
 
+import itertools
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -358,7 +359,7 @@ def reversal(table: pd.DataFrame, trials: pd.DataFrame, title: str) -> Figure:
     is_limit = table.lifetimes.isna()
     names = list(table.controller[~is_limit])
     limits = {row.controller: float(row.rewarded_share) for row in table[is_limit].itertuples()}
-    colours = dict(zip(names, [_CONTROLLER_COLOURS[k % len(_CONTROLLER_COLOURS)] for k in range(len(names))], strict=True))
+    colours = dict(zip(names, itertools.cycle(_CONTROLLER_COLOURS), strict=False))
     drawn = Figure(figsize=(9.6, 4.0), layout="constrained")
     over_all, around = drawn.subplots(1, 2, width_ratios=[1, 1.25])
     for place, row in enumerate(table[table.controller.isin(names)].itertuples()):

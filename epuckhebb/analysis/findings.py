@@ -266,10 +266,10 @@ def _obstacle_claims(each: pd.DataFrame) -> Iterator[dict[str, Any]]:
 def _unchanged(each: pd.DataFrame, experiment: str) -> dict[str, Any]:
     """The row of a check, which the job of a champion makes or fails; it has no interval, as it is no statistic."""
     n = each[each.experiment == experiment].genome.nunique()
-    return (
-        {"claim": "The genome is unchanged after a lifetime", "counted": "champions: bit-identical after all lifetimes"}
-        | {"true": n, "n": n, "champions": n, "share": 1.0, "low": np.nan, "high": np.nan, "verdict": "check passed"}
-    )
+    return {
+        "claim": "The genome is unchanged after a lifetime",
+        "counted": "champions: bit-identical after all lifetimes",
+    } | {"true": n, "n": n, "champions": n, "share": 1.0, "low": np.nan, "high": np.nan, "verdict": "check passed"}
 
 
 def showcase(each: pd.DataFrame, published: pd.DataFrame, experiment: str) -> tuple[str, int, int]:

@@ -191,7 +191,11 @@ def readable(own: pd.DataFrame, worlds: pd.DataFrame, costs: pd.DataFrame | None
     apart = [f"in {code(name)}{f', seen by {code(SEEN[name])}' if name in SEEN else ''}" for name in shares]
     headings = ["method", "kind", "learn" if learning else "solves both sides in training"]
     headings += ["rewarded share" if learning else "success over the test worlds", *apart]
-    headings += ["of those that learn" if learning else "retention", "best champion", "difference to the matched control"]
+    headings += [
+        "of those that learn" if learning else "retention",
+        "best champion",
+        "difference to the matched control",
+    ]
     headings += ["rule off", *(["reward inverted"] if learning else []), "evolved parameters", "million robot-steps"]
     headings += [] if costs is None else ["CPU s to evolve", "CPU s to test"]
     rows = []

@@ -49,8 +49,8 @@ def markdown(
 ) -> str:
     """The page.
 
-    tables: of `tables_of`. paper: the published tables. showcase: of `findings.showcase`, for each experiment. captions:
-    of the figures, in order. champions: of each experiment. repeats: of every condition. given: whether one given
+    tables: of `tables_of`. paper: the published tables. showcase: of `showcases`. captions: of the figures, in
+    order. champions: of each experiment. repeats: of every condition. given: whether one given
     genome takes the place of champions. provenance: a line on the origin of the data.
     """
     parts = [
@@ -73,8 +73,8 @@ def markdown(
             parts += [_deviations(repeated[repeated.table == name]).markdown()]
             continue
         parts += [
-            f"Showcase: {code(shown)}, mean of its repeats. {_SHOWCASE} It agrees in {agreeing} of the {cells} cells of "
-            f"this experiment; {champions} champions were compared.\n",
+            f"Showcase: {code(shown)}, mean of its repeats. {_SHOWCASE} It agrees in {agreeing} of the {cells} cells "
+            f"of this experiment; {champions} champions were compared.\n",
             ours,
             f"\nAll {champions} champions, median [quartiles]:\n",
             published.table(group, of_all=True).markdown(),
@@ -194,8 +194,8 @@ def figures_of(
             )
     if histories:
         n = len(next(iter(histories.values())))
-        curves = charts.learning_curves(dict(histories))
-        add("learning_curves", curves, f"Learning curves: best and mean fitness, median and quartiles of {n} evolutions.")
+        caption = f"Learning curves: best and mean fitness, median and quartiles of {n} evolutions."
+        add("learning_curves", charts.learning_curves(dict(histories)), caption)
     return made
 
 

@@ -6,7 +6,6 @@ that a user can bring (a rule, a maze, a robot) are open here, and checked when 
 """
 
 import functools
-import math
 import re
 from dataclasses import MISSING, Field, dataclass, field, fields, make_dataclass
 from enum import Enum
@@ -23,7 +22,6 @@ from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime import ConfigError, say_once
-from epuckhebb.tmaze.fitness import Signal
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK

@@ -1,17 +1,17 @@
 """A study: many jobs, then tables, figures and a page over their runs. Each is one file with a subclass of `Study`."""
 
 import copy
-import functools
 import importlib
-from collections.abc import Iterable, Mapping, Sequence
+import inspect
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import pandas as pd
+import yaml
 
-from epuckhebb.analysis import tables
-from epuckhebb.analysis.tables import Table
+from epuckhebb.analysis.tables import Table, pictures
 from epuckhebb.config import (
     Checked,
     Plain,
@@ -21,6 +21,7 @@ from epuckhebb.config import (
     own_files,
     own_references,
     settings,
+    typed_as,
     values_of,
 )
 from epuckhebb.runtime import ConfigError, JobFailedError, path_of, say
@@ -81,14 +82,17 @@ class Study(Checked):
 
     def page(self, run: Run, captions: Mapping[str, str]) -> str:
         """The page of the study in Markdown. captions: of the figures, by name."""
-        parts = [f"# {type(self).__name__}\n", f"{type(self).__doc__}\n", *_pictures(captions)]
+        parts = [f"# {type(self).__name__}\n", f"{inspect.cleandoc(self.__doc__ or '')}\n", *pictures(captions)]
         return "\n".join([*parts, *(f"## {one.title}\n\n{one.markdown()}" for one in self.shown(run))])
 
     @classmethod
     def shown(cls, run: Run) -> list[Table]:
         """The tables that the terminal shows of a finished study."""
         frames = {file.stem: run.table(file.name) for file in sorted(run.path.glob("*.csv"))}
-        return [Table(list(frame), frame.head(_SHOWN).map(_cell).to_numpy(), name) for name, frame in frames.items()]
+        return [
+            Table(list(frame), frame.head(_SHOWN).map(_cell).to_numpy().tolist(), name)
+            for name, frame in frames.items()
+        ]
 
     @classmethod
     def in_short(cls, run: Run) -> str:
@@ -105,12 +109,12 @@ class Study(Checked):
     @property
     def own(self) -> dict[Path, OwnFile]:
         """The user's files on which the study depends."""
-        return {**own_files({"study": self.reference}), **own_files(self.values)}
+        return own_files({**self.values, "study": self.reference})
 
     def stages(self) -> list[tuple[str, list[Job]]]:
         """What is done, one after the other, each with its jobs."""
         jobs = [
-            Job(number=number, overrides=[], run=self.name_of(job), config=job, purpose=_in_words(job))
+            Job(number=number, overrides=typed_as(job), run=self.name_of(job), config=job)
             for number, job in enumerate(self.plan())
         ]
         return [("run", jobs)]
@@ -118,14 +122,15 @@ class Study(Checked):
     @classmethod
     def name_of(cls, job: Plain) -> str:
         """The name of the run of a job, which follows from all that its results depend on."""
-        return job_name("job", {"job": job, "study": cls.reference})
+        return job_name("job", {"config": job, "study": cls.reference})
 
     @classmethod
     def work(cls, path: Path, job: Plain, facts: dict[str, Any]) -> None:
         """Do a job in the folder that it is given."""
         config = job["config"]
         own = own_files({"study": cls.reference, **config})
-        with RunFolder.new(path, cls.command, "", job["overrides"], facts, own) as run:
+        text = yaml.safe_dump(config, sort_keys=False)
+        with RunFolder.new(path, cls.command, text, job["overrides"], facts, own) as run:
             for name, table in cls.do(config).items():
                 run.write(f"{name}.csv", table)
 
@@ -168,7 +173,7 @@ class Study(Checked):
 
 @dataclass(frozen=True, kw_only=True)
 class Planned:
-    """A study whose settings are checked: its jobs, its folder, the arguments of its command and of Hydra's launcher."""
+    """A study, its jobs and its folder; the arguments of Hydra's launcher, and what followed the command."""
 
     study: Study
     stages: list[tuple[str, list[Job]]]
@@ -233,8 +238,21 @@ def study_named(reference: str) -> type[Study]:
     if ":" in reference:
         return _own_study(reference)
     module = importlib.import_module(f"epuckhebb.studies.{reference}")
-    return next(one for one in vars(module).values() if isinstance(one, type) and one.__module__ == module.__name__
-                and issubclass(one, Study))
+    kinds = (kind for kind in vars(module).values() if isinstance(kind, type) and issubclass(kind, Study))
+    return next(kind for kind in kinds if kind.__module__ == module.__name__ and kind.reference == reference)
+
+
+def job_name(kind: str, depends: Plain) -> str:
+    """The name of the run of a job: by what it depends on, the user's files, wherever they are, and the program."""
+    own = own_files(depends)
+    depends = copy.deepcopy(depends)
+    for part in (depends, depends.get("config", {})):
+        for key in NO_EFFECT:
+            part.pop(key, None)
+    for part, key, _, name in list(own_references(depends)):
+        part[key] = name
+    digests = [file.digest for file in own.values()]
+    return f"{kind}_{digest([depends, digests, science_version(), versions()])[:12]}"
 
 
 def study_in(run: Run) -> type[Study] | None:
@@ -247,7 +265,11 @@ def _own_study(reference: str) -> type[Study]:
     path = path_of(file, "sweep").absolute()
     kind = class_named(f"{path}:{name}", Study, "sweep")
     for method in ("plan", "do"):
-        if getattr(kind, method) in (getattr(Study, method), getattr(Study, method).__func__ if method == "do" else None):
+        if inspect.getattr_static(kind, method) is inspect.getattr_static(Study, method):
             raise ConfigError(f"sweep {reference}: the study has no method `{method}`")
     kind.reference = f"{path}:{name}"
     return kind
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

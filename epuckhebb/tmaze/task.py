@@ -74,7 +74,7 @@ class Task:
         return RewardInput() in self.inputs
 
     def limits(self) -> dict[str, float]:
-        """Shares of rewarded trials by name, to compare with: without learning, and the best one; none for one trial."""
+        """Shares of rewarded trials to compare with, by name: without learning, and the best; none for one trial."""
         return {}
 
     def check_lamp(self, intensity: float) -> None:
