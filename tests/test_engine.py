@@ -109,11 +109,9 @@ def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work
     assert left == [".mine.tmp", others[0], f"{working}/.half.1.tmp", others[1]]
 
 
-@pytest.mark.parametrize("notebook", [True, False])
-def test_the_bar_shows_how_much_is_done(notebook, monkeypatch, capsys):
+def test_the_bar_shows_how_much_is_done(monkeypatch, capsys):
     be_quiet(False)
-    monkeypatch.setattr(progress, "_is_watched", lambda: not notebook)
-    monkeypatch.setattr(progress, "_in_notebook", lambda: notebook)
+    monkeypatch.setattr(progress, "_is_watched", lambda: True)
     with Bar("generation", 10) as bar:
         bar.show(4, "best 0.5")
         say("a note")

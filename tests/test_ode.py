@@ -15,7 +15,7 @@ from epuckhebb.export.replay import recording, write_page
 from epuckhebb.gym import TMaze
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runs import prepare_evaluation, repeat
-from epuckhebb.runs.nominal import training_world
+from epuckhebb.runs.evaluate import training_world
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store import Run
@@ -232,9 +232,11 @@ def test_a_method_that_evolves_in_three_dimensions_is_tested_there(tmp_path):
 @pytest.mark.thorough
 @needs_ode
 def test_an_adaptation_is_added_in_three_dimensions_to_what_a_champion_knows_of_the_plane():
-    asked = load(EvaluateConfig, ["scenario=base", "change=[3d]", "adaptation=best", "hebbian=none", "repeats=1"])
+    asked = load(
+        EvaluateConfig, ["scenario=base", "change=[3d]", "adaptation=wall_following", "hebbian=none", "repeats=1"]
+    )
     assert asked.world.name == "base_3d"
     assert training_world(asked).physics.name == "pymunk"
     prepared = prepare_evaluation(asked)
     rows, _ = prepared.run(prepared.remember(1), 1)
-    assert {row["controller"] for row in rows} == {"GA", "best"}
+    assert {row["controller"] for row in rows} == {"GA", "wall_following"}

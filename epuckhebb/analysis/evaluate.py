@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.adaptation.nominal import Nominal
-from epuckhebb.analysis.self_checks import Checks
 from epuckhebb.controller import random
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
@@ -78,18 +77,17 @@ def evaluate(
     changed: str = "",
     network: Network = PAPER_NETWORK,
     plan: GenomePlan | None = None,
-    checks: Checks | None = None,
 ) -> tuple[Rows, Traces]:
     """Run `repeats` lifetimes a side without plasticity, and as many with each of `controllers`.
 
     genes: (genes,). nominal: statistics of the training world, for adaptations that compare with them. name, changed:
     values of the columns `genome` and `changed`. network: of these genes. plan: the parts of the genes, weights alone
-    unless given; each controller takes the parts of its rule. checks: of `analysis.self_checks`, for adaptations with a
-    self-check. Returns one row a lifetime, with the columns `COLUMNS` (and `REWARDED`, where a lifetime is many
-    trials), and the traces of the first repeat (empty if `lifetime.record_every` is 0).
+    unless given; each controller takes the parts of its rule. Returns one row a lifetime, with the columns `COLUMNS`
+    (and `REWARDED`, where a lifetime is many trials), and the traces of the first repeat (empty if
+    `lifetime.record_every` is 0).
 
     Raises:
-        ValueError: an adaptation lacks its nominal statistics or self-checks; two controllers have one name and N.
+        ValueError: an adaptation lacks its nominal statistics; two controllers have one name and N.
         LostRobotError: a pose or a weight is no longer finite.
     """
     everyone = [GA_ALONE, *controllers]
@@ -98,12 +96,10 @@ def evaluate(
         raise ValueError(f"two controllers have the same name and N, of {'; '.join(names)}")
     if nominal is None and any(controller.adaptation.needs_nominal for controller in controllers):
         raise ValueError("an adaptation with a change signal needs the nominal statistics of the training world")
-    if checks is None and any(controller.adaptation.self_check for controller in controllers):
-        raise ValueError("an adaptation with a self-check needs those of analysis.self_checks")
     wanted: list[tuple[int, Side, int]] = [
         (number, side, repeat) for number in range(len(everyone)) for side in SIDES for repeat in range(repeats)
     ]
-    individuals = individuals_for(genes, everyone, wanted, nominal, checks, plan or plan_of(network), network, seed)
+    individuals = individuals_for(genes, everyone, wanted, nominal, plan or plan_of(network), network, seed)
     outcomes = run_lifetimes(individuals, scenario, lifetime, threads)
     rows = [
         {
@@ -144,7 +140,6 @@ def individuals_for(
     controllers: Sequence[Controller],
     wanted: Sequence[tuple[int, Side, int]],
     nominal: Nominal | None,
-    checks: Checks | None,
     plan: GenomePlan,
     network: Network,
     seed: int,
@@ -156,14 +151,6 @@ def individuals_for(
         signs(controller.rule.sign, network.synapses, random.rng(seed, Stream.shuffled_signs, place))
         for controller in controllers
     ]
-
-    def checked(number: int, side: Side, repeat: int) -> dict[str, Any]:
-        adaptation = controllers[number].adaptation
-        if checks is None or not adaptation.self_check:
-            return {}
-        own = checks[adaptation.careful, side, repeat]
-        counted = {"calibration": own.calibration} if adaptation.calibration_counts else {}
-        return {"start": own.end, "corrections": own.corrections, **counted}
 
     def individual(number: int, side: Side, repeat: int) -> Individual:
         carries = side == "right" and controllers[number].rule.carries_history
@@ -178,7 +165,6 @@ def individuals_for(
             nominal=None if nominal is None else nominal.of(side),
             record=repeat == 0,
             after=replace(individual(number, "left", repeat), record=False) if carries else None,
-            **checked(number, side, repeat),
         )
 
     return [individual(number, side, repeat) for number, side, repeat in wanted]

@@ -1,5 +1,7 @@
 """Declares the commands of `epuckhebb`. Each imports what is heavy when it is called, so help comes at once."""
 
+import os
+import socket
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -68,16 +70,17 @@ def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
 @takes_options
 def evaluate(overrides: Overrides = None, open_page: Open = False, *, options: RunOptions) -> None:
     """A genome's lifetimes with and without plasticity."""
-    from epuckhebb.runs import as_evolved, evaluate_job, prepare_evaluation, recorded_job
+    from epuckhebb.runs import as_evolved, evaluate_job, prepare_evaluation
 
     if open_page and (options.multirun or options.cfg):
         raise ConfigError(
             "--open shows the page of one run, so it does not go with --multirun or --cfg; "
             "run `epuckhebb replay RUN --open` for one of the runs of a multirun"
         )
-    job = recorded_job if open_page else evaluate_job
+    if open_page and "lifetime.record_every=0" in (overrides or []):
+        raise ConfigError("--open shows what was recorded; give lifetime.record_every=8, or leave it out")
     words = as_evolved(with_genomes_named(overrides), options.config_dir)
-    runs = run_command("evaluate", job, prepare_evaluation, words, options, reports=True)
+    runs = run_command("evaluate", evaluate_job, prepare_evaluation, words, options, reports=True)
     if open_page:
         from epuckhebb.export.replay import recording, write_page
 
@@ -173,7 +176,9 @@ def play(
         raise ConfigError(f"--side must be left or right, got {side}")
     words = as_evolved(with_genomes_named(overrides), config_dir)
     with Play(words, "right" if side == "right" else "left", config_dir, port) as live, suppress(KeyboardInterrupt):
-        say(live.hint or "Ctrl-C ends it.")
+        forward = f"ssh -L {live.server.port}:127.0.0.1:{live.server.port} {socket.gethostname()}"
+        remote = f"On your own computer type `{forward}`, then open this address there."
+        say(remote if "SSH_CONNECTION" in os.environ else "Ctrl-C ends it.")
         typer.echo(live.address)  # from here on, Ctrl-C is how it is ended
         if browser:
             open_page(live.address)

@@ -70,7 +70,7 @@ def resolve_names(
             if group in cfg and not cfg[group].get("name"):
                 cfg[group].name = chosen.get(group, "")
         added = cfg.get("adaptation")
-        if added and added.name == NONE and (added.change_signal != NONE or added.self_check or added.homeostasis):
+        if added and added.name == NONE and (added.change_signal != NONE or added.homeostasis):
             cfg.adaptation.name = chosen.get("adaptation", NONE)
         if "training" in cfg and _is_changed(cfg.training, chosen.get("training", ""), folders):
             cfg.training.name += " changed"

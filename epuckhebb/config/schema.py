@@ -164,8 +164,7 @@ class EvaluateConfig(WorldConfig):
         for controller in self.controllers:
             build.check_signal(controller, self.world)
             build.check_task(controller, self.world.task)
-            build.check_self_check(controller.adaptation, self.world, self.lifetime)
-            build.check_stay(controller, self.world, self.lifetime)
+            build.check_stay(controller, self.lifetime)
             build.check_homeostasis(controller.adaptation, self.shape)
 
 

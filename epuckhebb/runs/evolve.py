@@ -16,8 +16,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.nominal import Nominal
-from epuckhebb.adaptation.self_check.memory import SelfMemory
+from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.config import (
     OWN_CODE,
     EvolveConfig,
@@ -39,7 +38,6 @@ from epuckhebb.evolution.evolve import Generation, evolve
 from epuckhebb.evolution.search import OptimizerError, Search, check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import check_sensors, compile_for
-from epuckhebb.runs.nominal import remember_training_world
 from epuckhebb.runtime import Bar, ConfigError, path_of, say, thread_count
 from epuckhebb.store import (
     CHAMPION,
@@ -108,16 +106,14 @@ class PreparedEvolution:
         """The genes of a champion that are its network, without those of a rule."""
         return self.plan.pick(champion, self.plan.of_network)
 
-    def remember(self, champion: NDArray[np.float64], threads: int) -> tuple[Nominal | None, SelfMemory | None]:
-        """What a champion remembers of its training world; nothing where its task has not one goal to compare with."""
+    def remember(self, champion: NDArray[np.float64], threads: int) -> Nominal | None:
+        """Nominal statistics of a champion; None where its task has not one goal to compare with."""
         world = self.config.world
         if world.task.has_trials:
-            return None, None
-        return remember_training_world(self.network_genes(champion), world, threads, self.network)
+            return None
+        return measure_nominal(self.network_genes(champion), world, threads=threads, network=self.network)
 
-    def champion(
-        self, last: Generation, seed: int, nominal: Nominal | None = None, self_memory: SelfMemory | None = None
-    ) -> bytes:
+    def champion(self, last: Generation, seed: int, nominal: Nominal | None = None) -> bytes:
         """The `champion.npz` of a generation."""
         config, rule = self.config, self.config.controller.rule
         genome = Genome(
@@ -135,7 +131,6 @@ class PreparedEvolution:
             sensors=reading_names(config.world.robot.sensors),
             physics="" if config.world.physics.name == PYMUNK.name else config.world.physics.name,
             nominal=nominal,
-            self_memory=self_memory,
         )
         return champion_file(genome, last.champion_fitness, config.world.experiment, seed, last.number)
 
@@ -200,7 +195,7 @@ def evolve_into(
             progress.add(generation)
         assert after is not None  # there is at least one generation
         last = after.generation
-        run.write(CHAMPION, prepared.champion(last, config.seed, *prepared.remember(last.champion, threads)))
+        run.write(CHAMPION, prepared.champion(last, config.seed, prepared.remember(last.champion, threads)))
         for name, table in last.tables.items():
             run.write(f"{name}.csv", table)
         kind = config.figures.value

@@ -7,13 +7,12 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.adaptation.nominal import Nominal
-from epuckhebb.adaptation.self_check.memory import SelfMemory
 from epuckhebb.controller import wirings
 from epuckhebb.controller.genome import WEIGHTS, GenomePlan, Part, plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
@@ -24,12 +23,10 @@ from epuckhebb.store.run import Run
 from epuckhebb.tmaze.robot import EPUCK
 
 _NOMINAL = "memory_"  # how the names of the arrays of nominal statistics begin
-_SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
 _OF_SEED = re.compile(rf"{REFERENCE}_(ode_)?(\d+)")
 # Of a champion, where there are such:
 _FACTS = ("rule", "task", "fitness_function", "sensors", "wiring_settings", "physics")
 _TEXTS = ("robot", "experiment", "optimizer", "training", *_FACTS)
-_Memory = TypeVar("_Memory", Nominal, SelfMemory)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +48,6 @@ class Genome:
         sensors: The readings of the robot's own sensors, by name, with `, ` between; "" without any.
         physics: The name of the physics in which it was evolved, if it is not that of the plane.
         nominal: Statistics of the champion in its training world.
-        self_memory: What its self-check compares with.
     """
 
     genes: NDArray[np.float64]
@@ -70,7 +66,6 @@ class Genome:
     wiring_settings: str = ""
     physics: str = ""
     nominal: Nominal | None = None
-    self_memory: SelfMemory | None = None
 
     @property
     def weights(self) -> NDArray[np.float64]:
@@ -95,23 +90,10 @@ class Genome:
     @property
     def nominal_sha256(self) -> str:
         """SHA-256 of the nominal statistics; "" if there are none."""
-        return _sha256(self.nominal)
-
-    @property
-    def self_memory_sha256(self) -> str:
-        """SHA-256 of what the self-check compares with; "" if there is nothing."""
-        return _sha256(self.self_memory)
-
-
-def _sha256(remembered: Nominal | SelfMemory | None) -> str:
-    if remembered is None:
-        return ""
-    values = sorted(_known(remembered).items())
-    return hashlib.sha256(b"".join(name.encode() + np.asarray(value).tobytes() for name, value in values)).hexdigest()
-
-
-def _known(remembered: Nominal | SelfMemory) -> dict[str, Any]:
-    return {name: value for name, value in asdict(remembered).items() if value is not None}
+        if self.nominal is None:
+            return ""
+        parts = (name.encode() + np.asarray(value).tobytes() for name, value in sorted(asdict(self.nominal).items()))
+        return hashlib.sha256(b"".join(parts)).hexdigest()
 
 
 def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | None = None) -> Genome:
@@ -190,9 +172,8 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
     if genome.network.wiring is not None:
         settings = json.dumps(asdict(genome.network.wiring), default=str)
         arrays |= {**wiring_arrays(genome.network), "wiring_settings": np.str_(settings)}
-    for prefix, remembered in ((_NOMINAL, genome.nominal), (_SELF_MEMORY, genome.self_memory)):
-        if remembered is not None:
-            arrays |= {prefix + key: np.asarray(value) for key, value in _known(remembered).items()}
+    if genome.nominal is not None:
+        arrays |= {_NOMINAL + key: np.asarray(value) for key, value in asdict(genome.nominal).items()}
     return as_npz(arrays)
 
 
@@ -235,8 +216,7 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
             network=network,
             lights=int(arrays.get("lights", EPUCK.light.count)),
             plan=plan,
-            nominal=_remembered(arrays, _NOMINAL, Nominal),
-            self_memory=_remembered(arrays, _SELF_MEMORY, SelfMemory),
+            nominal=_nominal(arrays),
             **{fact: str(arrays[fact]) for fact in _TEXTS if fact in arrays},
         )
 
@@ -267,8 +247,8 @@ def _of_shape(network: Network, shape: tuple[int, ...] | Wiring, path: Path) -> 
     return given
 
 
-def _remembered(arrays: Mapping[str, Any], prefix: str, kind: type[_Memory]) -> _Memory | None:
-    """What a champion's file remembers under names with this prefix; None if there is nothing."""
-    values = {field.name: arrays.get(prefix + field.name) for field in fields(kind)}
+def _nominal(arrays: Mapping[str, Any]) -> Nominal | None:
+    """The nominal statistics in a champion's file; None if there are none."""
+    values = {field.name: arrays.get(_NOMINAL + field.name) for field in fields(Nominal)}
     known = {name: value if value.ndim else value.item() for name, value in values.items() if value is not None}
-    return kind(**known) if known else None
+    return Nominal(**known) if known else None

@@ -1,4 +1,4 @@
-"""Writes and reads `traces.npz` and `findings.csv`."""
+"""Writes and reads `traces.npz`."""
 
 from typing import Any
 
@@ -42,10 +42,3 @@ def read_traces(run: Run) -> tuple[Traces, NDArray[np.float64], Network]:
             controller=arrays["controller"].tolist(), side=arrays["side"].tolist(), samples=Samples(**samples)
         )
         return traces, arrays["genome"], network
-
-
-def read_findings(run: Run) -> list[dict[str, Any]]:
-    """What the robots of a run found in their self-checks, a row each; nothing if they made none."""
-    if not run.has("findings.csv"):
-        return []
-    return [{name: "" if value is None else value for name, value in row.items()} for row in run.rows("findings.csv")]
