@@ -12,7 +12,7 @@ from cases import done, first_of, refused
 
 import epuckhebb
 from epuckhebb.adaptation.controller import GA_ALONE, Controller
-from epuckhebb.analysis import reversal, reversal_figure
+from epuckhebb.analysis import charts, reversal
 from epuckhebb.analysis.image import image
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network
@@ -302,5 +302,5 @@ def test_the_figure_and_table_of_no_switch_and_of_ties():
     table = reversal.table(metrics, trials, Reversal(), 1)
     assert table.rewarded_share.tolist() == [0.5, 0.5, 0.8625]
     assert table.low[0] < 0.5 < table.high[0]
-    assert image(reversal_figure.figure(table, trials, "a title")).startswith(b"\x89PNG")
-    assert "| optimum | 0.863 |" in reversal.to_markdown(table)
+    assert image(charts.reversal(table, trials, "a title")).startswith(b"\x89PNG")
+    assert "| optimum | 0.863 |" in reversal.readable(table).markdown()

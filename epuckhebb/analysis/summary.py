@@ -4,7 +4,8 @@ All take the rows of `epuckhebb.analysis.lifetimes.gather`, one for each lifetim
 a condition.
 """
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pandas as pd
@@ -14,13 +15,15 @@ from epuckhebb.analysis import findings, rescue
 from epuckhebb.analysis.evaluate import COLUMNS, MEANS
 from epuckhebb.analysis.lifetimes import is_of_plasticity
 from epuckhebb.analysis.statistics import bootstrap_mean, wilson
-from epuckhebb.analysis.tables import code
+from epuckhebb.analysis.tables import Table, code, plain
+from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import TRAINED
 
 _TRIAL = ["experiment", "scenario", "controller", "N", "genome", "side", "seed", "repeat"]  # of rescue and harm
 _RATE = "N"
 _SUCCESS = ("n", "success", "success_noise_low", "success_noise_high")
 _REWARDED = "rewarded_share"  # the last mean, where a lifetime is many trials
+_MOST = 60  # rows of a table of success beside one of rescue and harm
 _BOUNDS = {"success": (0.0, 1.0), "weight_change_mean": None, _REWARDED: (0.0, 1.0)}  # of means over champions
 
 
@@ -165,3 +168,57 @@ def _numbers(column: pd.Series) -> pd.Series:
         return pd.to_numeric(column)
     except ValueError:
         return column
+
+
+def readable(tables: Mapping[str, pd.DataFrame]) -> list[Table]:
+    """The tables to read: the success of each condition, over champions if there are several; rescue and harm.
+
+    tables: those of `summary`, `over_champions` and `rescue_and_harm` by name, as far as they are there. A long table
+    of success is left out where there is rescue and harm.
+    """
+    harm = []
+    if "rescue_over_all" in tables:
+        harm = [rescue.over_all_table(own) for _, own in tables["rescue_over_all"].groupby("experiment", sort=False)]
+    if "over_champions" in tables:
+        own = tables["over_champions"].rename(columns={"champions": "n"})
+        success = _success_table(own, "mean over {} champions", " over champions")
+    else:
+        own = tables["summary"].rename(columns={f"success_noise_{end}": f"success_{end}" for end in ("low", "high")})
+        success = _success_table(own, "{} lifetimes each", ": noise only, this champion")
+    return harm if harm and len(own) > _MOST else [*success, *harm]
+
+
+def _success_table(summary: pd.DataFrame, of: str, interval_is: str) -> list[Table]:
+    """A row for each condition and controller, named by what differs between them; no table without rows.
+
+    summary: up to `n`, columns that tell conditions apart. of: what the n counts. interval_is: what it is about.
+    """
+    if summary.empty:
+        return []
+    conditions = list(summary.columns[: summary.columns.get_loc("n")])
+    of_plasticity = summary[summary.controller != GA] if (summary.controller != GA).any() else summary
+    differ = [name for name in conditions if name == "controller" or of_plasticity[name].nunique() > 1]
+    apart = ("controller", "side")  # two controllers may have the same of all else
+    alike = {tuple(of_plasticity[name].factorize()[0]): name for name in differ if name not in apart}
+    shown = [*alike.values(), "controller"]  # of columns that tell the same, the last: a genome is known by its name
+    same = summary.n.nunique() == 1
+    rewarded = bool(_rewarded(summary))
+    has_interval = not rewarded or f"{_REWARDED}_low" in summary
+    rows: dict[tuple[str, ...], dict[str, str]] = {}
+    for row in summary.to_dict("records"):
+        place = tuple(plain(_cell(row[name])) for name in shown)
+        value = f"{row[_REWARDED]:.3f}" if rewarded else f"{row['success']:.2f}"
+        if has_interval:
+            name, form = (_REWARDED, ".3f") if rewarded else ("success", ".2f")
+            value += f" ({row[f'{name}_low']:{form}}–{row[f'{name}_high']:{form}})"
+        rows.setdefault(place, {})[row["side"]] = value + ("" if same else f" of {row['n']}")
+    facts = [of.format(summary.n.iloc[0])] if same else []
+    facts += [f"95 % interval{interval_is}"] if has_interval else []
+    title = "Rewarded share, by the end that is rewarded first" if rewarded else "Success"
+    headings = [*shown, *(side if rewarded else f"success, {side}" for side in SIDES)]
+    cells = [[*place, *(values.get(side, "") for side in SIDES)] for place, values in rows.items()]
+    return [Table(headings, cells, f"{title} ({'; '.join(facts)})" if facts else title, text=len(shown))]
+
+
+def _cell(value: Any) -> str:
+    return str(value) if not isinstance(value, float) else "" if math.isnan(value) else f"{value:g}"

@@ -3,14 +3,14 @@
 import copy
 import functools
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config.overrides import literal
 from epuckhebb.config.plugins import own_references
-from epuckhebb.config.schema import SCHEMAS, Checked, Config, Plain, typed
+from epuckhebb.config.schema import SCHEMAS, Config, Plain, typed
 from epuckhebb.config.words import explain
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError
@@ -25,7 +25,7 @@ _OWN_SIGNAL = Signal.fitness.name
 def from_values(values: Plain, schema: type[Config], source: str) -> Config:
     """The configuration of plain values, all names among them. source: where they come from, for messages."""
     try:
-        cfg = OmegaConf.merge(_keys_of(schema), _literally(values))
+        cfg = OmegaConf.merge(_keys_of(cast(Any, schema)), _literally(values))
         assert isinstance(cfg, DictConfig)
     except Exception as error:  # what damaged settings may raise has no end
         reason = explain(error) if isinstance(error, OmegaConfBaseException) else error
@@ -51,7 +51,7 @@ def value_as_declared(key: str, value: Any, command: str) -> Any:
 
 
 @functools.cache
-def _keys_of(schema: type[Checked]) -> DictConfig:
+def _keys_of(schema: Any) -> DictConfig:
     """The keys of a command with their types, made once: every job of a sweep has them."""
     keys = OmegaConf.structured(schema)
     assert isinstance(keys, DictConfig)

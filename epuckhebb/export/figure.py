@@ -89,8 +89,9 @@ def draw(path: Path, name: str, kind: str, width_mm: float | None, output: Path 
     run, known = Run(path), names(path)
     if name not in known:
         raise ConfigError(f"{path} has the figures {', '.join(known)}; got {name}")
-    has_file = name in _OF_RUN and run.has(_OF_RUN[name][0])
-    drawn, target = _OF_RUN[name][1](run) if has_file else _of_many(run)[name], output or path / "figures" / f"{name}.{kind}"
+    is_of_run = name in _OF_RUN and run.has(_OF_RUN[name][0])
+    drawn = _OF_RUN[name][1](run) if is_of_run else _of_many(run)[name]
+    target = output or path / "figures" / f"{name}.{kind}"
     least = _LEAST_SHARE * drawn.get_figwidth() * MM
     if width_mm is not None and not least <= width_mm <= _MOST_MM:
         raise ConfigError(f"--width of this figure must lie between {least:.0f} and {_MOST_MM:g} mm, got {width_mm:g}")

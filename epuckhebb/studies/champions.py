@@ -6,6 +6,7 @@ rules, the science.
 
 import functools
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -49,7 +50,7 @@ class ChampionStudy(Study):
         return job_name("test" if worlds else "champion", depends)
 
     @property
-    def own(self) -> dict[Path, OwnFile]:
+    def own(self) -> Mapping[Path, OwnFile]:
         """See `Study`."""
         jobs = (job for _, stage in self.stages() for job in stage)
         return {file: own for job in jobs for file, own in own_files(job.config["config"]).items()}

@@ -16,7 +16,7 @@ import pandas as pd
 from epuckhebb.analysis import flock as tables
 from epuckhebb.analysis import flock_replay
 from epuckhebb.analysis.tables import Table
-from epuckhebb.config import Plain, check_counts, load, part_class, part_from, part_settings, register
+from epuckhebb.config import Plain, check_counts, from_values, load, part_class, part_from, part_settings, register
 from epuckhebb.controller.ranges import check_range
 from epuckhebb.flock.coupling import Coupling, CouplingError
 from epuckhebb.flock.couplings.frozen import Frozen
@@ -26,7 +26,7 @@ from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, thread_count
 from epuckhebb.store import Run
 from epuckhebb.studies.jobs import split
-from epuckhebb.studies.study import Planned, Study, plan
+from epuckhebb.studies.study import Planned, Study, prepare
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -130,7 +130,7 @@ class FlockStudy(Study):
     @classmethod
     def do(cls, job: Plain) -> dict[str, pd.DataFrame]:
         """See `Study`: run all flocks of a condition."""
-        study = cls.of_values(job)
+        study = from_values(job, cls, "a job of flock")
         (condition,), threads = study.conditions, hydra.threads_of_job(study.threads)
         seeds = range(study.seed, study.seed + condition.repeats)
         rows, minutes = [], []
@@ -193,11 +193,11 @@ class FlockStudy(Study):
         return ", ".join(f"{name} {value:.2f}" for name, value in own.sort_values(ascending=False).head(3).items())
 
 
-def plan_flock(arguments: list[str], *, quick: bool = False, config_dir: str | None = None) -> Planned:
+def plan(arguments: list[str], *, quick: bool = False, config_dir: str | None = None) -> Planned:
     """Plan the study. arguments: overrides, of the study and of Hydra."""
     own, of_hydra = split("flock", arguments)
     study = load(FlockStudy, [*(QUICK if quick else ()), *own], config_dir)
-    return plan(study, of_hydra, [*(["--quick"] if quick else []), *arguments])
+    return prepare(study, of_hydra, [*(["--quick"] if quick else []), *arguments])
 
 
 def replay_page(path: Path) -> str:

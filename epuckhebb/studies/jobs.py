@@ -81,7 +81,7 @@ def open_study(
     its own. arguments: what followed the command. jobs: an interruption reports how many are done. own: the user's
     files, which the folder keeps as copies.
     """
-    facts = {} if config is None else {"seed": config.seed}
+    facts = {"seed": config.seed} if hasattr(config, "seed") else {}
     text = None if config is None else dump(config)
     with RunFolder.resume(folder, command, text, arguments, facts, own) as study:
         study.left_behind = lambda: (
@@ -140,14 +140,14 @@ def launch(
     for job in missing:
         if os.path.lexists(folder / job.run):  # a run gets there whole, so it was changed since
             set_aside(folder / job.run, folder, "is not a finished run, or was changed since")
+    facts = {"name": name, "command_line": study.command_line, "fail_fast": fail_fast}
+    study.write(_LIST, as_json({"schema": SCHEMA, **facts, "jobs": [job.run for job in jobs]}))
     attempts: dict[str, Path] = {}
     trouble = ""
     if missing:
         for job in missing:  # the next call would write them anew, so they need not last; there may be ten thousand
             content = json.dumps({"overrides": job.overrides, "config": job.config}).encode()
             write_atomic(folder / _JOBS / f"{job.run}.json", content, lasting=False)
-        facts = {"name": name, "command_line": study.command_line, "fail_fast": fail_fast}
-        study.write(_LIST, as_json({"schema": SCHEMA, **facts, "jobs": [job.run for job in jobs]}))
         with counting(len(missing), lambda: count(folder, missing, list(attempts.values()))):
             for first in range(0, len(missing), AT_ONCE):
                 some, stamp = missing[first : first + AT_ONCE], hydra.new_stamp()

@@ -30,7 +30,7 @@ from epuckhebb.studies.champions import COST, ChampionStudy, search_folders, wor
 from epuckhebb.studies.jobs import Job, split
 from epuckhebb.studies.leaderboard_jobs import REVERSAL, Entry, Planner, sweep_of, tests_of
 from epuckhebb.studies.methods import ALL, REVERSAL_TASK, Method, methods_named
-from epuckhebb.studies.study import Planned, plan
+from epuckhebb.studies.study import Planned, prepare
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 
 if TYPE_CHECKING:
@@ -56,8 +56,6 @@ class Leaderboard(ChampionStudy):
 
     command: ClassVar[str] = "leaderboard"
     reference: ClassVar[str] = "leaderboard"
-    experiments = EXPERIMENTS  # no key, and neither is the next
-    config_dir = None
     methods: list[str] = field(default_factory=list)
     tests: list[str] = field(default_factory=list)
     champions: int = 12
@@ -68,6 +66,8 @@ class Leaderboard(ChampionStudy):
 
     def __post_init__(self) -> None:
         """Validate the settings."""
+        self.experiments: Sequence[str] = EXPERIMENTS
+        self.config_dir: str | None = None
         check_counts(vars(self))
         if not self.tests:
             raise ValueError(
@@ -209,9 +209,7 @@ class Leaderboard(ChampionStudy):
         return ", ".join(f"{row.Index}: {row.method} {row.success:.2f}" for row in best.itertuples())
 
 
-def plan_leaderboard(
-    experiment: str, arguments: list[str], *, quick: bool = False, config_dir: str | None = None
-) -> Planned:
+def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_dir: str | None = None) -> Planned:
     """Plan the study.
 
     experiment: its name, several of them with commas between, or all. arguments: overrides, of the study and of Hydra.
@@ -230,7 +228,7 @@ def plan_leaderboard(
     if config_dir is not None:
         typed += ["--config-dir", config_dir]
         study.config_dir = str(Path(config_dir).absolute())
-    return plan(study, of_hydra, typed)
+    return prepare(study, of_hydra, typed)
 
 
 def _as_list(argument: str) -> str:

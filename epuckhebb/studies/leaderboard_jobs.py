@@ -191,8 +191,8 @@ class Planner:
     def _test(self, method: Method, config: Plain, champion: str, seed: int) -> Job:
         words, worlds = [f"genome={champion}", *method.overrides("evaluate")], [self._training_world, *self._tests]
         purpose = f"test {method.name}, {self._experiment}, seed {seed}"
-        more = {"purpose": purpose, "worlds": worlds, "config_dir": self._config_dir}
-        return job_of(words, config, champion=champion, **more)
+        more = {"worlds": worlds, "config_dir": self._config_dir}
+        return job_of(words, config, champion=champion, purpose=purpose, **more)
 
 
 def _check_control(config: EvolveConfig, matched_control: Entry, *, is_plain: bool) -> None:

@@ -20,7 +20,7 @@ from epuckhebb.runtime import ConfigError, data_folder
 from epuckhebb.store import Genome, Run, load_genome
 from epuckhebb.studies.champions import ChampionStudy, in_training_world, job_of
 from epuckhebb.studies.jobs import Job, split, todo
-from epuckhebb.studies.study import Planned, plan
+from epuckhebb.studies.study import Planned, prepare
 from epuckhebb.tmaze.fitness import Signal
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
@@ -64,7 +64,6 @@ class Reproduction(ChampionStudy):
 
     command: ClassVar[str] = "reproduce"
     reference: ClassVar[str] = "reproduce"
-    experiments = "all"  # no key
     champions: int = 20
     first_seed: int = 1
     seed: int = 1
@@ -78,6 +77,7 @@ class Reproduction(ChampionStudy):
 
     def __post_init__(self) -> None:
         """Validate the settings."""
+        self.experiments = "all"
         check_counts(vars(self))
         for rate in self.rates:
             if not (math.isfinite(rate) and rate > 0):
@@ -199,14 +199,14 @@ class Reproduction(ChampionStudy):
         return f"{(claims.verdict == 'holds').sum()} of {len(claims)} claims hold"
 
 
-def plan_reproduction(experiment: str, arguments: list[str], *, quick: bool = False) -> Planned:
+def plan(experiment: str, arguments: list[str], *, quick: bool = False) -> Planned:
     """Plan the study. experiment: one of `EXPERIMENTS`. arguments: overrides, of the study and of Hydra."""
     if experiment not in EXPERIMENTS:
         raise ConfigError(f"reproduce {experiment}: the experiment must be one of {', '.join(EXPERIMENTS)}")
     own, of_hydra = split("reproduce", arguments)
     study = load(Reproduction, [*(QUICK if quick else ()), *own])
     study.experiments = experiment
-    return plan(study, of_hydra, [experiment, *(["--quick"] if quick else []), *arguments])
+    return prepare(study, of_hydra, [experiment, *(["--quick"] if quick else []), *arguments])
 
 
 @functools.cache

@@ -56,11 +56,13 @@ class Study(Checked):
         command: Its command.
         reference: What a worker finds its class by: its command, or FILE.py:NAME.
         reports_failures: Whether it writes its tables although jobs failed.
+        result: A file that is there when the tables are.
     """
 
     command: ClassVar[str] = "sweep"
     reference: ClassVar[str] = ""
     reports_failures: ClassVar[bool] = False
+    result: ClassVar[str] = "report.md"
 
     def plan(self) -> Sequence[Plain]:
         """The jobs: for each a mapping with all that `do` needs, of values that JSON has."""
@@ -107,7 +109,7 @@ class Study(Checked):
         return from_values(settings(run.config_file), cls, str(run.path))
 
     @property
-    def own(self) -> dict[Path, OwnFile]:
+    def own(self) -> Mapping[Path, OwnFile]:
         """The user's files on which the study depends."""
         return own_files({**self.values, "study": self.reference})
 
@@ -186,9 +188,17 @@ class Planned:
         """All jobs, in the order in which they need each other."""
         return [job for _, jobs in self.stages for job in jobs]
 
+    def failure(self, outcome: Outcome) -> str:
+        """What failed, in short; "" if nothing did."""
+        if not outcome.failures:
+            return ""
+        skipped = f", {outcome.skipped} left out" if outcome.skipped else ""
+        job, why = outcome.failures[0]
+        return f"{len(outcome.failures)} of {len(self.jobs)} jobs{skipped}; {job.run}: {why}"
 
-def plan(study: Study, of_hydra: Sequence[str], arguments: list[str]) -> Planned:
-    """Plan a study; nothing is written. of_hydra: overrides of Hydra's own. arguments: what followed its command."""
+
+def prepare(study: Study, of_hydra: Sequence[str], arguments: list[str]) -> Planned:
+    """List the jobs of a study; nothing is written. of_hydra: overrides of Hydra's own. arguments: as of `Planned`."""
     stages = study.stages()
     jobs = [job for _, of_stage in stages for job in of_stage]
     folder, launcher = folder_and_launcher(of_hydra, study.folder(jobs), len(jobs))
@@ -198,8 +208,13 @@ def plan(study: Study, of_hydra: Sequence[str], arguments: list[str]) -> Planned
 def plan_own(reference: str, arguments: list[str]) -> Planned:
     """Plan a study of the user's. reference: FILE.py:NAME. arguments: overrides, of the study and of Hydra."""
     own, of_hydra = split("sweep", arguments)
-    kind = _own_study(reference)
-    return plan(from_values(values_of(own), kind, reference), of_hydra, [reference, *arguments])
+    study = from_values(values_of(own), _own_study(reference), f"sweep {reference}")
+    try:
+        return prepare(study, of_hydra, [reference, *arguments])
+    except ConfigError:
+        raise
+    except Exception as error:  # what a user's plan may raise has no end
+        raise ConfigError(f"sweep {reference}: {type(error).__name__}: {error}") from error
 
 
 def conduct(planned: Planned, *, fail_fast: bool = False) -> Outcome:
@@ -216,8 +231,7 @@ def conduct(planned: Planned, *, fail_fast: bool = False) -> Outcome:
             say(f"{what}: {len(jobs)} jobs, {len(jobs) - missing} done before, {missing} to do.")
             outcome = launch(folder, study.reference, jobs, planned.launcher, study_job, fail_fast=fail_fast)
             if outcome.failures and not study.reports_failures:
-                (job, why), failed = outcome.failures[0], len(outcome.failures)
-                raise JobFailedError(f"{failed} of {len(jobs)} jobs to {what} failed; {job.run}: {why}")
+                raise JobFailedError(f"{what}: {planned.failure(outcome)}")
         study.report(folder, planned, outcome)
         folder.remove_stale()  # an earlier call with other jobs may have used the folder
     return outcome
@@ -231,6 +245,12 @@ def study_job(cfg: Any) -> None:
         return kind.name_of, kind.work
 
     do_job(cfg, of_name)
+
+
+def load_studies() -> None:
+    """Load the studies of the program, which registers their keys."""
+    for command in ("flock", "leaderboard", "reproduce"):
+        study_named(command)
 
 
 def study_named(reference: str) -> type[Study]:

@@ -14,6 +14,7 @@ import pandas as pd
 
 from epuckhebb.analysis import summary
 from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather, repeated
+from epuckhebb.analysis.tables import Table
 from epuckhebb.config import (
     EvaluateConfig,
     OwnFile,
@@ -29,7 +30,7 @@ from epuckhebb.runtime import ConfigError, say
 from epuckhebb.store import Run, RunFolder, as_bytes, digest, write_atomic
 from epuckhebb.studies import identity
 from epuckhebb.studies.jobs import Job, Outcome, split
-from epuckhebb.studies.study import Planned, Study, plan
+from epuckhebb.studies.study import Planned, Study, prepare
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,6 +44,7 @@ class Sweep(Study):
 
     reference: ClassVar[str] = "sweep"
     reports_failures: ClassVar[bool] = True
+    result: ClassVar[str] = "summary.csv"
     config_text = None
 
     def __init__(self, name: str, jobs: list[Job], cpu_s: dict[str, float]) -> None:
@@ -65,7 +67,7 @@ class Sweep(Study):
         return cls("", [], {})
 
     @property
-    def own(self) -> dict[Path, OwnFile]:
+    def own(self) -> Mapping[Path, OwnFile]:
         """See `Study`; each job has its own."""
         return {}
 
@@ -84,11 +86,17 @@ class Sweep(Study):
         gathered = gather([_evaluated(folder.path / job.run, job.settings, _place(job)) for job in outcome.done])
         folder.write("sweep.csv", gathered.rows)
         _write_over_all(folder.path, folder.write, gathered)
-        folder.failure = failure_of(planned.folder, outcome)
+        folder.failure = planned.failure(outcome)
 
     def figures(self, run: Run) -> dict[str, "Figure"]:
         """See `Study`."""
         return figures(run)
+
+    @classmethod
+    def shown(cls, run: Run) -> list[Table]:
+        """See `Study`."""
+        files = {name: f"{name}.csv" for name in ("summary", "over_champions", "rescue_over_all")}
+        return summary.readable({name: run.table(file) for name, file in files.items() if run.has(file)})
 
     @classmethod
     def in_short(cls, run: Run) -> str:
@@ -96,7 +104,7 @@ class Sweep(Study):
         return f"success of {len(run.table('summary.csv'))} conditions, controllers and sides"
 
 
-def plan_sweep(name: str, arguments: list[str], config_dir: str | None = None) -> Planned:
+def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Planned:
     """List the jobs of a sweep, each composed and checked; two that would do the same are one."""
     own, of_hydra = split("sweep", arguments)
     check_words("evaluate", arguments, config_dir, several=True)
@@ -119,16 +127,7 @@ def plan_sweep(name: str, arguments: list[str], config_dir: str | None = None) -
     if again:
         say(repeated(len(again), again[0].settings, listed[again[0].run].settings))
     typed = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]
-    return plan(Sweep(name, list(listed.values()), cpu_s), of_hydra, typed)
-
-
-def failure_of(folder: Path, outcome: Outcome) -> str:
-    """What failed, in short; "" if nothing did."""
-    if not outcome.failures:
-        return ""
-    skipped = f", {outcome.skipped} left out" if outcome.skipped else ""
-    failed = f"{len(outcome.failures)} of the sweep{skipped}; {folder}/failed.csv has all"
-    return f"{failed}. {outcome.failures[0][1]}"
+    return prepare(Sweep(name, list(listed.values()), cpu_s), of_hydra, typed)
 
 
 def write_summary_of_multirun(folder: Path, finished: Sequence[Path]) -> None:
