@@ -150,14 +150,3 @@ def test_a_long_job_is_not_waited_for_in_silence(capsys, monkeypatch):
     with counting(3, lambda: (0, 0)):
         time.sleep(0.2)
     assert capsys.readouterr().err.count("job 0/3") > 1
-
-
-def test_in_a_notebook_the_jobs_of_a_sweep_have_one_line_in_half_a_minute(capsys, monkeypatch):
-    be_quiet(False)
-    monkeypatch.setenv("FORCE_COLOR", "1")  # as ipykernel does; it is no terminal all the same
-    with Bar("job", 40, each=False) as bar:
-        for number in range(40):
-            bar.show(number, "genome=reference_1")
-        monkeypatch.setattr(progress, "_LINE_S", 0.0)
-        bar.show(40, "")
-    assert capsys.readouterr().err == "job 40/40  0 s left\n"

@@ -11,7 +11,6 @@ from cases import SHORT, SMALL_GA, call, done, first_of, refused
 
 import epuckhebb
 from epuckhebb.config.compose import composed
-from epuckhebb.config.parts import part_class
 from epuckhebb.runs.evaluate import as_evolved
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
@@ -89,19 +88,6 @@ def test_a_rule_of_ones_own_lives_and_is_kept(runs):
     config = (run / ".hydra" / "config.yaml").read_text()
     assert "decay: 2" in config
     assert "trace_decay" not in config  # is the paper's rule's
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("own")
-def test_its_setting_matters_and_the_same_rule_gives_the_same_numbers():
-    """Ours with decay 1 is the program's Oja."""
-    for name, words in {"one": [], "two": ["hebbian.decay=2"], "again": ["hebbian.decay=1.0"]}.items():
-        done("evaluate", *OJA, *words, *BRIEF, f"hydra.run.dir={name}")
-    done("evaluate", "hebbian=oja", "hebbian.N=0.0001", *BRIEF, "hydra.run.dir=ours")
-    one, two, again, ours = (metrics(name) for name in ("one", "two", "again", "ours"))
-    pd.testing.assert_frame_equal(one, again)
-    pd.testing.assert_frame_equal(one, ours)
-    assert not one.equals(two)
 
 
 @pytest.mark.parametrize(("run", "after"), first_of([("evaluated", "changed"), ("evolved", "removed")]))
@@ -188,19 +174,6 @@ def test_in_a_sweep_and_changed_it_makes_new_jobs():
 
 
 @pytest.mark.thorough
-@pytest.mark.usefixtures("own")
-def test_an_object_from_python():
-    rule = part_class("rule", "my_rules.py:oja", "hebbian")
-    rows = epuckhebb.evaluate(epuckhebb.load(), "scenario=base", *BRIEF, hebbian=rule(N=0.0001, decay=2.0)).metrics
-    assert list(rows.controller.unique()) == ["GA", "oja"]
-    named = epuckhebb.evaluate(epuckhebb.load(), "scenario=base", *BRIEF, *OJA, "hebbian.decay=2").metrics
-    pd.testing.assert_frame_equal(rows, named)
-    late = epuckhebb.evaluate(epuckhebb.load(), "adaptation=late", *BRIEF, hebbian=rule(N=0.0001)).metrics
-    assert list(late.controller.unique()) == ["GA", "late"]
-    assert (late.weight_change_mean == 0).all()  # two seconds are not late
-
-
-@pytest.mark.thorough
 @pytest.mark.usefixtures("here")
 def test_what_a_rule_evolves_goes_with_the_champion():
     """In a file and in Python; a champion that lacks it is refused."""
@@ -247,17 +220,6 @@ def test_what_changed_is_told_wherever_the_scenario_is(here):
     assert told in (run / "replay.html").read_text()
     assert told in done("show", str(run)).stdout.replace("\n", " ")
     assert "bit-identical" in done("rerun", str(run)).stdout
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("here")
-def test_a_sweep_in_another_maze_with_another_rule():
-    """Nothing of the usual maze and rule is left in a job."""
-    words = ["sweep", "obstacles", "scenario=base", "maze=double_t", "hebbian=differential", *BRIEF]
-    done(*words, "hydra/launcher=basic", "hydra.sweep.dir=out")
-    rows = pd.read_csv("out/sweep.csv")
-    assert set(rows.changed) == {"maze=double_t, lifetime.duration_s=2"}
-    assert set(rows.controller) == {"GA", "differential"}
 
 
 @pytest.mark.usefixtures("own")
@@ -333,20 +295,3 @@ def test_a_champion_of_another_robot_or_network(others, here, name, layers, robo
 
 
 # A change in mid-life
-
-
-@pytest.mark.thorough
-def test_a_change_in_mid_life_from_end_to_end(here):
-    change = "scenario.changes=[{at_s: 1, light: 1.0}, {at_s: 1.5, obstacles: 4}]"
-    done("evaluate", change, *SHORT, "hydra.run.dir=run")
-    assert set(metrics("run").changed) == {"light=1 at 1 s, obstacles=4 at 1.5 s, lifetime.duration_s=2"}
-    with np.load("run/traces.npz") as traces:
-        early = traces["time"][0] < 0.9 if traces["time"].ndim > 1 else traces["time"] < 0.9
-        lit = traces["sensors"][0, :, :8].mean(axis=1)
-    assert lit[~early][-1] != pytest.approx(lit[early].mean(), rel=0.05)
-    done("evaluate", *SHORT, "hydra.run.dir=steady")
-    assert not metrics("run").drop(columns="changed").equals(metrics("steady").drop(columns="changed"))
-    assert (here / "run" / "figures" / "trajectories.png").read_bytes().startswith(b"\x89PNG")
-    done("replay", "run")
-    assert "light=1 at 1 s" in (here / "run" / "replay.html").read_text()
-    assert "bit-identical" in done("rerun", "run").stdout

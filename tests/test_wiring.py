@@ -65,7 +65,7 @@ def test_synapses_in_blocks_are_bit_identical_to_one_by_one(monkeypatch, wiring)
         monkeypatch.setattr("epuckhebb.controller.forward_pass.MOST_BLOCKS", most)
         monkeypatch.setattr(update, "MOST_BLOCKS", most)
         genes = {name: np.full(size, 0.3) for name, size in wiring.parameter_sizes().items()}
-        neurons, activation = wiring.initial(genes, 4.0), seen.copy()
+        neurons, activation = wiring.initial(genes, 4.0, 0.032), seen.copy()
         neurons = neurons._replace(state=neurons.state.view(np.recarray))
         forward = forward_pass.__wrapped__(network)
         for _ in range(3):
@@ -90,12 +90,12 @@ def test_groups_respond_in_turn_and_neurons_of_a_group_at_once():
         for j, drive in drives.items():
             expected[j] = math.tanh(drive) + 0.1 * expected[j] + 0.01 * (j - 17)
     expected[-2:] = np.clip(expected[-2:], -1, 1)
-    forward_pass(network)(weights, activation, np.empty(network.neurons), network.wiring.initial({}, 4.0))
+    forward_pass(network)(weights, activation, np.empty(network.neurons), network.wiring.initial({}, 4.0, 0.032))
     np.testing.assert_allclose(activation, expected, rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize(("tau_gain", "factor"), [(4.0, 4.0), (0.0, 1.0)])
 def test_time_constants_follow_the_wheel_gain_if_they_are_to(tau_gain, factor):
     genes = {"tau": np.zeros(8), "bias": np.zeros(8)}
-    steps = [CTRNN(tau_gain_rad_s=tau_gain).initial(genes, gain).step_s for gain in (4.0, 1.0)]
+    steps = [CTRNN(tau_gain_rad_s=tau_gain).initial(genes, gain, 0.032).step_s for gain in (4.0, 1.0)]
     assert steps == [0.032, 0.032 / factor]

@@ -23,6 +23,7 @@ from epuckhebb.flock import couplings
 from epuckhebb.flock.coupling import Coupling
 from epuckhebb.runtime import ConfigError
 from epuckhebb.tmaze import physics, tasks
+from epuckhebb.tmaze.fitness import Signal
 from epuckhebb.tmaze.own_fitness import Fitness
 from epuckhebb.tmaze.own_sensor import Sensor
 from epuckhebb.tmaze.physics_engine import Physics
@@ -110,7 +111,8 @@ def part_from(kind: str, settings: Mapping[str, Any], key: str) -> Any:
     name, own = settings.get(which), {one: value for one, value in settings.items() if one != which}
     made = part_class(kind, name, key)
     try:
-        return made(**part_settings(made, own, key, f"{kind} {name}"))
+        more = {"signal": Signal} if kind == "rule" else {}
+        return made(**part_settings(made, own, key, f"{kind} {name}", **more))
     except ConfigError:
         raise
     except Exception as error:  # what a user's own checks may raise has no end

@@ -22,7 +22,7 @@ from types import CodeType, ModuleType
 from typing import Any, TypeVar
 
 from epuckhebb.config import hand
-from epuckhebb.controller.compiling.code_digest import is_installed
+from epuckhebb.controller.compiling.sources import OWN_PACKAGE, is_installed
 from epuckhebb.runtime import ConfigError, did_you_mean, path_of
 
 # Keys whose value may be FILE.py:NAME.
@@ -35,7 +35,6 @@ OWN_CODE_KEYS = (
 )  # FILE.py:NAME
 OWN_CODE = "own_code"  # of the copies in a run folder
 _NAMED = re.compile(r"(.+\.py):([^\W\d]\w*)", re.DOTALL)
-_PREFIX = "epuckhebb_own_"
 _US = __name__.partition(".")[0]
 Base = TypeVar("Base")
 
@@ -147,7 +146,7 @@ def load(file: Path, key: str) -> OwnFile:
         content = place.read_bytes()
     except OSError as error:
         raise ConfigError(f"{key}: {file} cannot be read: {error.strerror}") from error
-    own = OwnFile(place, _PREFIX + _sha256(str(place).encode() + content)[:16])
+    own = OwnFile(place, OWN_PACKAGE + _sha256(str(place).encode() + content)[:16])
     _unload(own.package)
     _packages[own.package] = own
     importlib.invalidate_caches()
@@ -183,7 +182,7 @@ class _Finder(MetaPathFinder):
     def find_spec(self, name: str, path: Sequence[str] | None, _target: Any = None) -> ModuleSpec | None:
         """Where a module of such a package is."""
         package, _, inner = name.partition(".")
-        if not package.startswith(_PREFIX):
+        if not package.startswith(OWN_PACKAGE):
             return None
         own = _packages.get(package)
         if own is None or not inner:  # numba names modules of kernels on disk; it needs nothing of them
@@ -211,7 +210,7 @@ class _Source(SourceFileLoader):
 
     def get_code(self, fullname: str) -> CodeType:
         """The code of the file as it is now; a compiled copy may be older."""
-        content = self.get_data(self.path)
+        self.content = content = self.get_data(self.path)  # by which kernels are named
         _packages[fullname.partition(".")[0]].sources[_place(fullname, self.path)] = Path(self.path), content
         code: CodeType = self.source_to_code(content, self.path)
         return code

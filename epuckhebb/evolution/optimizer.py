@@ -19,12 +19,11 @@ from epuckhebb.controller.own_class import OwnClass, name_of
 from epuckhebb.controller.ranges import check_range
 from epuckhebb.evolution.training import Training
 from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.maze import SIDES
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_PAPER_LIFETIMES = 50 * 30 * 3 * len(SIDES)  # population, generations, loops and sides of the paper's algorithm
+_PAPER_LIFETIMES = 50 * 30 * 3 * 2  # population, generations, loops and sides of the paper's algorithm
 
 CANDIDATES, CONFIRM = 3, 12  # candidates for the champion of learners, and fresh lifetimes of each
 
@@ -151,7 +150,7 @@ class Optimizer(Algorithm):
         loops = training.loops if self.loops is None else self.loops
         if self.generations is not None:
             return Schedule(self.generations, loops)
-        round_ = loops * len(SIDES)
+        round_ = loops * training.lifetimes
         confirmation = CANDIDATES * -(-self.confirm // round_) * round_
         return Schedule(
             paper_generations(

@@ -1,7 +1,6 @@
 """`epuckhebb evaluate`: runs the lifetimes of a genome in a scenario, and writes them into a run folder."""
 
 import copy
-import hashlib
 import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -32,17 +31,17 @@ from epuckhebb.config import (
     value_of,
 )
 from epuckhebb.config import training_world as world_of_training
-from epuckhebb.controller.compiling.code_digest import UnknownPartError, digest
+from epuckhebb.controller.compiling.sources import own_code
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved_sizes
 from epuckhebb.runs import hydra
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, say, saying_if_slow
-from epuckhebb.store import Genome, RunFolder, check_wiring, load_genome, traces_file
+from epuckhebb.store import Genome, RunFolder, check_wiring, digest, load_genome, traces_file
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.goal_signal import GoalSignal
-from epuckhebb.tmaze.own_sensor import own_sensors, reading_names
+from epuckhebb.tmaze.own_sensor import reading_names
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.robot import EPUCK, Robot
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
@@ -142,26 +141,12 @@ class PreparedEvaluation:
     def lifetime_ids(self) -> dict[str, str]:
         """For each controller a digest of what its lifetimes depend on, besides side, repeat and seed."""
         config, genome = self.config, self.genome
-        fitness, lifetime = config.world.fitness, replace(config.lifetime, record_every=0)
-        own = [_identity(fitness, fitness.functions())]
-        own += [_identity(one, one.functions()) for one in own_sensors(config.world.robot.sensors)]
-        if genome.network.wiring is not None:
-            own += [_identity(genome.network.wiring, genome.network.wiring.functions())]
-        everywhere = (genome.sha256, genome.network, config.world, lifetime, *own)
+        everywhere = (genome.sha256, genome.network, config.world, replace(config.lifetime, record_every=0))
         depends: dict[str, tuple[object, ...]] = {GA_ALONE.name: everywhere}
         for controller in config.controllers:
-            rule, adaptation = type(controller.rule), controller.adaptation
-            parts = (*everywhere, controller, *_identity(controller.rule, rule.functions()))
-            depends[controller.name] = (*parts, *((genome.nominal_sha256,) if adaptation.acts else ()))
-        return {name: hashlib.sha256(repr(parts).encode()).hexdigest()[:16] for name, parts in depends.items()}
-
-
-def _identity(part: object, functions: Sequence[Callable[..., object]]) -> tuple[str, ...]:
-    """The code of a part of the user's, which distinguishes it from another one with the same settings."""
-    module = type(part).__module__
-    with suppress(UnknownPartError):  # then the module must do, whose name has the SHA-256 of a user's file
-        return (module, *map(digest, functions))
-    return (module,)
+            nominal = genome.nominal_sha256 if controller.adaptation.acts else ""
+            depends[controller.name] = (*everywhere, controller, nominal)
+        return {name: digest([repr(values), own_code(values)]) for name, values in depends.items()}
 
 
 def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> PreparedEvaluation:

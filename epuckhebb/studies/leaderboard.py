@@ -25,7 +25,7 @@ from epuckhebb.config import (
     settings,
 )
 from epuckhebb.runtime import ConfigError
-from epuckhebb.store import Run, digest, science_version
+from epuckhebb.store import Run, fingerprint
 from epuckhebb.studies.champions import COST, ChampionStudy, search_folders, worlds_digest
 from epuckhebb.studies.jobs import Job, split
 from epuckhebb.studies.leaderboard_jobs import REVERSAL, Entry, Planner, sweep_of, tests_of
@@ -112,8 +112,8 @@ class Leaderboard(ChampionStudy):
         """See `Study`."""
         tested = tuple(name for worlds in tests_of(self.tests, self.config_dir).values() for name in worlds)
         depends = [worlds_digest(tested, self.config_dir), self.first_seed, self.seed, self.repeats]
-        depends += [self.reversal_repeats, science_version()]
-        return Path("runs") / "leaderboard" / f"seed{self.first_seed}_{digest(depends)[:8]}"
+        depends += [self.reversal_repeats]
+        return Path("runs") / "leaderboard" / f"seed{self.first_seed}_{fingerprint(depends)[:8]}"
 
     def tables(self, runs: Sequence[Run]) -> dict[str, pd.DataFrame]:
         """See `Study`: a row for each champion; for each method and test world; the leaderboard; costs."""

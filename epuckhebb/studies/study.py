@@ -25,7 +25,7 @@ from epuckhebb.config import (
     values_of,
 )
 from epuckhebb.runtime import ConfigError, JobFailedError, path_of, say
-from epuckhebb.store import OwnFile, Run, RunFolder, digest, science_version, versions
+from epuckhebb.store import OwnFile, Run, RunFolder, digest, fingerprint
 from epuckhebb.studies.jobs import (
     NO_EFFECT,
     Job,
@@ -271,8 +271,7 @@ def job_name(kind: str, depends: Plain) -> str:
             part.pop(key, None)
     for part, key, _, name in list(own_references(depends)):
         part[key] = name
-    digests = [file.digest for file in own.values()]
-    return f"{kind}_{digest([depends, digests, science_version(), versions()])[:12]}"
+    return f"{kind}_{fingerprint(depends, own=[file.digest for file in own.values()])}"
 
 
 def study_in(run: Run) -> type[Study] | None:

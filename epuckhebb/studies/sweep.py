@@ -77,7 +77,8 @@ class Sweep(Study):
 
     def folder(self, jobs: Sequence[Job]) -> Path:
         """See `Study`."""
-        return Path("runs") / "sweep" / f"{self.name}_{digest([identity.settings(job.config) for job in jobs])[:8]}"
+        settings = digest([digest(identity.settings(job.config)) for job in jobs])
+        return Path("runs") / "sweep" / f"{self.name}_{settings[:8]}"
 
     def report(self, folder: RunFolder, planned: Planned, outcome: Outcome) -> None:
         """Write `sweep.csv`, `failed.csv` and the tables over all; the same jobs give bit-identical files."""

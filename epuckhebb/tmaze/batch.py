@@ -9,12 +9,12 @@ from epuckhebb.adaptation.change_signal import no_nominal
 from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.adaptation.homeostasis import no_patterns
 from epuckhebb.controller.genome import plan_of
-from epuckhebb.controller.network import HIDDEN, OUTPUTS, Network
+from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.outcome import Outcome
-from epuckhebb.tmaze.robot import STEP_S
+from epuckhebb.tmaze.robot import OUTPUTS, STEP_S
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import Individual, Session
