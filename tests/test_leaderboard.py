@@ -97,7 +97,7 @@ def test_it_leaves_tables_a_figure_and_a_page(made):
     page = (folder / "report.html").read_text()
     assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
     assert page.count('src="data:image/png;base64,') == 1
-    assert "<title>epuckhebb: leaderboard</title>" in page
+    assert "<title>epuckhebb: Leaderboard</title>" in page
 
 
 def test_a_method_brings_what_it_is_compared_with(made):

@@ -246,7 +246,7 @@ def sweep(
     *,
     options: StudyOptions,
 ) -> None:
-    """A named sweep, or a study of your own, FILE.py:NAME, on all cores; again, it does what is not done."""
+    """A named sweep or your own study; again, it does the rest."""
     from epuckhebb.config import check_config_dir
     from epuckhebb.runs import as_evolved
     from epuckhebb.studies.study import plan_own

@@ -165,7 +165,9 @@ def _print_study(study: "type[Study]", path: Path, console: Console) -> None:
     run = Run(path)
     print_tables(study.shown(run), console)
     _print_notes_on_genome(run, console)
-    print_line(console, f"Tables: {path}/: {', '.join(table.name for table in sorted(path.glob('*.csv')))}")
+    for what, files in (("Tables", sorted(path.glob("*.csv"))), ("Figures", sorted(path.glob("figures/*.png")))):
+        if files:
+            print_line(console, f"{what}: {files[0].parent}/: {', '.join(file.name for file in files)}")
 
 
 def in_short(path: Path) -> str:

@@ -81,7 +81,8 @@ def open_study(
     its own. arguments: what followed the command. jobs: an interruption reports how many are done. own: the user's
     files, which the folder keeps as copies.
     """
-    facts = {"seed": config.seed} if hasattr(config, "seed") else {}
+    seed = getattr(config, "seed", None)
+    facts = {} if seed is None else {"seed": seed}
     text = None if config is None else dump(config)
     with RunFolder.resume(folder, command, text, arguments, facts, own) as study:
         study.left_behind = lambda: (

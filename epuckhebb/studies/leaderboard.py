@@ -87,10 +87,10 @@ class Leaderboard(ChampionStudy):
     @functools.cached_property
     def entries(self) -> list[Entry]:
         """The methods in each experiment, with their jobs, each composed and checked."""
-        folders = search_folders(self.config_dir)
+        folders, worlds_of = search_folders(self.config_dir), self.worlds
         methods = methods_named(self.methods, folders)
         entries: list[Entry] = []
-        for one, worlds in self.worlds.items():
+        for one, worlds in worlds_of.items():
             planner = Planner(self, self.config_dir, one, worlds)
             here = in_reversal(methods, folders) if one == REVERSAL else methods
             entries += [planner.entry(method) for method in here]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import pandas as pd
 import yaml
 
-from epuckhebb.analysis import reproduction
+from epuckhebb.analysis import findings, reproduction
 from epuckhebb.analysis.tables import Table, code
 from epuckhebb.config import EvaluateConfig, EvolveConfig, check_counts, from_values, load, part_from, register
 from epuckhebb.controller.network import PAPER_NETWORK
@@ -149,7 +149,7 @@ class Reproduction(ChampionStudy):
         if todo(run.path, [one.test for one in self.planned]):
             raise ConfigError(f"{run.path} was made by another version of the program; run it again")
         shown, histories = dict[str, Any](), dict[str, list[pd.DataFrame]]()
-        for one, (best, *_) in reproduction.showcases(run.table("trials.csv"), _paper()).items():
+        for one, (best, *_) in _showcases(run).items():
             if self.given:
                 shown[one] = best, self.given.genes
                 continue
@@ -177,7 +177,7 @@ class Reproduction(ChampionStudy):
         return reproduction.markdown(
             {name: run.table(f"{name}.csv") for name in names},
             _paper(),
-            reproduction.showcases(run.table("trials.csv"), _paper()),
+            _showcases(run),
             captions,
             champions=1 if self.given else self.champions,
             repeats=self.repeats,
@@ -207,6 +207,10 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False) -> Plann
     study = load(Reproduction, [*(QUICK if quick else ()), *own])
     study.experiments = experiment
     return prepare(study, of_hydra, [experiment, *(["--quick"] if quick else []), *arguments])
+
+
+def _showcases(run: Run) -> dict[str, tuple[str, int, int]]:
+    return reproduction.showcases(findings.trials(run.table("metrics.csv")), _paper())
 
 
 @functools.cache
