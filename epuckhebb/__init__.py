@@ -36,6 +36,7 @@ __all__ = [
     "Rule",
     "Sensor",
     "Study",
+    "Task",
     "Wiring",
     "evaluate",
     "evolve",
@@ -61,6 +62,7 @@ if TYPE_CHECKING:
     from epuckhebb.tmaze.life import Lifetime
     from epuckhebb.tmaze.own_fitness import Fitness
     from epuckhebb.tmaze.own_sensor import Sensor
+    from epuckhebb.tmaze.task import Task
 
 _FROM = {  # name -> where it is, if not in `api`
     "GA": "evolution.optimizers.ga",
@@ -77,6 +79,7 @@ _FROM = {  # name -> where it is, if not in `api`
     "Rule": "controller.plasticity.rule",
     "Sensor": "tmaze.own_sensor",
     "Study": "studies.study",
+    "Task": "tmaze.task",
     "Wiring": "controller.wiring",
     "tanh": "controller.network",
 }

@@ -36,7 +36,7 @@ METHODS = {
     "tiny": f"# Tiny.\nevolve: {{{EVOLVED}}}",
     "learns": f"evolve: {{hebbian: modulated, {EVOLVED}}}\nmatched_control: tiny",
     "only_rule": f"champions_of: tiny\nevolve: {{hebbian: modulated, {EVOLVED}}}",
-    "oja_over": "champions_of: tiny\nevaluate: {hebbian: oja, hebbian.N: 0.001}",
+    "paper_over": "champions_of: tiny\nevaluate: {hebbian: paper, hebbian.N: 0.001}",
     "wired": f"evolve: {{network.wiring: elman, {EVOLVED}}}\nmatched_control: tiny",
     "oja_on_wired": "champions_of: wired\nevaluate: {hebbian: oja, hebbian.N: 0.001}",
     # what is refused
@@ -62,7 +62,7 @@ hydra:
       scenario: base, 4obstacles, base_half
 """
 ASKED = ["leaderboard", "obstacles", "tests=[few]", "champions=2", "repeats=1", "hydra/launcher=basic"]
-MADE = [*ASKED, "methods=learns,only_rule,oja_over", "--config-dir"]
+MADE = [*ASKED, "methods=only_rule,paper_over", "--config-dir"]
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,7 @@ def made(conf, tmp_path_factory):
 
 def test_it_leaves_tables_a_figure_and_a_page(made):
     folder, result = made
-    assert "oja_over" in result.stdout
+    assert "paper_over" in result.stdout
     names = {file.name for file in folder.iterdir()}
     assert {"leaderboard.csv", "champions.csv", "worlds.csv", "cost.csv", "report.md"} <= names
     for table in folder.glob("*.csv"):
@@ -104,18 +104,16 @@ def test_a_method_brings_what_it_is_compared_with(made):
     table = pd.read_csv(made[0] / "leaderboard.csv").set_index("method")
     assert table.kind.to_dict() == {
         "tiny": "plain",
-        "learns": "evolved",
         "only_rule": "evolved",
-        "oja_over": "post_hoc",
+        "paper_over": "post_hoc",
     }
     assert table.matched_control.fillna("").to_dict() == {
         "tiny": "",
-        "learns": "tiny",
         "only_rule": "tiny",
-        "oja_over": "tiny",
+        "paper_over": "tiny",
     }
-    assert table.evolved_parameters.to_dict() == {"tiny": 234, "learns": 244, "only_rule": 10, "oja_over": 234}
-    assert table.robot_steps["only_rule"] == 2 * table.robot_steps["tiny"] == 2 * table.robot_steps["oja_over"]
+    assert table.evolved_parameters.to_dict() == {"tiny": 234, "only_rule": 10, "paper_over": 234}
+    assert table.robot_steps["only_rule"] == 2 * table.robot_steps["tiny"] == 2 * table.robot_steps["paper_over"]
 
 
 def test_the_rows_of_champions_are_made_of_lifetimes(made):
@@ -138,7 +136,7 @@ def test_the_rows_of_champions_are_made_of_lifetimes(made):
 def test_off_is_the_twin_where_something_is_laid_over(made):
     champions = pd.read_csv(made[0] / "champions.csv").set_index(["method", "seed"])
     pd.testing.assert_series_equal(
-        champions.loc["oja_over"].successes_off, champions.loc["tiny"].successes, check_names=False, check_dtype=False
+        champions.loc["paper_over"].successes_off, champions.loc["tiny"].successes, check_names=False, check_dtype=False
     )
 
 
@@ -156,10 +154,10 @@ def test_a_rule_that_evolves_something_is_evolved():
 def test_show_tells_of_it(made):
     folder, _ = made
     shown = done("show", folder)
-    assert "oja_over" in shown.stdout
+    assert "paper_over" in shown.stdout
     assert "--config-dir" in shown.stdout
     rows = json.loads(call("show", folder, "--json").stdout)["leaderboard"]
-    assert {row["method"] for row in rows} == {"tiny", "learns", "only_rule", "oja_over"}
+    assert {row["method"] for row in rows} == {"tiny", "only_rule", "paper_over"}
     run = next(folder.glob("test_*"))
     done("show", run)
 
@@ -383,7 +381,7 @@ BAD = {
     "no such method": (["methods=abdc"], ["methods=abdc", "Did you mean abcd?", "sep_cma_es_varied", "FILE.py:NAME"]),
     "no method": (["methods="], ["methods must name one method"]),
     "a group": (["method=ga"], ["give methods=ga"]),
-    "no such file": (["methods=no.py:Mine"], ["no.py", "there is no file"]),
+    "no such file": (["methods=no.py:Mine"], ["no.py"]),
     "no champions": (["champions=0"], ["champions must be 1 or more, got 0"]),
     "no tests": (["tests=[]"], ["tests must name"]),
     "no such tests": (["tests=[fewer]"], ["fewer"]),

@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 from cases import done, first_of, refused
 
-import epuckhebb
 from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.analysis import charts, reversal
 from epuckhebb.analysis.image import image
@@ -266,17 +265,6 @@ def test_from_evolve_to_show(champions):
             trials[trials.controller == name].rewarded.mean(),
         ]
         assert shares == pytest.approx([summary[name]] * 2)
-    both = done(
-        "evaluate", "-m", f"genome={champion}", "task=reversal", "hebbian=modulated", *brief[:3], "seed=1,2"
-    ).stdout
-    assert "Rewarded share, by the end that is rewarded first (4 lifetimes each)" in both
-    assert "Success" not in both
-    shares = pd.read_csv(next(Path("runs/evaluate").glob("*/summary.csv")))
-    assert len(shares) == 6
-    assert shares.rewarded_share.between(0, 1).all()
-    result = epuckhebb.evaluate(champion, "task=reversal", "hebbian=modulated", *brief[:3])
-    assert list(repr(result).split()).count("optimum") == 1
-    assert "Success" not in result._repr_html_()
     done("replay", run, "--output=page.html")
     done("rerun", run, "-q")
 

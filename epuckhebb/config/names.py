@@ -22,8 +22,9 @@ from epuckhebb.adaptation.controller import HEBBIAN
 from epuckhebb.config.build import scenario_from
 from epuckhebb.config.choices import BROUGHT, OURS, choice_names, choice_of, known_choice
 from epuckhebb.config.overrides import literal
-from epuckhebb.config.parts import NONE, PAPER, part_class, part_from
+from epuckhebb.config.parts import KINDS, NONE, PAPER, PART_GROUPS, part_class, part_from
 from epuckhebb.config.parts_from_yaml import maze_from
+from epuckhebb.config.plugins import own_references
 from epuckhebb.config.schema import ScenarioConfig, plain, said
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.wiring import LAYERS
@@ -150,32 +151,26 @@ def _compared(name: str, given: Any, folders: Sequence[Path]) -> tuple[str, Any]
 
 
 def _own_code(cfg: DictConfig) -> None:
-    """Write down where the user's files are, and what was left as it is in classes of a fitness, sensors, a wiring."""
-    for settings in [cfg.hebbian, *(cfg.get("compare") or {}).values()]:
-        if isinstance(settings, DictConfig) and ":" in str(settings.get("rule")):
-            settings.rule = _absolute(settings.rule, "hebbian.rule")
-    if ":" in str(cfg.fitness.get("function")):
-        cfg.fitness.function = _absolute(cfg.fitness.function, "fitness.function")
-        _write_defaults(cfg.fitness, part_class("fitness", cfg.fitness.function, "fitness"))
+    """Write down where the user's files are, and what was left as it is in their classes."""
+    for settings, key, path, name in list(own_references({group: cfg[group] for group in PART_GROUPS if group in cfg})):
+        settings[key] = literal(f"{path.absolute()}:{name}")
+    for kind, row in KINDS.items():
+        settings = cfg.get(row.group)
+        part = settings.get(row.key) if isinstance(settings, DictConfig) else None
+        if kind != "rule" and (":" in str(part) or (kind == "wiring" and part != LAYERS)):
+            _write_defaults(settings, part_class(kind, part, row.group))
     if ":" in str((cfg.get("optimizer") or {}).get("algorithm")):
-        cfg.optimizer.algorithm = _absolute(cfg.optimizer.algorithm, "optimizer.algorithm")
-        _write_defaults(cfg.optimizer, part_class("optimizer", cfg.optimizer.algorithm, "optimizer"))
         cfg.ga = None
-    if cfg.network.get("wiring") != LAYERS:
-        cfg.network.wiring = _absolute(cfg.network.get("wiring"), "network.wiring")
-        if cfg.network.get("layers") is None:
-            cfg.network.pop("layers", None)
-        _write_defaults(cfg.network, part_class("wiring", cfg.network.wiring, "network"))
+    if cfg.network.get("wiring") != LAYERS and cfg.network.get("layers") is None:
+        cfg.network.pop("layers", None)
     sensors = cfg.robot.get("sensors")
     for number, settings in enumerate(sensors if isinstance(sensors, ListConfig) else ()):
         key = f"robot.sensors[{number}]"
         if not isinstance(settings, DictConfig) or ":" not in str(settings.get("sensor")):
             raise ConfigError(f"{key} must be {{sensor: FILE.py:NAME}} and its settings, got {settings}")
-        settings.sensor = _absolute(settings.sensor, f"{key}.sensor")
         kind = part_class("sensor", settings.sensor, key)
         _write_defaults(settings, kind)
-        if "readings" not in settings:
-            settings.readings = list(kind.readings)
+        settings.setdefault("readings", list(kind.readings))
 
 
 def _absolute(where: Any, key: str) -> str:

@@ -117,12 +117,12 @@ class Network:
         The last vector may reach up to three numbers beyond the layer, into the next one's weights and neurons. Where
         these are not as many, and in layers of one or two, what is left by whole vectors is taken one by one.
         """
-        return [(*layer, self._vectors(*layer)) for layer in self.connections]
-
-    def _vectors(self, _pre: int, post: int, first: int, inputs: int, outputs: int) -> int:
-        end = whole(outputs)
-        fits = post + end <= self.neurons and first + (inputs - 1) * outputs + end <= self.synapses
-        return (end if fits and outputs > 2 else outputs) // WIDTH
+        layers: list[tuple[int, ...]] = []
+        for pre, post, first, inputs, outputs in self.connections:
+            end = whole(outputs)
+            fits = post + end <= self.neurons and first + (inputs - 1) * outputs + end <= self.synapses
+            layers.append((pre, post, first, inputs, outputs, (end if fits and outputs > 2 else outputs) // WIDTH))
+        return layers
 
     @cached_property
     def neurons(self) -> int:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.evolved import Evolved
-from epuckhebb.controller.own_class import Functions, OwnClass, arguments, name_of, stored
+from epuckhebb.controller.own_class import OwnClass, arguments, stored
 
 MOST_SYNAPSES = 100_000  # more is surely a typing error
 LAYERS = "mlp"  # what a network without a wiring is called
@@ -69,6 +69,8 @@ class Wiring(OwnClass):
     """
 
     PART: ClassVar[str] = "wiring"
+    KEY: ClassVar[str] = "network.wiring"
+    METHODS: ClassVar[tuple[str, ...]] = ("neuron",)
     state: ClassVar[Mapping[str, float]] = {}
     evolved: ClassVar[Mapping[str, Evolved]] = {}
     neuron: ClassVar[Callable[..., float] | None] = None
@@ -90,30 +92,16 @@ class Wiring(OwnClass):
         """How long a control step of `step_s` [s] is for the neurons [s] at a wheel gain [rad/s]."""
         return step_s
 
-    @property
-    def name(self) -> str:
-        """What it is called."""
-        return name_of(type(self))
-
-    @classmethod
-    def functions(cls) -> Functions:
-        """How a neuron responds, who is joined, and how parameters are made of genes."""
-        makers = (evolved.value for evolved in cls.evolved.values())
-        return tuple(one for one in (cls.neuron, cls.synapses, cls.step_s, *makers) if one is not None)
-
     @classmethod
     def arguments(cls) -> tuple[str, ...]:
         """The names of the arguments of `neuron`, in its order; a ValueError if one is unknown."""
-        records = {"by": cls.settings(), "state": tuple(cls.state)}
-        return arguments(cls.what(), cls.neuron, [*OF_NEURON, *cls.evolved], records)
+        return arguments(cls.what(), cls.neuron, [*OF_NEURON, *cls.evolved])
 
     @classmethod
-    def check_class(cls, instead: str = "") -> None:
+    def check_class(cls) -> None:
         """Check its method `neuron`, and what it evolves; else a ValueError."""
+        super().check_class()
         what = cls.what()
-        if cls.neuron is None:
-            raise ValueError(f"{what} has no static method `neuron`, which gives a neuron's activation")
-        super().check_class(instead)
         for name, evolved in cls.evolved.items():
             if not isinstance(evolved, Evolved) or evolved.per not in _PER:
                 raise ValueError(f"{what}: {name} must be Evolved(per=...), one of {', '.join(_PER)}, got {evolved}")

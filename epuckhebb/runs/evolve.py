@@ -114,6 +114,7 @@ class PreparedEvolution:
             robot=config.world.robot.name,
             lights=config.world.robot.light.count,
             plan=self.plan,
+            experiment=config.world.experiment,
             optimizer=config.algorithm.name,
             training=config.training.name,
             rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
@@ -123,7 +124,7 @@ class PreparedEvolution:
             physics="" if config.world.physics.name == PYMUNK.name else config.world.physics.name,
             nominal=nominal,
         )
-        return champion_file(genome, last.champion_fitness, config.world.experiment, config.seed, last.number)
+        return champion_file(genome, last.champion_fitness, config.seed, last.number)
 
 
 def prepare_evolution(config: EvolveConfig, *, has_genome: bool = True) -> PreparedEvolution:

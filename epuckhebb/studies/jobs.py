@@ -173,7 +173,8 @@ def launch(
         if job.run in remaining and fail_fast and not begun:
             skipped += 1
         elif job.run in remaining:
-            failures.append((job, Run(attempts[job.run]).error or trouble or "it ended unexpectedly"))
+            why = Run(attempts[job.run]).recorded_status.get("error") or trouble or "it ended unexpectedly"
+            failures.append((job, why))
     with suppress(OSError):
         (folder / UNFINISHED).rmdir()  # unless something is left in it
     done = [job for job in jobs if job.run not in remaining]
@@ -185,7 +186,7 @@ def count(folder: Path, jobs: Sequence[Job], attempts: Sequence[Path]) -> tuple[
     done = len({job.run for job in jobs} & {path.name for path in folder.iterdir()})
     unfinished = folder / UNFINISHED
     there = {path.name for path in unfinished.iterdir()} if unfinished.is_dir() else set()
-    return done, sum(Run(path).state == "failed" for path in attempts if path.name in there)
+    return done, sum(Run(path).recorded_status.get("state") == "failed" for path in attempts if path.name in there)
 
 
 Work = Callable[[Path, Plain, dict[str, Any]], None]

@@ -73,7 +73,7 @@ def kernel_of(
 
 def check_inputs(network: Network, robot: Robot, task: Task) -> None:
     """Check that a network fits the sensors of a robot and the reward of its task; else a ValueError."""
-    wanted = robot.inputs + task.input_count
+    wanted = robot.inputs + sum(group.count for group in task.inputs)
     reward = f" and the reward of task={task.name}" if task.gives_reward else ""
     if network.inputs != wanted:
         raise ValueError(

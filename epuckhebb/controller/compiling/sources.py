@@ -5,7 +5,6 @@ import hashlib
 import platform
 import re
 import sys
-import sysconfig
 from collections.abc import Iterable, Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -68,7 +67,7 @@ def _content(module: ModuleType) -> Iterator[str | bytes]:
         if isinstance(value, np.ndarray):
             yield from (name, str(value.dtype), value.tobytes())
         elif isinstance(value, _PLAIN) and not name.startswith("__"):
-            yield f"{name} {value!r}"
+            yield re.sub(" at 0x[0-9a-f]+", "", f"{name} {value!r}")  # an address is another one in each process
 
 
 @functools.cache
@@ -83,15 +82,3 @@ def _digest(*parts: str | bytes) -> str:
     for part in parts:
         content.update(hashlib.sha256(part.encode() if isinstance(part, str) else part).digest())
     return content.hexdigest()[:16]
-
-
-def is_installed(file: Path) -> bool:
-    """Whether a file or folder is of this program, of Python or of an installed package (which has a RECORD)."""
-    place = file.resolve()
-    libraries = [Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib")]
-    if any(place.is_relative_to(folder) for folder in (_ROOT, *libraries)):
-        return True
-    if {"site-packages", "dist-packages"} & set(place.parts):
-        return True
-    records = (record.read_text(encoding="utf-8") for record in place.parent.glob("*.dist-info/RECORD"))
-    return any(re.search(rf"^{re.escape(place.name)}[/,]", text, re.MULTILINE) for text in records)

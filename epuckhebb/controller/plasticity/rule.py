@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import Functions, OwnClass, arguments, name_of, stored
+from epuckhebb.controller.own_class import OwnClass, arguments, name_of, stored
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.ranges import check_range
 from epuckhebb.controller.wiring import LAYERS
@@ -88,6 +88,8 @@ class Rule(OwnClass):
     """
 
     PART: ClassVar[str] = "rule"
+    KEY: ClassVar[str] = "hebbian.rule"
+    METHODS: ClassVar[tuple[str, ...]] = ("synapse",)
     synapse_state: ClassVar[Mapping[str, float]] = {}
     evolved: ClassVar[Mapping[str, Evolved]] = {}
     with_reward: ClassVar[Mapping[str, Evolved]] = {}
@@ -141,24 +143,14 @@ class Rule(OwnClass):
         return gain_rad_s / self.N_gain_rad_s if self.N_gain_rad_s else 1.0
 
     @classmethod
-    def functions(cls) -> Functions:
-        """How a weight changes, and how its coefficients are made."""
-        makers = (evolved.value for evolved in cls.evolved.values() if evolved.value is not None)
-        return cls.synapse, cls.express.__func__, *makers  # type: ignore[attr-defined]  # of a class method
-
-    @classmethod
     def arguments(cls) -> tuple[str, ...]:
         """The names of the arguments of `synapse`, in its order; a ValueError if one is unknown."""
-        records = {"by": cls.settings(), "synapse_state": tuple(cls.synapse_state)}
-        return arguments(cls.what(), cls.synapse, [*QUANTITIES, *coefficient_names(cls)], records)
+        return arguments(cls.what(), cls.synapse, [*QUANTITIES, *coefficient_names(cls)])
 
     @classmethod
-    def check_class(cls, instead: str = "") -> None:
+    def check_class(cls) -> None:
         """Check its method `synapse`; else a ValueError."""
-        if cls.synapse is Rule.synapse:
-            raise ValueError(f"{cls.what()} has no static method `synapse`, which gives a weight's direction")
-        instead = "ask for key, step and number in `synapse` and draw as rule `online` does"
-        super().check_class(instead)
+        super().check_class()
         cls.arguments()
 
 
