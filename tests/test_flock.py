@@ -157,7 +157,7 @@ def test_a_study_is_replayed_with_its_own_coupling(study, tmp_path, monkeypatch)
         ("flock.knowers=10", "flock.breaks=stranger needs a robot that does not know the way"),
         ("flock.coupling=influence", "flock.coupling must be one of frozen"),
         ("flock.coupling=wrong.py:Wrong", "it gave nan"),
-        ("flock.coupling=wrong.py:Empty", "no method `drive`"),
+        ("flock.coupling=wrong.py:Empty", "`drive`"),
         ("flock.own.margin=1", "flock.own.margin is no key of coupling transfer_entropy"),
         ("adaptation=late", "no key adaptation"),
         ("scenario.changes=[]", "no key scenario.changes"),
