@@ -28,9 +28,10 @@ from epuckhebb.controller.network import (
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.random import Stream, key
 from epuckhebb.runtime import ConfigError
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.maze import SIDES, Side
 from epuckhebb.tmaze.robot import OUTPUTS
-from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.session import Session
 from epuckhebb.tmaze.simulator import Simulator
 
 ID = "epuckhebb/TMaze-v0"

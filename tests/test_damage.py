@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from cases import call, done, refused
 
-from epuckhebb.adaptation.controller import Controller
 from epuckhebb.cli.output import json_text
 from epuckhebb.controller.plasticity.rule import Rule
+from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.session import LostRobotError
 
 SHORT = ["lifetime.duration_s=2", "threads=1", "-q"]

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from epuckhebb.adaptation.controller import GA, HEBBIAN
 from epuckhebb.analysis import findings, published, report, rescue
 from epuckhebb.analysis.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson, wilson_by_champion
 from epuckhebb.runtime.resources import data_folder
+from epuckhebb.tmaze.individual import GA, HEBBIAN
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,9 @@ from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
 from epuckhebb.controller.wirings.elman import Elman
 from epuckhebb.gym import ID, TMaze, evaluation_key, genome_from_policy, policy_from_genome
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.session import Session
 
 SHORT = ("lifetime.duration_s=5",)
 

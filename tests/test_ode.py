@@ -24,8 +24,9 @@ from epuckhebb.studies import leaderboard
 from epuckhebb.studies.champions import world_named
 from epuckhebb.tmaze import libode
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.session import Individual, LostRobotError, Session
+from epuckhebb.tmaze.session import LostRobotError, Session
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "runs" / "reference"

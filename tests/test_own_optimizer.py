@@ -17,10 +17,10 @@ from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.search import Search
 from epuckhebb.store.run import Run
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual
 
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parent / "examples" / "own_optimizer"

@@ -12,8 +12,8 @@ import yaml
 from cases import done, first_of
 
 import epuckhebb
-from epuckhebb.adaptation.controller import GA, HEBBIAN
 from epuckhebb.analysis import findings, reproduction, rescue
+from epuckhebb.tmaze.individual import GA, HEBBIAN
 from epuckhebb.tmaze.scenario import TRAINED
 
 ROOT = Path(__file__).parents[1]

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from epuckhebb.adaptation.controller import GA, HEBBIAN, Controller
 from epuckhebb.analysis import movie, replay
 from epuckhebb.analysis.evaluate import Traces, evaluate
 from epuckhebb.analysis.moments import Arrival, arrival, begins, timed_change_text
 from epuckhebb.controller.network import Network, initial_weights_of
 from epuckhebb.controller.plasticity.rules.paper import Paper
+from epuckhebb.tmaze.individual import GA, HEBBIAN, Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
 from epuckhebb.tmaze.robot import Robot

@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 from cases import done, first_of, refused
 
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.analysis import charts, reversal
 from epuckhebb.analysis.image import image
 from epuckhebb.controller.genome import plan_of
@@ -23,10 +22,10 @@ from epuckhebb.evolution.optimizer import initial
 from epuckhebb.store.genome import load_genome
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual
 from epuckhebb.tmaze.task import TRIAL
 from epuckhebb.tmaze.tasks.reversal import Reversal
 

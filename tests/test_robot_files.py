@@ -15,10 +15,10 @@ from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.fitness import avoid
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual
 
 CONF = Path(__file__).parents[1] / "conf" / "robot"
 FILES = sorted(CONF.glob("*.yaml"))

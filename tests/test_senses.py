@@ -16,6 +16,7 @@ from epuckhebb.controller import random
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.network import Network
 from epuckhebb.tmaze.batch import run_lifetimes
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp, irradiance, lights, reading
 from epuckhebb.tmaze.maze import T_MAZE, boxes
@@ -33,7 +34,6 @@ from epuckhebb.tmaze.sensors import (
     cast,
     put_rays,
 )
-from epuckhebb.tmaze.session import Individual
 
 WALLS, START = boxes(T_MAZE, 4), T_MAZE.start
 echo = EPUCK.distance.echo()

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from epuckhebb.adaptation.controller import Controller
 from epuckhebb.analysis import charts, figures, summary, tables
 from epuckhebb.analysis import evaluate as analysis
 from epuckhebb.analysis.evaluate import COLUMNS
@@ -12,6 +11,7 @@ from epuckhebb.analysis.image import image
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.plasticity.weight_change import saturated_fraction
 from epuckhebb.store import as_bytes
+from epuckhebb.tmaze.individual import Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.scenario import Scenario
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from cases import first_of
 
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.config.parts import part_class
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.genome import plan_of
@@ -18,9 +17,10 @@ from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.controller.wirings.ctrnn import CTRNN
 from epuckhebb.controller.wirings.elman import Elman
+from epuckhebb.tmaze.individual import GA_ALONE, Controller, Individual
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.session import Session
 
 LEARNING = Controller(name="Hebbian", rule=Paper(N=0.0005))
 

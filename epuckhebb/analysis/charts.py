@@ -16,10 +16,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.controller import CONTROLS, GA
 from epuckhebb.analysis import leaderboard, rescue
 from epuckhebb.analysis.figures import SIDE_COLOUR, plain, tidy
 from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
+from epuckhebb.tmaze.individual import CONTROLS, GA
 from epuckhebb.tmaze.robot import EPUCK, Robot
 from epuckhebb.tmaze.samples import Samples
 

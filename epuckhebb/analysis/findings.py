@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.controller import CONTROLS, GA, HEBBIAN
 from epuckhebb.analysis.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson, wilson_by_champion
+from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN
 from epuckhebb.tmaze.scenario import TRAINED
 
 CHANGED = {"light": ("lowlight",), "obstacles": ("2obstacles", "4obstacles")}

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from epuckhebb.adaptation.controller import CLASSES, GA
 from epuckhebb.analysis import findings, rescue
 from epuckhebb.analysis.statistics import bootstrap_mean, bootstrap_ratio, sign_flip, wilson
 from epuckhebb.analysis.tables import Table, code, pictures
 from epuckhebb.evolution.training import Training
+from epuckhebb.tmaze.individual import CLASSES, GA
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 from epuckhebb.tmaze.task import Task
 

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis.findings import PAPER_N
 from epuckhebb.analysis.tables import NEW_LINE, ROWS, Table
+from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.maze import SIDES
 
 CELL = ["scenario", "controller", "side"]

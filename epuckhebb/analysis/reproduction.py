@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.controller import CONTROLS, GA, HEBBIAN, Controller
 from epuckhebb.analysis import findings, published, rescue
 from epuckhebb.analysis.evaluate import evaluate
 from epuckhebb.analysis.findings import PAPER_N, RULE
@@ -18,6 +17,7 @@ from epuckhebb.analysis.tables import Table, code, pictures
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.individual import CONTROLS, GA, HEBBIAN, Controller
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import TRAINED, Scenario

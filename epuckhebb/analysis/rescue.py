@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from epuckhebb.adaptation.controller import HEBBIAN
 from epuckhebb.analysis.tables import Table, plain
+from epuckhebb.tmaze.individual import HEBBIAN
 from epuckhebb.tmaze.scenario import TRAINED
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ from typing import Any
 
 import pandas as pd
 
-from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis import findings, rescue
 from epuckhebb.analysis.evaluate import COLUMNS, MEANS
 from epuckhebb.analysis.lifetimes import is_of_plasticity
 from epuckhebb.analysis.statistics import bootstrap_mean, wilson
 from epuckhebb.analysis.tables import Table, code, plain
+from epuckhebb.tmaze.individual import GA
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import TRAINED
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from epuckhebb.adaptation.controller import GA
+from epuckhebb.tmaze.individual import GA
 
 ROWS: Mapping[str, str] = {
     "Success": "success",

@@ -18,7 +18,6 @@ from typing import Any
 from omegaconf import DictConfig, ListConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
-from epuckhebb.adaptation.controller import HEBBIAN
 from epuckhebb.config.build import scenario_from
 from epuckhebb.config.choices import BROUGHT, OURS, choice_names, choice_of, known_choice
 from epuckhebb.config.overrides import literal
@@ -30,6 +29,7 @@ from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime import ConfigError, path_of
+from epuckhebb.tmaze.individual import HEBBIAN
 from epuckhebb.tmaze.maze import T_MAZE
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.physics_engine import Physics

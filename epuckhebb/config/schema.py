@@ -15,13 +15,13 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import InterpolationKeyError, OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import Adaptation
-from epuckhebb.adaptation.controller import GA_ALONE
 from epuckhebb.config import build
-from epuckhebb.controller.wiring import LAYERS
+from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
 from epuckhebb.runtime import ConfigError, say_once
+from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
@@ -164,8 +164,8 @@ class EvaluateConfig(WorldConfig):
         for controller in self.controllers:
             build.check_signal(controller, self.world)
             build.check_task(controller, self.world.task)
-            build.check_stay(controller, self.lifetime)
-            build.check_homeostasis(controller.adaptation, self.shape)
+            wiring = self.shape if isinstance(self.shape, Wiring) else None
+            controller.adaptation.check(controller.rule, self.lifetime.duration_s, wiring)
 
 
 @dataclass(kw_only=True)

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis import charts
 from epuckhebb.analysis.figures import maze
 from epuckhebb.analysis.image import KINDS, MM, image
@@ -16,6 +15,7 @@ from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Run, load_genome, of_multirun, write_atomic
 from epuckhebb.studies import sweep
 from epuckhebb.studies.study import study_in
+from epuckhebb.tmaze.individual import GA
 
 _LEAST_SHARE, _MOST_MM = 0.5, 1000.0  # of a figure's own width, below which its letters overlap; of any figure
 

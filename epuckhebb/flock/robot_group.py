@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from epuckhebb.tmaze.individual import Individual
 from epuckhebb.tmaze.life import Group, Lifetime, life_of
 from epuckhebb.tmaze.lifetime import live_group
 from epuckhebb.tmaze.maze import Pose
@@ -19,7 +20,7 @@ from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.physics.pymunk import MOTION, PYMUNK, PymunkSpace
 from epuckhebb.tmaze.reachable import gap
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual, Session
+from epuckhebb.tmaze.session import Session
 from epuckhebb.tmaze.simulator import Simulator
 
 _SHARED = ("side", "controller", "network")  # of an individual: one lamp, one kernel and one rate for all

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.adaptation.nominal import REPEATS, Nominal, measure_nominal
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
@@ -41,6 +40,7 @@ from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, say, say
 from epuckhebb.store import Genome, RunFolder, check_wiring, digest, load_genome, traces_file
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.goal_signal import GoalSignal
+from epuckhebb.tmaze.individual import GA_ALONE, Controller
 from epuckhebb.tmaze.own_sensor import reading_names
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.robot import EPUCK, Robot
@@ -90,7 +90,7 @@ class PreparedEvaluation:
         """
         config, genome = self.config, self.genome
         adaptations = [controller.adaptation for controller in config.controllers]
-        if not any(one.needs_nominal for one in adaptations):
+        if not any(one.acts for one in adaptations):
             return None
         experiment, known = config.world.experiment, genome.nominal
         if known is not None and known.experiment != experiment:
@@ -112,7 +112,7 @@ class PreparedEvaluation:
         if key not in _measured:
             _measured[key] = measure_nominal(genome.network_genes, world, gain, threads, genome.network)
         nominal = _measured[key]
-        if "late" in {one.change_signal for one in adaptations} and np.isnan(nominal.time_to_goal_s).all():
+        if any(one.needs_arrival for one in adaptations) and np.isnan(nominal.time_to_goal_s).all():
             raise ConfigError(
                 f"adaptation.change_signal=late needs a time to the goal to remember, and genome={genome.name} reached "
                 f"neither goal in {nominal.scenario}; give a champion that does, or change_signal=novelty or shortfall"

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from epuckhebb.adaptation.controller import GA_ALONE
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.analysis.leaderboard import EVOLVED, PLAIN, POST_HOC, Row
 from epuckhebb.config import (
@@ -28,6 +27,7 @@ from epuckhebb.runtime import ConfigError
 from epuckhebb.studies.champions import evaluation_in, in_training_world, job_of, world_named
 from epuckhebb.studies.jobs import Job
 from epuckhebb.studies.methods import REVERSAL_TASK, Method
+from epuckhebb.tmaze.individual import GA_ALONE
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.scenario import TRAINED, Scenario

@@ -40,8 +40,8 @@ def rewarded(trials: NDArray[np.void]) -> NDArray[np.bool_]:
 class Hooks(NamedTuple):
     """The functions of a task that a lifetime calls.
 
-    reward_input(activation, reward): gives the network the reward, if it has an input for that. to_goal(trial, x, y):
-    distance to the goal [m]. end_step(life, space, trial): called after every step.
+    reward_input(activation, reward): gives the network the reward, if it has an input for that. to_goal(setup, x, y):
+    distance to the goal [m]. end_step(life, space, setup): called after every step.
     """
 
     reward_input: Callable[[Floats, float], None]
@@ -103,5 +103,5 @@ class Task(OwnClass):
 
 
 @compiled
-def _to_one_goal(trial: Any, x: float, y: float) -> float:
-    return distance_to(x, y, trial.goal_x, trial.goal_y)
+def _to_one_goal(setup: Any, x: float, y: float) -> float:
+    return distance_to(x, y, setup.goal_x, setup.goal_y)

@@ -189,21 +189,21 @@ def _steps(seconds: float) -> int:
     return math.floor(seconds / STEP_S + 1e-9)
 
 
-def _to_nearer_end(trial: Any, x: float, y: float) -> float:
+def _to_nearer_end(setup: Any, x: float, y: float) -> float:
     """Distance to the nearer end [m]: nothing but the reward may show which end is rewarded."""
-    left = distance_to(x, y, trial.terms.left.x, trial.terms.left.y)
-    right = distance_to(x, y, trial.terms.right.x, trial.terms.right.y)
+    left = distance_to(x, y, setup.terms.left.x, setup.terms.left.y)
+    right = distance_to(x, y, setup.terms.right.x, setup.terms.right.y)
     return min(left, right)
 
 
-def _end_step(life: Any, space: Handles, trial: Any) -> None:
+def _end_step(life: Any, space: Handles, setup: Any) -> None:
     """Give the reward if the robot is at an end, and begin the next trial when this one is over."""
-    tally, terms = life.tally[0], trial.terms
+    tally, terms = life.tally[0], setup.terms
     this = life.trials[tally.trial]
     elapsed = tally.step - tally.began
     if this.reached == 0:
         this.nearest = min(this.nearest, tally.goal_distance)
-        if tally.goal_distance < trial.goal_radius:
+        if tally.goal_distance < setup.goal_radius:
             x, y = space.state[0], space.state[1]
             on_left = distance_to(x, y, terms.left.x, terms.left.y) == tally.goal_distance
             this.reached = -1 if on_left else 1
