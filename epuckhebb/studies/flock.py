@@ -17,7 +17,8 @@ from epuckhebb.analysis import flock as tables
 from epuckhebb.analysis import flock_replay
 from epuckhebb.analysis.tables import Table
 from epuckhebb.config import Plain, check_counts, from_values, load, part_class, part_from, part_settings, register
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import check as check_ranges
+from epuckhebb.controller.ranges import within
 from epuckhebb.flock.coupling import Coupling, CouplingError
 from epuckhebb.flock.couplings.frozen import Frozen
 from epuckhebb.flock.couplings.oracle import Oracle
@@ -69,7 +70,10 @@ class Sweep:
     loudness: list[float] = field(default_factory=list)
     knowers: list[int] = field(default_factory=list)
     range_m: list[float] = field(default_factory=list)
-    repeats: int = 20
+    repeats: int = within(1, default=20)
+
+    def __post_init__(self) -> None:
+        check_ranges(self, "flock.sweep")
 
 
 @dataclass(kw_only=True)
@@ -226,7 +230,6 @@ def _rows(keys: FlockKeys) -> list[Row]:
 
 def _conditions(keys: FlockKeys, repeats: int) -> list[Condition]:
     """The conditions of the sweep, the usual one first."""
-    check_range(keys.sweep, "flock.sweep", "repeats", least=1)
     names = [keys.breaks] if isinstance(keys.breaks, str) else keys.breaks
     if not isinstance(names, list) or not names or len(set(map(str, names))) < len(names):
         raise ValueError(f"flock.breaks must be none, stranger, knower, or a list of different ones, got {keys.breaks}")
