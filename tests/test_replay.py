@@ -231,7 +231,7 @@ RAYS = Robot(
     sensors=(
         LightSensors(places=(Sensor(0.03, 0.0, 0.0),)),
         DistanceSensors(
-            places=tuple(Sensor(0.0, 0.0, 15.0 * number) for number in range(24)), reach_m=0.2, stretch=0.5
+            places=tuple(Sensor(0.0, 0.0, 15.0 * number) for number in range(24)), reach_m=0.14, stretch=0.5
         ),
     ),
 )

@@ -20,7 +20,7 @@ from epuckhebb.adaptation.wall_following import wall_following
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.random import noise_workspace_size
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.tmaze.fitness import Signal
 from epuckhebb.tmaze.goal_signal import initial_signal
@@ -66,13 +66,13 @@ class Adaptation(NoAdaptation):
     """
 
     change_signal: str = NONE
-    threshold: float = 0.0
-    slope: float = math.inf
-    active_s: float = 0.0
-    rest_s: float = 0.0
-    start_by_s: float = math.inf
+    threshold: float = within(-math.inf, default=0.0)
+    slope: float = within(0, above=True, default=math.inf)
+    active_s: float = within(0, default=0.0)
+    rest_s: float = within(0, default=0.0)
+    start_by_s: float = within(0, above=True, default=math.inf)
     exploration: Exploration = Exploration.motor_noise
-    motor_noise: float = 0.0
+    motor_noise: float = within(0, default=0.0)
     plastic_when: PlasticWhen = PlasticWhen.late
     stay: Stay = Stay.none
     homeostasis: bool = False
@@ -83,11 +83,7 @@ class Adaptation(NoAdaptation):
             raise ValueError(
                 f"adaptation.change_signal must be one of {', '.join(allowed)}, got {self.change_signal!r}"
             )
-        check_range(self, "adaptation", "active_s", "rest_s", "motor_noise")
-        if not math.isfinite(self.threshold):
-            raise ValueError(f"adaptation.threshold must be a finite number, got {self.threshold}")
-        if not self.slope > 0:
-            raise ValueError(f"adaptation.slope must be more than 0, inf for at once, got {self.slope}")
+        check(self, "adaptation")
         if self.rest_s > 0 and self.active_s == 0:
             raise ValueError(
                 f"adaptation.rest_s = {self.rest_s:g} needs adaptation.active_s above 0: rests follow active times"
@@ -102,8 +98,6 @@ class Adaptation(NoAdaptation):
                 "adaptation.exploration=both needs adaptation.motor_noise above 0, the motor noise while the robot "
                 "follows a wall"
             )
-        if not self.start_by_s > 0:
-            raise ValueError(f"adaptation.start_by_s must be more than 0, inf for never, got {self.start_by_s}")
         if self.stay is Stay.learn and self.plastic_when is not PlasticWhen.goal_signal:
             raise ValueError(
                 "adaptation.stay=learn is learnt at the goal: give adaptation.plastic_when=goal_signal, not "

@@ -77,13 +77,15 @@ def resolve_names(
             cfg.training.name += " changed"
         if cfg.get("compare"):
             cfg.compare = dict(_compared(str(name), given, folders) for name, given in cfg.compare.items())
-        _own_code(cfg)
-        _own_rule(cfg, chosen.get("hebbian", ""), folders)
-        if cfg.scenario.get("hand") is not None:
-            cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
         try:
+            _own_code(cfg)
+            _own_rule(cfg, chosen.get("hebbian", ""), folders)
+            if cfg.scenario.get("hand") is not None:
+                cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
             cfg.changed = literal(_changes(cfg, chosen, folders, for_name=for_name))
             cfg.change = {}  # they are in the scenario, and in its name
+        except ConfigError:
+            raise
         except (ValueError, OmegaConfBaseException) as error:
             raise ConfigError(said(error)) from error
     return cfg

@@ -16,7 +16,7 @@ from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.weight_change import weight_change_workspace
 from epuckhebb.controller.random import noise_workspace_size
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import check, within
 from epuckhebb.controller.wiring import NO_NEURONS, Neurons
 from epuckhebb.tmaze.faults import Faults, initial_past
 from epuckhebb.tmaze.fitness import History
@@ -83,24 +83,13 @@ class Lifetime:
     noise, 0 for none, other values scale it. record_every: steps between two recorded samples, 0 to record nothing.
     """
 
-    duration_s: float = 250.0
-    gain_rad_s: float = 1.0
-    noise: float = 1.0
-    record_every: int = 0
+    duration_s: float = within(STEP_S, _LONGEST_S, default=250.0)
+    gain_rad_s: float = within(0, above=True, default=1.0)
+    noise: float = within(0, default=1.0)
+    record_every: int = within(0, _LONGEST_S / STEP_S, default=0)
 
     def __post_init__(self) -> None:
-        if not STEP_S <= self.duration_s <= _LONGEST_S:
-            raise ValueError(
-                f"lifetime.duration_s must be at least one step, {STEP_S} s, and at most {_LONGEST_S:g} s, "
-                f"got {self.duration_s}"
-            )
-        check_range(self, "lifetime", "gain_rad_s", above=True)
-        check_range(self, "lifetime", "noise")
-        if not 0 <= self.record_every <= _LONGEST_S / STEP_S:
-            raise ValueError(
-                f"lifetime.record_every must be 0 or more, and at most the steps of {_LONGEST_S:g} s, "
-                f"got {self.record_every}"
-            )
+        check(self, "lifetime")
         if self.record_every and self.steps / self.record_every > _MOST_SAMPLES:  # a slip of the unit fills the memory
             raise ValueError(
                 f"lifetime.record_every={self.record_every} would record more than {_MOST_SAMPLES:,} samples of "

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.random import Stream, rng
-from epuckhebb.controller.ranges import check_range
+from epuckhebb.controller.ranges import Range, check_value, within
 from epuckhebb.tmaze.fitness import distance_to
 from epuckhebb.tmaze.maze import Place, Pose, Side
 from epuckhebb.tmaze.physics.pymunk import Handles, put_back
@@ -64,29 +64,20 @@ class Reversal(Task):
     inputs: ClassVar[tuple[InputGroup, ...]] = (RewardInput(),)
     has_trials: ClassVar[bool] = True
 
-    trials: int = 10
+    trials: int = within(2, 1000, default=10)
     first_switch: int = 2
     last_switch: int = 8
-    never: float = 0.125
-    reward_s: float = 1.0
-    time_out_s: float = 30.0
-    time_outs: int = 2
-    end_bonus: float = 0.1
-    progress_bonus: float = 0.1
+    never: float = within(0, 1, default=0.125)
+    reward_s: float = within(STEP_S, default=1.0)
+    time_out_s: float = within(STEP_S, default=30.0)
+    time_outs: int = within(1, default=2)
+    end_bonus: float = within(0, default=0.1)
+    progress_bonus: float = within(0, default=0.1)
 
     def __post_init__(self) -> None:
-        if not 2 <= self.trials <= 1000:
-            raise ValueError(f"task.trials must lie between 2 and 1000, got {self.trials}")
-        if not 2 <= self.first_switch <= self.last_switch <= self.trials:
-            raise ValueError(
-                "task.first_switch and task.last_switch must be trials from 2 to task.trials "
-                f"({self.trials}), the first not after the last, got {self.first_switch} and "
-                f"{self.last_switch}"
-            )
-        check_range(self, "task", "never", most=1)
-        check_range(self, "task", "reward_s", "time_out_s", least=STEP_S)
-        check_range(self, "task", "time_outs", least=1)
-        check_range(self, "task", "end_bonus", "progress_bonus")
+        super().__post_init__()
+        check_value("task.last_switch", self.last_switch, Range(2, self.trials))
+        check_value("task.first_switch", self.first_switch, Range(2, self.last_switch))
 
     @property
     def longest_s(self) -> float:
@@ -149,6 +140,14 @@ class Reversal(Task):
         """The probability of each trial that the rewarded end changes there; 0: never."""
         likely = range(self.first_switch, self.last_switch + 1)
         return {0: self.never, **dict.fromkeys(likely, (1 - self.never) / len(likely))}
+
+    def limits(self) -> dict[str, float]:
+        """See `Task`.
+
+        Lifetimes come in pairs: one with each end rewarded first, and the switch at the same trial. A fixed sequence of
+        choices is therefore right in one lifetime wherever it is wrong in the other.
+        """
+        return {"chance": 0.5, "optimum": self.optimum()}
 
     def optimum(self) -> float:
         """The largest possible share of rewarded trials, on average over lifetimes.
