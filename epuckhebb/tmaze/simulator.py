@@ -23,9 +23,8 @@ from epuckhebb.tmaze.life import Lifetime, Workspace, workspace_for
 from epuckhebb.tmaze.lifetime import live
 from epuckhebb.tmaze.lifetime_kernel import kernel_of
 from epuckhebb.tmaze.light import lights
-from epuckhebb.tmaze.maze import Pose, Region, Side, added
+from epuckhebb.tmaze.maze import Pose, Region, Side
 from epuckhebb.tmaze.physics_engine import Space
-from epuckhebb.tmaze.reachable import gap
 from epuckhebb.tmaze.samples import Samples, empty_samples
 from epuckhebb.tmaze.scenario import Scenario
 
@@ -40,11 +39,6 @@ class Phase(NamedTuple):
     space: Space
     walls: Floats
     faults: Faults
-
-    def is_blocked(self, space: Space) -> bool:
-        """Whether the robot of another space stands where this phase has new walls."""
-        x, y = space.handles.state[:2].tolist()
-        return gap(x, y, added(space.handles.walls, self.walls)) < self.scenario.robot.radius_m
 
 
 class Kind(NamedTuple):
@@ -103,25 +97,13 @@ class Simulator:
     def kind_of(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
         """What individuals with this controller and network share. more_faults: whether their kernel has these."""
         place = (id(controller), id(network), more_faults)
-        if place not in self._kinds:
-            self._kinds[place] = self._kind(controller, network, more_faults)
-        return self._kinds[place]
-
-    def kernel(self, page: Callable[..., None], controller: Controller, network: Network, more_faults: bool) -> Any:
-        """A function of `lifetime.py`, compiled for such individuals in this world."""
-        world, rule = self.world, self._compiled_for(controller)
-        choice = page, more_faults, world.task, world.fitness, world.physics
-        return kernel_of(rule, controller.adaptation, network, world.robot, *choice)
-
-    def _compiled_for(self, controller: Controller) -> type[Rule]:
-        return self._fallback_rule if controller.is_ga_alone else type(controller.rule)
-
-    def _kind(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
+        if place in self._kinds:
+            return self._kinds[place]
         rule, adaptation, robot = controller.rule, controller.adaptation, self.world.robot
         compiled_for = self._compiled_for(controller)
         own = compiled_for is type(rule)
         kernel = self.kernel(live, controller, network, more_faults)
-        return Kind(
+        self._kinds[place] = kind = Kind(
             live=kernel,
             usual=SameTypes(kernel),
             setup={
@@ -139,6 +121,16 @@ class Simulator:
             workspace=workspace_for(network, robot, self.world.physics),
             no_samples=empty_samples(0, network, self.world.physics),
         )
+        return kind
+
+    def kernel(self, page: Callable[..., None], controller: Controller, network: Network, more_faults: bool) -> Any:
+        """A function of `lifetime.py`, compiled for such individuals in this world."""
+        world, rule = self.world, self._compiled_for(controller)
+        choice = page, more_faults, world.task, world.fitness, world.physics
+        return kernel_of(rule, controller.adaptation, network, world.robot, *choice)
+
+    def _compiled_for(self, controller: Controller) -> type[Rule]:
+        return self._fallback_rule if controller.is_ga_alone else type(controller.rule)
 
 
 def have_more_faults(phases: list[Phase]) -> bool:
