@@ -50,11 +50,6 @@ def empty_samples(count: int, network: Network, physics: Physics = PYMUNK) -> Sa
         rate=numbers(),
         weight_change=numbers(),
         weights=np.zeros((count, network.synapses), np.float32),
-        activations=np.zeros((count, recorded_neurons(network)), np.float32),
+        activations=np.zeros((count, sum(network.layers[1:]) if network.wiring else 0), np.float32),
         tilt=numbers(physics.tilts),
     )
-
-
-def recorded_neurons(network: Network) -> int:
-    """How many activations are recorded: all neurons of a wiring, none of layers."""
-    return 0 if network.wiring is None else sum(network.layers[1:])
