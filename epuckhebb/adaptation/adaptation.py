@@ -179,9 +179,9 @@ class Adaptation(NoAdaptation):
                 "of the paper's live fitness; give another signal, or another adaptation"
             )
 
-    def numbers(self) -> "Gate":
+    def numbers(self) -> Any:
         """See `NoAdaptation`."""
-        return Gate(*(float(getattr(self, name)) for name in Gate._fields))
+        return Gate(*(float(getattr(self, name)) for name in Gate._fields)) if self.acts else ()
 
     def hooks(self, robot: Robot, post: int) -> Hooks:
         """See `NoAdaptation`."""
