@@ -36,6 +36,7 @@ BODIES = {
     "task": ("Task", "", ""),
     "optimizer": ("Optimizer", SEARCHES, "def tell(self, fitness): pass"),
     "coupling": ("Coupling", "", "def drive(self, now): return now.weights"),
+    "change signal": ("ChangeSignal", "", "signal = staticmethod(lambda away_s: away_s)"),
 }
 METHODS = [kind for kind, (*_, method) in BODIES.items() if method]
 ARGUMENTS = [kind for kind in METHODS if kind != "coupling"]  # whose method may have some arguments of many

@@ -72,7 +72,8 @@ def resolve_names(
                 cfg[group].name = chosen.get(group, "")
         added = cfg.get("adaptation")
         if added and added.name == NONE and (added.change_signal != NONE or added.homeostasis):
-            cfg.adaptation.name = chosen.get("adaptation", NONE)
+            _, is_own, kind = str(added.change_signal).rpartition(":")
+            cfg.adaptation.name = kind.lower() if is_own else chosen.get("adaptation", NONE)
         if "training" in cfg and _is_changed(cfg.training, chosen.get("training", ""), folders):
             cfg.training.name += " changed"
         if cfg.get("compare"):
