@@ -146,14 +146,12 @@ def older(here):
         ["export", "run", "--webots"],
         ["evolve", "resume=evolution"],
         [*SWEEP, "hydra.sweep.dir=study"],
-        ["reproduce", "--quick"],
+        ["reproduce", "--quick", "hydra.sweep.dir=study"],
         ["leaderboard", "--quick", "hydra.sweep.dir=study"],
         ["evaluate", "-m", "seed=1,2", *SMALL, "hydra.sweep.dir=many"],
     ],
 )
-def test_a_folder_of_an_earlier_version_is_refused_in_one_message_and_left_as_it_is(older, words, monkeypatch):
-    if words[0] == "reproduce":
-        monkeypatch.setattr("epuckhebb.studies.reproduce._folder", lambda *_: Path("study"))
+def test_a_folder_of_an_earlier_version_is_refused_in_one_message_and_left_as_it_is(older, words):
     before = contents(older)
     told = refused(*words)
     assert "was made by epuckhebb 0.0.9" in told

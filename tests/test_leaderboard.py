@@ -13,15 +13,15 @@ from cases import call, described_columns, done, first_of, refused
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.cli import completion
 from epuckhebb.config import compose
-from epuckhebb.config.methods import methods_named
 from epuckhebb.config.schema import EvolveConfig, typed
 from epuckhebb.evolution.training import UNVARIED, Training
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
 from epuckhebb.studies import champions as champion_jobs
-from epuckhebb.studies import leaderboard_jobs, leaderboard_plan
-from epuckhebb.studies.leaderboard_plan import in_reversal
+from epuckhebb.studies import leaderboard, leaderboard_jobs
+from epuckhebb.studies.leaderboard import in_reversal
+from epuckhebb.studies.methods import methods_named
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 from epuckhebb.tmaze.tasks.reversal import Reversal
 
@@ -90,14 +90,14 @@ def test_it_leaves_tables_a_figure_and_a_page(made):
     folder, result = made
     assert "paper_over" in result.stdout
     names = {file.name for file in folder.iterdir()}
-    assert {"leaderboard.csv", "leaderboard.md", "champions.csv", "worlds.csv", "cost.csv", "report.md"} <= names
+    assert {"leaderboard.csv", "champions.csv", "worlds.csv", "cost.csv", "report.md"} <= names
     for table in folder.glob("*.csv"):
         assert list(pd.read_csv(table, nrows=0)) == described_columns(table.name)
     assert (folder / "figures" / "leaderboard.png").read_bytes().startswith(b"\x89PNG")
     page = (folder / "report.html").read_text()
     assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
     assert page.count('src="data:image/png;base64,') == 1
-    assert "<title>epuckhebb: leaderboard</title>" in page
+    assert "<title>epuckhebb: Leaderboard</title>" in page
 
 
 def test_a_method_brings_what_it_is_compared_with(made):
@@ -170,11 +170,11 @@ def short(monkeypatch):
     """Lives of the task have two short trials, and four of them evolve."""
     lives = {"trials": 2, "first_switch": 2, "last_switch": 2, "reward_s": 0.1, "time_out_s": 1.0}
     task = {"task": "reversal"} | {f"task.{key}": value for key, value in lives.items()}
-    for module in (leaderboard_jobs, leaderboard_plan):
+    for module in (leaderboard_jobs, leaderboard):
         monkeypatch.setattr(module, "REVERSAL_TASK", task)
     evolution = {"population": 4, "generations": 2, "elites": 1, "loops": 1}
     monkeypatch.setattr(
-        leaderboard_plan, "_REVERSAL_GA", {"ga": "reversal"} | {f"ga.{key}": value for key, value in evolution.items()}
+        leaderboard, "_REVERSAL_GA", {"ga": "reversal"} | {f"ga.{key}": value for key, value in evolution.items()}
     )
 
 
@@ -223,7 +223,7 @@ def test_the_share_of_a_learner_by_hand():
 @pytest.mark.parametrize("methods", first_of(["late", "ga_varied,late"]))
 def test_what_has_no_place_in_reversal_learning_is_refused(methods, here):
     with pytest.raises(ConfigError, match="none has a place in reversal learning"):
-        leaderboard_plan.plan("reversal", [f"methods={methods}"])
+        leaderboard.plan("reversal", [f"methods={methods}"])
     assert list(here.iterdir()) == []
 
 
@@ -248,25 +248,25 @@ def test_the_tab_key_offers_methods():
 
 @pytest.mark.thorough
 def test_every_method_of_the_program_can_be_planned_and_says_what_it_is(here):
-    planned = leaderboard_plan.plan("obstacles", ["champions=1"])
-    methods = [entry.method for entry in planned.entries]
+    planned = leaderboard.plan("obstacles", ["champions=1"])
+    methods = [entry.method for entry in planned.study.entries]
     assert sorted(method.name for method in methods) == groups("leaderboard")["method"]
     assert all(method.description for method in methods)
-    kinds = {entry.method.name: entry.row.kind for entry in planned.entries}
+    kinds = {entry.method.name: entry.row.kind for entry in planned.study.entries}
     assert (kinds["ga"], kinds["evolve_and_merge"], kinds["late"]) == ("plain", "evolved", "post_hoc")
-    controls = {entry.method.name: entry.row.matched_control for entry in planned.entries}
+    controls = {entry.method.name: entry.row.matched_control for entry in planned.study.entries}
     assert (kinds["ctrnn"], controls["ctrnn"], controls["elman"]) == ("plain", "ga", "ga")
-    assert len(planned.tests["obstacles"]) == 8 + 29
+    assert len(planned.study.worlds["obstacles"]) == 8 + 29
     assert len({job.run for job in planned.jobs}) == len(planned.jobs)
     assert list(here.iterdir()) == []
 
 
 def test_champions_are_tested_with_the_network_that_they_evolved_with(conf, here):
     words = ["tests=[few]", "champions=1", "methods=oja_on_wired"]
-    planned = leaderboard_plan.plan("obstacles", words, config_dir=str(conf))
-    names = [entry.method.name for entry in planned.entries]
+    planned = leaderboard.plan("obstacles", words, config_dir=str(conf))
+    names = [entry.method.name for entry in planned.study.entries]
     assert names == ["tiny", "wired", "oja_on_wired"]
-    networks = [[job.config["config"]["network"] for job in entry.tests.values()] for entry in planned.entries]
+    networks = [[job.config["config"]["network"] for job in entry.tests.values()] for entry in planned.study.entries]
     assert networks == [[{"wiring": "mlp", "layers": None}], *([{"wiring": "elman", "hidden": 8}],) * 2]
     assert list(here.iterdir()) == []
 
@@ -413,6 +413,6 @@ def test_a_mistake_gets_one_message_and_leaves_nothing(mistake, conf, here):
 
 
 def test_several_experiments_stand_in_one_table():
-    planned = leaderboard_plan.plan("obstacles,light", ["methods=ga", "champions=2"])
-    assert [entry.row.experiment for entry in planned.entries] == ["light", "obstacles"]
-    assert planned.folder == leaderboard_plan.plan("light", ["methods=ga", "champions=2"]).folder
+    planned = leaderboard.plan("obstacles,light", ["methods=ga", "champions=2"])
+    assert [entry.row.experiment for entry in planned.study.entries] == ["light", "obstacles"]
+    assert planned.folder == leaderboard.plan("light", ["methods=ga", "champions=2"]).folder

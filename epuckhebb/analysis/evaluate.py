@@ -53,6 +53,14 @@ class Traces:
     samples: Samples
     trials: Rows = field(default_factory=list)
 
+    def lifetimes_of(self, controller: str) -> dict[str, Samples]:
+        """The samples of the lifetimes of a controller by side."""
+        return {
+            side: Samples(*(array[k] for array in self.samples))
+            for k, (name, side) in enumerate(zip(self.controller, self.side, strict=True))
+            if name == controller
+        }
+
 
 def evaluate(
     genes: NDArray[np.float64],

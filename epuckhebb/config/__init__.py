@@ -15,9 +15,7 @@ from epuckhebb.config.build import (
     with_controls,
 )
 from epuckhebb.config.compose import combinations, load, swept_values
-from epuckhebb.config.flock import Row, shorter
 from epuckhebb.config.keys import Group, Key, all_groups, group_named
-from epuckhebb.config.methods import ALL, REVERSAL_TASK, Method, methods_named, typed_as
 from epuckhebb.config.names import brings_physics, training_world, usual_physics, world_of
 from epuckhebb.config.overrides import (
     SWEEP_DIR,
@@ -25,25 +23,33 @@ from epuckhebb.config.overrides import (
     check_config_dir,
     overrides_of,
     quoted,
+    typed_as,
     value_of,
     value_text,
+    values_of,
     with_names_compared,
 )
-from epuckhebb.config.parts import KINDS, part_from, part_names
-from epuckhebb.config.plugins import OWN_CODE, OwnFile, own_files, own_references, own_sources
+from epuckhebb.config.parts import KINDS, part_class, part_from, part_names
+from epuckhebb.config.plugins import (
+    OWN_CODE,
+    OwnFile,
+    class_named,
+    own_files,
+    own_references,
+    own_sources,
+)
 from epuckhebb.config.schema import (
     SCHEMAS,
     Checked,
     Config,
     EvaluateConfig,
     EvolveConfig,
-    FlockConfig,
-    LeaderboardConfig,
     Plain,
-    ReproduceConfig,
     dump,
+    register,
     say_unusual,
 )
 from epuckhebb.config.stored import from_values, without_own_code
+from epuckhebb.config.values import part_settings
 from epuckhebb.config.words import check_words, explain
 from epuckhebb.config.yaml_file import load as settings

@@ -10,7 +10,6 @@ from typing import Any
 
 import yaml
 
-from epuckhebb.config.methods import Method
 from epuckhebb.config.parts import NONE, part_class
 from epuckhebb.config.schema import SCHEMAS
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean
@@ -98,7 +97,7 @@ def _of_rows(name: str) -> Iterator[tuple[str, list[Key]]]:
     text = _text(conf.table_file(name))
     root: Any = yaml.compose(text, Loader=yaml.SafeLoader)
     for row, settings in root.value:
-        keys = _below(settings, f"{name}.", Method, text.splitlines(), deep=True) if name == "method" else ()
+        keys = _below(settings, f"{name}.", None, text.splitlines(), deep=True) if name == "method" else ()
         yield row.value, list(keys)
 
 

@@ -46,7 +46,6 @@ from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.robot import EPUCK, Robot
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 from epuckhebb.tmaze.session import LostRobotError
-from epuckhebb.tmaze.tasks.reversal import Reversal
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
 if TYPE_CHECKING:
@@ -297,8 +296,8 @@ def evaluate_into(
             run.write(hand.NAME, hand.content(config.scenario.hand))
         metrics, traces = prepared.run(nominal, threads)
         recorded, figures = bool(config.lifetime.record_every), dict[str, tuple[Any, ...]]()
-        if isinstance(config.world.task, Reversal):
-            figures["reversal"] = config, genome.name, *_write_reversal(run, config, config.world.task, metrics, traces)
+        if config.world.task.has_trials:
+            figures["reversal"] = config, genome.name, *_write_trials(run, config, metrics, traces)
         else:
             run.write("metrics.csv", metrics)
             table, below = tables.paper_table(metrics), [*map(tables.plain, notes), tables.saturation(metrics)]
@@ -328,20 +327,20 @@ def evaluate_into(
             raise JobFailedError(f"{left_behind()}: {type(error).__name__}: {error}") from error
 
 
-def _write_reversal(
-    run: RunFolder, config: EvaluateConfig, task: Reversal, rows: Rows, traces: Traces
+def _write_trials(
+    run: RunFolder, config: EvaluateConfig, rows: Rows, traces: Traces
 ) -> "tuple[pd.DataFrame, pd.DataFrame]":
-    """Write the tables of reversal learning. Returns the rewarded shares, and every trial."""
+    """Write the tables of lifetimes of many trials. Returns the rewarded shares, and every trial."""
     import pandas as pd
 
     from epuckhebb.analysis import reversal
 
     metrics, trials = pd.DataFrame(rows), pd.DataFrame(traces.trials)
-    shares = reversal.table(metrics, trials, task, config.seed)
+    shares = reversal.table(metrics, trials, config.world.task, config.seed)
     run.write("metrics.csv", metrics)
     run.write("reversal_trials.csv", trials)
     run.write("reversal.csv", shares)
-    run.write("reversal.md", reversal.to_markdown(shares))
+    run.write("reversal.md", reversal.readable(shares).markdown())
     return shares, trials
 
 

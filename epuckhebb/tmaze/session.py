@@ -44,7 +44,7 @@ from epuckhebb.tmaze.own_sensor import Sensor, own_sensors
 from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.samples import empty_samples
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.simulator import Kind, Phase, Simulator, have_more_faults, world_setup
+from epuckhebb.tmaze.simulator import Kind, Phase, Simulator, world_setup
 
 
 class LostRobotError(ArithmeticError):
@@ -140,7 +140,15 @@ class Session:
         last = min(first + count, self.lifetime.steps)
         while (now := self.steps) < last and not self._has_ended():
             self._enter_due()
-            self._run(min(last, self._phases[0].step) if self._phases else last)
+            phase, until = self._phase, min(last, self._phases[0].step) if self._phases else last
+            while self._space is not phase.space and self.steps < until and not self._has_ended():
+                self._move_to_new_walls()
+                if self._space is not phase.space:
+                    self._live(self.steps + 1)  # the new walls wait until the robot has left
+            if not self._has_ended():
+                self._live(until)
+            if self._has_ended() and self._record_every:
+                pad_samples(self.samples, self.life, self.world.robot, self._record_every, self._space.handles.state)
         return now - first
 
     def change(self, world: Scenario) -> None:
@@ -156,7 +164,7 @@ class Session:
                     f"a world may change during a lifetime, its {kind} may not: got {new.name} for {old.name}"
                 )
         self._phases = self._simulator.phases_of(world, self.steps, self._phase)
-        who, self._more_faults = self.individual, have_more_faults(self._phases)
+        who, self._more_faults = self.individual, any(phase.faults.more for phase in self._phases)
         now = self._simulator.kind_of(who.controller, who.network, self._more_faults)
         if now.live is not self._kind.live:
             # A kernel without delays has kept no readings: those before count as the last.
@@ -222,18 +230,6 @@ class Session:
             record_every=self._record_every,
             samples=self.samples,
         )
-
-    def _run(self, until: int) -> None:
-        """Run the steps of one phase."""
-        phase = self._phase
-        while self._space is not phase.space and self.steps < until and not self._has_ended():
-            self._move_to_new_walls()
-            if self._space is not phase.space:
-                self._live(self.steps + 1)  # the new walls wait until the robot has left
-        if not self._has_ended():
-            self._live(until)
-        if self._has_ended() and self._record_every:
-            pad_samples(self.samples, self.life, self.world.robot, self._record_every, self._space.handles.state)
 
     def _live(self, until: int) -> None:
         live = self._kind.usual.call if self._is_usual else self._kind.live

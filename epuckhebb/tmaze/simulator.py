@@ -12,8 +12,9 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import SameTypes
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
+from epuckhebb.controller.own_class import stored
 from epuckhebb.controller.plasticity.control import Sign, signs
-from epuckhebb.controller.plasticity.rule import Rule, initial_synapse_state
+from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.changes import AT_ONCE
 from epuckhebb.tmaze.faults import Faults, faults_of
@@ -80,7 +81,7 @@ class Simulator:
             )
         self.world, self.lifetime, self._fallback_rule = world, lifetime, fallback_rule
         self.phases = self.phases_of(world)
-        self.more_faults = have_more_faults(self.phases)
+        self.more_faults = any(phase.faults.more for phase in self.phases)
         self._kinds: dict[tuple[int, int, bool], Kind] = {}
 
     def phases_of(self, world: Scenario, since: int = 0, before: Phase | None = None) -> list[Phase]:
@@ -100,32 +101,27 @@ class Simulator:
             phases.append(Phase(step, replace(now, **AT_ONCE) if has_begun else now, space, walls, faults_of(now)))
         return phases
 
-    def kind_of(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
-        """What individuals with this controller and network share. more_faults: whether their kernel has these."""
-        place = (id(controller), id(network), more_faults)
-        if place not in self._kinds:
-            self._kinds[place] = self._kind(controller, network, more_faults)
-        return self._kinds[place]
-
     def kernel(self, page: Callable[..., None], controller: Controller, network: Network, more_faults: bool) -> Any:
         """A function of `lifetime.py`, compiled for such individuals in this world."""
-        world, rule = self.world, self._compiled_for(controller)
+        world, rule = self.world, self._fallback_rule if controller.is_ga_alone else type(controller.rule)
         choice = page, more_faults, world.task, world.fitness, world.physics
         return kernel_of(rule, controller.adaptation, network, world.robot, *choice)
 
-    def _compiled_for(self, controller: Controller) -> type[Rule]:
-        return self._fallback_rule if controller.is_ga_alone else type(controller.rule)
-
-    def _kind(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
+    def kind_of(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
+        """What individuals with this controller and network share. more_faults: whether their kernel has these."""
+        place = (id(controller), id(network), more_faults)
+        if place in self._kinds:
+            return self._kinds[place]
         rule, adaptation, robot = controller.rule, controller.adaptation, self.world.robot
-        compiled_for = self._compiled_for(controller)
+        compiled_for = self._fallback_rule if controller.is_ga_alone else type(rule)
         own = compiled_for is type(rule)
+        factor = self.lifetime.gain_rad_s / rule.N_gain_rad_s if rule.N_gain_rad_s else 1.0
         kernel = self.kernel(live, controller, network, more_faults)
-        return Kind(
+        self._kinds[place] = kind = Kind(
             live=kernel,
             usual=SameTypes(kernel),
             setup={
-                "rate": float(rule.N) * rule.gain_factor(self.lifetime.gain_rad_s) if own else 0.0,
+                "rate": float(rule.N) * factor if own else 0.0,
                 "floor": float(rule.floor),
                 "signal": signal_number(rule),
                 "history": initial_history(rule),
@@ -134,16 +130,12 @@ class Simulator:
                 "nominal": adaptation.no_nominal(robot),
             },
             plan=plan_of(network, type(rule)),
-            synapse_state=initial_synapse_state(compiled_for, network),
+            synapse_state=stored(compiled_for.synapse_state, network.synapses),
             signs=None if rule.sign is Sign.shuffled else signs(rule.sign, network.synapses),
             workspace=workspace_for(network, robot, self.world.physics),
             no_samples=empty_samples(0, network, self.world.physics),
         )
-
-
-def have_more_faults(phases: list[Phase]) -> bool:
-    """Whether one of these phases has other faults than dead sensors and weak wheels."""
-    return any(phase.faults.more for phase in phases)
+        return kind
 
 
 def world_setup(world: Scenario, side: Side, start: Pose, faults: Faults) -> dict[str, Any]:

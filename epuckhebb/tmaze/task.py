@@ -66,6 +66,10 @@ class Task(OwnClass):
         """Whether the last input of the network is a reward."""
         return RewardInput() in self.inputs
 
+    def limits(self) -> dict[str, float]:
+        """Shares of rewarded trials to compare with, by name: without learning, and the best; none for one trial."""
+        return {}
+
     def check_lamp(self, intensity: float) -> None:
         """Check that the task allows a lamp of this intensity; else a ValueError."""
 

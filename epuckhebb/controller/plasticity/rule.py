@@ -6,12 +6,11 @@ from enum import Enum
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import OwnClass, arguments, name_of, stored
+from epuckhebb.controller.own_class import OwnClass, arguments, name_of
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.ranges import within
 from epuckhebb.controller.wiring import LAYERS
@@ -127,10 +126,6 @@ class Rule(OwnClass):
         """
         return parameters
 
-    def gain_factor(self, gain_rad_s: float) -> float:
-        """The factor on N at a wheel gain [rad/s]."""
-        return gain_rad_s / self.N_gain_rad_s if self.N_gain_rad_s else 1.0
-
     @classmethod
     def arguments(cls) -> tuple[str, ...]:
         """The names of the arguments of `synapse`, in its order; a ValueError if one is unknown."""
@@ -180,11 +175,6 @@ def values_of(rule: type[Rule], network: Network, genes: Mapping[str, Floats]) -
         if evolved.value is not None:
             values[name] = evolved.value(genes[name])
     return values
-
-
-def initial_synapse_state(rule: type[Rule], network: Network) -> NDArray[np.void]:
-    """The initial state of the synapses, (synapses,) records with a field for each name."""
-    return stored(rule.synapse_state, network.synapses)
 
 
 def evolved_sizes(rule: type[Rule], network: Network) -> dict[str, int]:

@@ -141,6 +141,14 @@ class Reversal(Task):
         likely = range(self.first_switch, self.last_switch + 1)
         return {0: self.never, **dict.fromkeys(likely, (1 - self.never) / len(likely))}
 
+    def limits(self) -> dict[str, float]:
+        """See `Task`.
+
+        Lifetimes come in pairs: one with each end rewarded first, and the switch at the same trial. A fixed sequence of
+        choices is therefore right in one lifetime wherever it is wrong in the other.
+        """
+        return {"chance": 0.5, "optimum": self.optimum()}
+
     def optimum(self) -> float:
         """The largest possible share of rewarded trials, on average over lifetimes.
 
