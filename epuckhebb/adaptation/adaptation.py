@@ -42,15 +42,15 @@ class Exploration(Enum):
 class Adaptation(NoAdaptation):
     """When plasticity acts in a lifetime, how the robot explores meanwhile, and whether its light weights are scaled.
 
-    name: in tables. change_signal: the signal that opens the gate, a name or a class; with `none` the gate is always
-    open, and only homeostasis is used. threshold, slope: the gate is closed up to the threshold and opens by the slope for each unit
-    of the signal above it; inf: at once. active_s, rest_s: while the signal lasts, the gate is open and closed in turn
-    for these times [s]; active_s = 0: no rests. start_by_s: the gate also opens at this time [s], if the robot has
-    never been at its goal. exploration: what the robot does while the gate is open. motor_noise: standard deviation of
-    noise on both wheels' outputs. plastic_when: when plasticity acts; `late`: while the gate is open, and the weights
-    are reset when it closes. stay: what keeps the robot at the goal; `learn`: plasticity, which then keeps what it
-    learns there. homeostasis: whether the weights from the light sensors are scaled until the light looks as in the
-    training world.
+    name: in tables. change_signal: the signal that opens the gate, a name or a class; with `none` the gate is
+    always open, and only homeostasis is used. threshold, slope: the gate is closed up to the threshold and opens by
+    the slope for each unit of the signal above it; inf: at once. active_s, rest_s: while the signal lasts, the gate
+    is open and closed in turn for these times [s]; active_s = 0: no rests. start_by_s: the gate also opens at this
+    time [s], if the robot has never been at its goal. exploration: what the robot does while the gate is open.
+    motor_noise: standard deviation of noise on both wheels' outputs. plastic_when: when plasticity acts; `late`:
+    while the gate is open, and the weights are reset when it closes. stay: what keeps the robot at the goal;
+    `learn`: plasticity, which then keeps what it learns there. homeostasis: whether the weights from the light
+    sensors are scaled until the light looks as in the training world.
     """
 
     change_signal: Any = NONE

@@ -160,7 +160,7 @@ def _own_code(cfg: DictConfig) -> None:
     for kind, row in KINDS.items():
         settings = cfg.get(row.group)
         part = settings.get(row.key) if isinstance(settings, DictConfig) else None
-        if kind != "rule" and (":" in str(part) or (kind == "wiring" and part != LAYERS)):
+        if kind not in ("rule", "change signal") and (":" in str(part) or (kind == "wiring" and part != LAYERS)):
             _write_defaults(settings, part_class(kind, part, row.group))
     if ":" in str((cfg.get("optimizer") or {}).get("algorithm")):
         cfg.ga = None
