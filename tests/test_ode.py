@@ -121,7 +121,7 @@ def test_a_world_may_change_meanwhile(genomes):
 @needs_ode
 def test_a_robot_that_falls_over_ends_its_lifetime_with_a_reason(genomes):
     asked = config("physics.put_down=[1,0,0,1.2]")
-    with pytest.raises(LostRobotError, match="not upright on the floor any more"):
+    with pytest.raises(LostRobotError, match="left the arena"):
         run_lifetimes([individual(genomes[0])], asked.world, Lifetime(duration_s=2))
 
 
