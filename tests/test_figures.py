@@ -2,6 +2,7 @@
 
 import io
 import math
+from dataclasses import replace
 
 import matplotlib.figure
 import numpy as np
@@ -118,7 +119,10 @@ def test_maze_shows_its_walls_goals_and_robot(drawn):
 
 def test_changes_are_marked_on_the_path(drawn):
     changes = [{"at_s": 30.0, "light": 1.0}, {"at_s": 60.0, "left_wheel": 0.5}, {"at_s": 200.0, "light": 0.1}]
-    figures.trajectories(at_rest((0.007, -0.35)), Scenario(changes=changes), "")
+    traces = at_rest((0.007, -0.35))
+    began = np.array([[0.0, 30.0, 60.0, np.nan]] * 2)
+    traces = replace(traces, samples=traces.samples._replace(phase_began=began))
+    figures.trajectories(traces, Scenario(changes=changes), "")
     marks = [line for line in drawn[0].axes[0].lines if line.get_marker() == "D"]
     assert len(marks) == 4  # two on each side; the third is after the end
     assert marks[0].get_xydata().tolist() == [[0.007, -0.35]]

@@ -72,7 +72,8 @@ def resolve_names(
                 cfg[group].name = chosen.get(group, "")
         added = cfg.get("adaptation")
         if added and added.name == NONE and (added.change_signal != NONE or added.homeostasis):
-            cfg.adaptation.name = chosen.get("adaptation", NONE)
+            _, is_own, kind = str(added.change_signal).rpartition(":")
+            cfg.adaptation.name = kind.lower() if is_own else chosen.get("adaptation", NONE)
         if "training" in cfg and _is_changed(cfg.training, chosen.get("training", ""), folders):
             cfg.training.name += " changed"
         if cfg.get("compare"):
@@ -159,7 +160,7 @@ def _own_code(cfg: DictConfig) -> None:
     for kind, row in KINDS.items():
         settings = cfg.get(row.group)
         part = settings.get(row.key) if isinstance(settings, DictConfig) else None
-        if kind != "rule" and (":" in str(part) or (kind == "wiring" and part != LAYERS)):
+        if kind not in ("rule", "change signal") and (":" in str(part) or (kind == "wiring" and part != LAYERS)):
             _write_defaults(settings, part_class(kind, part, row.group))
     if ":" in str((cfg.get("optimizer") or {}).get("algorithm")):
         cfg.ga = None
