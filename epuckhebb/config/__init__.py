@@ -1,7 +1,7 @@
 """Settings: the schema, composing with Hydra, overrides, names, and the parts of the science made from them.
 
 It knows the science and no run folders. Others import the names below; `load` comes first. `runs/hydra.py`, the other
-file that knows Hydra, imports `compose` and `hydra_cache` too. What cannot be used raises a ValueError, mostly
+file that knows Hydra, imports `catalogue`, `compose` and `resolve` too. What cannot be used raises a ValueError, mostly
 `ConfigError`: it names the key, what was given and what is allowed.
 """
 
@@ -14,15 +14,16 @@ from epuckhebb.config.build import (
     network_for,
     with_controls,
 )
-from epuckhebb.config.compose import combinations, load, swept_values
+from epuckhebb.config.compose import combinations, configurations, load, swept_values
+from epuckhebb.config.errors import explain
 from epuckhebb.config.flock import Row, shorter
 from epuckhebb.config.keys import Group, Key, all_groups, group_named
 from epuckhebb.config.methods import ALL, REVERSAL_TASK, Method, methods_named, typed_as
-from epuckhebb.config.names import brings_physics, training_world, usual_physics, world_of
 from epuckhebb.config.overrides import (
     SWEEP_DIR,
     alternatives,
     check_config_dir,
+    check_words,
     overrides_of,
     quoted,
     value_of,
@@ -31,6 +32,7 @@ from epuckhebb.config.overrides import (
 )
 from epuckhebb.config.parts import part_from, part_names
 from epuckhebb.config.plugins import OWN_CODE, OWN_CODE_KEYS, OwnFile, own_files, own_references, own_sources
+from epuckhebb.config.resolve import brings_physics, training_world, usual_physics, world_name
 from epuckhebb.config.schema import (
     SCHEMAS,
     Checked,
@@ -45,5 +47,4 @@ from epuckhebb.config.schema import (
     say_unusual,
 )
 from epuckhebb.config.stored import from_values, without_own_code
-from epuckhebb.config.words import check_words, explain
 from epuckhebb.config.yaml_file import load as settings

@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from omegaconf import OmegaConf
 
-from epuckhebb.config.choices import choice_file, choice_names, choice_of
+from epuckhebb.config import yaml_file
 from epuckhebb.config.overrides import value_text
 from epuckhebb.config.parts import part_class
 from epuckhebb.controller.plasticity.rule import InitialWeights
@@ -70,7 +69,8 @@ def methods_named(names: Sequence[str], folders: Sequence[Path]) -> list[Method]
 
     names: of methods, `FILE.py:NAME` for a rule, or `all`. folders: with `method/`, first found first taken.
     """
-    known = sorted(choice_names("method", folders))
+    own = (file.stem for folder in folders for file in (folder / "method").glob("*.yaml"))
+    known = sorted({*conf.table("method"), *own})
     chosen: dict[str, Method] = {}
 
     def read(name: str, why: str, waiting: tuple[str, ...]) -> None:
@@ -99,15 +99,14 @@ def _is_in(groups: Sequence[str], key: str) -> bool:
 
 def _read(name: str, why: str, known: Sequence[str], folders: Sequence[Path]) -> Method:
     """The method of a row of the table, or of a file of the user's."""
-    found = choice_of("method", name, folders)
-    if found is None:
+    if name not in known:
         raise ConfigError(
             f"{why}={name}: a method is one of {', '.join(known)}, or FILE.py:NAME, a rule of your own"
             f"{did_you_mean(name, known)}"
         )
-    own = choice_file("method", name, folders)
-    file = own or f"{conf.table_file('method')}: {name}"
-    held: Any = OmegaConf.to_container(found.settings)
+    own = next((file for folder in folders if (file := folder / "method" / f"{name}.yaml").is_file()), None)
+    file = own or f"{conf.files('method')[0]}: {name}"
+    held = yaml_file.load(own) if own else conf.table("method")[name]
     for key in held.keys() - _KEYS:
         raise ConfigError(
             f"{file}: {key} is not a key of a method{did_you_mean(key, _KEYS)}; it has {', '.join(_KEYS)}"
