@@ -19,7 +19,7 @@ def measure() -> list[tuple[str, str]]:
     with tempfile.TemporaryDirectory() as folder:
         here = Path(folder)
         _evaluate(here)  # compiles
-        commands.spent(here, "evolve", "ga.generations=1")  # compiles the calibration
+        commands.spent(here, "evolve", "ga.generations=1")
         table, end = zip(*(_evaluate(here) for _ in range(REPEATS)), strict=True)
         return [
             ("evaluate, until its table is on the terminal", f"{median(table):.2f} s"),

@@ -1,13 +1,16 @@
 """What turns the pages, which are made to be read in the repository, into a site; see `mkdocs.yml`.
 
 The front page is README.md. Pictures from outside of this folder come along. Other links that leave it become the
-text of the link and the path of the file in the repository, or the line.
+text of the link and the path of the file in the repository, or the line. The page of files ends with tables of all
+columns.
 """
 
 import re
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
+import yaml
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
@@ -55,6 +58,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Lead links that leave the pages to the pictures that came along; of other files give the path."""
+    if page.file.src_uri == "files.md":
+        markdown += columns_of_files()
     inside = Path(__file__).parent
     folder = ROOT if page.file.src_uri == "index.md" else inside
 
@@ -74,3 +79,18 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         return label if label.strip("`").rstrip("/") == name else f"{label} (`{name}`)"
 
     return LINK.sub(replaced, markdown)
+
+
+def columns_of_files() -> str:
+    """A section for each file, with a table of its columns, from `epuckhebb/store/columns.yaml`."""
+    files = yaml.safe_load((ROOT / "epuckhebb" / "store" / "columns.yaml").read_text(encoding="utf-8"))
+    everywhere, first, sections = files.pop("everywhere"), {}, []
+    for name, file in files.items():
+        rows = []
+        for column, text in file["columns"].items():
+            common = next((text for pattern, text in everywhere.items() if fnmatch(column, pattern)), None)
+            meaning = text or common or first[column]
+            first.setdefault(column, meaning)
+            rows.append(f"| `{column}` | {meaning} |\n")
+        sections.append(f"\n### {name}\n\n{file['about']}\n\n| column | what it is |\n| --- | --- |\n{''.join(rows)}")
+    return "".join(sections)

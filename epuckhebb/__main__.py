@@ -1,14 +1,20 @@
 """`python -m epuckhebb` is `epuckhebb`. Nothing heavy is imported before the program knows how to be interrupted."""
 
-from epuckhebb.runtime import end_on_signals
+import sys
+from io import TextIOWrapper
+
+from epuckhebb.runtime import end_on_signals, open_missing_streams
 
 
 def main() -> None:
     """The entry point of `epuckhebb`."""
+    open_missing_streams()
     end_on_signals()
-    from epuckhebb.cli.commands import main as command_line
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # `?` for a sign that its encoding does not have
+    from epuckhebb.cli.commands import app
 
-    command_line()
+    app()
 
 
 if __name__ == "__main__":

@@ -6,13 +6,20 @@ from contextlib import chdir
 from pathlib import Path
 
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from epuckhebb.cli.commands import app
 from epuckhebb.runtime.errors import USAGE
 
+COLUMNS = Path(__file__).parents[1] / "epuckhebb" / "store" / "columns.yaml"
 SHORT = ["lifetime.duration_s=2", "repeats=1"]
 SMALL_GA = ["ga.population=4", "ga.loops=1", "ga.elites=1", "lifetime.duration_s=2", "scenario.paper_duration_s=10"]
+
+
+def described_columns(file):
+    """The names of the columns of a table, or of the arrays of a file, that `columns.yaml` describes, in its order."""
+    return list(yaml.safe_load(COLUMNS.read_text())[file]["columns"])
 
 
 def call(*words):

@@ -53,7 +53,6 @@ class Robot:
         start=None,
         nominal=None,
         signs=None,
-        in_training=None,
     ):
         self.kind, self.side, self.gain, self.noise_level = scenario.robot, side, gain, noise_level
         self.key, self.step_number = np.uint64(key), 0
@@ -84,10 +83,8 @@ class Robot:
         self.junction, self.undirected, self.before_trial = 0.0, 0.0, 0
         self.nominal, self.recent, self.arrived, self.away, self.late = nominal, None, False, 0.0, 0.0
         self.change_signal, self.exploring, self.at_goal, self.halted = math.nan, False, False, False
-        self.hand, self.smooth, self.loss, self.ratio, self.dead = None, None, np.zeros(2), 1.0, []
+        self.hand = None
         self.scale, self.novelty, self.brightness, self.used_scale = 1.0, None, None, 1.0
-        if self.adaptation.self_check:
-            self.check_itself(*in_training)
 
     def shape(self, network, genes):
         """Find the shapes of the weights; returns how many weights the network has, and how many genes in all."""
@@ -179,7 +176,7 @@ class Robot:
         self.change()
         x, y = self.body.position
         heading = self.body.angle
-        readings = self.scaled(self.correct(self.sense(x, y, heading)))
+        readings = self.scaled(self.sense(x, y, heading))
         seen = readings if self.task is None else np.append(readings, self.reward)
         activations = self.act(seen)
         left, right = activations[-1][-2:]
@@ -304,87 +301,6 @@ class Robot:
         angle = heading + np.radians(azimuth)
         return x + cos * own_x - sin * own_y, y + sin * own_x + cos * own_y, np.cos(angle), np.sin(angle)
 
-    def check_itself(self, memory, in_training):
-        """Calibrate, and find out what has changed. in_training: (samples, inputs) sensor readings of lifetimes."""
-        manoeuvre = "left 10, rest 1, ahead 3, rest 12, back 3, rest 1, left 10, right 30, rest 1, ahead 4, rest 12, "
-        manoeuvre += "back 4, rest 1, right 10, left 20, rest 2"
-        way = {"left": (-1, 1), "right": (1, -1), "ahead": (1, 1), "back": (-1, -1), "rest": (0, 0)}
-        own, self.key = (self.key, self.gain), random.key(int(self.key), random.Stream.calibration_noise)
-        self.gain, felt = self.kind.motor_limit_rad_s, []
-        for word, count in (part.split() for part in manoeuvre.split(", ")):
-            for _ in range(int(count)):
-                felt.append(self.sense(*self.body.position, self.body.angle))
-                self.move(*way[word], self.body.angle)
-                self.step_number += 1
-        (self.key, self.gain), self.step_number, felt = own, 0, np.array(felt)
-
-        lights = self.kind.light.count
-        self.dead = [n for n in range(self.kind.distance.count) if not felt[:, lights + n].any()]
-        used = [i for i in range(self.kind.inputs) if i % lights not in self.dead]
-        far = [i for i in used if i >= lights]
-        weight = 1 / (memory.spread[1:, far] + 0.003)
-        design = np.array([(effect[1:, far] * weight).ravel() for effect in memory.effects]).T
-        target = ((felt - memory.mean[0])[1:, far] * weight).ravel()
-        causes = np.linalg.lstsq(design, target, rcond=None)[0]
-        left_over = math.sqrt(np.mean((target - design @ causes) ** 2))
-        error = np.sqrt(np.diag(np.linalg.inv(design.T @ design))) * max(1, left_over)
-        clear = (np.abs(causes) > np.maximum(0.02, 3 * error)) & (left_over <= 2)
-        self.loss = np.where(clear, causes, 0)[:2]
-
-        near = [i for i in used if i < lights]
-        dark, bright = (1 - m - np.tensordot(causes, memory.effects, 1) for m in memory.mean)
-        u0, u, alike = dark[:, near], 1 - felt[:, near], np.abs(dark - bright)[:, near] < 0.01
-        usable = alike & (u0 > 0.02) & (u0 < 0.97) & (u < 0.97)
-        u0, u, spread = u0[usable], u[usable], memory.spread[:, near][usable]
-        ratio = (u0 * u).sum() / (u0**2).sum()
-        error = max(0.01, np.std(u - ratio * u0)) / math.sqrt((u0**2).sum())
-        expected = spread * math.sqrt(1 + ratio**2 / 20) + 0.003
-        fits = math.sqrt(np.mean(((u - ratio * u0) / expected) ** 2)) <= 2
-        self.ratio = ratio if fits and abs(ratio - 1) > max(0.1, 3 * error) else 1.0
-        self.sun = [self.sun_by_heading(memory.light * level) for level in (self.ratio, 1)]
-
-        gone = [i for i in range(self.kind.inputs) if i not in used]
-        self.gone, self.used = gone, used
-        features = self.features(in_training[:, used])
-        squares = features.T @ features / len(features) + 1e-4 * np.eye(features.shape[1])
-        self.predict = np.linalg.solve(squares, features.T @ in_training[:, gone] / len(features))
-
-    def features(self, readings):
-        """(samples, features): 1, the readings, and the products of two."""
-        one, other = np.triu_indices(readings.shape[1])
-        return np.column_stack([np.ones(len(readings)), readings, readings[:, one] * readings[:, other]])
-
-    def sun_by_heading(self, level):
-        """(128, lights) readings under the sun alone."""
-        azimuth = np.radians([place.azimuth for place in self.kind.light.places])
-        towards = np.arange(128)[:, None] * 2 * math.pi / 128
-        height = math.hypot(light.SUN_X, light.SUN_Y)
-        return np.clip(1 - light.SUN_IRRADIANCE * level * height * np.maximum(0, np.cos(towards - azimuth)), 0, 1)
-
-    def correct(self, readings):
-        """Sensor readings as they would be in training."""
-        lights = self.kind.light.count
-        seen = readings[:lights]
-        if self.ratio < 1:
-            bright = 1 - seen
-            self.smooth = bright if self.smooth is None else self.smooth + self.ratio * (bright - self.smooth)
-            seen = np.clip(1 - self.smooth / self.ratio, 0, 1)
-        elif self.ratio > 1:
-            sun, in_training = self.sun
-            weight = np.where(seen <= 0.03, 0.05, 1.0)
-            weight[self.dead] = 0
-            cost = (weight * (seen - sun) ** 2).sum(axis=1)
-            coarse = 8 * int(np.argmin(cost[::8]))
-            tried = (np.arange(coarse - 8, coarse + 8)) % 128
-            at = tried[np.argmin(cost[tried])]
-            lamp = ((seen <= 0.03) & (sun[at] > 0.1) & (weight > 0)).any()
-            saturated = 0.0 if lamp else in_training[at]
-            seen = np.where(seen > 0.03, 1 - (1 - seen) / self.ratio, saturated)
-        readings = np.concatenate([seen, readings[lights:]])
-        if self.dead:
-            readings[self.gone] = np.clip(self.features(readings[None, self.used]) @ self.predict, 0, 1)[0]
-        return readings
-
     def scaled(self, readings):
         """Readings with the light as homeostasis scales it."""
         if not self.adaptation.homeostasis:
@@ -424,9 +340,7 @@ class Robot:
         self.halted = stay in ("halt", "wait") and (self.at_goal or (self.halted and not ends))
         if self.halted:
             left, right = 0.0, 0.0
-        return (
-            np.clip(out / (1 - loss), -fastest, fastest) for out, loss in zip((left, right), self.loss, strict=True)
-        )
+        return (np.clip(out, -fastest, fastest) for out in (left, right))
 
     def follow(self, near):
         """Wheel speeds [rad/s] along the nearer wall; of an e-puck."""

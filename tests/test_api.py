@@ -50,7 +50,6 @@ def test_a_result_has_tables_traces_a_picture_and_a_page(here):
     of_others = {"wiring", "joined", "activations", "tilt"}  # of networks with a wiring, and of three dimensions
     assert set(result.traces) == set(columns.TRACES) - of_others
     assert result.traces["pose"].shape == (6, 20, 3)
-    assert result.findings is None
     with Image.open(io.BytesIO(result.plot()._repr_png_())) as picture:
         assert picture.width > picture.height
     page = result.replay()
@@ -115,7 +114,7 @@ def test_both_bundled_champions_load():
         (lambda: epuckhebb.evaluate("reference", hebbian=epuckhebb.Hebbian(floor=0.3)), "has N = 0 and would"),
         (lambda: epuckhebb.evaluate("reference", lifetime={"duration": 3}), "duration_s"),
         (lambda: epuckhebb.evaluate("reference", config_dir="nowhere"), "nowhere is no folder"),
-        (lambda: epuckhebb.evaluate("reference", adaptation=epuckhebb.Adaptation(self_check=True)), "needs a name"),
+        (lambda: epuckhebb.evaluate("reference", adaptation=epuckhebb.Adaptation(homeostasis=True)), "needs a name"),
         (lambda: epuckhebb.evolve(hebbian=epuckhebb.Hebbian(N=0.1)), "cannot be an object"),
         (lambda: epuckhebb.evaluate("scenario=base"), "scenario=base is no genome; give that first"),
         (lambda: epuckhebb.evaluate("reference", scenario=["base", "lowlight"]), "scenario must be one"),

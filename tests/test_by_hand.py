@@ -12,7 +12,6 @@ from epuckhebb.config import hand
 from epuckhebb.config.compose import load
 from epuckhebb.config.schema import EvaluateConfig, EvolveConfig
 from epuckhebb.controller.network import initial_weights_of
-from epuckhebb.controller.plasticity.rules.oja import Oja
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.tmaze.batch import run_lifetimes
@@ -62,7 +61,7 @@ def live_by_hand(individual, world, seed):
 
 
 @pytest.mark.parametrize("side", SIDES)
-@pytest.mark.parametrize("controller", [GA_ALONE, LEARNING, Controller(name="x", rule=Oja(N=0.0005))])
+@pytest.mark.parametrize("controller", [GA_ALONE, LEARNING])
 def test_what_is_done_by_hand_gives_the_same_bits_in_one_piece(genomes, side, controller):
     individual = Individual(genes=genomes[0], side=side, key=np.uint64(1), controller=controller, record=True)
     world = Scenario(obstacles=4, changes=({"at_s": 8.0, "light": 1.0, "placed": []}, {"at_s": 16.0, "reset": True}))

@@ -1,6 +1,5 @@
 """Each verb as a user calls it, and each mistake a user can make."""
 
-import gc
 import json
 import os
 import signal
@@ -19,7 +18,7 @@ from typer.main import get_command
 from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.cli.commands import app
 from epuckhebb.runs import evolve
-from epuckhebb.runtime import conf, interruptible, progress
+from epuckhebb.runtime import conf, progress
 
 FAST = ["lifetime.duration_s=8", "lifetime.record_every=0", "repeats=2"]
 TINY = ["ga.population=6", "ga.generations=3", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=3"]
@@ -175,16 +174,6 @@ def test_ctrl_c_five_times_while_all_is_tidied_up():
     assert told.count("KeyboardInterrupt") == 1
 
 
-def test_an_interruption_while_an_object_is_freed_prints_no_traceback(capsys):
-    class Freed:
-        def __del__(self):
-            signal.raise_signal(signal.SIGINT)
-
-    with interruptible():
-        Freed()
-    assert capsys.readouterr().err == ""
-
-
 @pytest.mark.usefixtures("here")
 def test_an_error_that_a_library_makes_of_an_interruption_is_one(monkeypatch):
 
@@ -214,21 +203,6 @@ def test_what_is_told_to_ignore_a_signal_ignores_it():
     )
     assert ended_by(script, signal.SIGTERM)[1] != 0
     assert "Hangup" not in ended_by(script, signal.SIGTERM)[0]
-
-
-@pytest.mark.thorough
-def test_garbage_is_collected_while_jobs_run(tmp_path, monkeypatch):
-    from epuckhebb.runs import evaluate
-
-    monkeypatch.chdir(tmp_path)
-    seen = []
-    monkeypatch.setattr(evaluate, "evaluate_into", lambda *_, **__: seen.append(gc.isenabled()))
-    gc.disable()  # as `main` does
-    try:
-        call("evaluate", "-m", "seed=1,2")
-    finally:
-        gc.enable()
-    assert seen == [True, True]
 
 
 def test_what_is_slow_is_told_and_what_is_quick_is_not(monkeypatch):

@@ -114,7 +114,7 @@ def test_a_key_of_few_values_is_completed_with_all_of_them(place):
 def test_other_values_are_completed_too():
     key = "adaptation.change_signal"
     assert completion.complete_override("evaluate", f"{key}=l") == [f"{key}=late"]
-    key = "adaptation.self_check"
+    key = "adaptation.homeostasis"
     assert completion.complete_override("evaluate", f"{key}=") == [f"{key}=true", f"{key}=false"]
     assert completion.complete_override("evaluate", "hebbian.w_max=") == ["hebbian.w_max=2.0"]
 

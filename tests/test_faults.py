@@ -9,14 +9,10 @@ import pytest
 import reference
 
 from epuckhebb.adaptation.controller import GA_ALONE
-from epuckhebb.adaptation.self_check.calibration import calibrate
 from epuckhebb.controller.random import Stream, key
 from epuckhebb.tmaze.faults import FAR, SLIPPING, SPELL, Faults, grip, hooks, initial_past
-from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.maze import Pose
 from epuckhebb.tmaze.robot import EPUCK, STEP_S
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual, Session
 
 FAULTS = {
     "two dead sensors": {"dead_sensors": (7, 2)},
@@ -46,23 +42,6 @@ def test_agrees_with_the_oracle(genomes, run_lifetime, beside_the_oracle, fault)
     outcome, *_ = beside_the_oracle(genomes[3], "left", Scenario(obstacles=4, **FAULTS[fault]), **settings)
     whole, _ = run_lifetime(genomes[3], "left", scenario=Scenario(obstacles=4), gain_rad_s=4.0, **settings)
     assert outcome != whole
-
-
-def test_late_readings_after_a_calibration_that_counts_are_those_of_its_end(genomes):
-    record, at_once = (calibrate(Scenario(sensor_delay_steps=late), "left", np.uint64(3), noise=0.0) for late in (5, 0))
-    individual = Individual(
-        genes=genomes[0],
-        side="left",
-        key=np.uint64(3),
-        calibration=record,
-        record=True,
-        start=Pose(*record.poses[-1].tolist()),
-    )
-    world, lifetime = Scenario(sensor_delay_steps=5), Lifetime(noise=0.0, record_every=1)
-    session = Session(individual, world, lifetime)
-    session.step(5)
-    felt = session.samples.sensors[len(at_once.readings) :][:5]
-    np.testing.assert_array_equal(felt, at_once.readings[-5:])
 
 
 @pytest.mark.parametrize(("gain", "offset"), [(0.5, 0.0), (1.0, 0.3), (1.0, -0.2), (9.0, -0.1)])

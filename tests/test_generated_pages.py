@@ -1,13 +1,13 @@
 """Every key and every column has a description."""
 
-import io
 from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from cases import done, refused
+import yaml
+from cases import COLUMNS, described_columns, done, refused
 
 from epuckhebb.analysis import evaluate, findings, reversal, summary
 from epuckhebb.analysis.evaluate import Traces
@@ -20,7 +20,7 @@ from epuckhebb.controller.network import Network
 from epuckhebb.controller.wirings.elman import Elman
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.runtime.conf import groups
-from epuckhebb.store.columns import CHAMPION, TABLES, TRACES
+from epuckhebb.store.disk import arrays_of
 from epuckhebb.store.genome import champion_file, load_genome
 from epuckhebb.store.traces import traces_file
 from epuckhebb.tmaze.physics.ode import Ode
@@ -62,57 +62,41 @@ def test_an_unknown_group_is_refused():
     assert "must be one of evaluate, evolve" in refused("keys", "scenery")
 
 
-def test_every_column_is_told_once():
-    told = {name: list(columns) for name, (_, columns) in TABLES.items()}
-    assert all(column.meaning for _, columns in TABLES.values() for column in columns.values())
-    assert told["metrics.csv"] == list(evaluate.COLUMNS)
-    assert told["metrics.csv with task=reversal"] == list(evaluate.REWARDED)
-    assert told["reversal_trials.csv"] == list(evaluate.TRIALS)
-    assert told["reversal.csv"] == list(reversal.COLUMNS)
+def test_every_column_is_described():
+    assert described_columns("metrics.csv") == list(evaluate.COLUMNS)
+    assert described_columns("metrics.csv with task=reversal") == list(evaluate.REWARDED)
+    assert described_columns("reversal_trials.csv") == list(evaluate.TRIALS)
+    assert described_columns("reversal.csv") == list(reversal.COLUMNS)
     one = np.zeros(1)
     last = {"champion": one, "champion_fitness": 0.0, "log": (), "tables": {}, "robot_steps": 0, "seconds": 0.0}
-    assert told["history.csv"] == list(history_row(Generation(number=0, fitness=one, success=one, **last)))
+    history = history_row(Generation(number=0, fitness=one, success=one, **last))
+    assert described_columns("history.csv") == list(history)
     lifetime = pd.DataFrame([dict.fromkeys([*evaluate.COLUMNS, "rewarded_share"], "1")])
-    assert list(summary.summary(lifetime, ["light"]))[-len(told["summary.csv"]) :] == told["summary.csv"]
-    assert told["trials.csv"] == list(findings.trials(lifetime.assign(**lifetime.iloc[0, 11:20].astype(float))))
+    written = list(summary.summary(lifetime, ["light"]))
+    assert written[written.index("n") :] == described_columns("summary.csv")
+    trials = findings.trials(lifetime.assign(**lifetime.iloc[0, 11:20].astype(float)))
+    assert described_columns("trials.csv") == list(trials)
 
 
 @pytest.mark.parametrize("table", sorted(REFERENCE.rglob("*.csv")), ids=lambda table: str(table.relative_to(REFERENCE)))
-def test_the_tables_of_the_reference_results_are_told(table):
-    assert list(pd.read_csv(table, nrows=0)) == list(TABLES[table.name][1])
+def test_the_columns_of_the_reference_results_are_described(table):
+    assert list(pd.read_csv(table, nrows=0)) == described_columns(table.name)
 
 
-def test_every_array_of_the_traces_is_told_with_its_shape():
+def test_every_column_without_a_text_has_one_elsewhere():
+    files = yaml.safe_load(COLUMNS.read_text())
+    known = set(files.pop("everywhere"))
+    for file in files.values():
+        for column, text in file["columns"].items():
+            assert text or column in known or column.endswith(("low", "high")), column
+            known.add(column)
+
+
+def test_every_array_is_described():
     network = Network((16, *Elman().sizes), wiring=Elman())
     one = empty_samples(5, network, Ode())
-    samples = type(one)(*(np.stack([array] * 4) for array in one))
-    traces = Traces(controller=["GA"] * 4, side=["left"] * 4, samples=samples)
-    with np.load(io.BytesIO(traces_file(traces, np.zeros(216), network))) as written:
-        assert set(written) == set(TRACES)
-        sizes = {"lifetimes": 4, "samples": 5, "inputs": 16, "synapses": 216, "layers": 3, "neurons": 10}
-        for name, array in TRACES.items():
-            assert written[name].shape == tuple(sizes.get(size, size) for size in array.shape), name
-
-
-def test_every_array_of_a_champion_is_told():
-    genome = load_genome("reference", "obstacles")
-    with np.load(io.BytesIO(champion_file(genome, 1.0, "obstacles", 1, 2))) as written:
-        for name in written:
-            assert any(fnmatch(name, told) for told in CHAMPION), name
-        assert all(
-            any(fnmatch(name, told) for name in written)
-            for told in CHAMPION
-            if told
-            not in (
-                "self_*",
-                "rule",
-                "task",
-                "rewarded",
-                "fitness_function",
-                "sensors",
-                "physics",
-                "wiring",
-                "joined",
-                "wiring_settings",
-            )
-        )
+    traces = Traces(controller=["GA"], side=["left"], samples=type(one)(*(array[None] for array in one)))
+    assert set(arrays_of(traces_file(traces, np.zeros(216), network))) == set(described_columns("traces.npz"))
+    champion = champion_file(load_genome("reference", "obstacles"), 1.0, "obstacles", 1, 2)
+    for name in arrays_of(champion):
+        assert any(fnmatch(name, described) for described in described_columns("champion.npz")), name

@@ -86,6 +86,7 @@ class Both(Fast):
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", first_of(["Both", "Fast", "Far"]))
 def test_the_rewards_of_an_own_fitness_add_up_to_it(here, name):
     (here / "mine.py").write_text(FITNESS)

@@ -17,7 +17,7 @@ ASKED = [
     ("evaluate", ["scenario=4obstacles", "scenario.light=0.07", "lifetime.duration_s=3", "hebbian.N=0.1"]),
     ("evaluate", ["hebbian.N=0.1", "hebbian.N='${scenario.paper_N}'", "compare={a: {N: 1}}", "genome=x", "seed=2"]),
     ("evaluate", ["hydra/launcher=joblib", "hydra.launcher.n_jobs=7", "hydra.job_logging.root=4", "hydra.run.dir=a"]),
-    ("evaluate", ["adaptation=best", "maze=double_t", "robot=epuck_lidar", "task=reversal", "task.trials=12"]),
+    ("evaluate", ["adaptation=late", "maze=double_t", "robot=epuck_lidar", "task=reversal", "task.trials=12"]),
     ("evaluate", ["experiment=adaptive", "~hebbian.sign", "+hebbian.mine=3"]),
     ("evaluate", ["scenario=highlight", "scenario=base", "change.a={light: 0.3}", "change={a: {light: 0.4}}"]),
     ("evaluate", ["scenario=base", "scenario=highlight", "change={a: {light: 0.4}}", "change.a={light: 0.3}"]),

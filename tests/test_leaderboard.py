@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from cases import call, done, first_of, refused
+from cases import call, described_columns, done, first_of, refused
 
 from epuckhebb.analysis import leaderboard as board
 from epuckhebb.cli import completion
@@ -19,7 +19,6 @@ from epuckhebb.evolution.training import UNVARIED, Training
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.runtime.resources import data_folder
-from epuckhebb.store import columns
 from epuckhebb.studies import champions as champion_jobs
 from epuckhebb.studies import leaderboard_jobs, leaderboard_plan
 from epuckhebb.studies.leaderboard_plan import in_reversal
@@ -106,7 +105,7 @@ def test_it_leaves_tables_a_figure_and_a_page(made):
     names = {file.name for file in folder.iterdir()}
     assert {"leaderboard.csv", "leaderboard.md", "champions.csv", "worlds.csv", "cost.csv", "report.md"} <= names
     for table in folder.glob("*.csv"):
-        assert list(pd.read_csv(table, nrows=0)) == list(columns.TABLES[table.name][1])
+        assert list(pd.read_csv(table, nrows=0)) == described_columns(table.name)
     assert (folder / "figures" / "leaderboard.png").read_bytes().startswith(b"\x89PNG")
     page = (folder / "report.html").read_text()
     assert "://" not in re.sub(r'src="data:[^"]+"', "", page)
@@ -337,7 +336,7 @@ def test_the_share_of_a_learner_by_hand():
     assert count == {"solves": 0, "trials": 20, "successes": 10, "successes_off": None, "successes_inverted": None}
 
 
-@pytest.mark.parametrize("methods", first_of(["best", "ga_varied,best"]))
+@pytest.mark.parametrize("methods", first_of(["late", "ga_varied,late"]))
 def test_what_has_no_place_in_reversal_learning_is_refused(methods, here):
     with pytest.raises(ConfigError, match="none has a place in reversal learning"):
         leaderboard_plan.plan("reversal", [f"methods={methods}"])
@@ -346,7 +345,7 @@ def test_what_has_no_place_in_reversal_learning_is_refused(methods, here):
 
 def test_methods_that_differ_in_training_or_optimizer_alone_are_one_in_reversal_learning():
     conf = [data_folder("conf")]
-    names = ["ga_varied", "abcd", "evolve_and_merge", "best", "modulated_over_ga", "online"]
+    names = ["ga_varied", "abcd", "evolve_and_merge", "late", "modulated_over_ga", "online"]
     here = {method.name: method for method in in_reversal(methods_named(names, conf), conf)}
     assert list(here) == ["ga", "abcd", "modulated_over_ga"]
     assert here["ga"].evolve == {"task": "reversal", "ga": "reversal"}
@@ -370,7 +369,7 @@ def test_every_method_of_the_program_can_be_planned_and_says_what_it_is(here):
     assert sorted(method.name for method in methods) == groups("leaderboard")["method"]
     assert all(method.description for method in methods)
     kinds = {entry.method.name: entry.row.kind for entry in planned.entries}
-    assert (kinds["ga"], kinds["evolve_and_merge"], kinds["best"]) == ("plain", "evolved", "post_hoc")
+    assert (kinds["ga"], kinds["evolve_and_merge"], kinds["late"]) == ("plain", "evolved", "post_hoc")
     controls = {entry.method.name: entry.row.matched_control for entry in planned.entries}
     assert (kinds["ctrnn"], controls["ctrnn"], controls["elman"]) == ("plain", "ga", "ga")
     assert len(planned.tests["obstacles"]) == 8 + 29

@@ -232,9 +232,11 @@ def test_a_method_that_evolves_in_three_dimensions_is_tested_there(tmp_path):
 @pytest.mark.thorough
 @needs_ode
 def test_an_adaptation_is_added_in_three_dimensions_to_what_a_champion_knows_of_the_plane():
-    asked = load(EvaluateConfig, ["scenario=base", "change=[3d]", "adaptation=best", "hebbian=none", "repeats=1"])
+    asked = load(
+        EvaluateConfig, ["scenario=base", "change=[3d]", "adaptation=wall_following", "hebbian=none", "repeats=1"]
+    )
     assert asked.world.name == "base_3d"
     assert training_world(asked).physics.name == "pymunk"
     prepared = prepare_evaluation(asked)
     rows, _ = prepared.run(prepared.remember(1), 1)
-    assert {row["controller"] for row in rows} == {"GA", "best"}
+    assert {row["controller"] for row in rows} == {"GA", "wall_following"}

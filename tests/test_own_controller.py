@@ -31,11 +31,13 @@ def runs(tmp_path_factory):
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("copy")
 def test_an_evolution_of_it_is_resumed_to_the_same_champion():
     check_resumed([OWN, "network.hidden=5", *SMALL_GA], ("ga.generations=1", "ga.generations=2"))
 
 
+@pytest.mark.thorough
 def test_runs_of_it_are_shown_replayed_and_rerun_without_the_file(copy):
     (copy / "my_neurons.py").unlink()
     assert "16-5-2 (Ring)" in done("show", "evolved").stdout
@@ -49,6 +51,7 @@ def test_runs_of_it_are_shown_replayed_and_rerun_without_the_file(copy):
         assert "bit-identical" in done("rerun", run).stdout
 
 
+@pytest.mark.thorough
 def test_the_champion_holds_its_synapses_and_its_neurons_and_a_run_their_activations(runs):
     genome = load_genome(str(runs / "evolved"), "obstacles")
     assert (genome.wiring, genome.network.layers) == ("Ring", (16, 5, 2))
@@ -58,6 +61,7 @@ def test_the_champion_holds_its_synapses_and_its_neurons_and_a_run_their_activat
     assert file.endswith("my_neurons.py")
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("copy")
 def test_a_champion_of_another_wiring_is_refused_with_both_names():
     for words, theirs, asked in (
@@ -186,7 +190,11 @@ class Fine(Base):
             ["wiring Muddled of", "does not compile", "times"],
             marks=pytest.mark.thorough,  # it takes as long as a kernel; test_own_fitness.py has such a class, too
         ),
-        (["bad.py:Infinite"], ["wiring Infinite: `neuron` gave infinite or nan activations"]),
+        pytest.param(
+            ["bad.py:Infinite"],
+            ["wiring Infinite: `neuron` gave infinite or nan activations"],
+            marks=pytest.mark.thorough,
+        ),
         (["bad.py:Fine", "network.hiden=1"], ["network.hiden is no key of", "Did you mean hidden?"]),
         (["bad.py:Fine", "network.hidden=few"], ["network.hidden must be a whole number"]),
         (["ctrnn", "network.hidden=-1"], ["network.hidden must be 0 or more, got -1"]),
@@ -206,6 +214,7 @@ def test_what_cannot_be_a_wiring_is_refused_before_anything_runs(words, texts):
     refused_before("out", ["evolve", *words, "hydra.run.dir=out"], texts)
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("copy")
 def test_homeostasis_is_refused_by_name():
     said = refused("evaluate", "genome=elman", "adaptation=homeostasis", *SHORT)

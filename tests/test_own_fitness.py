@@ -44,6 +44,7 @@ def runs(tmp_path_factory):
     )
 
 
+@pytest.mark.thorough
 def test_in_tables_over_many_runs_the_measure_has_a_column_of_its_own(here):
     words = ["fitness=paper", "scenario=base", *SHORT]
     done("sweep", "obstacles", *words, "hydra/launcher=basic", "hydra.sweep.dir=swept")
@@ -58,6 +59,7 @@ def explorer():
     return plugins.class_named(f"{EXAMPLE}:Explorer", Fitness, "fitness.function")
 
 
+@pytest.mark.thorough
 def test_an_evolution_by_it_is_resumed_to_the_same_champion(copy):
     check_resumed([OWN, "fitness.goal=2", *SMALL_GA], ("ga.generations=1", "ga.generations=2"))
     (copy / "my_fitness.py").write_text(EXAMPLE.read_text() + "\n# another\n")

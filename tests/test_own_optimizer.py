@@ -42,6 +42,7 @@ def runs(tmp_path_factory):
     )
 
 
+@pytest.mark.thorough
 def test_an_evolution_by_it_is_resumed_to_the_same_bytes(copy):
     check_resumed([OWN, *SMALL], ("optimizer.generations=2", "optimizer.generations=4"), RESULTS)
     with (copy / "my_optimizer.py").open("a") as file:
@@ -70,6 +71,7 @@ def test_it_survives_kill_9_at_any_moment(copy):
         assert all((copy / "evolved" / name).read_bytes() == (run / name).read_bytes() for name in RESULTS), run
 
 
+@pytest.mark.thorough
 def test_runs_by_it_are_shown_replayed_and_rerun_without_the_file(copy):
     (copy / "my_optimizer.py").unlink()
     assert "Evolved by CmaMe, in training worlds unvaried" in done("show", "evolved").stdout

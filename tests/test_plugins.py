@@ -125,6 +125,7 @@ def test_a_mistake_in_a_helper_is_told_with_its_place(tmp_path, helper):
     assert loaded(tmp_path / "my.py").module.DECAY == 1.0
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("here")
 def test_a_run_keeps_two_rules_of_one_file_name_and_needs_the_files_no_more():
     """Rules that would now do harm: what reads a run does not run them, and `rerun` takes the copies."""

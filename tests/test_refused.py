@@ -160,7 +160,6 @@ evaluate -m genome=lidar.npz,reference                  | robot=epuck_lidar
 evaluate adaptation=late genome=light.npz               | highlight | experiment
 evaluate adaptation=late genome=broken.npz              | broken.npz
 evaluate adaptation=late genome=zeros.npy lifetime.gain_rad_s=6 | adaptation.change_signal=late | base
-evaluate adaptation=self_check genome=lidar.npz         | epuck_lidar
 evaluate genome=latest                                  | epuckhebb evolve
 evaluate genome='~nosuchuser/x'                         | ~nosuchuser
 evaluate hebbian.rule='~nosuchuser/x.py:Rule'           | ~nosuchuser

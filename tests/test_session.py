@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.adaptation.change_signal import no_nominal
 from epuckhebb.adaptation.controller import GA_ALONE, Controller
-from epuckhebb.adaptation.self_check.calibration import calibrate
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.plasticity.rule import NoRule
@@ -105,19 +104,6 @@ def test_stepping_through_trials_is_bit_identical(pieces, every):
     lifetime = Lifetime(duration_s=55.0, gain_rad_s=4.0, record_every=every)
     scenario = Scenario(task=task, lamp=Lamp(intensity=0.0))
     assert_pieces_are_the_whole(individual, scenario, lifetime, pieces)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("pieces", [[], [0, 1, 5, 100], [1] * 50])
-def test_stepping_after_a_calibration_that_counts_is_bit_identical(genomes, pieces):
-    calibration = calibrate(Scenario(), "left", np.uint64(3))
-    individual = individual_of(
-        genomes[0],
-        controller=Controller(name="x", adaptation=Adaptation(self_check=True, calibration_counts=True)),
-        calibration=calibration,
-        start=Pose(*calibration.poses[-1].tolist()),
-    )
-    assert_pieces_are_the_whole(individual, Scenario(changes=CHANGES[2:]), SHORT, pieces)
 
 
 @pytest.mark.parametrize("controller", [GA_ALONE, HEBBIAN], ids=["fixed", "plastic"])

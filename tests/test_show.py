@@ -10,9 +10,9 @@ import pytest
 from cases import call, done
 from rich.console import Console
 
+from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.cli import results
 from epuckhebb.cli.console import Terminal
-from epuckhebb.store import columns
 from epuckhebb.tmaze.maze import SIDES
 
 SHORT = ["lifetime.duration_s=0.064", "repeats=1"]
@@ -90,13 +90,13 @@ def test_a_multirun_is_a_line_a_run_and_a_table_over_all():
 
 def test_controllers_that_have_the_same_rate_have_rows_of_their_own(tmp_path, capsys):
     rows = [
-        ("reference", name, rate, side) for name, rate in (("GA", 0), ("best", 0), ("late", 5e-4)) for side in SIDES
+        ("reference", name, rate, side) for name, rate in (("GA", 0), ("stay", 0), ("late", 5e-4)) for side in SIDES
     ]
     summary = pd.DataFrame(rows, columns=["genome", "controller", "N", "side"])
     success = {"n": 3, "success": 1.0, "success_noise_low": 0.4, "success_noise_high": 1.0}
     summary.assign(**success).to_csv(tmp_path / "summary.csv", index=False)
     results.print_summary(tmp_path, Terminal())
-    assert re.findall("GA|best|late", capsys.readouterr().out) == ["GA", "best", "late"]
+    assert re.findall("GA|stay|late", capsys.readouterr().out) == ["GA", "stay", "late"]
 
 
 @pytest.mark.usefixtures("_there")
@@ -127,7 +127,7 @@ def test_verbs_take_the_latest_run_that_they_can_use(folder, tmp_path, monkeypat
 
 
 def test_it_is_told_that_robots_came_to_the_goal_and_drove_on(capsys):
-    same = {**dict.fromkeys(columns.METRICS, 0.0), "controller": "GA", "genome": "g", "scenario": "base", "changed": ""}
+    same = {**dict.fromkeys(COLUMNS, 0.0), "controller": "GA", "genome": "g", "scenario": "base", "changed": ""}
     lives = (("left", 0, 12.0), ("right", 0, math.nan), ("right", 1, 20.0))
     metrics = [{**same, "side": side, "success": success, "time_to_goal_s": time} for side, success, time in lives]
     results.print_metrics(metrics, Console(width=200))

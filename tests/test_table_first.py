@@ -3,11 +3,9 @@
 import io
 import json
 import re
-import subprocess
-import sys
 
 import pytest
-from cases import call, contents, done, first_of
+from cases import call, done
 
 from epuckhebb.analysis import figures
 from epuckhebb.cli import results, show
@@ -42,10 +40,9 @@ def no_figure(raised):
 
 
 @pytest.mark.parametrize("columns", ["80", "200"])
-@pytest.mark.parametrize("words", first_of(["", "adaptation=self_check"]))
-def test_the_text_is_that_of_the_finished_run(run, monkeypatch, columns, words):
+def test_the_text_is_that_of_the_finished_run(run, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", columns)
-    told = done("evaluate", *QUICK, *words.split(), "hydra.run.dir=run").stdout
+    told = done("evaluate", *QUICK, "hydra.run.dir=run").stdout
     assert "controller" in told
     assert told == printed(run)
 
@@ -101,21 +98,3 @@ def test_a_table_that_cannot_be_printed_does_not_end_the_run(run, monkeypatch):
     assert "No space left on device" in failed.stderr
     assert Run(run).is_whole
     assert Run(run).has(FIGURE)
-
-
-@pytest.mark.usefixtures("run")
-def test_what_only_figures_and_many_jobs_need_is_not_loaded_before_the_table():
-    script = (
-        "import sys; sys.modules.update(dict.fromkeys(['matplotlib', 'joblib', 'pandas', 'pydantic']))\n"
-        "sys.argv[1:] = ['evaluate', *sys.argv[1:]]\n"
-        "from epuckhebb.__main__ import main; main()"
-    )
-    words = [*QUICK, "hydra.run.dir=run"]
-    failed = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True, check=False)
-    assert failed.returncode == 1, failed.stderr
-    assert "Success" in failed.stdout
-    assert "halted; None in sys.modules" in failed.stderr
-    before = contents("run")
-    assert done("evaluate", *QUICK, "hydra.run.dir=again").exit_code == 0
-    assert before["table.csv"] == contents("again")["table.csv"]
-    assert before["traces.npz"] == contents("again")["traces.npz"]

@@ -47,9 +47,9 @@ def test_a_long_text_breaks_between_words_and_its_figures_do_not():
 
 
 def test_a_long_name_breaks_after_a_sign_within_it():
-    rows = [("obstacles", "best_calibration_counts", *["163 of 181: 0.90 [0.85, 0.95]"] * 2, "0 of 67")]
+    rows = [("obstacles", "wall_following_and_late", *["163 of 181: 0.90 [0.85, 0.95]"] * 2, "0 of 67")]
     told = printed(80, rows, ("experiment", "plasticity", "rescued", "harmed", "in training"))
-    assert re.search("best_calibration_ .*\n +counts ", told)
+    assert re.search("wall_following_ .*\n +and_late ", told)
 
 
 def test_signs_of_markup_are_shown_as_they_are():

@@ -16,7 +16,7 @@ import epuckhebb
 from epuckhebb.analysis import report
 from epuckhebb.analysis.figures import plain as in_figures
 from epuckhebb.analysis.tables import code, markdown_table, plain
-from epuckhebb.cli.console import Terminal, replace_unencodable
+from epuckhebb.cli.console import Terminal
 from epuckhebb.cli.output import report_errors
 from epuckhebb.config import overrides
 from epuckhebb.config.overrides import literal
@@ -106,15 +106,6 @@ def test_a_figure_has_what_its_font_has():
 def test_a_literal_text_refers_to_nothing():
     assert literal("a${x}") == r"a\${x}"
     assert literal(r"\${x}") == r"\\\${x}"
-
-
-def test_what_an_encoding_does_not_have_is_replaced(monkeypatch):
-    written = io.BytesIO()
-    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, encoding="ascii"))
-    replace_unencodable()
-    Terminal().print("0 → 1")
-    sys.stdout.flush()
-    assert written.getvalue() == b"0 ? 1\n"
 
 
 @pytest.mark.usefixtures("here")

@@ -14,18 +14,9 @@ from numpy.typing import NDArray
 
 from epuckhebb.adaptation import change_signals as signals
 from epuckhebb.adaptation.change_signal import ChangeSignal
-from epuckhebb.adaptation.exploration import following, staying, with_motor_noise
+from epuckhebb.adaptation.exploration import following, halting, with_motor_noise
 from epuckhebb.adaptation.gate import PlasticWhen, Stay, gates
 from epuckhebb.adaptation.homeostasis import HomeostasisState, homeostasis, initial_homeostasis_state
-from epuckhebb.adaptation.recognise.place import PlaceState, initial_place_state, recognition
-from epuckhebb.adaptation.self_check.corrections import (
-    Corrections,
-    CorrectionState,
-    corrected_readings,
-    corrected_wheel,
-    initial_correction_state,
-    no_corrections,
-)
 from epuckhebb.adaptation.wall_following import wall_following
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing, one
@@ -37,7 +28,6 @@ from epuckhebb.tmaze.robot import STEP_S, Robot
 
 NONE = "none"
 NEVER = 1e9  # a threshold that no signal reaches
-_WITHOUT_GATE = ("self_check", "careful", "calibration_counts", "homeostasis")  # settings that need no signal of change
 
 
 @cache
@@ -66,20 +56,17 @@ class Exploration(Enum):
 
 @dataclass(kw_only=True)
 class Adaptation:
-    """When plasticity acts in a lifetime, how the robot explores meanwhile, and what it corrects before and besides.
+    """When plasticity acts in a lifetime, how the robot explores meanwhile, and whether its light weights are scaled.
 
-    name: in tables. change_signal: the signal that opens the gate; with `none` the gate is always open, and only the
-    self-check and homeostasis are used. threshold, slope: the gate is closed up to the threshold and opens by the slope
-    for each unit of the signal above it; inf: at once. active_s, rest_s: while the signal lasts, the gate is open and
-    closed in turn for these times [s]; active_s = 0: no rests. start_by_s: the gate also opens at this time [s], if the
-    robot has never been at its goal. exploration: what the robot does while the gate is open. motor_noise: standard
-    deviation of noise on both wheels' outputs. plastic_when: when plasticity acts; `late`: while the gate is open, and
-    the weights are reset when it closes. stay: what keeps the robot at the goal; `learn`: plasticity, which then keeps
-    what it learns there. recognise: whether the robot recognises its goal by the senses, in place of the goal signal.
-    self_check: whether the robot runs a calibration manoeuvre before its lifetime and corrects what it finds. careful:
-    whether it corrects dead sensors alone where readings are unexplained, and turns back where that left it turned.
-    calibration_counts: whether that manoeuvre is part of the lifetime; otherwise the clock starts after it.
-    homeostasis: whether the weights from the light sensors are scaled until the light looks as in the training world.
+    name: in tables. change_signal: the signal that opens the gate; with `none` the gate is always open, and only
+    homeostasis is used. threshold, slope: the gate is closed up to the threshold and opens by the slope for each unit
+    of the signal above it; inf: at once. active_s, rest_s: while the signal lasts, the gate is open and closed in turn
+    for these times [s]; active_s = 0: no rests. start_by_s: the gate also opens at this time [s], if the robot has
+    never been at its goal. exploration: what the robot does while the gate is open. motor_noise: standard deviation of
+    noise on both wheels' outputs. plastic_when: when plasticity acts; `late`: while the gate is open, and the weights
+    are reset when it closes. stay: what keeps the robot at the goal; `learn`: plasticity, which then keeps what it
+    learns there. homeostasis: whether the weights from the light sensors are scaled until the light looks as in the
+    training world.
     """
 
     name: str = NONE
@@ -93,10 +80,6 @@ class Adaptation:
     motor_noise: float = 0.0
     plastic_when: PlasticWhen = PlasticWhen.late
     stay: Stay = Stay.none
-    recognise: bool = False
-    self_check: bool = False
-    careful: bool = False
-    calibration_counts: bool = False
     homeostasis: bool = False
 
     def __post_init__(self) -> None:
@@ -114,14 +97,6 @@ class Adaptation:
             raise ValueError(
                 f"adaptation.rest_s = {self.rest_s:g} needs adaptation.active_s above 0: rests follow active times"
             )
-        for key in ("careful", "calibration_counts"):
-            if getattr(self, key) and not self.self_check:
-                raise ValueError(f"adaptation.{key} does nothing without a self-check: give adaptation.self_check=true")
-        if self.careful and self.calibration_counts:
-            raise ValueError(
-                "adaptation.calibration_counts=true needs careful=false: a careful calibration lasts longer in some "
-                "lifetimes than in others"
-            )
         if self.exploration is Exploration.wall_following and self.motor_noise > 0:
             raise ValueError(
                 f"adaptation.motor_noise = {self.motor_noise:g} does nothing with exploration=wall_following: give "
@@ -132,31 +107,21 @@ class Adaptation:
                 "adaptation.exploration=both needs adaptation.motor_noise above 0, the motor noise while the robot "
                 "follows a wall"
             )
-        self._check_goal()
+        if not self.start_by_s > 0:
+            raise ValueError(f"adaptation.start_by_s must be more than 0, inf for never, got {self.start_by_s}")
+        if self.stay is Stay.learn and self.plastic_when is not PlasticWhen.goal_signal:
+            raise ValueError(
+                "adaptation.stay=learn is learnt at the goal: give adaptation.plastic_when=goal_signal, not "
+                f"{self.plastic_when.name}"
+            )
         if self.change_signal == NONE:
-            gated = [field for field in fields(self)[2:] if field.name not in _WITHOUT_GATE]
+            gated = [field for field in fields(self)[2:] if field.name != "homeostasis"]
             unused = [field.name for field in gated if getattr(self, field.name) != field.default]
             if unused:
                 raise ValueError(
                     f"adaptation.{unused[0]} does nothing without a signal of change: give adaptation.change_signal, "
                     f"one of {', '.join(change_signals())}"
                 )
-
-    def _check_goal(self) -> None:
-        """Check by what the robot recognises its goal, and what it does there."""
-        if not self.start_by_s > 0:
-            raise ValueError(f"adaptation.start_by_s must be more than 0, inf for never, got {self.start_by_s}")
-        wanted = PlasticWhen.recognised if self.recognise else PlasticWhen.goal_signal
-        if self.plastic_when.at_the_goal and self.plastic_when is not wanted:
-            needs = "has no goal signal: give plastic_when=recognised" if self.recognise else "needs recognise=true"
-            raise ValueError(
-                f"adaptation.plastic_when={self.plastic_when.name} with recognise={str(self.recognise).lower()} {needs}"
-            )
-        if self.stay is Stay.learn and not self.plastic_when.at_the_goal:
-            raise ValueError(
-                f"adaptation.stay=learn is learnt at the goal: give adaptation.plastic_when={wanted.name}, not "
-                f"{self.plastic_when.name}"
-            )
 
     @property
     def parts(self) -> "Parts":
@@ -176,7 +141,7 @@ class Adaptation:
     @property
     def acts(self) -> bool:
         """Whether it does anything at all."""
-        return self.needs_nominal or self.self_check
+        return self.needs_nominal
 
     @property
     def is_network_unused(self) -> bool:
@@ -192,9 +157,8 @@ class Adaptation:
         uses = {
             "clock": times,
             "correct side": times,
-            "goal signal": self.is_gated and not self.recognise,  # at the goal, the gate of exploration is closed
-            "sensor model": self.self_check or self.recognise,
-            "hand-written": self.follows_walls or self.stay.halts or self.self_check or self.recognise,
+            "goal signal": self.is_gated,  # at the goal, the gate of exploration is closed
+            "hand-written": self.follows_walls or self.stay.halts,
         }
         return tuple(kind for kind, used in uses.items() if used)
 
@@ -224,49 +188,38 @@ class AdaptationState(NamedTuple):
     """What an adaptation carries from step to step, besides the tally of the lifetime.
 
     recent: recent means, (inputs + 1,). hand: (1,) the side on which the robot follows a wall, 1 left, -1 right, 0
-    while it follows none. corrections, correcting: what it corrects, and the state of that. noise: workspace. signal:
-    the goal signal of the last steps. place: of recognition.
+    while it follows none. noise: workspace. signal: the goal signal of the last steps.
     """
 
     recent: Floats
     hand: Floats
-    corrections: Corrections
-    correcting: CorrectionState
     homeostasis: HomeostasisState
     noise: Floats
     signal: NDArray[np.bool_]
-    place: PlaceState
 
 
-def initial_adaptation_state(robot: Robot, corrections: Corrections | None = None) -> AdaptationState:
-    """The state before the first step. corrections: None if the self-check found nothing to correct."""
+def initial_adaptation_state(robot: Robot) -> AdaptationState:
+    """The state before the first step."""
     return AdaptationState(
         recent=np.zeros(robot.inputs + 1),
         hand=np.zeros(1),
-        corrections=no_corrections(robot) if corrections is None else corrections,
-        correcting=initial_correction_state(robot),
         homeostasis=initial_homeostasis_state(robot.light.count),
         noise=np.zeros(noise_workspace_size(16)),
         signal=initial_signal(),
-        place=initial_place_state(robot),
     )
 
 
 class Hooks(NamedTuple):
     """The functions of an adaptation that a lifetime calls.
 
-    correct(readings, corrections, state): sensor readings as they would be in the training world. scale(readings,
-    weights, tally, state, nominal, step): scales the light readings. open_gate(life, setup, fitness, step): the need g
-    for plasticity at this step. explore(life, setup, left, right): the wheels' commands, from the network's outputs.
-    compensate(output, loss, gain): the command for a
-    wheel that turns too slowly by this share. resets: whether the weights become the genes where the gate closes.
+    scale(readings, weights, tally, state, nominal, step): scales the light readings. open_gate(life, setup, fitness,
+    step): the need g for plasticity at this step. explore(life, setup, left, right): the wheels' commands, from the
+    network's outputs. resets: whether the weights become the genes where the gate closes.
     """
 
-    correct: Callable[..., None]
     scale: Callable[..., None]
     open_gate: Callable[..., float]
     explore: Callable[..., tuple[float, float]]
-    compensate: Callable[..., float]
     resets: bool
 
 
@@ -277,8 +230,6 @@ class Parts(NamedTuple):
     follows_walls: bool = False
     plastic_when: PlasticWhen = PlasticWhen.late
     stay: Stay = Stay.none
-    recognise: bool = False
-    self_check: bool = False
     homeostasis: bool = False
 
 
@@ -291,18 +242,15 @@ def hooks(parts: Parts, robot: Robot, first_post: int = HIDDEN[0]) -> Hooks:
         explore = with_motor_noise(limit)
         if parts.follows_walls:
             explore = following(wall_following(robot), limit)
-        explore = staying(explore, parts.stay.halts, parts.recognise)
-        recognised = recognition(robot) if parts.recognise else None
-        open_gate = gates(_signal(parts.change_signal), parts.plastic_when, parts.stay, recognised)
+        if parts.stay.halts:
+            explore = halting(explore)
+        open_gate = gates(_signal(parts.change_signal), parts.plastic_when, parts.stay)
     return Hooks(
-        correct=corrected_readings if parts.self_check else nothing,
         scale=homeostasis(robot.light.count, first_post) if parts.homeostasis else nothing,
         open_gate=open_gate,
         explore=explore,
-        compensate=corrected_wheel(limit) if parts.self_check else _as_commanded,
         resets=gated and parts.stay is not Stay.learn,
     )
 
 
-_as_commanded = compiled(lambda output, *_: output)
 _as_it_is = compiled(lambda _life, _setup, left, right: (left, right))

@@ -37,9 +37,6 @@ class NominalOfSide(NamedTuple):
     (seconds,) the least recent live fitness in each second. reading_mean, reading_spread: (2, inputs) of the network's
     inputs, without and with the lamp. patterns, lengths: (lights, patterns) and (patterns,) of what the light looks
     like; novelty: the largest distance from these (`epuckhebb.adaptation.homeostasis`); empty if not measured.
-    sun_bearing, sun_level: where the sun stands [rad] from the heading at the start, and its brightness. lamp_side: 1
-    if the goal is on the left when the lamp is lit, -1 if on the right. echo: (2, points), readings above the least
-    one, falling, and how far the wall is then [m]; empty if not measured.
     """
 
     time_to_goal_s: float
@@ -50,17 +47,12 @@ class NominalOfSide(NamedTuple):
     patterns: Floats
     lengths: Floats
     novelty: float
-    sun_bearing: float
-    sun_level: float
-    lamp_side: float
-    echo: Floats
 
 
 def no_nominal(inputs: int) -> NominalOfSide:
     """Nominal statistics for a robot that compares with nothing."""
     return NominalOfSide(
-        *(np.nan, 0.0, np.zeros(1), np.zeros((2, inputs)), np.ones((2, inputs)), np.zeros((0, 0)), np.zeros(0), np.inf),
-        *(0.0, 1.0, -1.0, np.zeros((2, 0))),
+        *(np.nan, 0.0, np.zeros(1), np.zeros((2, inputs)), np.ones((2, inputs)), np.zeros((0, 0)), np.zeros(0), np.inf)
     )
 
 

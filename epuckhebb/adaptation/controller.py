@@ -6,7 +6,8 @@ from epuckhebb.adaptation.adaptation import Adaptation
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Rule
 
-# Classes of knowledge, from less to more that is given; the last one is a robot without a network.
+# Classes of knowledge, from less to more that is given; the last one is a robot without a network. No method has a
+# sensor model any more; tables that were made before name it.
 CLASSES = ("senses", "live fitness", "clock", "goal signal", "sensor model", "hand-written robot")
 GA, HEBBIAN = "GA", "Hebbian"  # in the paper's words
 CONTROLS = {Sign.hebbian: HEBBIAN, Sign.anti: "anti-Hebbian", Sign.shuffled: "shuffled signs"}

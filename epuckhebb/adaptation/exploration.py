@@ -50,19 +50,12 @@ def following(follow: Callable[..., tuple[float, float]], motor_limit: float) ->
     return explore
 
 
-def staying(explore: Explore, halts: bool, recognises: bool) -> Explore:
-    """An exploration that ends with a halt at the goal, and notes what it commands for odometry."""
-    if not (halts or recognises):
-        return explore
+def halting(explore: Explore) -> Explore:
+    """An exploration that ends with a halt at the goal."""
 
     @compiled
-    def explore_and_stay(life: Any, setup: Any, left: float, right: float) -> tuple[float, float]:
+    def explore_and_halt(life: Any, setup: Any, left: float, right: float) -> tuple[float, float]:
         left, right = explore(life, setup, left, right)
-        if halts and life.tally[0].halted:
-            left, right = 0.0, 0.0
-        if recognises:
-            now = life.adaptation.place.now[0]
-            now.left, now.right = setup.gain * left, setup.gain * right
-        return left, right
+        return (0.0, 0.0) if life.tally[0].halted else (left, right)
 
-    return explore_and_stay
+    return explore_and_halt

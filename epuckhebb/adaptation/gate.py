@@ -3,7 +3,7 @@
     g = clip(slope (signal - threshold), 0, 1)      need; 0 at the goal, and during rests
 
 Exploration also begins at a given time, if the robot has never been at its goal. Plasticity acts all the time, while
-the gate of exploration is open, or at the goal alone: where the robot is given the goal signal, or recognises it.
+the gate of exploration is open, or at the goal alone, where the robot is given the goal signal.
 """
 
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from typing import Any
 
 from epuckhebb.adaptation import exploration
 from epuckhebb.adaptation.change_signal import ChangeSignal, SignalContext, update_recent
-from epuckhebb.controller.compiling.kernel import compiled, false
+from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.tmaze.goal_signal import goal_signal
 from epuckhebb.tmaze.robot import STEP_S
 
@@ -20,17 +20,11 @@ WAIT_S = 1.5  # half as long again as the pauses of a goal signal that comes eve
 
 
 class PlasticWhen(Enum):
-    """When plasticity acts: always, while late, or at the goal by the goal signal or by recognition."""
+    """When plasticity acts: always, while late, or at the goal alone, by the goal signal."""
 
     always = "always"
     late = "late"
     goal_signal = "goal_signal"
-    recognised = "recognised"
-
-    @property
-    def at_the_goal(self) -> bool:
-        """Whether plasticity acts at the goal alone."""
-        return self in (PlasticWhen.goal_signal, PlasticWhen.recognised)
 
 
 class Stay(Enum):
@@ -61,25 +55,17 @@ def resting(late_s: float, active_s: float, rest_s: float) -> bool:
     return active_s > 0.0 and late_s % (active_s + rest_s) >= active_s
 
 
-def gates(
-    signal: ChangeSignal, plastic_when: PlasticWhen, stay: Stay, recognised: Callable[..., bool] | None
-) -> Callable[..., float]:
-    """The function that opens both gates, `open_gate` of `adaptation.Hooks`. recognised: None for the goal signal."""
-    always, at_the_goal = plastic_when is PlasticWhen.always, plastic_when.at_the_goal
-    recognises = recognised is not None
-    halts, for_good = stay.halts, stay is Stay.halt and not recognises
-    wait_s = WAIT_S if stay is Stay.wait else 0.0
-    is_here = recognised or false
+def gates(signal: ChangeSignal, plastic_when: PlasticWhen, stay: Stay) -> Callable[..., float]:
+    """The function that opens both gates, `open_gate` of `adaptation.Hooks`."""
+    always, at_the_goal = plastic_when is PlasticWhen.always, plastic_when is PlasticWhen.goal_signal
+    halts, for_good = stay.halts, stay is Stay.halt
 
     @compiled
     def open_gate(life: Any, setup: Any, fitness: float, step: int) -> float:
         gate, nominal, trial, state = setup.plasticity.gate, setup.nominal, setup.trial, life.adaptation
-        tally, readings = life.tally[0], life.activation
-        update_recent(state.recent, readings, fitness, step)
-        if recognises:
-            at_goal = is_here(state.place, readings, nominal)
-        else:
-            at_goal = goal_signal(trial.signal, tally.goal_distance, trial.goal_radius, state.signal, life.key, step)
+        tally = life.tally[0]
+        update_recent(state.recent, life.activation, fitness, step)
+        at_goal = goal_signal(trial.signal, tally.goal_distance, trial.goal_radius, state.signal, life.key, step)
         tally.arrived = tally.arrived or at_goal
         tally.away_s = 0.0 if at_goal else tally.away_s + STEP_S
         time_s = step * STEP_S
@@ -96,7 +82,7 @@ def gates(
             tally.noise_right = gate.motor_noise * state.noise[1]
         tally.exploring = open_by > 0.0
         if halts:
-            tally.halted = at_goal or (tally.halted and (for_good or tally.away_s < wait_s))
+            tally.halted = at_goal or (tally.halted and (for_good or tally.away_s < WAIT_S))
         if always:
             return 1.0
         if at_the_goal:

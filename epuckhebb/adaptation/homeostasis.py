@@ -2,7 +2,7 @@
 
 Synaptic scaling multiplies all synapses of one kind by one factor until the neuron is as active as usual (Turrigiano,
 The self-tuning neuron, Cell 135, 2008). Here the factor is k. Usual are patterns of brightness from the training world.
-The robot uses its senses alone: no clock, no goal signal, no sensor model.
+The robot uses its senses alone: no clock, no goal signal.
 
     v = clip(k u, 0, 1)                 u: brightness, 1 - reading of the light sensors, smoothed over k steps
     t                                   the training pattern nearest in direction: largest v t / |t|

@@ -12,8 +12,6 @@ import numpy as np
 
 from epuckhebb.adaptation.change_signal import RECENT_S, NominalOfSide
 from epuckhebb.adaptation.homeostasis import EVERY, lengths_of, light_patterns
-from epuckhebb.adaptation.recognise.facts import measure_facts
-from epuckhebb.adaptation.recognise.place import can_recognise
 from epuckhebb.controller import random
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.network import PAPER_NETWORK, Network
@@ -23,12 +21,11 @@ from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES, Place, Side
 from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.robot import STEP_S
-from epuckhebb.tmaze.samples import Samples, sample_bytes
+from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import EXPERIMENTS, Scenario
 from epuckhebb.tmaze.session import Individual
 
 REPEATS = 10  # lifetimes a side
-_NO_SUN = np.array([0.0, 1.0, -1.0])  # never used: recognition needs facts
 _RECORD_EVERY = EVERY  # steps: eight samples a second
 _SHARES = ("success", "fitness", "reading_mean", "reading_spread", "patterns")
 _MOST = {"time_to_goal_s": np.inf, "away_s": np.inf, **dict.fromkeys(_SHARES, 1)}
@@ -41,8 +38,7 @@ class Nominal:
     experiment, scenario: the training world. gain_rad_s: wheel gain. success: (2,) share of its lifetimes.
     time_to_goal_s: (2,) slowest arrival, nan if it never arrived. away_s: (2,) longest excursion from the goal
     afterwards. fitness: (2, seconds) least recent live fitness. reading_mean, reading_spread: (2, inputs). patterns:
-    (64, lights) what the light looks like. novelty: the largest distance from these. sun, echo: facts for
-    recognition (`recognise.facts.measure_facts`); None for a champion that was measured before there was any.
+    (64, lights) what the light looks like. novelty: the largest distance from these.
     """
 
     experiment: str
@@ -56,8 +52,6 @@ class Nominal:
     reading_spread: Floats
     patterns: Floats
     novelty: float
-    sun: Floats | None = None
-    echo: Floats | None = None
 
     def __post_init__(self) -> None:
         if self.experiment not in EXPERIMENTS:
@@ -75,7 +69,6 @@ class Nominal:
     def of(self, side: Side) -> NominalOfSide:
         """The statistics for this side."""
         k = SIDES.index(side)
-        bearing, level, lamp_side = (_NO_SUN if self.sun is None else self.sun).tolist()
         return NominalOfSide(
             float(self.time_to_goal_s[k]),
             float(self.away_s[k]),
@@ -85,22 +78,7 @@ class Nominal:
             np.ascontiguousarray(self.patterns.T),
             lengths_of(self.patterns),
             self.novelty,
-            bearing,
-            level,
-            lamp_side,
-            np.zeros((2, 0)) if self.echo is None else np.ascontiguousarray(self.echo),
         )
-
-    @property
-    def has_facts(self) -> bool:
-        """Whether it has what recognition compares with."""
-        return self.sun is not None and self.echo is not None and self.echo.size > 0
-
-
-def memory_to_measure_nominal(paper_duration_s: float, gain_rad_s: float, network: Network) -> float:
-    """How many bytes of memory `measure_nominal` takes, about."""
-    samples = paper_duration_s / gain_rad_s / STEP_S / _RECORD_EVERY
-    return 1.2 * len(SIDES) * REPEATS * samples * sample_bytes(network)
 
 
 Recorded = list[tuple[Outcome, Samples]]
@@ -154,8 +132,6 @@ def nominal_of(sides: list[Recorded], scenario: Scenario, gain_rad_s: float) -> 
         max(_longest_away(samples, goal, radius) for _, samples in side)
         for goal, side in zip(goals, sides, strict=True)
     ]
-    samples = [[samples for _, samples in side] for side in sides]
-    sun, echo = measure_facts(samples, scenario) if can_recognise(scenario.robot) else (None, None)
     return Nominal(
         experiment=scenario.experiment,
         scenario=scenario.name,
@@ -168,8 +144,6 @@ def nominal_of(sides: list[Recorded], scenario: Scenario, gain_rad_s: float) -> 
         reading_spread=np.array([side.std(axis=0) for side in readings]),
         patterns=patterns,
         novelty=novelty,
-        sun=sun,
-        echo=echo,
     )
 
 

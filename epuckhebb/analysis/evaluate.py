@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.adaptation.nominal import Nominal
-from epuckhebb.analysis.self_checks import Checks
 from epuckhebb.controller import random
 from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
@@ -25,13 +24,11 @@ from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.maze import SIDES, Side
 from epuckhebb.tmaze.outcome import Outcome
 from epuckhebb.tmaze.robot import STEP_S
-from epuckhebb.tmaze.samples import Samples, sample_bytes
+from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import Individual
 from epuckhebb.tmaze.task import rewarded
 
-_LIFETIME_BYTES = 2000.0  # of an individual and of its row of metrics
-_COPIES = 2.5  # of the samples: of each lifetime, stacked, and in the files
 _CONDITION = ("genome", "experiment", "scenario", "light", "obstacles", "controller", "N", "signal")
 _REPEAT = ("side", "repeat", "seed")
 _PATH = ("time_to_goal_s", "path_length_m", "average_speed_m_s", "final_position_error_m")
@@ -72,18 +69,17 @@ def evaluate(
     changed: str = "",
     network: Network = PAPER_NETWORK,
     plan: GenomePlan | None = None,
-    checks: Checks | None = None,
 ) -> tuple[Rows, Traces]:
     """Run `repeats` lifetimes a side without plasticity, and as many with each of `controllers`.
 
     genes: (genes,). nominal: statistics of the training world, for adaptations that compare with them. name, changed:
     values of the columns `genome` and `changed`. network: of these genes. plan: the parts of the genes, weights alone
-    unless given; each controller takes the parts of its rule. checks: of `analysis.self_checks`, for adaptations with a
-    self-check. Returns one row a lifetime, with the columns `COLUMNS` (and `REWARDED`, where a lifetime is many
-    trials), and the traces of the first repeat (empty if `lifetime.record_every` is 0).
+    unless given; each controller takes the parts of its rule. Returns one row a lifetime, with the columns `COLUMNS`
+    (and `REWARDED`, where a lifetime is many trials), and the traces of the first repeat (empty if
+    `lifetime.record_every` is 0).
 
     Raises:
-        ValueError: an adaptation lacks its nominal statistics or self-checks; two controllers have one name and N.
+        ValueError: an adaptation lacks its nominal statistics; two controllers have one name and N.
         LostRobotError: a pose or a weight is no longer finite.
     """
     everyone = [GA_ALONE, *controllers]
@@ -92,12 +88,10 @@ def evaluate(
         raise ValueError(f"two controllers have the same name and N, of {'; '.join(names)}")
     if nominal is None and any(controller.adaptation.needs_nominal for controller in controllers):
         raise ValueError("an adaptation with a change signal needs the nominal statistics of the training world")
-    if checks is None and any(controller.adaptation.self_check for controller in controllers):
-        raise ValueError("an adaptation with a self-check needs those of analysis.self_checks")
     wanted: list[tuple[int, Side, int]] = [
         (number, side, repeat) for number in range(len(everyone)) for side in SIDES for repeat in range(repeats)
     ]
-    individuals = individuals_for(genes, everyone, wanted, nominal, checks, plan or plan_of(network), network, seed)
+    individuals = individuals_for(genes, everyone, wanted, nominal, plan or plan_of(network), network, seed)
     outcomes = run_lifetimes(individuals, scenario, lifetime, threads)
     rows = [
         {
@@ -138,7 +132,6 @@ def individuals_for(
     controllers: Sequence[Controller],
     wanted: Sequence[tuple[int, Side, int]],
     nominal: Nominal | None,
-    checks: Checks | None,
     plan: GenomePlan,
     network: Network,
     seed: int,
@@ -150,14 +143,6 @@ def individuals_for(
         signs(controller.rule.sign, network.synapses, random.rng(seed, Stream.shuffled_signs, place))
         for controller in controllers
     ]
-
-    def checked(number: int, side: Side, repeat: int) -> dict[str, Any]:
-        adaptation = controllers[number].adaptation
-        if checks is None or not adaptation.self_check:
-            return {}
-        own = checks[adaptation.careful, side, repeat]
-        counted = {"calibration": own.calibration} if adaptation.calibration_counts else {}
-        return {"start": own.end, "corrections": own.corrections, **counted}
 
     def individual(number: int, side: Side, repeat: int) -> Individual:
         carries = side == "right" and controllers[number].rule.carries_history
@@ -172,7 +157,6 @@ def individuals_for(
             nominal=None if nominal is None else nominal.of(side),
             record=repeat == 0,
             after=replace(individual(number, "left", repeat), record=False) if carries else None,
-            **checked(number, side, repeat),
         )
 
     return [individual(number, side, repeat) for number, side, repeat in wanted]
@@ -196,13 +180,6 @@ def _trials(trials: NDArray[np.void]) -> Iterator[dict[str, Any]]:
             "rewarded": int(reached == good),
             "time_s": steps * STEP_S if steps else math.nan,
         }
-
-
-def memory_to_evaluate(controllers: int, lifetime: Lifetime, repeats: int, network: Network) -> tuple[float, float]:
-    """About how many bytes of memory `evaluate` takes: for all lifetimes, and for the recorded samples."""
-    kinds = len(SIDES) * (1 + controllers)
-    samples = lifetime.steps / lifetime.record_every if lifetime.record_every else 0.0
-    return kinds * repeats * _LIFETIME_BYTES, _COPIES * kinds * samples * sample_bytes(network)
 
 
 def _metrics(outcome: Outcome, lifetime: Lifetime) -> dict[str, float]:

@@ -46,14 +46,12 @@ def page(
     *,
     gain_rad_s: float,
     network: Network = PAPER_NETWORK,
-    found: Mapping[str, str] | None = None,
     notes: Sequence[str] = (),
 ) -> str:
     """The HTML text of the page.
 
     genes: of these lifetimes, the weights first. title: a line that names the run. gain_rad_s: wheel gain, the wheel
-    speed [rad/s] at a network output of 1. network: of these genes. found: for each side a sentence on the findings of
-    a self-check, if any. notes: lines beside the outcome.
+    speed [rad/s] at a network output of 1. network: of these genes. notes: lines beside the outcome.
     """
     controllers = list(dict.fromkeys(traces.controller))
     place = {of: k for k, of in reversed(list(enumerate(zip(traces.controller, traces.side, strict=True))))}
@@ -70,7 +68,7 @@ def page(
         of_side = [Samples(*(array[place[name, side]] for array in traces.samples)) for name in controllers]
         arrivals = [arrival(samples.time, samples.pose, scenario, side) for samples in of_side]
         sentence = reversal_outcome(side, controllers, of_side) if has_trials else outcome(side, controllers, arrivals)
-        outcomes[side] = " ".join(filter(None, [sentence, (found or {}).get(side)]))
+        outcomes[side] = sentence
         lifetimes[side] = [
             {
                 "arrival": None if has_trials else arrived.time,
@@ -261,9 +259,6 @@ def _embedded(samples: Samples, initial: NDArray[np.float32], every: int) -> dic
         "changeSignal": np.nan_to_num(samples.change_signal),
         "rate": samples.rate,
         "weightChange": samples.weight_change,
-        "believedHeading": samples.belief[:, 0],
-        "believedLamp": samples.belief[:, 1],
-        "recognised": samples.belief[:, 2],
         "change": samples.weights - initial,
     }
     if samples.activations.size:

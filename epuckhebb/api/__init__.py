@@ -77,7 +77,7 @@ def evaluate(
 
     Returns:
         The results: `.metrics` (a row a lifetime), `.table` (the paper's), `.traces` (the arrays of `traces.npz`),
-        `.findings` (of self-checks), `.plot()` (the paths) and `.replay()` (the page); a notebook shows the last two.
+        `.plot()` (the paths) and `.replay()` (the page); a notebook shows the last two.
     """
     be_quiet(not progress)
     rule = keys.pop("hebbian") if isinstance(keys.get("hebbian"), Rule) else None
@@ -99,9 +99,8 @@ def evaluate(
     prepared = prepare_evaluation(config, None if isinstance(genome, str | Path) else _genome_of(genome, config))
     say_unusual(config)
     threads = thread_count(config.threads)
-    remembered = prepared.remember(threads, say)
-    rows, recorded = prepared.run(remembered, threads)
-    return Evaluation(metrics=pd.DataFrame(rows), prepared=prepared, recorded=recorded, checks=remembered.checks)
+    rows, recorded = prepared.run(prepared.remember(threads, say), threads)
+    return Evaluation(metrics=pd.DataFrame(rows), prepared=prepared, recorded=recorded)
 
 
 def evolve(*overrides: str, config_dir: str | Path | None = None, progress: bool = True, **keys: Any) -> Evolution:

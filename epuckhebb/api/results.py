@@ -13,10 +13,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from epuckhebb.analysis import figures, replay, reversal, self_checks, tables
+from epuckhebb.analysis import figures, replay, reversal, tables
 from epuckhebb.analysis.evaluate import TRIALS, Traces
 from epuckhebb.analysis.image import KINDS, image
-from epuckhebb.analysis.self_checks import Checks
 from epuckhebb.config import EvaluateConfig
 from epuckhebb.live.server import Play
 from epuckhebb.runs import PreparedEvaluation, caption, notes_of
@@ -99,7 +98,6 @@ class Evaluation:
     metrics: pd.DataFrame
     prepared: PreparedEvaluation
     recorded: Traces
-    checks: Checks | None
 
     @property
     def config(self) -> EvaluateConfig:
@@ -126,11 +124,6 @@ class Evaluation:
     def trials(self) -> pd.DataFrame:
         """A row for each trial of each lifetime, as in `reversal_trials.csv`; none where a life is one trial."""
         return pd.DataFrame(self.recorded.trials, columns=list(TRIALS))
-
-    @cached_property
-    def findings(self) -> pd.DataFrame | None:
-        """What robots found in their self-checks, with the columns of `findings.csv`; None if there were none."""
-        return None if self.checks is None else pd.DataFrame(self_checks.findings(self.checks))
 
     def plot(self) -> Picture:
         """The paths of the first repeat, for each controller; ValueError if nothing was recorded."""

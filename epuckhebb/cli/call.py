@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from epuckhebb.cli.console import Terminal
-from epuckhebb.cli.options import Shown
-from epuckhebb.cli.output import begin, print_result
+from epuckhebb.cli.options import Output, RunOptions
 from epuckhebb.runtime import ConfigError
 
 if TYPE_CHECKING:
@@ -19,12 +18,8 @@ def run_command(
     command: str,
     job: Callable[..., None],
     prepare: Callable[..., Any],
-    arguments: list[str],
-    multirun: bool,
-    cfg: Shown | None,
-    config_dir: str | None,
-    quiet: bool,
-    as_json: bool,
+    words: list[str],
+    options: RunOptions,
     *,
     reports: bool = False,
 ) -> list[Path]:
@@ -37,16 +32,15 @@ def run_command(
     from epuckhebb.config import check_config_dir, check_words
     from epuckhebb.runs import hydra
 
-    if multirun and cfg:
+    multirun, config_dir = options.multirun, options.config_dir
+    if multirun and options.cfg:
         raise ConfigError("--cfg shows the configuration of one job: leave out --multirun, and give each key one value")
-    flags = ["--multirun"] if multirun else []
-    flags += ["--cfg", cfg] if cfg else []
-    begin(quiet)
+    flags = [*(["--multirun"] if multirun else []), *(["--cfg", options.cfg] if options.cfg else [])]
     check_config_dir(config_dir)
-    check_words(command, arguments, config_dir, several=multirun)
-    if not cfg:
-        hydra.check(command, arguments, config_dir, prepare, multirun=multirun)
-    early, errors = reports and not (multirun or quiet or as_json), list[Exception]()
+    check_words(command, words, config_dir, several=multirun)
+    if not options.cfg:
+        hydra.check(command, words, config_dir, prepare, multirun=multirun)
+    early, errors = reports and not (multirun or options.quiet or options.as_json), list[Exception]()
 
     def report(run: Path, metrics: "Rows") -> None:
         try:
@@ -56,43 +50,40 @@ def run_command(
 
     if early:
         job = functools.update_wrapper(functools.partial(job, report=report), job)
-    runs = hydra.run(command, job, [*arguments, *flags], config_dir)
+    runs = hydra.run(command, job, [*words, *flags], config_dir)
     if multirun and command == "evaluate" and runs:
         from epuckhebb.studies.sweep import write_summary_of_multirun
 
         write_summary_of_multirun(runs[0].parent, runs)
     for error in errors:
         raise error
-    if not cfg:
-        print_runs(command, runs, as_json, quiet, reported=early)
+    if not options.cfg:
+        print_runs(command, runs, options, reported=early)
     return runs
 
 
-def print_runs(command: str, runs: list[Path], as_json: bool, quiet: bool, *, reported: bool = False) -> None:
+def print_runs(command: str, runs: list[Path], output: Output, *, reported: bool = False) -> None:
     """Print the results of the runs of one call. reported: whether those of its one run are printed already."""
     from epuckhebb.cli import show
 
-    print_result(
-        as_json,
-        quiet,
+    output.print(
         lambda: {"command": command, "runs": list(map(show.as_json, runs))},
         lambda console: show.print_finished(runs, console, reported=reported),
     )
 
 
-def print_study(folder: Path, as_json: bool, quiet: bool) -> None:
+def print_study(folder: Path, output: Output) -> None:
     """Print the results of a study."""
     from epuckhebb.cli import results, show
 
-    print_result(as_json, quiet, lambda: show.as_json(folder), lambda console: results.print_results(folder, console))
+    output.print(lambda: show.as_json(folder), lambda console: results.print_results(folder, console))
 
 
 def print_jobs(
     command: str,
     folder: Path,
     jobs: "list[Job]",
-    as_json: bool,
-    quiet: bool,
+    output: Output,
     purposes: "dict[str, str] | None" = None,
     cpu_s: "dict[str, float] | None" = None,
 ) -> None:
@@ -113,7 +104,7 @@ def print_jobs(
         }
         for job in jobs
     ]
-    found: dict[str, Any] = {"command": command, "folder": str(folder), "jobs": listed}
+    plan: dict[str, Any] = {"command": command, "folder": str(folder), "jobs": listed}
     if cpu_s:
-        found["cpu_s"] = sum(cpu_s[run] for run in todo)
-    print_result(as_json, quiet, lambda: found, lambda console: results.print_jobs(found, console))
+        plan["cpu_s"] = sum(cpu_s[run] for run in todo)
+    output.print(lambda: plan, lambda console: results.print_jobs(plan, console))

@@ -1,9 +1,9 @@
 """Declares the commands of `epuckhebb`. Each imports what is heavy when it is called, so help comes at once."""
 
-import atexit
-import gc
-import sys
+import os
+import socket
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,25 +12,26 @@ import typer
 from epuckhebb import __version__
 from epuckhebb.cli import completion
 from epuckhebb.cli.call import print_jobs, print_runs, print_study, run_command
-from epuckhebb.cli.console import Terminal, is_of_output, print_line, replace_unencodable
+from epuckhebb.cli.console import Terminal, print_line
 from epuckhebb.cli.options import (
-    Cfg,
     Command,
-    Commands,
     ConfigDir,
     ConfiguredCommand,
     DryRun,
     Json,
-    Multirun,
     Open,
+    Output,
     Overrides,
     Quiet,
     Run,
+    RunOptions,
+    StudyOptions,
     experiment_argument,
+    takes_options,
     with_experiment,
     with_genomes_named,
 )
-from epuckhebb.cli.output import begin, open_in_browser, print_error, print_result, unwritable
+from epuckhebb.cli.output import open_in_browser, print_error
 from epuckhebb.runtime import JOB_FAILED, ConfigError, JobFailedError
 
 if TYPE_CHECKING:
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="epuckhebb",
-    cls=Commands,
     help="Evolve e-puck controllers in a T-maze, and see what Hebbian plasticity does for them when the world changes.",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -48,54 +48,38 @@ app = typer.Typer(
 
 
 @app.command(cls=ConfiguredCommand)
-def evolve(
-    overrides: Overrides = None,
-    multirun: Multirun = False,
-    cfg: Cfg = None,
-    config_dir: ConfigDir = None,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
+@takes_options
+def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
     """Evolve a controller."""
     from epuckhebb.runs import evolve_job, prepare_evolution, resume
 
     words = with_genomes_named(overrides)
     if any(word.startswith("resume=") for word in words):
-        if multirun or cfg or config_dir:
+        if options.multirun or options.cfg or options.config_dir:
             raise ConfigError("resume=RUN goes on with the settings of RUN: no -m, --cfg or --config-dir with it")
-        begin(quiet)
-        print_runs("evolve", [resume(words)], as_json, quiet)
+        print_runs("evolve", [resume(words)], options)
         return
 
     def check(config: "EvolveConfig") -> None:
         prepare_evolution(config).compile()
 
-    run_command("evolve", evolve_job, check, words, multirun, cfg, config_dir, quiet, as_json)
+    run_command("evolve", evolve_job, check, words, options)
 
 
 @app.command(cls=ConfiguredCommand)
-def evaluate(
-    overrides: Overrides = None,
-    multirun: Multirun = False,
-    cfg: Cfg = None,
-    config_dir: ConfigDir = None,
-    quiet: Quiet = False,
-    as_json: Json = False,
-    open_page: Open = False,
-) -> None:
+@takes_options
+def evaluate(overrides: Overrides = None, open_page: Open = False, *, options: RunOptions) -> None:
     """A genome's lifetimes with and without plasticity."""
     from epuckhebb.runs import as_evolved, evaluate_job, prepare_evaluation, recorded_job
 
-    if open_page and (multirun or cfg):
+    if open_page and (options.multirun or options.cfg):
         raise ConfigError(
             "--open shows the page of one run, so it does not go with --multirun or --cfg; "
             "run `epuckhebb replay RUN --open` for one of the runs of a multirun"
         )
     job = recorded_job if open_page else evaluate_job
-    words = as_evolved(with_genomes_named(overrides), config_dir)
-    runs = run_command(
-        "evaluate", job, prepare_evaluation, words, multirun, cfg, config_dir, quiet, as_json, reports=True
-    )
+    words = as_evolved(with_genomes_named(overrides), options.config_dir)
+    runs = run_command("evaluate", job, prepare_evaluation, words, options, reports=True)
     if open_page:
         from epuckhebb.export.replay import recording, write_page
 
@@ -183,15 +167,17 @@ def play(
     from epuckhebb.config import check_config_dir
     from epuckhebb.live.server import Play, open_page
     from epuckhebb.runs import as_evolved
-    from epuckhebb.runtime import say
+    from epuckhebb.runtime import be_quiet, say
 
-    begin(quiet)
+    be_quiet(quiet)
     check_config_dir(config_dir)
     if side not in ("left", "right"):
         raise ConfigError(f"--side must be left or right, got {side}")
     words = as_evolved(with_genomes_named(overrides), config_dir)
     with Play(words, "right" if side == "right" else "left", config_dir, port) as live, suppress(KeyboardInterrupt):
-        say(live.hint or "Ctrl-C ends it.")
+        forward = f"ssh -L {live.server.port}:127.0.0.1:{live.server.port} {socket.gethostname()}"
+        remote = f"On your own computer type `{forward}`, then open this address there."
+        say(remote if "SSH_CONNECTION" in os.environ else "Ctrl-C ends it.")
         typer.echo(live.address)  # from here on, Ctrl-C is how it is ended
         if browser:
             open_page(live.address)
@@ -199,21 +185,22 @@ def play(
 
 
 @app.command(cls=ConfiguredCommand)
+@takes_options
 def reproduce(
     words: Annotated[list[str] | None, experiment_argument()] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A smoke test in two minutes: 3 champions, 2 rates.")] = False,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    *,
+    options: Output,
 ) -> None:
     """The paper's tables and figures, and whether its claims hold."""
     from epuckhebb.studies.reproduce import reproduce as run
 
-    begin(quiet)
     experiment, overrides = with_experiment(words, "all")
-    print_study(run(experiment, overrides, quick=quick), as_json, quiet)
+    print_study(run(experiment, overrides, quick=quick), options)
 
 
 @app.command(cls=ConfiguredCommand)
+@takes_options
 def leaderboard(
     words: Annotated[list[str] | None, experiment_argument("reversal")] = None,
     quick: Annotated[
@@ -221,50 +208,47 @@ def leaderboard(
         typer.Option("--quick", help="A smoke test in three minutes: 3 methods, 2 champions."),
     ] = False,
     dry_run: DryRun = False,
-    config_dir: ConfigDir = None,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    *,
+    options: StudyOptions,
 ) -> None:
     """Which plasticity copes with worlds it was not evolved in."""
     from epuckhebb.studies.leaderboard import leaderboard as run
     from epuckhebb.studies.leaderboard_plan import plan
 
-    begin(quiet)
     experiment, overrides = with_experiment(words, "obstacles" if quick else "all")
-    planned = plan(experiment, overrides, quick=quick, config_dir=config_dir)
+    planned = plan(experiment, overrides, quick=quick, config_dir=options.config_dir)
     if dry_run:
-        print_jobs("leaderboard", planned.folder, planned.jobs, as_json, quiet, planned.purposes)
+        print_jobs("leaderboard", planned.folder, planned.jobs, options, planned.purposes)
         return
     run(planned)
-    print_study(planned.folder, as_json, quiet)
+    print_study(planned.folder, options)
 
 
 @app.command(cls=ConfiguredCommand)
+@takes_options
 def flock(
     overrides: Overrides = None,
     quick: Annotated[bool, typer.Option("--quick", help="4 flocks of 20 minutes, no sweep: half a minute.")] = False,
-    config_dir: ConfigDir = None,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    *,
+    options: StudyOptions,
 ) -> None:
     """Couplings between robots, and what they are good for."""
     from epuckhebb.config import check_config_dir
     from epuckhebb.studies.flock import flock as run
 
-    begin(quiet)
-    check_config_dir(config_dir)
-    print_study(run(overrides or [], quick=quick, config_dir=config_dir), as_json, quiet)
+    check_config_dir(options.config_dir)
+    print_study(run(overrides or [], quick=quick, config_dir=options.config_dir), options)
 
 
 @app.command(cls=ConfiguredCommand)
+@takes_options
 def sweep(
     name: Annotated[str, typer.Argument(metavar="NAME", hidden=True, autocompletion=completion.complete_sweep)],
     overrides: Overrides = None,
     dry_run: DryRun = False,
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Start no job after one has failed.")] = False,
-    config_dir: ConfigDir = None,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    *,
+    options: StudyOptions,
 ) -> None:
     """A named sweep on all cores; again, it does what is not done."""
     from epuckhebb.cli import results
@@ -275,17 +259,17 @@ def sweep(
     from epuckhebb.studies.sweep import failure_of, plan
     from epuckhebb.studies.sweep import sweep as run
 
-    begin(quiet)
+    config_dir = options.config_dir
     check_config_dir(config_dir)
     planned = plan(name, as_evolved(with_genomes_named(overrides), config_dir), config_dir)
     if dry_run:
-        print_jobs("sweep", planned.folder, planned.jobs, as_json, quiet, cpu_s=planned.cpu_s)
+        print_jobs("sweep", planned.folder, planned.jobs, options, cpu_s=planned.cpu_s)
         return
     todo = len(jobs.todo(planned.folder, planned.jobs))
     say(f"{len(planned.jobs)} jobs in {planned.folder}/: {len(planned.jobs) - todo} done before, {todo} to do.")
     outcome = run(planned, fail_fast=fail_fast)
-    found = {"command": "sweep", "folder": str(planned.folder), **outcome.as_json()}
-    print_result(as_json, quiet, lambda: found, lambda console: results.print_sweep(planned.folder, console))
+    result = {"command": "sweep", "folder": str(planned.folder), **outcome.as_json()}
+    options.print(lambda: result, lambda console: results.print_sweep(planned.folder, console))
     if outcome.failures:
         raise JobFailedError(failure_of(planned, outcome))
 
@@ -305,7 +289,7 @@ def show(
     """What a run or a champion holds, or the latest runs."""
     from epuckhebb.cli import show as shown
 
-    print_result(as_json, False, lambda: shown.shown_as_json(what), lambda console: shown.show(what, console))
+    Output(as_json=as_json).print(lambda: shown.shown_as_json(what), lambda console: shown.show(what, console))
 
 
 @app.command(cls=Command)
@@ -354,17 +338,17 @@ def export(
 
 
 @app.command(cls=Command)
-def rerun(run: Run, quiet: Quiet = False, as_json: Json = False) -> None:
+@takes_options
+def rerun(run: Run, *, options: Output) -> None:
     """Repeat a run, and check that its CSV files are bit-identical."""
     from epuckhebb.runs import repeat
     from epuckhebb.store import resolve_run
 
-    begin(quiet)
     run = resolve_run(run, "evaluate", "evolve")
     new, difference = repeat(run)
-    found = {"command": "rerun", "run": str(run), "new": str(new), "difference": difference}
-    hidden = quiet or bool(difference)
-    print_result(as_json, hidden, lambda: found, lambda console: print_line(console, f"bit-identical: {new}"))
+    result = {"command": "rerun", "run": str(run), "new": str(new), "difference": difference}
+    output = replace(options, quiet=options.quiet or bool(difference))
+    output.print(lambda: result, lambda console: print_line(console, f"bit-identical: {new}"))
     if difference:
         print_error(f"{new}: {difference}")
         raise typer.Exit(JOB_FAILED)
@@ -383,16 +367,3 @@ def _main(
     ] = False,
 ) -> None:
     """Options of the program itself."""
-
-
-def main() -> None:
-    """The entry point of `epuckhebb`. What it loads is not searched for garbage: see `begin`, and not at the end."""
-    replace_unencodable()
-    gc.disable()
-    atexit.register(gc.freeze)
-    try:
-        app()
-    except OSError as error:  # of --help and --version
-        if not is_of_output(error):
-            raise
-        sys.exit(unwritable(error))

@@ -1,11 +1,8 @@
 """Where the program prints: standard output and standard error, whatever they can show and whether or not one reads."""
 
 import re
-import sys
 import textwrap
-import traceback
 from collections.abc import Iterable, Sequence
-from io import TextIOWrapper
 
 from rich import box
 from rich.cells import cell_len
@@ -30,20 +27,6 @@ class Terminal(Console):
     def on_broken_pipe(self) -> None:
         """Say nothing more."""
         discard_output(self.file)
-
-
-def is_of_output(error: BaseException) -> bool:
-    """Whether an error arose where something was printed: the device that takes it is full."""
-    module = ""
-    for frame, _ in traceback.walk_tb(error.__traceback__):
-        module = str(frame.f_globals.get("__name__"))
-    return module.partition(".")[0] in ("click", "rich", "typer")
-
-
-def replace_unencodable() -> None:
-    """Let standard output have a `?` for each sign that its encoding does not have, as standard error has a code."""
-    if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")
 
 
 def print_line(console: Console, text: str) -> None:

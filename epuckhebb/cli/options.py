@@ -1,59 +1,28 @@
 """Declares the arguments and options that commands share, and what their help shows."""
 
+import functools
+import inspect
 import re
+from collections.abc import Callable
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from rich.console import Console
+from typer.core import TyperCommand
 
 from epuckhebb.cli import completion
-from epuckhebb.cli.output import report_errors
-from epuckhebb.runtime import LATEST, REFERENCE, conf
+from epuckhebb.cli.console import Terminal
+from epuckhebb.cli.output import json_text, report_errors
+from epuckhebb.runtime import LATEST, REFERENCE, be_quiet, conf
 
 _FROM_TO = re.compile(rf"{REFERENCE}_(\d+),\.\.\.,{REFERENCE}_(\d+)")
 
 
-class _AsTyped:
-    """In place of what Typer makes of a value by pydantic, which takes a tenth of a warm start to load.
-
-    A text stays as it was typed; where there is another value to convert, Typer does it. Versions before 0.29 do not
-    look for this.
-    """
-
-    def coerce(self, value: Any, param: Any, ctx: Any) -> Any:
-        """See Typer."""
-        several = param.nargs == -1
-        if value is None:
-            return () if several else None
-        if param.type_descriptor.annotation in (str, list[str]):
-            return list(value) if several else value
-        param._runtime_param = None
-        return param.get_runtime_param().coerce(value, param=param, ctx=ctx)
-
-
-def _leave_as_typed(params: list[Any]) -> None:
-    for param in params:
-        param._runtime_param = _AsTyped()
-
-
-class Commands(TyperGroup):
-    """All commands."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """See Typer."""
-        _leave_as_typed(self.get_params(ctx))
-        return super().parse_args(ctx, args)
-
-
 class Command(TyperCommand):
     """A command whose help begins with examples, and whose errors become one message and an exit code."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """See Typer."""
-        _leave_as_typed(self.get_params(ctx))
-        return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Do what the command does."""
@@ -151,6 +120,54 @@ DryRun = Annotated[bool, typer.Option("--dry-run", help="List the jobs, run noth
 Open = Annotated[bool, typer.Option("--open", help="Write the replay, and open it in a browser.")]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Output:
+    """How a command prints its result."""
+
+    quiet: Quiet = False
+    as_json: Json = False
+
+    def print(self, values: Callable[[], Any], print_text: Callable[[Console], None]) -> None:
+        """Print a result: as JSON, as text, or not at all."""
+        if self.as_json:
+            typer.echo(json_text(values()))
+        elif not self.quiet:
+            print_text(Terminal())
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyOptions(Output):
+    """How a study is run, and how its result is printed."""
+
+    config_dir: ConfigDir = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions(StudyOptions):
+    """How the jobs of one call are run, and how their results are printed."""
+
+    multirun: Multirun = False
+    cfg: Cfg = None
+
+
+def takes_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Let the fields of a command's parameter `options`, one of the classes above, be options of the command line."""
+    signature = inspect.signature(command)
+    kind = signature.parameters["options"].annotation
+    shared = list(inspect.signature(kind).parameters.values())
+    parameters = [*(own for own in signature.parameters.values() if own.name != "options"), *shared]
+
+    @functools.wraps(command)
+    def called(**values: Any) -> None:
+        options = kind(**{one.name: values.pop(one.name) for one in shared})
+        be_quiet(options.quiet)
+        command(**values, options=options)
+
+    called.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    called.__annotations__ = {one.name: one.annotation for one in parameters}
+    return called
+
+
 def experiment_argument(*others: str) -> Any:
     """The argument of a study: an experiment, the paper's, others or all of them, and settings."""
     return typer.Argument(
@@ -160,12 +177,12 @@ def experiment_argument(*others: str) -> Any:
     )
 
 
-def with_experiment(words: list[str] | None, usual: str) -> tuple[str, list[str]]:
-    """The experiment that stands before the overrides, or the usual one; and the overrides, champions named."""
+def with_experiment(words: list[str] | None, default: str) -> tuple[str, list[str]]:
+    """The experiment that stands before the overrides, or the default; and the overrides, champions named."""
     overrides = with_genomes_named(words)
     if overrides and "=" not in overrides[0]:
         return overrides[0], overrides[1:]
-    return usual, overrides
+    return default, overrides
 
 
 def with_genomes_named(overrides: list[str] | None) -> list[str]:
@@ -174,19 +191,17 @@ def with_genomes_named(overrides: list[str] | None) -> list[str]:
     A run then notes which evolution it used, whatever evolves later. `genome=reference_1,...,reference_20` gets the
     names between.
     """
-    return list(map(_with_genome_named, overrides or []))
-
-
-def _with_genome_named(override: str) -> str:
     from epuckhebb.config import quoted
     from epuckhebb.store import resolve_run
 
-    key, _, value = override.partition("=")
-    if key == "genome" and (ends := _FROM_TO.search(value)):
-        names = (f"{REFERENCE}_{seed}" for seed in range(int(ends[1]), int(ends[2]) + 1))
-        return f"genome={value[: ends.start()]}{','.join(names)}{value[ends.end() :]}"
-    if key not in ("genome", "resume") or LATEST not in value.split(","):
-        return override
-    folder = str(resolve_run(LATEST, "evolve"))
-    named = folder if key == "resume" else quoted(folder)
-    return f"{key}={','.join(named if word == LATEST else word for word in value.split(','))}"
+    words = list(overrides or [])
+    for place, word in enumerate(words):
+        key, _, value = word.partition("=")
+        if key == "genome" and (ends := _FROM_TO.search(value)):
+            names = (f"{REFERENCE}_{seed}" for seed in range(int(ends[1]), int(ends[2]) + 1))
+            words[place] = f"genome={value[: ends.start()]}{','.join(names)}{value[ends.end() :]}"
+        elif key in ("genome", "resume") and LATEST in (choices := value.split(",")):
+            folder = str(resolve_run(LATEST, "evolve"))
+            path = folder if key == "resume" else quoted(folder)
+            words[place] = f"{key}={','.join(path if choice == LATEST else choice for choice in choices)}"
+    return words

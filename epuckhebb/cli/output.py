@@ -1,28 +1,25 @@
-"""Prints results, in words or as JSON, and turns errors into one message and an exit code."""
+"""Turns errors into one message and an exit code, and writes JSON."""
 
-import gc
 import json
+import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import typer
-from rich.console import Console
 
-from epuckhebb.cli.console import Terminal, is_of_output
+from epuckhebb.cli.console import Terminal
 from epuckhebb.runtime import (
     INTERRUPTED,
     JOB_FAILED,
     USAGE,
     ConfigError,
     JobFailedError,
-    be_quiet,
     discard_output,
     interrupted,
     interruptible,
-    unusable_here,
 )
 
 
@@ -36,57 +33,33 @@ def print_error(message: str) -> None:
 @contextmanager
 def report_errors() -> Iterator[None]:
     """Turn errors into one message and an exit code."""
-    unusable = unusable_here()
-    if unusable:
-        print_error(unusable)
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
+        print_error("NUMBA_DISABLE_JIT is set, and without compiled code there is no physics; unset it")
         raise typer.Exit(USAGE)
+    message, code = "", USAGE
     try:
         with interruptible():
             yield
     except ConfigError as error:
-        print_error(str(error))
-        raise typer.Exit(USAGE) from None
+        message = str(error)
     except KeyboardInterrupt as interruption:
-        print_error(interrupted(str(interruption)))
-        raise typer.Exit(INTERRUPTED) from None
+        message, code = interrupted(str(interruption)), INTERRUPTED
     except BrokenPipeError:  # nobody reads what we say, and what we do is done
         discard_output(sys.stdout)
     except OSError as error:
-        if is_of_output(error):
-            raise typer.Exit(unwritable(error)) from None
-        print_error(f"{error.filename}: {error.strerror}" if error.filename else str(error))
-        raise typer.Exit(USAGE) from None
+        message = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+    except MemoryError as error:
+        message = f"there is not enough memory for this: {error}"
     except JobFailedError as error:
-        print_error(f"a job failed: {error}")
-        raise typer.Exit(JOB_FAILED) from None
-
-
-def unwritable(error: OSError) -> int:
-    """Say that nothing more can be printed; returns the exit code."""
-    discard_output(sys.stdout)
-    print_error(f"the output cannot be written: {error.strerror}")
-    return JOB_FAILED
-
-
-def print_result(as_json: bool, quiet: bool, values: Callable[[], Any], print_text: Callable[[Console], None]) -> None:
-    """Print a result: as JSON, as text, or not at all."""
-    if as_json:
-        typer.echo(json_text(values()))
-    elif not quiet:
-        print_text(Terminal())
+        message, code = f"a job failed: {error}", JOB_FAILED
+    if message:
+        print_error(message)
+        raise typer.Exit(code)
 
 
 def json_text(values: Any) -> str:
     """The text of JSON values; numbers that JSON does not have, nan and infinite ones, are null."""
     return json.dumps(json.loads(json.dumps(values), parse_constant=lambda _: None), allow_nan=False)
-
-
-def begin(quiet: bool) -> None:
-    """What a command does first, when all that it needs is imported: see `main`."""
-    gc.freeze()
-    gc.set_threshold(20_000, 10, 10)  # of objects; what matplotlib loads and a study composes is next to no garbage
-    gc.enable()
-    be_quiet(quiet)
 
 
 def open_in_browser(page: Path) -> None:

@@ -10,11 +10,10 @@ from rich.text import Text
 from epuckhebb.adaptation.controller import GA
 from epuckhebb.analysis import rescue, tables
 from epuckhebb.analysis.evaluate import Rows
-from epuckhebb.analysis.self_checks import in_words
 from epuckhebb.cli.console import print_line, print_table
 from epuckhebb.config import settings
-from epuckhebb.runtime import cores
-from epuckhebb.store import CONFIG, Run, is_bundled, load_genome, read_findings
+from epuckhebb.runtime import thread_count
+from epuckhebb.store import CONFIG, Run, is_bundled, load_genome
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import EXPERIMENTS
 
@@ -27,7 +26,7 @@ _LISTED = 20  # jobs of a study that is not run
 def print_evaluation(path: Path, console: Console, metrics: Rows | None = None) -> None:
     """Print the paper's table of a run, and what belongs to it. metrics: its lifetimes; read unless given."""
     print_metrics(metrics or Run(path).rows("metrics.csv"), console)
-    _print_notes_and_findings(path, console)
+    _print_notes(path, console)
 
 
 def print_metrics(metrics: Rows, console: Console) -> None:
@@ -62,7 +61,7 @@ def print_reversal(path: Path, console: Console) -> None:
         rows.append((row["controller"], f"{row['rewarded_share']:.3f}", interval))
     title = _title(Run(path).rows("metrics.csv"))
     print_table(console, title, ("controller", "rewarded share", "95 % interval"), rows)
-    _print_notes_and_findings(path, console)
+    _print_notes(path, console)
 
 
 def reversal_in_short(path: Path) -> str:
@@ -110,14 +109,10 @@ def _title(metrics: Rows) -> str:
     )
 
 
-def _print_notes_and_findings(path: Path, console: Console) -> None:
-    """Print what a reader of the table must know, and what robots found in their self-checks."""
+def _print_notes(path: Path, console: Console) -> None:
+    """Print what a reader of the table must know."""
     for note in Run(path).provenance.get("notes", []):
         console.print(Text(note))
-    findings = in_words(read_findings(Run(path)))
-    if findings:
-        rows = [(side, text, count) for side, counts in findings.items() for text, count in counts]
-        print_table(console, "Found by the self-check", ("side", "it found", "lifetimes"), rows, text=2)
 
 
 def print_jobs(found: dict[str, Any], console: Console) -> None:
@@ -130,8 +125,9 @@ def print_jobs(found: dict[str, Any], console: Console) -> None:
     done = sum(job["done"] for job in listed)
     print_line(console, f"{done} done, {len(listed) - done} to do; nothing was run.")
     if found.get("cpu_s"):
-        seconds = found["cpu_s"] / min(cores(), len(listed) - done)
-        print_line(console, f"About {_duration(seconds)} on the {cores()} cores of this machine, if they are free.")
+        cores = thread_count()
+        duration = _duration(found["cpu_s"] / min(cores, len(listed) - done))
+        print_line(console, f"About {duration} on the {cores} cores of this machine, if they are free.")
 
 
 def _duration(seconds: float) -> str:

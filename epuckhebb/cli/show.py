@@ -13,8 +13,6 @@ from rich.table import Table
 from rich.text import Text
 
 from epuckhebb.adaptation.nominal import Nominal
-from epuckhebb.adaptation.self_check.findings import find
-from epuckhebb.adaptation.self_check.memory import SelfMemory
 from epuckhebb.cli import results
 from epuckhebb.cli.console import print_line, print_table
 from epuckhebb.runtime import ConfigError
@@ -210,7 +208,7 @@ def genome_as_json(genome: Genome, experiment: str) -> dict[str, Any]:
 
 
 def print_champion(genome: Genome, console: Console) -> None:
-    """What a champion is made of, what it remembers of its training world, and how well it can check itself."""
+    """What a champion is made of, and what it remembers of its training world."""
     print_line(console, f"Genome: {genome.plan.text()}; network {genome.network}; robot {genome.robot}")
     if genome.optimizer:
         rule = f", with rule {genome.rule}" if genome.rule else ""
@@ -221,20 +219,6 @@ def print_champion(genome: Genome, console: Console) -> None:
         print_line(console, line)
     if genome.nominal is not None:
         _print_nominal(genome.nominal, genome, console)
-    if genome.self_memory is not None:
-        _print_self_memory(genome.self_memory, console)
-
-
-def _print_self_memory(memory: SelfMemory, console: Console) -> None:
-    """How well a robot that remembers this can check itself."""
-    expected = find(memory.mean[0], memory)
-    rows = [
-        (f"{wheel} wheel", f"± {100 * error:.1f} % of its speed")
-        for wheel, error in zip(("Left", "Right"), expected.wheel_loss_error, strict=True)
-    ]
-    rows.append(("Light", f"± {100 * expected.light_ratio_error:.1f} % of {memory.scenario}'s"))
-    title = f"Self-check: a calibration of {len(memory.spread)} steps, remembered of {memory.scenario}; standard errors"
-    print_table(console, title, ("", "is known to"), rows)
 
 
 def _print_nominal(nominal: Nominal, genome: Genome, console: Console) -> None:
@@ -254,12 +238,6 @@ def _print_nominal(nominal: Nominal, genome: Genome, console: Console) -> None:
     for name, means, spreads in zip([*names, *own], nominal.reading_mean.T, nominal.reading_spread.T, strict=True):
         cells = (f"{mean:.2f} ± {spread:.2f}" for mean, spread in zip(means, spreads, strict=True))
         rows.append((name, *cells))
-    if nominal.sun is not None and nominal.echo is not None:
-        bearing, level, lamp_side = nominal.sun
-        rows.append(("Sun: from the start's heading, level", f"{np.degrees(bearing):.1f}°, {level:.2f}", ""))
-        rows.append(("Goal when the lamp is lit", "" if lamp_side < 0 else "here", "here" if lamp_side < 0 else ""))
-        nearest, farthest = 1000 * nominal.echo[1, [0, -1]]
-        rows.append(("Echo curve", f"{nominal.echo.shape[1]} points", f"{nearest:.0f} to {farthest:.0f} mm"))
     title = f"Nominal: {nominal.scenario} at {nominal.gain_rad_s:g} rad/s"
     print_table(console, title, ("", "left (lamp off)", "right (lamp on)"), rows)
 

@@ -8,9 +8,6 @@ from typing import Any
 from epuckhebb.adaptation.adaptation import Adaptation, compares_fitness
 from epuckhebb.adaptation.controller import CONTROLS, GA, HEBBIAN, Controller
 from epuckhebb.adaptation.gate import Stay
-from epuckhebb.adaptation.recognise.place import check_recognition
-from epuckhebb.adaptation.self_check.calibration import check_time
-from epuckhebb.adaptation.self_check.memory import check_robot
 from epuckhebb.config import hand
 from epuckhebb.config.parts import GENETIC, NONE, PAPER, Layers, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
@@ -270,8 +267,8 @@ def check_task(controller: Controller, task: Task) -> None:
         )
 
 
-def check_stay(controller: Controller, world: Scenario, lifetime: Lifetime) -> None:
-    """Refuse learning without a rule, a start after the end, and recognition by a robot without the sensors."""
+def check_stay(controller: Controller, lifetime: Lifetime) -> None:
+    """Refuse learning without a rule, and a start after the end."""
     adaptation = controller.adaptation
     if adaptation.stay is Stay.learn and isinstance(controller.rule, NoRule):
         raise ValueError("adaptation.stay=learn needs a plasticity rule: give hebbian=stay, or adaptation.stay=halt")
@@ -280,8 +277,6 @@ def check_stay(controller: Controller, world: Scenario, lifetime: Lifetime) -> N
             f"adaptation.start_by_s must be less than lifetime.duration_s = {lifetime.duration_s:g}, or inf for never, "
             f"got {adaptation.start_by_s:g}"
         )
-    if adaptation.recognise:
-        check_recognition(world.robot)
 
 
 def check_homeostasis(adaptation: Adaptation, shape: Shape) -> None:
@@ -291,11 +286,3 @@ def check_homeostasis(adaptation: Adaptation, shape: Shape) -> None:
             f"adaptation={adaptation.name} scales the weights between the light sensors and the first layer, and "
             f"network.wiring={shape.name} has no layers; give another adaptation, or network.wiring={LAYERS}"
         )
-
-
-def check_self_check(adaptation: Adaptation, world: Scenario, lifetime: Lifetime) -> None:
-    """Refuse a self-check for a robot that has not the sensors, and a calibration that counts and has no time."""
-    if adaptation.self_check:
-        check_robot(world.robot)
-    if adaptation.calibration_counts:
-        check_time(lifetime, world)

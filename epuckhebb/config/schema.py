@@ -23,12 +23,11 @@ from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.evolution.evolve import evolved_plan
 from epuckhebb.evolution.optimizers.ga import GA
 from epuckhebb.evolution.training import Training
-from epuckhebb.runtime import ConfigError, Need, require, say_once
+from epuckhebb.runtime import ConfigError, say_once
 from epuckhebb.tmaze.fitness import Signal
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
-from epuckhebb.tmaze.reachable import grid_bytes
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
@@ -128,8 +127,6 @@ class WorldConfig(Checked):
         """Validate the settings."""
         build.check_counts(vars(self))
         self.world = build.scenario_from(self.scenario, self.maze, self.robot, self.task, self.fitness, self.physics)
-        memory = grid_bytes(self.world.maze.arena_m)
-        require([Need(memory, "a way to the goals of so large a maze", "lower maze.arena_m")])
         self.world.check()
         self.shape = build.shape_from(self.network)
         if self.shape is not None:
@@ -168,8 +165,7 @@ class EvaluateConfig(WorldConfig):
         for controller in self.controllers:
             build.check_signal(controller, self.world)
             build.check_task(controller, self.world.task)
-            build.check_self_check(controller.adaptation, self.world, self.lifetime)
-            build.check_stay(controller, self.world, self.lifetime)
+            build.check_stay(controller, self.lifetime)
             build.check_homeostasis(controller.adaptation, self.shape)
 
 

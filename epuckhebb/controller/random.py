@@ -17,7 +17,7 @@ from epuckhebb.controller.compiling.kernel import compiled
 
 
 class Stream(IntEnum):
-    """Uses of random numbers. These values are part of every result: never renumber."""
+    """Uses of random numbers. These values are part of every result: never renumber; 8 is no longer used."""
 
     variation = 0
     training_noise = 1
@@ -27,7 +27,6 @@ class Stream(IntEnum):
     bootstrap = 5
     layout = 6
     nominal_noise = 7
-    calibration_noise = 8
     training_world = 9
     initial_weights = 10
     merging = 11

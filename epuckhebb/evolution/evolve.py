@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _START_SPREAD = np.array([0.005, 0.010, 0.1])  # m, m, rad at a start noise of 1
-_COPIES, _LIFETIME_BYTES = 4.0, 1000.0  # copies of an individual's genes; memory of a lifetime and its outcome
 _TRIALS = tuple(reversed(SIDES))  # lamp on (right) first, as in the published program
 
 
@@ -146,11 +145,6 @@ def evolved_plan(network: Network, rule: Rule, *, given: bool = False) -> Genome
             "the weights be evolved"
         )
     return evolved
-
-
-def memory_to_evolve(individuals: int, loops: int, genes: int) -> float:
-    """How many bytes of memory a generation takes, about."""
-    return individuals * (_COPIES * np.dtype(float).itemsize * genes + len(SIDES) * loops * _LIFETIME_BYTES)
 
 
 class _Evaluator(NamedTuple):

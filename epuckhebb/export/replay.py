@@ -11,25 +11,22 @@ from numpy.typing import NDArray
 
 from epuckhebb.analysis import replay
 from epuckhebb.analysis.evaluate import Traces
-from epuckhebb.analysis.self_checks import text
 from epuckhebb.config import EvaluateConfig, from_values, hand, settings, without_own_code
 from epuckhebb.controller.network import Network
 from epuckhebb.runs import caption
 from epuckhebb.runtime import ConfigError, track
-from epuckhebb.store import Run, read_findings, read_traces, write_atomic
-from epuckhebb.tmaze.maze import SIDES
+from epuckhebb.store import Run, read_traces, write_atomic
 
 
 @dataclass(frozen=True)
 class Recording:
-    """What a run recorded: lifetimes, first weights, the network, a title, a sentence a side on self-checks, notes."""
+    """What a run recorded: lifetimes, first weights, the network, a title, notes."""
 
     traces: Traces
     weights: NDArray[np.float64]
     network: Network
     config: EvaluateConfig
     title: str
-    findings: dict[str, str]
     notes: list[str]
 
 
@@ -56,31 +53,16 @@ def recording(path: Path) -> Recording:
             f"recording on: {' '.join([*words, 'lifetime.record_every=8'])}"
         )
     metrics = run.table("metrics.csv")
-    lifetimes = len(SIDES) * metrics.controller.nunique()
-    samples = -(-config.lifetime.steps // config.lifetime.record_every)
-    traces, weights, network = read_traces(run, lifetimes, samples)
+    traces, weights, network = read_traces(run)
     title = caption(config, facts.get("genome", "genome"), list(zip(metrics.controller, metrics.N, strict=True)))
-    return Recording(traces, weights, network, config, title, sentences_of(run, config), facts.get("notes", []))
-
-
-def sentences_of(run: Run, config: EvaluateConfig) -> dict[str, str]:
-    """A sentence for each side on what the robots of the recorded lifetimes found in their self-check."""
-    checking = [one for one in config.controllers if one.adaptation.self_check]
-    found: dict[str, list[str]] = {}
-    for row in (row for row in read_findings(run) if row["repeat"] == 0):
-        kind = bool(row.get("careful"))  # older runs have none that is careful
-        names = " and ".join(f"“{one.name}”" for one in checking if one.adaptation.careful == kind)
-        found.setdefault(str(row["side"]), []).append(f"Before its life, the robot with {names} found: {text(row)}.")
-    return {side: " ".join(sentences) for side, sentences in found.items()}
+    return Recording(traces, weights, network, config, title, facts.get("notes", []))
 
 
 def write_page(recorded: Recording, target: Path) -> None:
     """Write the page of a recording."""
     title, world, gain = recorded.title, recorded.config.world, recorded.config.lifetime.gain_rad_s
-    weights, network, found, notes = recorded.weights, recorded.network, recorded.findings, recorded.notes
-    page = replay.page(
-        recorded.traces, weights, world, title, gain_rad_s=gain, network=network, found=found, notes=notes
-    )
+    weights, network, notes = recorded.weights, recorded.network, recorded.notes
+    page = replay.page(recorded.traces, weights, world, title, gain_rad_s=gain, network=network, notes=notes)
     write(target, page.encode())
 
 

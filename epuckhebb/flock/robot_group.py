@@ -102,7 +102,7 @@ def _check(individuals: Sequence[Individual], world: Scenario) -> None:
             raise ValueError(f"robots in one space must have the same {name}")
     if any(one.record or one.after is not None for one in individuals):
         raise ValueError("robots in one space are not recorded, and carry no history; give record=False, after=None")
-    if individuals[0].controller.adaptation.acts or any(one.calibration for one in individuals):
+    if individuals[0].controller.adaptation.acts:
         raise ValueError("robots in one space cannot have an adaptation; give each a controller without one")
     if world.physics != PYMUNK:
         raise ValueError(f"robots in one space need physics={PYMUNK.name}, got {world.physics.name}")

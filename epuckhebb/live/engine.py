@@ -2,12 +2,11 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
-from epuckhebb.live.world import LiveWorld, Saved
-from epuckhebb.runtime import ConfigError
+from epuckhebb.live.world import LiveWorld
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.robot import STEP_S
 
@@ -80,25 +79,29 @@ class Engine(threading.Thread):
         Raises:
             ValueError: it cannot be done; the world goes on as it was.
         """
-        acts = {
-            "change": self._change,
-            "play": self._play,
-            "speed": self._set_speed,
-            "step": self._step,
-            "new": self._new,
-            "save": self._save,
-        }
-        if not isinstance(wish, dict):
-            raise ConfigError("a wish is a JSON object")
-        act = acts.get(str(wish.get("do")))
-        if act is None:
-            raise ValueError(f"a page may wish {', '.join(acts)}, got {wish.get('do')!r}")
-        return act(wish)
+        match wish:
+            case {"do": "change", "values": dict(values)}:
+                return self._change(values)
+            case {"do": "play", "value": value}:
+                self._set(is_playing=bool(value))
+            case {"do": "speed", "value": int() | float() as value} if value in SPEEDS and value is not True:
+                self._set(speed=float(value))
+            case {"do": "step"}:
+                with self.news:
+                    self._run(1)
+                    self._set(is_playing=False)
+            case {"do": "new"}:
+                self._begin_anew({key: wish[key] for key in _NEW if wish.get(key) not in (None, "")})
+            case {"do": "save"}:
+                with self.news:
+                    world, record = self.world, self.world.record()
+                saved = world.save(record)
+                return {"run": str(saved.run), "same": saved.same, "command": saved.command}
+            case _:
+                raise ValueError(f"a page cannot wish {wish!r}")
+        return {}
 
-    def _change(self, wish: dict[str, Any]) -> dict[str, Any]:
-        values = wish.get("values")
-        if not isinstance(values, dict):
-            raise ConfigError("a change needs values")
+    def _change(self, values: dict[str, Any]) -> dict[str, Any]:
         with self.news:
             self.world.wish(values)
             if self._runs:
@@ -109,65 +112,35 @@ class Engine(threading.Thread):
             self.news.notify_all()
             return {"step": self.world.steps}
 
-    def _play(self, wish: dict[str, Any]) -> dict[str, Any]:
-        return self._set("is_playing", bool(wish.get("value")))
-
-    def _set_speed(self, wish: dict[str, Any]) -> dict[str, Any]:
-        if wish.get("value") not in SPEEDS or isinstance(wish.get("value"), bool):
-            raise ValueError(f"speed must be one of {', '.join(map(str, SPEEDS))}, got {wish.get('value')!r}")
-        return self._set("speed", float(wish["value"]))
-
-    def _set(self, name: str, value: Any) -> dict[str, Any]:
-        with self._changing():
-            setattr(self, name, value)
-        return {}
-
-    @contextmanager
-    def _changing(self) -> Iterator[None]:
-        """Change what pages show, and tell them."""
+    def _set(self, **values: Any) -> None:
+        """Set attributes, and show them in all pages."""
         with self.news:
-            yield
+            vars(self).update(values)
             self._due = time.perf_counter()
             self.version += 1
             self.news.notify_all()
 
-    def _step(self, _: dict[str, Any]) -> dict[str, Any]:
-        with self._changing():
-            self.is_playing = False
-            self._run(1)
-        return {}
-
-    def _new(self, wish: dict[str, Any]) -> dict[str, Any]:
+    def _begin_anew(self, words: dict[str, Any]) -> None:
         """Begin a new life; what it needs is compiled aside, while the old one goes on."""
-        asked = {key: wish[key] for key in _NEW if wish.get(key) not in (None, "")}
-        if asked.get("side", "left") not in SIDES:
-            raise ValueError(f"side must be one of {', '.join(SIDES)}, got {asked['side']!r}")
-        if not all(isinstance(value, str | int) for value in asked.values()):
+        if words.get("side", "left") not in SIDES:
+            raise ValueError(f"side must be one of {', '.join(SIDES)}, got {words['side']!r}")
+        if not all(isinstance(value, str | int) for value in words.values()):
             raise ValueError("a new life has other words for hebbian, adaptation, seed and side")
-        with self._changing():
+        with self.news:
             if self.prepares:
                 raise ValueError("a new life is being prepared already")
-            self.prepares = " ".join(f"{key}={value}" for key, value in asked.items()) or "a new life"
+            self._set(prepares=" ".join(f"{key}={value}" for key, value in words.items()) or "a new life")
         try:
-            world = self._make(asked)
+            world = self._make(words)
             with self.news:
-                self.world, self.trouble = world, ""
-                self.life += 1
+                self._set(world=world, trouble="", life=self.life + 1)
         finally:
-            self._set("prepares", "")
-        return {}
-
-    def _save(self, _: dict[str, Any]) -> dict[str, Any]:
-        with self.news:
-            world, record = self.world, self.world.record()
-        saved: Saved = world.save(record)
-        return {"run": str(saved.run), "same": saved.same, "command": saved.command}
+            self._set(prepares="")
 
     def watch(self, by: int) -> None:
         """Count a page that begins (1) or ends (-1) to watch; without any, the life pauses."""
-        with self._changing():
-            self.watchers += by
-            self.unwatched_since = time.monotonic()
+        with self.news:
+            self._set(watchers=self.watchers + by, unwatched_since=time.monotonic())
 
     def end(self) -> None:
         """End, and let those who watch end."""

@@ -10,7 +10,6 @@ import hmac
 import json
 import os
 import secrets
-import socket
 import sys
 import threading
 import time
@@ -87,18 +86,18 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """Send the page, or the stream of what is new."""
         if self.path == "/":
-            if self._is_ours():
+            if self._is_allowed(from_page=False):
                 text, policy = page.page()
                 self._send(text, "text/html; charset=utf-8", {"Content-Security-Policy": policy})
         elif self.path == "/stream":
-            if self._is_ours() and self._is_trusted():
+            if self._is_allowed():
                 self._stream()
         else:
             self._refuse(HTTPStatus.NOT_FOUND)
 
     def do_POST(self) -> None:
         """Do what a page wishes."""
-        if not (self._is_ours() and self._is_trusted()):
+        if not self._is_allowed():
             return
         length = self.headers.get("Content-Length", "")
         if self.path != "/do":
@@ -115,29 +114,25 @@ class _Handler(BaseHTTPRequestHandler):
                 answer = {"error": str(error)}
             self._send(json.dumps(answer).encode(), "application/json")
 
-    def _is_ours(self) -> bool:
-        """Whether the request names this server, not a name bound to its address; else it is refused."""
-        if self.headers.get("Host") in self._hosts():
-            return True
-        self._refuse(HTTPStatus.FORBIDDEN)
-        return False
+    def _is_allowed(self, *, from_page: bool = True) -> bool:
+        """Whether the request names this server, not a name bound to its address, and comes from our page if it must.
 
-    def _is_trusted(self) -> bool:
-        """Whether the request comes from our page; else it is refused."""
-        origin = self.headers.get("Origin")
-        site = self.headers.get("Sec-Fetch-Site", "same-origin")
-        given = self.headers.get("X-Epuckhebb", "").encode("utf-8", "replace")
-        if (
-            (origin is None or origin.removeprefix("http://") in self._hosts())
-            and site == "same-origin"
-            and hmac.compare_digest(given, self.server.secret.encode())
-        ):
-            return True
-        self._refuse(HTTPStatus.FORBIDDEN)
-        return False
-
-    def _hosts(self) -> tuple[str, str]:
-        return f"127.0.0.1:{self.server.port}", f"localhost:{self.server.port}"
+        If not, it is refused.
+        """
+        hosts = f"127.0.0.1:{self.server.port}", f"localhost:{self.server.port}"
+        origin = self.headers.get("Origin", f"http://{hosts[0]}")
+        secret = self.headers.get("X-Epuckhebb", "").encode("utf-8", "replace")
+        is_allowed = self.headers.get("Host") in hosts and (
+            not from_page
+            or (
+                origin.removeprefix("http://") in hosts
+                and self.headers.get("Sec-Fetch-Site", "same-origin") == "same-origin"
+                and hmac.compare_digest(secret, self.server.secret.encode())
+            )
+        )
+        if not is_allowed:
+            self._refuse(HTTPStatus.FORBIDDEN)
+        return is_allowed
 
     def _refuse(self, status: HTTPStatus) -> None:
         self.close_connection = True
@@ -201,27 +196,14 @@ class Play:
         while engine.watchers or time.monotonic() - engine.unwatched_since < _UNWATCHED_S:
             time.sleep(0.5)
 
-    @property
-    def hint(self) -> str:
-        """How to get to the page from another computer; nothing at the computer itself."""
-        if "SSH_CONNECTION" not in os.environ:
-            return ""
-        forward = f"ssh -L {self.server.port}:127.0.0.1:{self.server.port} {socket.gethostname()}"
-        return f"On your own computer type `{forward}`, then open this address there."
-
-
-def can_open() -> bool:
-    """Whether a browser of this computer's desktop can be opened, and the user sits there."""
-    if "SSH_CONNECTION" in os.environ:
-        return False
-    if sys.platform.startswith("linux"):
-        return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-    return True
-
 
 def open_page(address: str) -> bool:
-    """Open the page in a browser; returns whether one could be started."""
-    return can_open() and webbrowser.open(address)
+    """Open the page in a browser of this computer's desktop, if the user sits there; returns whether one was started.
+
+    A browser in the user's terminal would take that from the program.
+    """
+    has_display = not sys.platform.startswith("linux") or "DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ
+    return has_display and "SSH_CONNECTION" not in os.environ and webbrowser.open(address)
 
 
 def _listening(engine: Engine, port: int) -> Server:

@@ -6,9 +6,9 @@ them at the same step. An ordinary evaluation with `scenario.hand=FILE` is bit-i
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from epuckhebb.adaptation.controller import GA_ALONE
 from epuckhebb.analysis.evaluate import individuals_for
@@ -40,8 +40,7 @@ _COMPARED = {  # columns of metrics.csv that tell whether a saved lifetime is th
 }
 
 
-@dataclass(frozen=True)
-class Saved:
+class Saved(NamedTuple):
     """A saved lifetime. run: its folder. same: whether it went as it was seen. command: what repeats it."""
 
     run: Path
@@ -49,8 +48,7 @@ class Saved:
     command: str
 
 
-@dataclass(frozen=True)
-class Record:
+class Record(NamedTuple):
     """What is to be saved: how long the lifetime was [s], what was done by hand, and what the robots reached."""
 
     duration_s: float
@@ -63,7 +61,8 @@ class LiveWorld:
 
     words: settings, as on the command line. side: which trial. config, genome: what they make. robots: one lifetime in
     progress for each controller, the first without plasticity. kept: how many of their last samples are kept; a saved
-    lifetime does not need them. changes: what was done by hand.
+    lifetime does not need them. changes: what was done by hand. wishes:
+    what will be done before the next step.
     """
 
     def __init__(self, words: Sequence[str], side: Side, config_dir: str | None = None) -> None:
@@ -77,7 +76,6 @@ class LiveWorld:
             raise ConfigError(f"scenario.hand={config.scenario.hand}: play writes such a file; evaluate repeats it")
         say_unusual(config)
         compile_for([GA_ALONE, *config.controllers], genome.network, config.world)
-        nominal, checks = prepared.remember(1)
         self.controllers = [GA_ALONE, *config.controllers]
         self.lifetime = replace(config.lifetime, record_every=1)
         self.kept = KEPT
@@ -85,8 +83,7 @@ class LiveWorld:
             genome.genes,
             self.controllers,
             [(number, side, 0) for number in range(len(self.controllers))],
-            nominal,
-            checks,
+            prepared.remember(1),
             genome.plan,
             genome.network,
             config.seed,
@@ -95,7 +92,7 @@ class LiveWorld:
             Session(individual, config.world, self.lifetime, most_samples=self.kept) for individual in individuals
         ]
         self.changes: list[dict[str, Any]] = []
-        self._wished: dict[str, Any] = {}
+        self.wishes: dict[str, Any] = {}
         self.run(1)  # a change comes after the first step
 
     @property
@@ -114,15 +111,10 @@ class LiveWorld:
         return all(robot.is_over for robot in self.robots)
 
     @property
-    def is_changing(self) -> bool:
-        """Whether something will change with the next step."""
-        return bool(self._wished)
-
-    @property
     def scenario(self) -> Scenario:
         """The world as it will be with the next step: whoever pauses sees what they do."""
         now = self.robots[0].world
-        return now.changed(self._wished) if self._wished else now
+        return now.changed(self.wishes) if self.wishes else now
 
     def wish(self, values: Mapping[str, Any]) -> None:
         """Let something change before the next step; wishes before that are joined.
@@ -137,9 +129,9 @@ class LiveWorld:
             raise ValueError("this life has ended; begin a new one")
         if len(self.changes) >= _MOST_CHANGES:
             raise ValueError(f"{_MOST_CHANGES} changes are as many as a life can have; save it, and begin a new one")
-        joined = {**self._wished, **values}
+        joined = {**self.wishes, **values}
         if isinstance(values.get("lamp"), Mapping):
-            joined["lamp"] = {**self._wished.get("lamp", {}), **values["lamp"]}
+            joined["lamp"] = {**self.wishes.get("lamp", {}), **values["lamp"]}
         now = self.robots[0].world
         try:
             wished = now.changed(joined)
@@ -149,20 +141,20 @@ class LiveWorld:
         places = [robot.pose for robot in self.robots] if wished.put is None else []
         if any(gap(place.x, place.y, new) < wished.robot.radius_m for place in places):
             raise ValueError("a block cannot stand where a robot is")
-        self._wished = joined
+        self.wishes = joined
 
     def run(self, steps: int) -> int:
         """Run so many steps of all robots, what was wished for first; returns how many were run."""
         before = self.steps
-        if self._wished and not self.is_over:
-            change = {"at_s": before * STEP_S, **self._wished}
+        if self.wishes and not self.is_over:
+            change = {"at_s": before * STEP_S, **self.wishes}
             planned = [one for one in self.config.world.changes if step_of(one) >= before]
             world = replace(self.scenario, changes=planned)
             for robot in self.robots:
                 if not robot.is_over:
                     robot.change(world)
             self.changes.append(change)
-            self._wished = {}
+            self.wishes = {}
         for robot in self.robots:
             robot.step(before + steps - robot.steps)
         return self.steps - before

@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from epuckhebb.adaptation.controller import GA_ALONE, Controller
-from epuckhebb.adaptation.nominal import memory_to_measure_nominal
+from epuckhebb.adaptation.nominal import Nominal
 from epuckhebb.analysis import tables
-from epuckhebb.analysis.evaluate import Rows, Traces, evaluate, memory_to_evaluate
-from epuckhebb.analysis.self_checks import findings
+from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
 from epuckhebb.config import (
     EvaluateConfig,
     alternatives,
@@ -35,9 +34,9 @@ from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved_sizes
 from epuckhebb.runs import hydra
-from epuckhebb.runs.nominal import Remembered, missing_nominal, remembered_for, training_world
+from epuckhebb.runs.nominal import nominal_for
 from epuckhebb.runs.notes import notes_of
-from epuckhebb.runtime import ConfigError, JobFailedError, Need, data_folder, require, say, saying_if_slow
+from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, say, saying_if_slow
 from epuckhebb.store import Genome, RunFolder, check_wiring, load_genome, traces_file
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.goal_signal import GoalSignal
@@ -84,11 +83,11 @@ class PreparedEvaluation:
         """Load or compile what the lifetimes need."""
         compile_for(self.config.controllers, self.genome.network, self.config.world)
 
-    def remember(self, threads: int, report: Callable[[str], None] = lambda _: None) -> Remembered:
-        """What the adaptations compare with; `report` is given a sentence if it must be measured first."""
-        return remembered_for(self.genome, self.config, threads, report)
+    def remember(self, threads: int, report: Callable[[str], None] = lambda _: None) -> Nominal | None:
+        """Nominal statistics for the adaptations; `report` is given a sentence if they must be measured first."""
+        return nominal_for(self.genome, self.config, threads, report)
 
-    def run(self, remembered: Remembered, threads: int) -> tuple[Rows, Traces]:
+    def run(self, nominal: Nominal | None, threads: int) -> tuple[Rows, Traces]:
         """Run the lifetimes: a row each, and the traces of those that were recorded."""
         config, genome = self.config, self.genome
         return evaluate(
@@ -96,7 +95,7 @@ class PreparedEvaluation:
             config.world,
             config.controllers,
             config.lifetime,
-            remembered.nominal,
+            nominal,
             repeats=config.repeats,
             seed=config.seed,
             threads=threads,
@@ -104,7 +103,6 @@ class PreparedEvaluation:
             changed=config.changed or "",
             network=genome.network,
             plan=genome.plan,
-            checks=remembered.checks,
         )
 
     @property
@@ -117,12 +115,11 @@ class PreparedEvaluation:
         if genome.network.wiring is not None:
             own += [_identity(genome.network.wiring, genome.network.wiring.functions())]
         everywhere = (genome.sha256, genome.network, config.world, lifetime, *own)
-        memories = (genome.nominal_sha256, genome.self_memory_sha256)
         depends: dict[str, tuple[object, ...]] = {GA_ALONE.name: everywhere}
         for controller in config.controllers:
             rule, adaptation = type(controller.rule), controller.adaptation
             parts = (*everywhere, controller, *_identity(controller.rule, rule.functions()))
-            depends[controller.name] = (*parts, *(memories if adaptation.acts else ()))
+            depends[controller.name] = (*parts, *((genome.nominal_sha256,) if adaptation.acts else ()))
         return {name: hashlib.sha256(repr(parts).encode()).hexdigest()[:16] for name, parts in depends.items()}
 
 
@@ -135,21 +132,11 @@ def _identity(part: object, functions: Sequence[Callable[..., object]]) -> tuple
 
 
 def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> PreparedEvaluation:
-    """Check that a genome, the one that the settings name unless given, fits them, and that memory is large enough."""
+    """Check that a genome, the one that the settings name unless given, fits them."""
     check_library(config.world)
     if genome is None:
         genome = load_genome(config.genome, config.world.experiment, config.shape)
     _check_genome(genome, config)
-    lifetimes, records = memory_to_evaluate(len(config.controllers), config.lifetime, config.repeats, genome.network)
-    needed = [
-        Need(lifetimes, f"{config.repeats} lifetimes a side and controller", "lower repeats"),
-        Need(records, "what is recorded", "lower lifetime.duration_s, or raise lifetime.record_every"),
-    ]
-    if missing_nominal(config, genome.nominal):
-        duration_s, gain = training_world(config, genome.physics).paper_duration_s, config.lifetime.gain_rad_s
-        nominal = memory_to_measure_nominal(duration_s, gain, genome.network)
-        needed.append(Need(nominal, "lifetimes in the training world at this gain", "raise lifetime.gain_rad_s"))
-    require(needed)
     return PreparedEvaluation(config=config, genome=genome)
 
 
@@ -289,18 +276,17 @@ def evaluate_into(
         "genome": genome.name,
         "genome_sha256": genome.sha256,
         "nominal_sha256": genome.nominal_sha256,
-        "self_memory_sha256": genome.self_memory_sha256,
         "lifetimes": prepared.lifetime_ids,
         **({"notes": notes} if notes else {}),
         **facts,
     }
     with saying_if_slow("Compiling; a first start takes some ten seconds, later ones do not."):
         prepared.compile()
-    remembered = prepared.remember(threads, say)
+    nominal = prepared.remember(threads, say)
     with RunFolder.new(path, "evaluate", dump(config), overrides, facts, own) as run:
         if config.scenario.hand is not None:
             run.write(hand.NAME, hand.content(config.scenario.hand))
-        metrics, traces = prepared.run(remembered, threads)
+        metrics, traces = prepared.run(nominal, threads)
         recorded, figures = bool(config.lifetime.record_every), dict[str, tuple[Any, ...]]()
         if isinstance(config.world.task, Reversal):
             figures["reversal"] = config, genome.name, *_write_reversal(run, config, config.world.task, metrics, traces)
@@ -309,8 +295,6 @@ def evaluate_into(
             table, below = tables.paper_table(metrics), [*map(tables.plain, notes), tables.saturation(metrics)]
             run.write("table.csv", tables.flat(table))
             run.write("table.md", "\n".join([tables.to_markdown(table), *(f"{note}\n" for note in below if note)]))
-        if remembered.checks is not None:
-            run.write("findings.csv", findings(remembered.checks))
         if recorded:
             figures["trajectories"] = config, caption(config, genome.name), traces
         kind = config.figures.value

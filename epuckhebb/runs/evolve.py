@@ -16,8 +16,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.nominal import Nominal, memory_to_measure_nominal
-from epuckhebb.adaptation.self_check.memory import SelfMemory
+from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.config import (
     OWN_CODE,
     EvolveConfig,
@@ -35,12 +34,11 @@ from epuckhebb.controller.genome import GenomePlan, plan_of
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.rule import NoRule
-from epuckhebb.evolution.evolve import Generation, evolve, memory_to_evolve
+from epuckhebb.evolution.evolve import Generation, evolve
 from epuckhebb.evolution.search import OptimizerError, Search, check_start
 from epuckhebb.runs import hydra
 from epuckhebb.runs.evaluate import check_sensors, compile_for
-from epuckhebb.runs.nominal import remember_training_world
-from epuckhebb.runtime import Bar, ConfigError, Need, path_of, require, say, thread_count
+from epuckhebb.runtime import Bar, ConfigError, path_of, say, thread_count
 from epuckhebb.store import (
     CHAMPION,
     CHECKPOINT,
@@ -108,16 +106,14 @@ class PreparedEvolution:
         """The genes of a champion that are its network, without those of a rule."""
         return self.plan.pick(champion, self.plan.of_network)
 
-    def remember(self, champion: NDArray[np.float64], threads: int) -> tuple[Nominal | None, SelfMemory | None]:
-        """What a champion remembers of its training world; nothing where its task has not one goal to compare with."""
+    def remember(self, champion: NDArray[np.float64], threads: int) -> Nominal | None:
+        """Nominal statistics of a champion; None where its task has not one goal to compare with."""
         world = self.config.world
         if world.task.has_trials:
-            return None, None
-        return remember_training_world(self.network_genes(champion), world, threads, self.network)
+            return None
+        return measure_nominal(self.network_genes(champion), world, threads=threads, network=self.network)
 
-    def champion(
-        self, last: Generation, seed: int, nominal: Nominal | None = None, self_memory: SelfMemory | None = None
-    ) -> bytes:
+    def champion(self, last: Generation, seed: int, nominal: Nominal | None = None) -> bytes:
         """The `champion.npz` of a generation."""
         config, rule = self.config, self.config.controller.rule
         genome = Genome(
@@ -135,17 +131,16 @@ class PreparedEvolution:
             sensors=reading_names(config.world.robot.sensors),
             physics="" if config.world.physics.name == PYMUNK.name else config.world.physics.name,
             nominal=nominal,
-            self_memory=self_memory,
         )
         return champion_file(genome, last.champion_fitness, config.world.experiment, seed, last.number)
 
 
 def prepare_evolution(config: EvolveConfig, *, has_genome: bool = True) -> PreparedEvolution:
-    """Check that the given weights fit, that the optimizer starts, and that there is memory for all individuals.
+    """Check that the given weights fit, and that the optimizer starts.
 
     has_genome: whether the genome that the settings name exists yet; else nothing is read.
     """
-    world, key, individuals = config.world, config.algorithm.key, config.algorithm.individuals
+    world = config.world
     check_library(world)
     network = network_for(world, config.shape)
     plan = plan_of(network, type(config.controller.rule))
@@ -161,14 +156,6 @@ def prepare_evolution(config: EvolveConfig, *, has_genome: bool = True) -> Prepa
                 "network.layers"
             )
         given = genome.network_genes
-    generation = memory_to_evolve(individuals, config.schedule.loops, plan.genes)
-    nominal = memory_to_measure_nominal(world.paper_duration_s, 1.0, network)
-    require(
-        [
-            Need(generation, f"{individuals} individuals", f"lower {key}.population or {key}.loops"),
-            Need(nominal, "what the champion remembers", "lower scenario.paper_duration_s"),
-        ]
-    )
     try:
         check_start(config.algorithm, config.plan, config.seed)
     except OptimizerError as error:
@@ -208,7 +195,7 @@ def evolve_into(
             progress.add(generation)
         assert after is not None  # there is at least one generation
         last = after.generation
-        run.write(CHAMPION, prepared.champion(last, config.seed, *prepared.remember(last.champion, threads)))
+        run.write(CHAMPION, prepared.champion(last, config.seed, prepared.remember(last.champion, threads)))
         for name, table in last.tables.items():
             run.write(f"{name}.csv", table)
         kind = config.figures.value
@@ -250,7 +237,6 @@ def resume(arguments: list[str]) -> Path:
     generations = config.schedule.generations
     after = Checkpoint.read(
         path,
-        prepared.plan.genes,
         lambda log: Search(config.algorithm, config.plan, config.seed, log),
         _digest(path, changeable),
     )

@@ -1,4 +1,4 @@
-"""What a process needs, whatever it computes: errors, exit codes, signals, cores, memory, notes, bars, data folders.
+"""What a process needs, whatever it computes: errors, exit codes, signals, streams, cores, notes, bars, data folders.
 
 It knows nothing of the science; of settings only which files `conf/` has. Others import the names below.
 Every start needs it, so it loads nothing heavy. What a user must change raises `ConfigError`.
@@ -25,11 +25,8 @@ from epuckhebb.runtime.progress import Bar, be_quiet, counting, discard_output, 
 from epuckhebb.runtime.resources import (
     LATEST,
     REFERENCE,
-    Need,
-    cores,
     data_folder,
+    open_missing_streams,
     path_of,
-    require,
     thread_count,
-    unusable_here,
 )

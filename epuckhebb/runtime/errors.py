@@ -64,12 +64,7 @@ def interruptible() -> Iterator[None]:
             timer.start()
             signal.default_int_handler(number, frame)
 
-    def hide(unraisable: "sys.UnraisableHookArgs") -> None:
-        if not isinstance(unraisable.exc_value, KeyboardInterrupt):  # while an object is freed it ends nothing
-            tell(unraisable)
-
     before = {number: signal.signal(number, stop) for number in _asking()}
-    tell, sys.unraisablehook = sys.unraisablehook, hide
     try:
         yield
     except Exception as error:
@@ -78,7 +73,6 @@ def interruptible() -> Iterator[None]:
         raise KeyboardInterrupt from error
     finally:
         timer.cancel()
-        sys.unraisablehook = tell
         for number, handler in before.items():
             signal.signal(number, handler)
         _asked.clear()  # only now: a signal on the way out must not start the timer again

@@ -1,19 +1,19 @@
 """Writes and reads `checkpoint.npz`, from which an evolution is resumed."""
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from epuckhebb.evolution.evolve import Generation, history_row
 from epuckhebb.evolution.search import Results, Search
 from epuckhebb.runtime import ConfigError
-from epuckhebb.store.disk import CHECKPOINT
-from epuckhebb.store.npz import Arrays, one_error
-from epuckhebb.store.run import Run, read_table
+from epuckhebb.store.disk import CHECKPOINT, arrays_of, one_error
+from epuckhebb.store.run import Run
 
 _MEASURE = "results_"  # before the names of what an optimizer receives beside the fitness
 
@@ -59,57 +59,47 @@ class Checkpoint:
         return buffer.getvalue()
 
     @classmethod
-    def read(
-        cls, run: Path, genes: int, resume: Callable[[Sequence[Results]], Search], settings: str
-    ) -> "Checkpoint | None":
+    def read(cls, run: Path, resume: Callable[[Sequence[Results]], Search], settings: str) -> "Checkpoint | None":
         """Read the checkpoint in a run folder; None if its first generation never ended.
 
-        genes: how many each individual must have. resume: resumes a search from its log. settings: the digest, which
-        must be that of `as_bytes`.
+        resume: resumes a search from its log. settings: the digest, which must be that of `as_bytes`.
         """
         path = run / CHECKPOINT
         if not path.exists():
             return None
         with one_error(f"{path} cannot be read as a checkpoint of this run's configuration"):
-            arrays = Arrays(Run(run).content(CHECKPOINT))
-            history, fitness = arrays.text("history"), arrays.take("fitness", "f", (None,))
-            if arrays.text("settings") != settings:
+            arrays = arrays_of(Run(run).content(CHECKPOINT))
+            if str(arrays["settings"]) != settings:
                 raise ConfigError(
                     f"{run}/.hydra/config.yaml is not what this evolution began with, and to resume it would mix two "
                     f"evolutions: put it back as it was. The number of generations and threads may be changed"
                 )
             search = resume(_log(arrays))
             generation = Generation(
-                number=int(arrays.take("generation", "iu", ())),
-                fitness=fitness,
-                success=arrays.take("success", "f", fitness.shape),
-                champion=arrays.take("champion", "f", (genes,)),
-                champion_fitness=float(arrays.take("champion_fitness", "f", ())),
+                number=int(arrays["generation"]),
+                fitness=arrays["fitness"],
+                success=arrays["success"],
+                champion=arrays["champion"],
+                champion_fitness=float(arrays["champion_fitness"]),
                 log=search.log,
                 tables=search.tables(),
                 robot_steps=0,
                 seconds=0.0,
             )
-            for name in ("fitness", "success", "champion", "champion_fitness"):
-                if not np.isfinite(getattr(generation, name)).all():
-                    raise ValueError(f"{name} must hold finite numbers")
-            if {len(read_table(history.encode(), run, "history.csv")), len(search.log)} != {generation.number + 1}:
-                raise ValueError(f"its history, or its log, is not of {generation.number + 1} generations")
-        return cls(generation, history)
+        return cls(generation, str(arrays["history"]))
 
 
-def _log(arrays: Arrays) -> list[Results]:
+def _log(arrays: Mapping[str, NDArray[Any]]) -> list[Results]:
     """The results of each generation."""
-    ends = np.cumsum(arrays.take("individuals", "iu", (None,)))[:-1]
-    fitness = arrays.take("results", "f", (None,))
+    ends = np.cumsum(arrays["individuals"])[:-1]
     measures = {
-        name.removeprefix(_MEASURE): np.split(arrays.take(name, "f", (len(fitness), None, None)), ends)
-        for name in arrays.names
+        name.removeprefix(_MEASURE): np.split(values, ends)
+        for name, values in arrays.items()
         if name.startswith(_MEASURE)
     }
     return [
-        Results(str(digest), values, {name: parts[number] for name, parts in measures.items()})
-        for number, (digest, values) in enumerate(
-            zip(arrays.take("digests", "U", (None,)), np.split(fitness, ends), strict=True)
+        Results(str(digest), fitness, {name: parts[number] for name, parts in measures.items()})
+        for number, (digest, fitness) in enumerate(
+            zip(arrays["digests"], np.split(arrays["results"], ends), strict=True)
         )
     ]

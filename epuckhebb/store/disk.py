@@ -1,13 +1,17 @@
-"""Writes files atomically, locks folders, and names the files of a run folder."""
+"""Writes files atomically, locks folders, reads JSON and arrays, and names the files of a run folder."""
 
 import errno
+import io
 import json
 import os
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from filelock import BaseFileLock, FileLock, Timeout
+from numpy.typing import NDArray
 
 from epuckhebb.runtime import ConfigError
 
@@ -84,3 +88,39 @@ def bytes_of(file: Path) -> bytes:
 def as_json(content: dict[str, Any]) -> bytes:
     """The content of a JSON file."""
     return (json.dumps(content, indent=2) + "\n").encode()
+
+
+def json_of(content: bytes, file: Path, *needed: str) -> dict[str, Any]:
+    """The object in a JSON file, which has the needed keys."""
+    with one_error(f"{file} cannot be used"):
+        values = json.loads(content)
+        if not isinstance(values, dict):
+            raise TypeError("it is not a JSON object")
+        for key in needed:
+            if key not in values:
+                raise ValueError(f"it has no {key}")
+        return values
+
+
+def as_npz(arrays: Mapping[str, Any]) -> bytes:
+    """The content of a compressed `.npz` file."""
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    return buffer.getvalue()
+
+
+def arrays_of(content: bytes) -> dict[str, NDArray[Any]]:
+    """The arrays of a `.npz` file by name; the one of a `.npy` file is called `genome`."""
+    loaded = np.load(io.BytesIO(content), allow_pickle=False)
+    return {"genome": loaded} if isinstance(loaded, np.ndarray) else dict(loaded)
+
+
+@contextmanager
+def one_error(what: str) -> Iterator[None]:
+    """Turn whatever goes wrong while a file is read into a `ConfigError` that begins with `what`."""
+    try:
+        yield
+    except ConfigError:
+        raise
+    except Exception as error:  # damaged bytes may raise anything
+        raise ConfigError(f"{what}: {error or type(error).__name__}") from error

@@ -26,7 +26,6 @@ from epuckhebb.runtime import ConfigError, JobFailedError, is_interruption, open
 from epuckhebb.store import disk
 from epuckhebb.store.disk import CONFIG, LOCK, OVERRIDES, PROVENANCE, SCHEMA, STATUS, as_json, is_locked, release
 from epuckhebb.store.provenance import provenance
-from epuckhebb.store.records import OwnCode
 from epuckhebb.store.run import Run, of_multirun
 
 if TYPE_CHECKING:
@@ -249,8 +248,8 @@ def as_bytes(content: Content) -> bytes:
 
 def _own_code(own: Mapping[Path, OwnFile] | None) -> dict[str, Any]:
     """What `provenance.json` says of the user's files; nothing if there are none."""
-    known = {str(file): OwnCode(copy=one.copy, sha256=one.sha256) for file, one in (own or {}).items()}
-    return {"own_code": known} if known else {}
+    copies = {str(file): {"copy": one.copy, "sha256": one.sha256} for file, one in (own or {}).items()}
+    return {"own_code": copies} if copies else {}
 
 
 def _cannot_write(path: Path, error: OSError) -> ConfigError:

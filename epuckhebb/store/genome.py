@@ -4,7 +4,7 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -12,22 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.adaptation.homeostasis import PATTERNS
 from epuckhebb.adaptation.nominal import Nominal
-from epuckhebb.adaptation.self_check.calibration import STEPS
-from epuckhebb.adaptation.self_check.memory import EFFECTS, SelfMemory
 from epuckhebb.controller import wirings
 from epuckhebb.controller.genome import WEIGHTS, GenomePlan, Part, plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network
 from epuckhebb.controller.wiring import LAYERS, Wiring, recorded_wiring
 from epuckhebb.runtime import LATEST, REFERENCE, ConfigError, data_folder, path_of
-from epuckhebb.store.disk import CHAMPION
-from epuckhebb.store.npz import MOST, Arrays, Shape, compressed, one_error
+from epuckhebb.store.disk import CHAMPION, arrays_of, as_npz, one_error
 from epuckhebb.store.run import Run
 from epuckhebb.tmaze.robot import EPUCK
 
 _NOMINAL = "memory_"  # how the names of the arrays of nominal statistics begin
-_SELF_MEMORY = "self_"  # how the names of what the self-check remembers begin
 _OF_SEED = re.compile(rf"{REFERENCE}_(ode_)?(\d+)")
 # Of a champion, where there are such:
 _FACTS = ("rule", "task", "fitness_function", "sensors", "wiring_settings", "physics")
@@ -53,7 +48,6 @@ class Genome:
         sensors: The readings of the robot's own sensors, by name, with `, ` between; "" without any.
         physics: The name of the physics in which it was evolved, if it is not that of the plane.
         nominal: Statistics of the champion in its training world.
-        self_memory: What its self-check compares with.
     """
 
     genes: NDArray[np.float64]
@@ -72,7 +66,6 @@ class Genome:
     wiring_settings: str = ""
     physics: str = ""
     nominal: Nominal | None = None
-    self_memory: SelfMemory | None = None
 
     @property
     def weights(self) -> NDArray[np.float64]:
@@ -97,23 +90,10 @@ class Genome:
     @property
     def nominal_sha256(self) -> str:
         """SHA-256 of the nominal statistics; "" if there are none."""
-        return _sha256(self.nominal)
-
-    @property
-    def self_memory_sha256(self) -> str:
-        """SHA-256 of what the self-check compares with; "" if there is nothing."""
-        return _sha256(self.self_memory)
-
-
-def _sha256(remembered: Nominal | SelfMemory | None) -> str:
-    if remembered is None:
-        return ""
-    values = sorted(_known(remembered).items())
-    return hashlib.sha256(b"".join(name.encode() + np.asarray(value).tobytes() for name, value in values)).hexdigest()
-
-
-def _known(remembered: Nominal | SelfMemory) -> dict[str, Any]:
-    return {name: value for name, value in asdict(remembered).items() if value is not None}
+        if self.nominal is None:
+            return ""
+        parts = (name.encode() + np.asarray(value).tobytes() for name, value in sorted(asdict(self.nominal).items()))
+        return hashlib.sha256(b"".join(parts)).hexdigest()
 
 
 def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | None = None) -> Genome:
@@ -127,10 +107,18 @@ def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | N
         experiment: The name of the experiment, `light` or `obstacles`.
         shape: The layers of the network, or its wiring; None for what the file names, or else the paper's layers.
     """
+    reference = data_folder("runs/reference")
     if where == REFERENCE:
-        return _read_genome(data_folder("runs/reference") / f"champion_{experiment}.npz", REFERENCE, shape)
-    if _OF_SEED.fullmatch(where):
-        return _read_genome(_champion_of_seed(where, experiment), where, shape)
+        return _read_genome(reference / f"champion_{experiment}.npz", REFERENCE, shape)
+    if of_seed := _OF_SEED.fullmatch(where):
+        kind, seed = f"{experiment}_{of_seed[1] or ''}seed", int(of_seed[2])
+        path = reference / "champions" / f"{kind}{seed:03d}.npz"
+        if not path.is_file():
+            raise ConfigError(
+                f"genome={where} is not among the reference champions of the {experiment} experiment, which are "
+                f"{path.parent}/{kind}*.npz"
+            )
+        return _read_genome(path, where, shape)
     path, name = path_of(where, "genome"), Path(where).stem
     allowed = f"give `{LATEST}`, a run folder of `epuckhebb evolve`, a .npz or .npy file, or `{REFERENCE}`"
     if path.is_dir():
@@ -184,10 +172,9 @@ def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, ge
     if genome.network.wiring is not None:
         settings = json.dumps(asdict(genome.network.wiring), default=str)
         arrays |= {**wiring_arrays(genome.network), "wiring_settings": np.str_(settings)}
-    for prefix, remembered in ((_NOMINAL, genome.nominal), (_SELF_MEMORY, genome.self_memory)):
-        if remembered is not None:
-            arrays |= {prefix + key: np.asarray(value) for key, value in _known(remembered).items()}
-    return compressed(arrays)
+    if genome.nominal is not None:
+        arrays |= {_NOMINAL + key: np.asarray(value) for key, value in asdict(genome.nominal).items()}
+    return as_npz(arrays)
 
 
 def wiring_arrays(network: Network) -> dict[str, Any]:
@@ -197,78 +184,41 @@ def wiring_arrays(network: Network) -> dict[str, Any]:
     return {"wiring": np.str_(network.wiring.name), "joined": np.array(network.joined)}
 
 
-def network_from(arrays: Arrays, layers: tuple[int, ...], *, rewarded: bool = False) -> Network:
-    """The network that a file is for. layers: those of the file, or others."""
+def network_from(arrays: Mapping[str, Any], default: tuple[int, ...] = PAPER_NETWORK.layers) -> Network:
+    """The network that a file is for. default: the layers, if the file does not say."""
+    layers = tuple(arrays["layers"].tolist()) if "layers" in arrays else default
+    rewarded = bool(arrays.get("rewarded", False))
     if "wiring" not in arrays:
         return Network(layers, rewarded)
-    pairs = arrays.take("joined", "iu", (2, None)).T.tolist()
-    return Network(layers, rewarded, recorded_wiring(arrays.text("wiring"), layers[1:], pairs))
-
-
-def _champion_of_seed(where: str, experiment: str) -> Path:
-    champions = data_folder("runs/reference") / "champions"
-    named = _OF_SEED.fullmatch(where)
-    assert named is not None  # the caller has looked
-    kind = f"{experiment}_{named[1] or ''}seed"
-    path = champions / f"{kind}{int(named[2]):03d}.npz"
-    if not path.is_file():
-        seeds = sorted(int(file.stem[-3:]) for file in champions.glob(f"{kind}*.npz"))
-        first = [seed for seed in seeds if seed - 1 not in seeds]
-        last = [seed for seed in seeds if seed + 1 not in seeds]
-        there = ", ".join(f"{a} to {b}" for a, b in zip(first, last, strict=True))
-        raise ConfigError(
-            f"genome={where} is not among the reference champions of the {experiment} experiment, seeds {there}"
-        )
-    return path
+    return Network(layers, rewarded, recorded_wiring(str(arrays["wiring"]), layers[1:], arrays["joined"].T.tolist()))
 
 
 def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) -> Genome:
-    with one_error(f"genome={path} cannot be read as .npz or .npy"):
-        if path.stat().st_size > MOST:
-            raise ValueError(f"it has {path.stat().st_size} bytes; at most {MOST} are read")
-        arrays = Arrays(Run(path.parent).content(path.name))
-        own = arrays.layers()
-        texts = {name: arrays.text(name) for name in _TEXTS if name in arrays}
-        lights = int(arrays.take("lights", "iu", ())) if "lights" in arrays else EPUCK.light.count
-        rewarded = bool(arrays.take("rewarded", "iu", ())) if "rewarded" in arrays else False
-        parts = None
-        if "parts" in arrays and "part_sizes" in arrays:
-            names = arrays.take("parts", "U", (None,)).tolist()
-            sizes = arrays.take("part_sizes", "iu", (len(names),)).tolist()
-            parts = tuple(map(Part, names, sizes))
-            if min(sizes, default=0) < 0 or len(set(names)) < len(names):
-                raise ValueError("each of its parts must have a name of its own, and a size of 0 or more")
-        key = arrays.names[0] if "genome" not in arrays and len(arrays.names) == 1 else "genome"
-        if key not in arrays:
-            raise ConfigError(
-                f"genome={path} must hold one array or one named `genome`, it holds {sorted(arrays.names)[:20]}"
-            )
-        genes = arrays.take(key, "fiu")
     layers = None if isinstance(shape, Wiring) else shape
-    try:
-        network = network_from(arrays, own or layers or PAPER_NETWORK.layers, rewarded=rewarded)
-    except ValueError as error:
-        raise ConfigError(f"genome={path}: {error}") from error
-    network = _of_shape(network, shape, path) if shape is not None else network
-    if own is not None and layers is not None and own != layers:
-        raise ConfigError(f"genome={path} is of layers {list(own)}, and network.layers asks for {list(layers)}")
-    plan = plan_of(network)
-    if parts is not None:
-        plan = GenomePlan(parts)
-        if plan.parts[:1] != (Part(WEIGHTS, network.synapses),):
-            raise ConfigError(f"genome={path} must begin with {network.synapses} weights, it has {plan.text()}")
-    if not 0 <= lights <= network.inputs:
-        raise ConfigError(f"genome={path}: lights must lie between 0 and {network.inputs}, the readings, got {lights}")
-    return Genome(
-        genes=checked_genes(genes, str(path), plan),
-        name=name,
-        network=network,
-        lights=lights,
-        plan=plan,
-        nominal=_nominal(arrays, path, network.inputs, lights),
-        self_memory=_self_memory(arrays, path, network.inputs),
-        **texts,
-    )
+    with one_error(f"genome={path} cannot be used"):
+        arrays = arrays_of(Run(path.parent).content(path.name))
+        if "genome" not in arrays and len(arrays) != 1:
+            raise ConfigError(
+                f"genome={path} must hold one array or one named `genome`, it holds {sorted(arrays)[:20]}"
+            )
+        network = network_from(arrays, layers or PAPER_NETWORK.layers)
+        network = network if shape is None else _of_shape(network, shape, path)
+        if layers and network.layers != layers:
+            raise ConfigError(
+                f"genome={path} is of layers {list(network.layers)}, and network.layers asks for {list(layers)}"
+            )
+        plan = plan_of(network)
+        if "parts" in arrays:
+            plan = GenomePlan(tuple(map(Part, arrays["parts"].tolist(), arrays["part_sizes"].tolist())))
+        return Genome(
+            genes=checked_genes(arrays.get("genome", next(iter(arrays.values()))), str(path), plan),
+            name=name,
+            network=network,
+            lights=int(arrays.get("lights", EPUCK.light.count)),
+            plan=plan,
+            nominal=_nominal(arrays),
+            **{fact: str(arrays[fact]) for fact in _TEXTS if fact in arrays},
+        )
 
 
 def check_wiring(own: str, shape: tuple[int, ...] | Wiring | None, where: object) -> None:
@@ -297,40 +247,8 @@ def _of_shape(network: Network, shape: tuple[int, ...] | Wiring, path: Path) -> 
     return given
 
 
-def _nominal(arrays: Arrays, path: Path, inputs: int, lights: int) -> Nominal | None:
-    """The nominal statistics in a champion's file, if there are any."""
-    shapes: dict[str, Shape] = {"success": (2,), "time_to_goal_s": (2,), "away_s": (2,), "fitness": (2, None)}
-    shapes |= {"reading_mean": (2, inputs), "reading_spread": (2, inputs), "patterns": (PATTERNS, lights)}
-    shapes |= {"gain_rad_s": (), "novelty": ()}
-    with one_error(f"genome={path} holds nominal statistics that this program cannot read"):
-        values = _memory(arrays, _NOMINAL, shapes)
-        if values and not values["fitness"].size:
-            raise ValueError("its fitness is of no second")
-        for name, shape in {"sun": (3,), "echo": (2, None)}.items() if values else ():
-            if _NOMINAL + name in arrays:
-                values[name] = arrays.take(_NOMINAL + name, "f", shape).astype(np.float64)
-        return Nominal(**values) if values else None
-
-
-def _self_memory(arrays: Arrays, path: Path, inputs: int) -> SelfMemory | None:
-    """What the self-check of a champion compares with, if it is in its file."""
-    steps, terms = len(STEPS), 1 + inputs + inputs * (inputs + 1) // 2
-    shapes: dict[str, Shape] = {"mean": (2, steps, inputs), "spread": (steps, inputs)}
-    shapes |= {"effects": (EFFECTS, steps, inputs), "moments": (terms * (terms + 1) // 2,), "light": ()}
-    with one_error(f"genome={path} holds a memory of the self-check that this program cannot read"):
-        values = _memory(arrays, _SELF_MEMORY, shapes)
-        for name in shapes if values else ():
-            if name != "light" and not np.isfinite(values[name]).all():
-                raise ValueError(f"{name} must hold finite numbers")
-        return SelfMemory(lights=int(arrays.take(f"{_SELF_MEMORY}lights", "iu", ())), **values) if values else None
-
-
-def _memory(arrays: Arrays, prefix: str, shapes: Mapping[str, Shape]) -> dict[str, Any]:
-    """What a champion's file remembers under names with this prefix; nothing if there are none."""
-    if not any(name.startswith(prefix) for name in arrays.names):
-        return {}
-    values: dict[str, Any] = {name: arrays.text(prefix + name) for name in ("experiment", "scenario")}
-    for name, shape in shapes.items():
-        value = arrays.take(prefix + name, "f", shape).astype(np.float64)
-        values[name] = value if shape else float(value)
-    return values
+def _nominal(arrays: Mapping[str, Any]) -> Nominal | None:
+    """The nominal statistics in a champion's file; None if there are none."""
+    values = {field.name: arrays.get(_NOMINAL + field.name) for field in fields(Nominal)}
+    known = {name: value if value.ndim else value.item() for name, value in values.items() if value is not None}
+    return Nominal(**known) if known else None

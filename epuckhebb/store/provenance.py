@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from epuckhebb import __version__
-from epuckhebb.runtime import cores
+from epuckhebb.runtime import thread_count
 from epuckhebb.store.disk import SCHEMA
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -35,7 +35,7 @@ def provenance(command: str, arguments: list[str]) -> dict[str, Any]:
         "packages": versions(_PACKAGES),
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "cores": cores(),
+        "cores": thread_count(),
     }
 
 

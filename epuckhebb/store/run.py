@@ -1,24 +1,23 @@
 """Reads run folders: provenance, status, tables, and whether every file is as the run wrote it."""
 
 import hashlib
-import json
+import io
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from epuckhebb.runtime import LATEST, ConfigError
-from epuckhebb.store import columns
-from epuckhebb.store.disk import CHAMPION, CONFIG, PROVENANCE, SCHEMA, STATUS, bytes_of, is_locked
-from epuckhebb.store.records import Cost, JobFile, ListOfJobs, Provenance, Status, checked_table, record
+from epuckhebb.store.disk import CHAMPION, CONFIG, PROVENANCE, SCHEMA, STATUS, bytes_of, is_locked, json_of, one_error
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _RESULTS = (".csv", "champion.npz")  # endings of the files on which other runs and tables rely
-_COLUMNS = {name: known for name, (_, known) in columns.TABLES.items()}
-# The other columns of these depend on what was swept, and on the task.
-_COLUMNS |= {"summary.csv": columns.SUMMARY, "sweep.csv": columns.METRICS}
-_MAY_BE_EMPTY = ("summary.csv", "sweep.csv")  # where no job has a result
+# Columns of text that might look like numbers.
+_TEXTS = (
+    *("genome", "scenario", "controller", "changed", "run", "error", "champion", "test", "tests", "coupling"),
+    *("method", "matched_control", "dead_sensors", "reached_side", "succeeds"),
+)
 
 
 class Run:
@@ -33,33 +32,29 @@ class Run:
         self.path = path
 
     @property
-    def provenance(self) -> Provenance:
+    def provenance(self) -> dict[str, Any]:
         """Who ran what, with what, where."""
         self._check_files()
-        found = record(self.content(PROVENANCE), self.path / PROVENANCE, Provenance)
-        for name in ("genome", "genome_sha256") if found["command"] == "evaluate" else ():
-            if name not in found:
-                raise ConfigError(f"{self.path / PROVENANCE} cannot be used: it has no {name}")
-        return found
+        return self.json(PROVENANCE, "command", "overrides", "code")
 
     @property
-    def status(self) -> Status:
+    def status(self) -> dict[str, Any]:
         """How the run goes, or ended; a run whose process is gone is interrupted."""
         self._check_files()
-        found = self._status()
-        if found["state"] == "running" and not is_locked(self.path):
-            found |= {"state": "interrupted", "error": "its process ended unexpectedly"}
-        return found
+        status = json_of(bytes_of(self.path / STATUS), self.path / STATUS, "state")
+        if status["state"] == "running" and not is_locked(self.path):
+            status |= {"state": "interrupted", "error": "its process ended unexpectedly"}
+        return status
 
     @property
     def state(self) -> str:
         """The state that the run wrote down; "" if it cannot be read."""
-        return str(self._known().get("state", ""))
+        return str(self._written.get("state", ""))
 
     @property
     def error(self) -> str:
         """Why the run failed, as it wrote down; "" if it wrote nothing."""
-        return str(self._known().get("error", ""))
+        return str(self._written.get("error", ""))
 
     @property
     def config_file(self) -> Path:
@@ -69,29 +64,33 @@ class Run:
 
     def content(self, name: str) -> bytes:
         """The content of a file, which must be what the run wrote, as far as its status has its checksum."""
-        found = bytes_of(self.path / name)
-        sha256 = hashlib.sha256(found).hexdigest()
-        if self._known().get("sha256", {}).get(name, sha256) != sha256:
+        content = bytes_of(self.path / name)
+        sha256 = hashlib.sha256(content).hexdigest()
+        if self._sha256.get(name, sha256) != sha256:
             raise ConfigError(
                 f"{self.path / name} is not what this run wrote (its SHA-256 differs); put it back as it was, or run "
                 "it again"
             )
-        return found
+        return content
 
-    def json(self, name: str) -> dict[str, Any]:
-        """The values of a JSON file of a study; its fields, which follow from its name, are checked."""
-        kind = {"sweep.json": ListOfJobs, "cost.json": Cost}.get(name, JobFile)
-        return {**record(self.content(name), self.path / name, kind)}
+    def json(self, name: str, *needed: str) -> dict[str, Any]:
+        """The values of a JSON file, which has the needed keys."""
+        return json_of(self.content(name), self.path / name, *needed)
 
     def check_folder(self, folder: str) -> None:
         """Refuse a folder inside the run of which a file is not as the run wrote it."""
-        for name in self._known().get("sha256", {}):
+        for name in self._sha256:
             if name.startswith(f"{folder}/"):
                 self.content(name)
 
     def table(self, name: str) -> "pd.DataFrame":
-        """A table; its columns, which follow from its name, are checked."""
-        return read_table(self.content(name), self.path, name)
+        """A table, nan in cells without a value."""
+        import pandas as pd  # takes a while to load
+
+        with one_error(f"{self.path / name} cannot be read as a table"):
+            content = io.BytesIO(self.content(name))
+            texts = dict.fromkeys(_TEXTS, str)
+            return pd.read_csv(content, keep_default_na=False, na_values=[""], dtype=texts, low_memory=False)
 
     def rows(self, name: str) -> list[dict[str, Any]]:
         """The rows of a table, None in cells without a value."""
@@ -103,25 +102,23 @@ class Run:
 
     def has(self, name: str) -> bool:
         """Whether a file is there, or should be: then reading it says that it was lost."""
-        return (self.path / name).is_file() or name in self._known().get("sha256", {})
+        return (self.path / name).is_file() or name in self._sha256
 
     @property
     def lost(self) -> list[str]:
         """The files that the run had written when it ended, and that are gone."""
-        return [name for name in self._known().get("sha256", {}) if not (self.path / name).is_file()]
+        return [name for name in self._sha256 if not (self.path / name).is_file()]
 
     @property
     def is_whole(self) -> bool:
         """Whether the run is finished and its results are as they were then: not cut, changed or lost."""
-        known = self._known()
-        results = {name: sha256 for name, sha256 in known.get("sha256", {}).items() if name.endswith(_RESULTS)}
         try:
-            return known.get("state") == "finished" and all(
-                hashlib.sha256((self.path / name).read_bytes()).hexdigest() == sha256
-                for name, sha256 in results.items()
-            )
-        except OSError:
+            for name in self._sha256:
+                if name.endswith(_RESULTS):
+                    self.content(name)
+        except ConfigError:
             return False
+        return self.state == "finished"
 
     def check_version(self) -> None:
         """Refuse a folder that another version of this program made, whose files differ from ours."""
@@ -129,8 +126,7 @@ class Run:
         other = next((one["schema"] for one in written if one.get("schema", SCHEMA) != SCHEMA), SCHEMA)
         if other == SCHEMA:
             return
-        code = written[0].get("code")
-        code = code if isinstance(code, dict) else {}
+        code = written[0].get("code", {})
         version = f"epuckhebb {code.get('version', 'of an unknown version')}"
         commit = f" (commit {str(code['commit'])[:10]})" if code.get("commit") else ""
         champion = f". Its champion can be used: genome={self.path}" if (self.path / CHAMPION).is_file() else ""
@@ -151,27 +147,20 @@ class Run:
             if not (self.path / name).is_file():
                 raise ConfigError(f"{self.path} is not a run folder: it has no {name}")
 
-    def _status(self) -> Status:
-        return record(bytes_of(self.path / STATUS), self.path / STATUS, Status)
+    @property
+    def _written(self) -> dict[str, Any]:
+        return _json(self.path / STATUS)
 
-    def _known(self) -> dict[str, Any]:
-        """The status that the run wrote down; nothing if it cannot be read."""
-        try:
-            return {**self._status()}
-        except ConfigError:
-            return {}
-
-
-def read_table(content: bytes, folder: Path, name: str) -> "pd.DataFrame":
-    """The table in a CSV file of a run folder, checked. content: the file's."""
-    return checked_table(content, folder / name, _COLUMNS[name], rows=name not in _MAY_BE_EMPTY)
+    @property
+    def _sha256(self) -> dict[str, str]:
+        """The SHA-256 of each file that the run wrote down, by name."""
+        return dict(self._written.get("sha256", {}))
 
 
 def _json(file: Path) -> dict[str, Any]:
     """The content of a JSON file; nothing if it cannot be read."""
-    with suppress(OSError, ValueError, RecursionError):
-        found = json.loads(file.read_bytes())
-        return found if isinstance(found, dict) else {}
+    with suppress(ConfigError):
+        return json_of(bytes_of(file), file)
     return {}
 
 

@@ -73,7 +73,6 @@ class Identities:
         return {
             "genome": genome.sha256,
             "nominal": genome.nominal_sha256 if any(one.needs_nominal for one in adaptations) else "",
-            "self_memory": genome.self_memory_sha256 if any(one.self_check for one in adaptations) else "",
             "own_code": own_sources(config),
             "science": science_version(),
             "packages": versions(),

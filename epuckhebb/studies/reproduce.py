@@ -14,12 +14,11 @@ import yaml
 from matplotlib.figure import Figure
 
 from epuckhebb.analysis import report, reproduction
-from epuckhebb.analysis.evaluate import memory_to_evaluate
 from epuckhebb.analysis.tables import code
 from epuckhebb.config import EvaluateConfig, EvolveConfig, ReproduceConfig, from_values, load, part_from, settings
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.runs import prepare_evolution
-from epuckhebb.runtime import ConfigError, Need, data_folder, require
+from epuckhebb.runtime import ConfigError, data_folder
 from epuckhebb.store import Genome, Run, RunFolder, load_genome, science_version
 from epuckhebb.studies.champions import champion_job, in_training_world, job_of
 from epuckhebb.studies.jobs import Job, folder_and_launcher, launch_in_turn, open_study, split, todo, write_report
@@ -47,7 +46,6 @@ def reproduce(experiment: str, arguments: list[str], *, quick: bool) -> Path:
         raise ConfigError(f"reproduce {experiment}: the experiment must be one of {', '.join(EXPERIMENTS)}")
     own, of_hydra = split("reproduce", arguments)
     config, experiments = load(ReproduceConfig, [*(QUICK if quick else ()), *own]), EXPERIMENTS[experiment]
-    require(list(_needs(config, experiments)))
     given = None if config.genome is None else _given(config.genome)
     champions = [champion for one in experiments for champion in _planned(config, one, given)]
     evolutions, tests = [one.evolution for one in champions if one.evolution], [one.test for one in champions]
@@ -58,17 +56,6 @@ def reproduce(experiment: str, arguments: list[str], *, quick: bool) -> Path:
         launch_in_turn(study, stages, launcher, champion_job)
         _report(study, config, champions, given)
     return folder
-
-
-def _needs(config: ReproduceConfig, experiments: tuple[str, ...]) -> Iterator[Need]:
-    """The memory that the tables over all lifetimes take."""
-    for one in experiments:
-        controllers = len(reproduction.controllers(one, config.rates, config.signal.of(one)))
-        lifetimes, _ = memory_to_evaluate(controllers, Lifetime(), config.repeats, PAPER_NETWORK)
-        lifetimes *= len(reproduction.worlds(one)) * config.champions
-        yield Need(
-            lifetimes, f"the lifetimes of the {one} experiment", "lower champions or repeats, or give fewer rates"
-        )
 
 
 def _given(where: str) -> Genome:

@@ -18,7 +18,7 @@ from epuckhebb.analysis.lifetimes import Evaluated, Gathered, gather, repeated
 from epuckhebb.config import EvaluateConfig, Plain, alternatives, check_words, combinations, from_values, swept_values
 from epuckhebb.runs import evaluate_into, hydra
 from epuckhebb.runtime import ConfigError, say
-from epuckhebb.store import Run, RunFolder, as_bytes, digest, read_table, write_atomic
+from epuckhebb.store import Run, RunFolder, as_bytes, digest, write_atomic
 from epuckhebb.studies import identity
 from epuckhebb.studies.jobs import Job, Outcome, folder_and_launcher, launch, one_job, open_study, split
 
@@ -106,9 +106,7 @@ def _write_tables(study: RunFolder, done: Sequence[Job], failures: Sequence[tupl
     failed_columns = list(failed[0]) if failed else ["job", "run", "error"]
     study.write("failed.csv", pd.DataFrame(failed, columns=failed_columns))
     gathered = gather([_evaluated(study.path / job.run, job.settings, _place(job)) for job in done])
-    content = as_bytes(gathered.rows)
-    read_table(content, study.path, "sweep.csv")  # the numbers are text as it stands in the tables of the jobs
-    study.write("sweep.csv", content)
+    study.write("sweep.csv", gathered.rows)
     _write_over_all(study.write, gathered)
 
 

@@ -33,6 +33,7 @@ from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.senses import SenseWorkspace, sense_workspace
 
 _LONGEST_S = 1e9  # 31 years: more is surely a slip
+_MOST_SAMPLES = 1_000_000  # of a lifetime; each takes 1.3 kB, mostly weights
 
 TALLY = np.dtype(
     [
@@ -101,6 +102,11 @@ class Lifetime:
             raise ValueError(
                 f"lifetime.record_every must be 0 or more, and at most the steps of {_LONGEST_S:g} s, "
                 f"got {self.record_every}"
+            )
+        if self.record_every and self.steps / self.record_every > _MOST_SAMPLES:  # a slip of the unit fills the memory
+            raise ValueError(
+                f"lifetime.record_every={self.record_every} would record more than {_MOST_SAMPLES:,} samples of "
+                f"lifetime.duration_s={self.duration_s:g}; give a shorter lifetime, or 0 to record nothing"
             )
 
     @property
@@ -289,42 +295,6 @@ class Setup(NamedTuple):
     noise_level: float
     record_every: int
     samples: Samples
-
-
-class CalibrationRecord(NamedTuple):
-    """The calibration manoeuvre of a robot before its lifetime.
-
-    poses: (steps + 1, 3) x, y [m], heading [rad]. speeds: (steps, 2) commanded wheel speeds [rad/s]. readings: (steps,
-    inputs) sensor readings. past: what late sensors and wheels need, with commands in rad/s (`epuckhebb.tmaze.faults`).
-    """
-
-    poses: Floats
-    speeds: Floats
-    readings: Floats
-    past: Floats
-
-
-def count_calibration(
-    life: Life, calibration: CalibrationRecord, gain: float, record_every: int, samples: Samples
-) -> None:
-    """Make a calibration manoeuvre the first steps of a lifetime: its time, path and samples count.
-
-    Its live fitness is 0. gain, record_every, samples: as in `live`.
-    """
-    steps, inputs = calibration.readings.shape
-    tally = life.tally
-    tally["step"], tally["away_s"] = steps, steps * STEP_S
-    tally["path_length"] = np.hypot(*np.diff(calibration.poses[:, :2], axis=0).T).sum()
-    life.adaptation.recent[:inputs] = calibration.readings[-1]
-    life.past[:] = calibration.past
-    life.past[:, inputs:] /= gain
-    if record_every:
-        recorded = np.arange(0, steps, record_every)
-        places = slice(0, len(recorded))
-        samples.time[places], samples.pose[places] = recorded * STEP_S, calibration.poses[recorded]
-        samples.sensors[places] = calibration.readings[recorded]
-        samples.motors[places] = calibration.speeds[recorded] / gain
-        samples.weights[places] = life.weights
 
 
 def pad_samples(samples: Samples, life: Life, robot: Robot, record_every: int, pose: Floats) -> None:

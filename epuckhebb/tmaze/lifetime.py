@@ -9,7 +9,6 @@ at any step, and resumed bit-identically.
 import math
 from typing import Any
 
-from epuckhebb.adaptation.recognise.compass import LIT
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
 from epuckhebb.controller.network import OUTPUTS
@@ -28,9 +27,9 @@ CONTACT = 0.8  # a distance reading above this counts as contact, as in the publ
 # The parts of a lifetime; `epuckhebb.tmaze.lifetime_kernel` puts them here.
 _part: Any = None
 WHEELS, HAS_RULE, HAS_TRIALS, HAS_SCORE, resets = 0, False, False, False, False
-draw_noise = sense = apply_sensor_faults = blind = reward_input = correct = scale = _part  # sense
+draw_noise = sense = apply_sensor_faults = blind = reward_input = scale = _part  # sense
 forward = nearest = score = open_gate = modulate = learn = record_tilt = _part  # act, score, learn
-explore = compensate = turn_wheels = move = move_all = to_goal = end_step = _part  # move
+explore = turn_wheels = move = move_all = to_goal = end_step = _part  # move
 
 
 def live(life: Life, setup: Setup, space: Handles, until: int) -> None:
@@ -113,7 +112,7 @@ def perceive(
     step: int,
     readings: Floats,
 ) -> None:
-    """Fill the inputs of the network, as sensors and task give them: with noise and faults, without corrections."""
+    """Fill the inputs of the network, as sensors and task give them: with noise and faults."""
     tally, trial, noise = life.tally[0], setup.trial, life.workspace.noise
     if setup.noise_level > 0.0:
         draw_noise(life.key, step, noise)
@@ -134,11 +133,9 @@ def decide(
     """
     tally, weights, activation, workspace = life.tally[0], life.weights, life.activation, life.workspace
     genotype, plasticity, trial = life.genotype, setup.plasticity, setup.trial
-    corrections = life.adaptation.corrections
 
     # Sense.
     perceive(life, setup, space, robots, at, cos, sin, step, activation)
-    correct(activation, corrections, life.adaptation.correcting)
     scale(activation, weights, tally, life.adaptation.homeostasis, setup.nominal, step)
 
     # Act.
@@ -178,14 +175,11 @@ def decide(
         )
     tally.weight_change_sum += tally.weight_change + tally.scaling
     if setup.record_every > 0 and step % setup.record_every == 0:
-        number, believed = step // setup.record_every, life.adaptation.place.now[0]
-        record(setup.samples, number, step * STEP_S, at, tally, weights, activation, believed, live_fitness, rate)
+        number = step // setup.record_every
+        record(setup.samples, number, step * STEP_S, at, tally, weights, activation, live_fitness, rate)
         record_tilt(space, setup.samples.tilt, number % setup.samples.time.shape[0])
 
-    # Explore, and compensate for weak wheels.
     left, right = explore(life, setup, left, right)
-    left = compensate(left, corrections.left_loss, setup.gain)
-    right = compensate(right, corrections.right_loss, setup.gain)
     return left, right
 
 
@@ -213,7 +207,6 @@ def record(
     tally: Any,
     weights: Floats,
     activation: Floats,
-    believed: Any,
     live_fitness: float,
     rate: float,
 ) -> None:
@@ -233,9 +226,6 @@ def record(
     samples.rate[place], samples.weight_change[place] = rate, tally.weight_change + tally.scaling
     for k in range(synapses):
         samples.weights[place, k] = weights[k]
-    samples.belief[place, 0] = believed.heading
-    samples.belief[place, 1] = 1.0 if believed.lamp >= LIT else 0.0
-    samples.belief[place, 2] = believed.here
     neurons = samples.activations.shape[1]
     for j in range(neurons):
         samples.activations[place, j] = activation[activation.shape[0] - neurons + j]

@@ -10,7 +10,6 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.tmaze.maze import SIDES, Maze, Place, Side, boxes
 
 GRID = 0.002  # m: of the places that are searched for a way to the goal
-_BYTES_PER_PLACE = 27.0  # of the grid, at most at one time
 SPARE = 0.001  # m: by about this much a robot sinks into a wall in the physics
 
 
@@ -41,11 +40,6 @@ def _check_reachable(walls: bytes, maze: Maze, goals: tuple[Place, ...], radius:
                 f"the goal of the {side}, {goal.x:g}, {goal.y:g}, cannot be reached in maze {maze.name}: no way from "
                 f"the start is wide enough for a robot of radius {radius:g} m"
             )
-
-
-def grid_bytes(arena_m: float) -> float:
-    """How many bytes of memory the search for a way to the goals takes, about, in an arena of this half side [m]."""
-    return _BYTES_PER_PLACE * (2 * arena_m / GRID + 1) ** 2
 
 
 def reachable(maze: Maze, walls: Floats, radius: float) -> tuple[Floats, NDArray[np.bool_]]:

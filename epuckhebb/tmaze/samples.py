@@ -18,8 +18,7 @@ class Samples(NamedTuple):
     live F; change_signal: nan if there is none; rate: N_e; weight_change: sum of |W - W_gene|, that of homeostasis
     included; weights: (samples, synapses), after the step's update, without the scale of homeostasis; activations:
     (samples, neurons) of those of a wiring, which weights and inputs alone do not give; none of layers; tilt: roll,
-    pitch [rad] and height above the floor [m], nothing in the plane; belief: of recognition, the heading since the
-    start [rad], whether the lamp counts as lit, whether the goal is recognised; 0 without it.
+    pitch [rad] and height above the floor [m], nothing in the plane.
     """
 
     time: Floats
@@ -33,7 +32,6 @@ class Samples(NamedTuple):
     weights: NDArray[np.float32]
     activations: NDArray[np.float32]
     tilt: Floats
-    belief: Floats
 
 
 def empty_samples(count: int, network: Network, physics: Physics = PYMUNK) -> Samples:
@@ -54,15 +52,9 @@ def empty_samples(count: int, network: Network, physics: Physics = PYMUNK) -> Sa
         weights=np.zeros((count, network.synapses), np.float32),
         activations=np.zeros((count, recorded_neurons(network)), np.float32),
         tilt=numbers(physics.tilts),
-        belief=numbers(3),
     )
 
 
 def recorded_neurons(network: Network) -> int:
     """How many activations are recorded: all neurons of a wiring, none of layers."""
     return 0 if network.wiring is None else sum(network.layers[1:])
-
-
-def sample_bytes(network: Network) -> int:
-    """How many bytes of memory a sample takes."""
-    return sum(array.nbytes for array in empty_samples(1, network))

@@ -14,7 +14,6 @@ from epuckhebb.adaptation.adaptation import initial_adaptation_state
 from epuckhebb.adaptation.change_signal import NominalOfSide, check_nominal
 from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.adaptation.homeostasis import check_patterns
-from epuckhebb.adaptation.self_check.corrections import Corrections, check_corrections
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.errors import NotCompiledError, explained
 from epuckhebb.controller.compiling.kernel import compile_error
@@ -33,12 +32,10 @@ from epuckhebb.controller.random import Stream, rng
 from epuckhebb.controller.wiring import NO_NEURONS, WiringError
 from epuckhebb.tmaze import fitness
 from epuckhebb.tmaze.life import (
-    CalibrationRecord,
     Genotype,
     Life,
     Lifetime,
     Setup,
-    count_calibration,
     initial_life,
     pad_samples,
     tally_of,
@@ -60,8 +57,7 @@ class Individual:
     genes: of all parts of the genome (`controller.genome`), 234 in the paper. key: of all noise. task_key: of the
     task's random numbers; individuals that are compared have the same, and so have both sides. start: None for the
     maze's. signs: of the plastic updates, (synapses,), None for the rule's sign; shuffled ones must be given. nominal:
-    what an adaptation compares with. corrections: from a self-check, None for none. calibration: the manoeuvre before
-    its lifetime, if it is part of the lifetime. record: whether samples are recorded. after: whose lifetime comes
+    what an adaptation compares with. record: whether samples are recorded. after: whose lifetime comes
     before, where the live fitness carries its history.
     """
 
@@ -74,8 +70,6 @@ class Individual:
     task_key: int = 0
     signs: Floats | None = None
     nominal: NominalOfSide | None = None
-    corrections: Corrections | None = None
-    calibration: CalibrationRecord | None = None
     record: bool = False
     after: "Individual | None" = None
 
@@ -109,12 +103,10 @@ class Session:
         self._more_faults = simulator.more_faults
         self._kind = kind = simulator.kind_of(individual.controller, individual.network, self._more_faults)
         self._first = first = self._phases[0].scenario
-        self._is_usual = individual.nominal is None and individual.corrections is None and individual.after is None
+        self._is_usual = individual.nominal is None and individual.after is None
         genotype = _genotype_of(individual, kind, first, self.lifetime.gain_rad_s)
         self._record_every = self.lifetime.record_every if individual.record else 0
-        adaptation = kind.unused
-        if adaptation is None or individual.corrections is not None:
-            adaptation = initial_adaptation_state(first.robot, individual.corrections)
+        adaptation = initial_adaptation_state(first.robot) if kind.unused is None else kind.unused
         trials = first.task.initial_trials(individual.side, individual.task_key)
         self.life = initial_life(
             *(genotype, np.uint64(individual.key), individual.network, first.robot, kind.workspace, adaptation, trials),
@@ -126,10 +118,6 @@ class Session:
             count = -(-self.lifetime.steps // self._record_every)
             count = count if most_samples is None else min(count, most_samples)
             self.samples = empty_samples(count, individual.network, first.physics)
-        if individual.calibration is not None:
-            count_calibration(
-                self.life, individual.calibration, self.lifetime.gain_rad_s, self._record_every, self.samples
-            )
         self._history = individual.controller.rule.history
         if individual.after is not None:
             before = Session(individual.after, world, self.lifetime, simulator=simulator)
@@ -203,7 +191,7 @@ class Session:
         self._enter(self._phases.pop(0))
 
     def look(self) -> Floats:
-        """The inputs that the network will have in the next step, (inputs,), without corrections of an adaptation."""
+        """The inputs that the network will have in the next step, (inputs,)."""
         self._enter_due()
         self._move_to_new_walls()
         readings = np.zeros(self.individual.network.inputs)
@@ -337,8 +325,6 @@ def _genotype_of(individual: Individual, kind: Kind, world: Scenario, gain_rad_s
         check_nominal(individual.nominal, world.robot.inputs)
     if individual.controller.adaptation.homeostasis:
         check_patterns(kind.nominal if individual.nominal is None else individual.nominal, world.robot.light.count)
-    if individual.corrections is not None:
-        check_corrections(individual.corrections, world.robot)
     of_updates = kind.signs if individual.signs is None else individual.signs
     rule, network = individual.controller.rule, individual.network
     if of_updates is None or of_updates.shape != (network.synapses,):

@@ -52,9 +52,9 @@ class Phase(NamedTuple):
 class Kind(NamedTuple):
     """What individuals with the same controller and network share.
 
-    live: the kernel. usual: the same, for individuals without nominal statistics, corrections and a history of their
-    own; their records are made here, so they have the same types. unused: arrays of an adaptation for individuals
-    without one, which never write there; None with an adaptation.
+    live: the kernel. usual: the same, for individuals without nominal statistics and a history of their own; their
+    records are made here, so they have the same types. unused: arrays of an adaptation for individuals without one,
+    which never write there; None with an adaptation.
     """
 
     live: Callable[..., None]

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cases import call, contents, done
-from contract import half_written
 
 import epuckhebb
 from epuckhebb.runtime.conf import groups, keys_with_defaults
 from epuckhebb.runtime.errors import INTERRUPTED, JOB_FAILED, USAGE
+from epuckhebb.store.run import Run
 
 LINES = 500
 SHORT = ["lifetime.duration_s=0.064", "lifetime.record_every=0"]
@@ -130,6 +130,12 @@ def prepared(tmp_path_factory):
     finally:
         os.chdir(before)
     return folder
+
+
+def half_written(folder):
+    """Runs that were begun and neither finished nor closed, and files beside their places."""
+    states = [Run(status.parent).state for status in folder.rglob("status.json")]
+    return [state for state in states if state not in ("finished", "failed")], list(folder.rglob(".*.tmp"))
 
 
 @pytest.mark.torture
