@@ -19,9 +19,9 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import compose
+from epuckhebb.config.errors import explain
 from epuckhebb.config.schema import EvaluateConfig
 from epuckhebb.config.stored import as_config, value_as_declared
-from epuckhebb.config.words import explain
 from epuckhebb.runs import evaluate as runs_evaluate
 from epuckhebb.runs import hydra
 from epuckhebb.runtime.conf import groups

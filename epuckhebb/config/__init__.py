@@ -17,7 +17,6 @@ from epuckhebb.config.build import (
 from epuckhebb.config.compose import combinations, configurations, load, swept_values
 from epuckhebb.config.errors import explain
 from epuckhebb.config.flock import Row, shorter
-from epuckhebb.config.keys import Group, Key, all_groups, group_named
 from epuckhebb.config.methods import ALL, REVERSAL_TASK, Method, methods_named, typed_as
 from epuckhebb.config.overrides import (
     SWEEP_DIR,

@@ -28,10 +28,11 @@ from epuckhebb.runtime import ConfigError, conf, data_folder
 IS_HYDRA_1_4 = int(version("hydra-core").split(".")[1]) >= 4
 VERSION_BASE: dict[str, Any] = {} if IS_HYDRA_1_4 else {"version_base": "1.3"}  # from 1.4 on it is warned about
 USERS = "command-line"  # who brings the user's folder, as Hydra names it for its own --config-dir
+NULL = "None"  # the choice of a group of which none was made
 BROUGHT = ("maze", "physics")  # groups of which a change of the world may name another choice
 BRIGHT, DIM = 1.0, 0.1  # the light of the two experiments
 _MOST_FILES = 1000  # in the user's folder
-_plain: ConfigStore | None = None  # the store, if it has the program's rows and no user's
+_stored: list[ConfigStore] = []  # the store, if it has the program's rows and no user's
 
 
 class _SearchPath(SearchPathPlugin):
@@ -43,7 +44,7 @@ class _SearchPath(SearchPathPlugin):
         """See Hydra."""
         if self.folder is not None:
             search_path.prepend(USERS, f"file://{self.folder}", SearchPathQuery(provider="main"))
-        search_path.prepend("epuckhebb", "structured://")
+        search_path.prepend("schema", "structured://")  # under the name that Hydra gives it at the end
 
 
 class Composed(NamedTuple):
@@ -63,13 +64,15 @@ def by_hydra(command: str, overrides: list[str], config_dir: str | None) -> Comp
     except ConfigError:
         raise
     except Exception as error:  # what damaged files may raise has no end
-        raise ConfigError(explain(error)) from error
+        message, words = explain(error), " ".join(overrides)
+        is_named = any(word.lstrip("+~").partition("=")[0] in message for word in overrides)
+        raise ConfigError(message if is_named or not words else f"{words}: {message}") from error
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
         hydra = cfg.pop("hydra")
     return Composed(cfg, hydra, choices_of(hydra.runtime))
 
 
-def choices_of(runtime: DictConfig) -> dict[str, str]:
+def choices_of(runtime: Any) -> dict[str, str]:
     """The choice of each group, from what Hydra notes of a composition."""
     return {str(group): str(choice) for group, choice in runtime.choices.items()}
 
@@ -100,12 +103,11 @@ def changes(folder: Path | None) -> dict[str, dict[str, Any]]:
 
 def _store(command: str, folder: Path | None) -> None:
     """Store the schema of a command, and the rows of tables that no file of the user's replaces."""
-    global _plain
     store = ConfigStore.instance()
     store.store("compared", {"defaults": [{"hebbian": "paper"}, {"adaptation": "none"}]})
     if command in SCHEMAS:
         store.store(f"schema_{command}", structured(command))
-    if folder is None and _plain is store:
+    if folder is None and _stored == [store]:
         return
     groups = {file.parent.name for file in data_folder("conf").glob("*/*.yaml")} | {*conf.TABLES, "hydra/launcher"}
     files = {group: list(_files(folder, group)) for group in groups} if folder else {}
@@ -122,7 +124,7 @@ def _store(command: str, folder: Path | None) -> None:
         scenario = {key: value for key, value in row.items() if key not in BROUGHT}
         node = {"defaults": [*overrides, "_self_"], "scenario": scenario, "change": {name: None}}
         store.store(name, node, "change", "_global_")
-    _plain = store if folder is None else None
+    _stored[:] = [store] if folder is None else []
 
 
 def _files(folder: Path, group: str) -> Iterator[Path]:

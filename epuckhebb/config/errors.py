@@ -4,7 +4,8 @@ import re
 
 import yaml
 
-_NOISE = ("full_key:", "object_type=", "reference_type=", "provider=")  # lines that say nothing to a user
+_KEY = "full_key:"  # before the key, on a line of its own
+_NOISE = ("object_type=", "reference_type=", "provider=")  # lines that say nothing to a user
 _EXTRAS = {"submitit": "slurm", "ray": "ray", "joblib": "parallel"}  # launcher -> the extra of this package that has it
 
 
@@ -12,18 +13,21 @@ def explain(error: BaseException) -> str:
     """What Hydra, OmegaConf or YAML says is wrong, in one line: what they add about themselves is left out."""
     if isinstance(error, RecursionError):
         return "a file's defaults lead back to itself, or its settings stand too deep in one another"
-    lines: list[str] = []
-    cause: BaseException | None = error
-    while cause is not None and len(lines) < 50:  # an error may be its own cause, in a debugger
+    causes: list[BaseException] = [error]
+    while (cause := causes[-1].__cause__) is not None and cause not in causes:  # one may be its own, in a debugger
+        causes.append(cause)
+    lines, keys = dict[str, None](), list[str]()
+    for cause in causes:
         if isinstance(cause, yaml.MarkedYAMLError) and cause.problem_mark:
             return f"{cause.problem_mark.name}{line_of(cause)}"
-        told = str(cause).partition("Config search path")[0].splitlines()
-        lines += [line.strip() for line in told if line.strip() and not line.strip().startswith(_NOISE)]
-        key = getattr(cause, "full_key", None)
-        if key and not any(str(key) in line for line in lines):
-            lines.insert(0, f"{key}:")
-        cause = cause.__cause__
-    message = " ".join(dict.fromkeys(lines)) or type(error).__name__
+        for line in map(str.strip, str(cause).partition("Config search path")[0].splitlines()):
+            if line.startswith(_KEY):
+                keys.append(line.removeprefix(_KEY).strip())
+            elif line and not line.startswith(_NOISE):
+                lines[line] = None
+    message = " ".join(lines) or type(error).__name__
+    if keys and keys[0] not in message:
+        message = f"{keys[0]}: {message}"
     launcher = re.search(r"hydra/launcher/(\w+?)(_\w+)?'", message)
     if launcher and launcher[1] in _EXTRAS:
         message += f'; this launcher is a plug-in: pip install "epuckhebb[{_EXTRAS[launcher[1]]}]"'

@@ -105,7 +105,7 @@ def _read(name: str, why: str, known: Sequence[str], folders: Sequence[Path]) ->
             f"{did_you_mean(name, known)}"
         )
     own = next((file for folder in folders if (file := folder / "method" / f"{name}.yaml").is_file()), None)
-    file = own or f"{conf.files('method')[0]}: {name}"
+    file: Any = own or f"{conf.files('method')[0]}: {name}"
     held = yaml_file.load(own) if own else conf.table("method")[name]
     for key in held.keys() - _KEYS:
         raise ConfigError(

@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import ChoiceSweep, Glob, Override, Sweep
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.adaptation.adaptation import NONE, Adaptation
+from epuckhebb.config.schema import OPEN, SCHEMAS
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.evolution.optimizer import Optimizer
-from epuckhebb.config.schema import OPEN, SCHEMAS
 from epuckhebb.runtime import ConfigError, conf, data_folder, did_you_mean, say
 from epuckhebb.tmaze.own_fitness import Fitness
 
@@ -55,12 +55,17 @@ def check_words(command: str, words: Sequence[str], *, several: bool = False) ->
     """Refuse keys that the schema does not know, and several values for a key unless there is a job for each."""
     choices, known = conf.groups(command), known_keys(command)
     for override in parsed(word for word in words if not word.startswith("-")):
-        key, line = override.key_or_group, override.input_line
+        key, line = override.key_or_group, str(override.input_line)
         if key == "changed":
             raise ConfigError("changed is filled in by the program, with what differs from the named scenario")
         if override.is_sweep_override() and not several:
             number = f". A number is written {line.replace(',', '.')}" if re.search(r"=\d+,\d+$", line) else ""
             raise ConfigError(f"{line} has several values; to do a run with each of them, add -m (--multirun){number}")
+        value = override.value()
+        if isinstance(value, Glob) or (
+            isinstance(value, ChoiceSweep) and any(isinstance(one, Sweep | Glob) for one in value.list)
+        ):
+            raise ConfigError(f"{line}: ranges and patterns do not go into a list of values; give one range, or values")
         if key not in known and key not in choices and not key.startswith(("hydra.", "hydra/", *_BELOW)):
             like = did_you_mean(key, [*known, *dict(conf.keys_with_defaults(command))])
             raise ConfigError(f"there is no key {key} of `epuckhebb {command}`{like}")
@@ -136,7 +141,7 @@ def check_config_dir(config_dir: str | None) -> None:
     if not mine.is_dir():
         raise ConfigError(f"--config-dir={config_dir} is no folder; give one with files such as scenario/mine.yaml")
     both = [file.relative_to(ours) for file in sorted(ours.rglob("*.yaml"))]
-    both += [Path(group, f"{name}.yaml") for group in conf.TABLES for name in sorted(conf.rows(group))]
+    both += [Path(group, f"{name}.yaml") for group in conf.TABLES for name in sorted(conf.table(group))]
     there = (file for file in both if (mine / file).is_file())
     instead = [one for one in there if not (ours / one).is_file() or not filecmp.cmp(mine / one, ours / one, False)]
     if instead:

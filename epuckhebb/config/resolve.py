@@ -18,12 +18,11 @@ from omegaconf.errors import OmegaConfBaseException
 from epuckhebb.adaptation.controller import HEBBIAN
 from epuckhebb.config import hand, yaml_file
 from epuckhebb.config.build import scenario_from
-from epuckhebb.config.catalogue import BROUGHT, by_hydra, changes
+from epuckhebb.config.catalogue import BROUGHT, NULL, by_hydra, changes
 from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import literal, parsed
 from epuckhebb.config.parts import NONE, PAPER, part_class, part_from
 from epuckhebb.config.schema import WorldConfig, plain
-from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError, conf, data_folder, path_of
 from epuckhebb.tmaze.physics_engine import Physics
@@ -34,6 +33,7 @@ _PARTS = ("maze", "robot", "task", "fitness", "physics")  # groups whose choice 
 _SHOWN = ("scenario", "lifetime", "network", *_PARTS)  # groups whose values `changed` names
 _USUAL = ("training", "hebbian")  # more groups whose choice is as it is in what a configuration is compared with
 _COMPARED = (*_SHOWN, "training", "change", "experiment")  # keys and groups that can make a difference
+_OF_ANY_NUMBER = ("change", "experiment", "ga")  # groups of which no choice need be made, or several can
 _RECORDING = "lifetime.record_every"  # changes nothing in a lifetime
 _LONGEST = 80  # characters of a world in the name of a folder
 
@@ -63,9 +63,9 @@ def resolve(
 def _resolve(
     command: str, cfg: DictConfig, choices: dict[str, str], overrides: Sequence[str], config_dir: str | None
 ) -> None:
-    for group in ("scenario", "lifetime", "hebbian", *_PARTS):
-        if choices.get(group) == str(None):
-            raise ConfigError(f"{group} must be one of {', '.join(conf.groups(command)[group])}, got null")
+    for group, known in conf.groups(command).items():
+        if group not in _OF_ANY_NUMBER and choices.get(group, NULL) == NULL:
+            raise ConfigError(f"{group} must be one of {', '.join(known)}, got none of them, or several")
     _make_changes(command, cfg, choices, config_dir)
     usual = _usual(command, choices, overrides, config_dir)
     cfg.changed = literal(", ".join(_differences(cfg, choices, usual))) if usual else ""
@@ -121,25 +121,27 @@ def _make_changes(command: str, cfg: DictConfig, choices: dict[str, str], config
         cfg.change[name] = brought
 
 
-def _usual(
-    command: str, choices: Mapping[str, str], overrides: Sequence[str], config_dir: str | None
-) -> _Usual | None:
+def _usual(command: str, choices: Mapping[str, str], overrides: Sequence[str], config_dir: str | None) -> _Usual | None:
     """What the choices that name the world are without anything else; None if nothing that counts differs from it.
 
     The program's own choices are taken if there are such, so that a file of the user's that replaces one differs.
     """
     words = [(str(word.key_or_group), word) for word in parsed(overrides)]
     naming = [word for key, word in words if key in ("scenario", "change") and not isinstance(word.value(), dict)]
-    others = [key for key, word in words if word not in naming]
+    others = [key for key, word in words if word not in naming and key != _RECORDING]
     if config_dir is None and not any(key.partition(".")[0] in _COMPARED or key == "hebbian.rule" for key in others):
         return None
-    named = [str(word.input_line) for word in naming]
+    changes_named = [str(word.input_line) for word in naming if word.key_or_group == "change"]
+
+    def chosen(*groups: str) -> list[str]:
+        return [f"{group}='{choices[group]}'" for group in groups]
 
     def usual(folder: str | None) -> _Usual:
+        named = [*chosen("scenario"), *changes_named]
         found = by_hydra(command, named, folder)
         differ = [group for group in (*_PARTS, *_USUAL) if choices.get(group) != found.choices.get(group)]
         if differ:
-            found = by_hydra(command, [*named, *(f"{group}={choices[group]}" for group in differ)], folder)
+            found = by_hydra(command, [*named, *chosen(*differ)], folder)
         return _Usual(found.cfg, [group for group in differ if group in _PARTS])
 
     try:
@@ -154,14 +156,14 @@ def _differences(cfg: DictConfig, choices: Mapping[str, str], usual: _Usual) -> 
     mine, its = _values(cfg, resolve=True), _values(usual.cfg, resolve=True)
     raw, its_raw = _values(cfg, resolve=False), _values(usual.cfg, resolve=False)
     for key, value in mine.items():
-        is_same = key in its and (value == its[key] or raw.get(key) == its_raw.get(key))
+        is_same = value == its.get(key, "null") or (key in its_raw and raw.get(key) == its_raw[key])
         if is_same or key in (_RECORDING, "scenario.name"):
             continue
         shown = key.removeprefix("scenario.")
         if shown == "hand":
             yield f"{len(hand.read(value))} changes by hand"
         elif shown == "changes":
-            for change in value:
+            for change in filter(lambda one: isinstance(one, Mapping), value):
                 settings = " ".join(f"{name}={_text(new)}" for name, new in dict(change).items() if name != "at_s")
                 yield f"{settings} at {_text(dict(change).get('at_s'))} s"
         else:
@@ -255,7 +257,8 @@ def _fit_rule(cfg: DictConfig, choice: str, chosen: DictConfig) -> None:
     kind = part_class("rule", rule, "hebbian")
     own = {field.name: field.default for field in fields(kind)}
     raw: Any = OmegaConf.to_container(cfg.hebbian)
-    as_chosen = {key for key, value in dict(OmegaConf.to_container(chosen)).items() if raw.get(key) == value}
+    raw_chosen: Any = OmegaConf.to_container(chosen)
+    as_chosen = {key for key, value in raw_chosen.items() if raw.get(key) == value}
     if "N" in as_chosen or "N" not in raw:
         cfg.hebbian.N = own["N"] or raw.get("N", cfg.scenario.paper_N)
     for key in as_chosen - {"rule", "name", *own}:

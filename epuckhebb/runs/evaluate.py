@@ -140,23 +140,16 @@ def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> 
     return PreparedEvaluation(config=config, genome=genome)
 
 
-def evaluate_job(cfg: Any, report: Report = _no_report) -> None:
-    """Do one job of Hydra's: evaluate into its folder. cfg: as Hydra composed it. report: as in `evaluate_into`."""
-    with hydra.job_of("evaluate", cfg) as job:
-        _evaluate(job, report)
+def evaluate_job(job: hydra.Job, report: Report = _no_report) -> None:
+    """Evaluate into the folder of a job. report: as in `evaluate_into`."""
+    evaluate_into(job.path, job.config, job.overrides, job.facts, threads=job.threads, report=report)
 
 
-def _evaluate(job: hydra.Job, report: Report) -> None:
-    threads = hydra.threads_of_job(job.config.threads)
-    evaluate_into(job.path, job.config, job.overrides, job.facts, threads=threads, report=report)
-
-
-def recorded_job(cfg: Any, report: Report = _no_report) -> None:
-    """Do one job of Hydra's that must record its lifetimes. The arguments are those of `evaluate_job`."""
-    with hydra.job_of("evaluate", cfg) as job:
-        if not job.config.lifetime.record_every:
-            raise ConfigError("--open shows what was recorded; give lifetime.record_every=8, or leave it out")
-        _evaluate(job, report)
+def recorded_job(job: hydra.Job, report: Report = _no_report) -> None:
+    """Evaluate into the folder of a job that must record its lifetimes."""
+    if not job.config.lifetime.record_every:
+        raise ConfigError("--open shows what was recorded; give lifetime.record_every=8, or leave it out")
+    evaluate_job(job, report)
 
 
 def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:

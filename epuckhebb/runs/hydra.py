@@ -16,7 +16,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.plugins.sweeper import Sweeper
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import (
@@ -93,8 +93,8 @@ def check(
     for place, values in enumerate(choices):
         tried = values[1:] if len(values) <= _CHECKED_IN_FULL else values[-1:]
         jobs += [(*first[:place], value, *first[place + 1 :]) for value in tried]
-    for _, values in configurations(command, [], jobs, config_dir):
-        prepare(from_values(values, SCHEMAS[command], command))
+    for _, settings in configurations(command, [], jobs, config_dir):
+        prepare(from_values(settings, SCHEMAS[command], command))
 
 
 def run(command: str, job: Callable[[Job], None], arguments: list[str], config_dir: str | None = None) -> list[Path]:
@@ -120,13 +120,16 @@ def _run_one(command: str, job: Callable[[Job], None], overrides: list[str], con
     """Run one job in this process; its folder is named when its configuration is complete."""
     for override in overrides:
         if override.startswith(("hydra.", "hydra/")) and not override.startswith((f"{_RUN_DIR}=", "hydra.searchpath=")):
-            raise ConfigError(f"{override} does nothing in one run; {_RUN_DIR} names its folder, and -m makes many runs")
+            raise ConfigError(f"{override} does nothing in one run; give {_RUN_DIR}=FOLDER, or -m for many runs")
     cfg, hydras, _ = composed_with_hydra(command, overrides, config_dir)
     config = typed(cfg, SCHEMAS[command])
-    try:
-        path = Path(OmegaConf.merge(cfg, {"hydra": hydras}).hydra.run.dir)
-    except OmegaConfBaseException as error:
-        raise ConfigError(f"{_RUN_DIR}: {explain(error)}") from error
+    with flag_override(cfg, ["struct", "readonly"], [False, False]):
+        cfg.hydra = hydras
+        try:
+            path = Path(cfg.hydra.run.dir)
+        except OmegaConfBaseException as error:
+            raise ConfigError(explain(error)) from error
+        del cfg.hydra
     own = overrides_of_task(overrides)
     job(Job(path, config, own, _facts(command, own, config_dir), thread_count(config.threads), in_multirun=False))
     return path
@@ -186,14 +189,12 @@ def call(command: str, task: Callable[[Any], None], arguments: list[str], config
     with catalogue(command, config_dir), _as_command_line(command, arguments), workers:
         try:
             entry()
-        except (HydraException, OmegaConfBaseException) as error:
-            raise ConfigError(explain(error)) from error
         except (ConfigError, JobFailedError):
             raise
         except Exception as error:
-            if "--multirun" in arguments:  # jobs wrap what goes wrong in them, so this is the launcher's
-                raise JobFailedError(f"the launcher stopped: {type(error).__name__}: {error}") from error
-            raise
+            if "--multirun" not in arguments or isinstance(error, HydraException | OmegaConfBaseException):
+                raise ConfigError(explain(error)) from error
+            raise JobFailedError(f"the launcher stopped: {type(error).__name__}: {error}") from error  # not a job
 
 
 def call_many(command: str, task: Callable[[Any], None], arguments: list[str]) -> None:
@@ -264,4 +265,4 @@ def _begin(parent: int, folder: str) -> None:
 
 
 register("epuckhebb.world", lambda *, _root_: world_name(_root_.scenario.name, _root_.changed), replace=True)
-register("epuckhebb.stamp", lambda: new_stamp(), replace=True)
+register("epuckhebb.stamp", new_stamp, replace=True)

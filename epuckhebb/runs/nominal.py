@@ -59,4 +59,4 @@ def training_world(config: EvaluateConfig, evolved_in: str = "") -> Scenario:
     physics = part_from("physics", config.physics, "physics")
     if physics.name != (evolved_in or PYMUNK.name):
         physics = usual_physics(evolved_in or PYMUNK.name)
-    return world_of_training(config.world.experiment, config.scenario.name, config.maze, config.robot, physics)
+    return world_of_training(config, config.world.experiment, physics)

@@ -64,7 +64,7 @@ def _other_experiment(genome: Genome, config: EvaluateConfig) -> str:
     world = config.world
     if not genome.experiment or genome.experiment == world.experiment:
         return ""
-    trained = training_world(genome.experiment, config.scenario.name, config.maze, config.robot, world.physics)
+    trained = training_world(config, genome.experiment, world.physics)
     before, now = _facts(trained), _facts(world)
     differ = [f"{name} {value} -> {now[name]}" for name, value in before.items() if now[name] != value]
     same = "" if "light" in " ".join(differ) else f"; the light, {now['light']}, is the same"

@@ -27,8 +27,9 @@ _PACKAGE_OF = "# @package"  # the first line of a file that also changes other g
 _ROW = re.compile(r'^((?:# .*\n)*)"?(\w+)"?:', re.MULTILINE)  # comments, and the name of what they describe
 
 
+@functools.cache
 def groups(command: str) -> dict[str, list[str]]:
-    """The configuration groups of a command and their choices."""
+    """The configuration groups of a command and their choices, not to be changed."""
     defaults = command_file(command).read_text(encoding="utf-8")
     conf = data_folder("conf")
     names = sorted({*TABLES, *(path.name for path in conf.iterdir() if path.is_dir())})

@@ -24,7 +24,6 @@ from epuckhebb.config import (
     load,
     own_files,
     own_references,
-    world_of,
 )
 from epuckhebb.runs import evolve_into, hydra, new_evolution, prepare_evaluation, prepare_evolution
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder
@@ -32,7 +31,7 @@ from epuckhebb.store import RunFolder, as_json, digest, science_version, version
 from epuckhebb.studies import jobs as study_jobs
 from epuckhebb.studies.jobs import NO_EFFECT, Job
 from epuckhebb.tmaze.fitness import Signal
-from epuckhebb.tmaze.scenario import TRAINED, Scenario
+from epuckhebb.tmaze.scenario import Scenario
 
 COST = "cost.json"
 
@@ -69,16 +68,15 @@ def identity(job: Plain) -> str:
 
 @functools.cache
 def world_named(name: str, config_dir: str | None) -> Scenario:
-    """A world by its name."""
-    robot = in_training_world(TRAINED["obstacles"], (), config_dir).robot
+    """A world: the name of a scenario, and of changes, with + between them."""
+    scenario, *changes = name.split("+")
+    change = f"change={changes}"
     try:
-        world = world_of(name, robot, search_folders(config_dir))
-    except ValueError as error:
-        raise ConfigError(f"scenario {name}: {error}") from error
-    if world is None:
-        raise ConfigError(f"there is no scenario {name} in {' or '.join(map(str, search_folders(config_dir)))}")
+        world = in_training_world(scenario, (change,), config_dir).world
+    except ConfigError as error:
+        raise ConfigError(f"world {name}: {error}") from error
     check_library(world)
-    return replace(world, name=name)
+    return world
 
 
 @functools.cache

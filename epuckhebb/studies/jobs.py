@@ -172,7 +172,7 @@ def launch(
                 some, stamp = missing[first : first + AT_ONCE], hydra.new_stamp()
                 attempts |= {job.run: folder / UNFINISHED / f"{stamp}_{place}" for place, job in enumerate(some)}
                 try:
-                    hydra.call_many("study", do, _arguments(folder, some, launcher, stamp), stamp)
+                    hydra.call_many("study", do, _arguments(folder, some, launcher, stamp))
                 except (ConfigError, JobFailedError) as error:
                     trouble = str(error)
                 if trouble and fail_fast:
