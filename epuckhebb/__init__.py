@@ -35,6 +35,7 @@ __all__ = [
     "Optimizer",
     "Rule",
     "Sensor",
+    "Task",
     "Wiring",
     "evaluate",
     "evolve",
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     from epuckhebb.tmaze.life import Lifetime
     from epuckhebb.tmaze.own_fitness import Fitness
     from epuckhebb.tmaze.own_sensor import Sensor
+    from epuckhebb.tmaze.task import Task
 
 _FROM = {  # name -> where it is, if not in `api`
     "GA": "evolution.optimizers.ga",
@@ -74,6 +76,7 @@ _FROM = {  # name -> where it is, if not in `api`
     "Optimizer": "evolution.optimizer",
     "Rule": "controller.plasticity.rule",
     "Sensor": "tmaze.own_sensor",
+    "Task": "tmaze.task",
     "Wiring": "controller.wiring",
     "tanh": "controller.network",
 }

@@ -19,7 +19,6 @@ from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import kernel
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.network import (
-    OUTPUTS,
     PAPER_NETWORK,
     WEIGHT_LIMIT,
     GivenOutputs,
@@ -30,6 +29,7 @@ from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.controller.random import Stream, key
 from epuckhebb.runtime import ConfigError
 from epuckhebb.tmaze.maze import SIDES, Side
+from epuckhebb.tmaze.robot import OUTPUTS
 from epuckhebb.tmaze.session import Individual, Session
 from epuckhebb.tmaze.simulator import Simulator
 
@@ -164,12 +164,12 @@ def policy_from_genome(genes: Floats, network: Network = PAPER_NETWORK) -> Calla
         raise ConfigError(f"a network of layers {network} has {network.synapses} weights, got shape {weights.shape}")
     activation, drive = np.zeros(network.neurons), np.empty(network.neurons)
     activation[network.bias] = 1.0
-    pass_through = kernel(_pass, forward=forward_pass(network))
+    pass_through = kernel(_pass, network, forward=forward_pass(network))
 
     def policy(observation: Floats) -> Floats:
         activation[: network.inputs] = observation
         pass_through(weights, activation, drive)
-        return activation[network.wheels :].copy()
+        return activation[network.first_output :].copy()
 
     return policy
 

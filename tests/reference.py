@@ -363,7 +363,7 @@ class Robot:
         return activations
 
     def live_fitness(self, readings, left, right, combined, distance):
-        signal = self.rule.signal.name
+        signal = str(self.rule.signal)
         if signal == "behaviour":
             return combined
         if signal == "final":

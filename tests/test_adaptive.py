@@ -13,7 +13,7 @@ from epuckhebb.analysis.rescue import FIGURE
 from epuckhebb.config.compose import composed
 from epuckhebb.config.schema import EvaluateConfig, typed
 from epuckhebb.controller.network import PAPER_NETWORK
-from epuckhebb.runs.nominal import training_world
+from epuckhebb.runs.evaluate import training_world
 from epuckhebb.store.genome import load_genome
 from epuckhebb.tmaze.scenario import TRAINED
 

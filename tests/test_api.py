@@ -9,13 +9,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from cases import call
+from cases import call, described_columns
 from PIL import Image
 
 import epuckhebb
 from epuckhebb.analysis.evaluate import COLUMNS
 from epuckhebb.runtime import progress
-from epuckhebb.store import columns
 
 FAST = ["lifetime.duration_s=8", "repeats=2"]
 BRIEF = {"lifetime": {"duration_s": 0.64, "record_every": 1}, "repeats": 1}
@@ -48,7 +47,7 @@ def test_a_result_has_tables_traces_a_picture_and_a_page(here):
     assert "Time-to-Goal" in result._repr_html_()
     assert "Time-to-Goal" in repr(result)
     of_others = {"wiring", "joined", "activations", "tilt"}  # of networks with a wiring, and of three dimensions
-    assert set(result.traces) == set(columns.TRACES) - of_others
+    assert set(result.traces) == set(described_columns("traces.npz")) - of_others
     assert result.traces["pose"].shape == (6, 20, 3)
     with Image.open(io.BytesIO(result.plot()._repr_png_())) as picture:
         assert picture.width > picture.height

@@ -207,7 +207,6 @@ def test_what_is_told_to_ignore_a_signal_ignores_it():
 
 def test_what_is_slow_is_told_and_what_is_quick_is_not(monkeypatch):
     said, heard = [], threading.Event()
-    monkeypatch.setattr(progress, "_is_watched", lambda: True)
     monkeypatch.setattr(progress, "say", lambda note: (said.append(note), heard.set()))
     monkeypatch.setattr(progress, "_SLOW_S", 0.0)
     with progress.saying_if_slow("compiling"):

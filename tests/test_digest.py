@@ -1,6 +1,7 @@
 """The bits of today: metrics of bundled champions in every scenario with every controller, and two tiny evolutions.
 
-A change that must not change results leaves its golden files alone. In the ordinary suite only the paper's rule lives;
+A change that must not change results leaves its golden files alone. Each of them holds `SCIENCE`, too, and is written
+anew only after that number was raised. In the ordinary suite only the paper's rule lives;
 `pytest -m "not slow" tests/test_digest.py` has all controllers. `--regenerate` writes them anew; whoever does that
 says in the changelog which results are others now.
 """
@@ -19,8 +20,10 @@ from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.search import Search
 from epuckhebb.store.genome import load_genome
+from epuckhebb.store.provenance import SCIENCE
 from epuckhebb.tmaze.scenario import TRAINED
 
+GOLDEN = Path(__file__).parent / "golden"
 METRICS = list(COLUMNS[COLUMNS.index("success") : COLUMNS.index("changed")])
 CHAMPIONS = ("reference_1", "reference_101")
 LEARNER = Path(__file__).parents[1] / "runs" / "reference" / "reversal" / "learner_210.npz"
@@ -51,6 +54,20 @@ def digest(numbers):
     return hashlib.sha256(np.ascontiguousarray(numbers, "<f8").tobytes()).hexdigest()[:16]
 
 
+@pytest.fixture
+def bits(golden, request):
+    """Compare digests with the golden file of that name."""
+
+    def compare(name, lines):
+        text, before = "\n".join([f"science {SCIENCE}", *lines, ""]), (GOLDEN / f"{name}.digest").read_text()
+        if request.config.getoption("--regenerate") and before != text:
+            same = before.startswith(f"science {SCIENCE}\n")
+            assert not same, "results have other bits: raise SCIENCE in epuckhebb/store/provenance.py first"
+        golden(f"{name}.digest", text)
+
+    return compare
+
+
 def config(*overrides):
     return typed(composed("evaluate", [*overrides, "lifetime.record_every=0"]), EvaluateConfig)
 
@@ -60,7 +77,7 @@ def config(*overrides):
     [(PAPER, "lifetimes"), pytest.param(OTHERS, "other_lifetimes", marks=pytest.mark.thorough)],
     ids=["paper", "others"],
 )
-def test_lifetimes_have_the_same_bits(treatments, file, golden):
+def test_lifetimes_have_the_same_bits(treatments, file, bits):
     worlds = {name: config(f"scenario={name}") for name in PAPER_SCENARIOS}
     champions = {(one, where): load_genome(where, one) for one in TRAINED for where in CHAMPIONS}
     told = []
@@ -76,11 +93,11 @@ def test_lifetimes_have_the_same_bits(treatments, file, golden):
         if name == "paper":
             told.append(f"GA {digest([r[r.controller == GA][METRICS].to_numpy(float) for r in rows])}")
         told.append(f"{name} {digest([r[r.controller != GA][METRICS].to_numpy(float) for r in rows])}")
-    golden(f"{file}.digest", "\n".join(told) + "\n")
+    bits(file, told)
 
 
 @pytest.mark.thorough
-def test_lifetimes_of_many_trials_have_the_same_bits(golden):
+def test_lifetimes_of_many_trials_have_the_same_bits(bits):
     asked = config("task=reversal", "hebbian=modulated")
     genome = load_genome(str(LEARNER), asked.world.experiment)
     live, parts = (asked.world, asked.controllers, asked.lifetime), {"network": genome.network, "plan": genome.plan}
@@ -89,14 +106,14 @@ def test_lifetimes_of_many_trials_have_the_same_bits(golden):
         f"{name} {digest(rows[[*METRICS, 'rewarded_share']].to_numpy(float))}"
         for name, rows in pd.DataFrame(lived).groupby("controller")
     ]
-    golden("reversal.digest", "\n".join(told) + "\n")
+    bits("reversal", told)
 
 
 @pytest.mark.parametrize("overrides", [["ga=textbook"], ["ga=as_coded", "scenario=highlight", "ga.start_noise=1"]])
-def test_an_evolution_has_the_same_bits(overrides, golden):
+def test_an_evolution_has_the_same_bits(overrides, bits):
     small = ["ga.population=8", "ga.generations=3", "ga.elites=2", "ga.loops=1", "lifetime.duration_s=20", "seed=5"]
     asked = typed(composed("evolve", [*overrides, *small]), EvolveConfig)
     *_, last = evolve(asked.ga, asked.world, asked.lifetime, asked.seed, threads=2)
     following = Search(asked.ga, asked.plan, asked.seed, last.log).ask()
     told = [digest(part) for part in (following, last.fitness, last.champion)]
-    golden(f"evolution_{overrides[0].partition('=')[2]}.digest", "\n".join(told) + "\n")
+    bits(f"evolution_{overrides[0].partition('=')[2]}", told)

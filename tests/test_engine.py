@@ -109,11 +109,9 @@ def test_what_killed_calls_left_half_done_is_thrown_away_but_not_what_is_at_work
     assert left == [".mine.tmp", others[0], f"{working}/.half.1.tmp", others[1]]
 
 
-@pytest.mark.parametrize("notebook", [True, False])
-def test_the_bar_shows_how_much_is_done(notebook, monkeypatch, capsys):
+def test_the_bar_shows_how_much_is_done(monkeypatch, capsys):
     be_quiet(False)
-    monkeypatch.setattr(progress, "_is_watched", lambda: not notebook)
-    monkeypatch.setattr(progress, "_in_notebook", lambda: notebook)
+    monkeypatch.setattr(progress, "_is_watched", lambda: True)
     with Bar("generation", 10) as bar:
         bar.show(4, "best 0.5")
         say("a note")
@@ -152,14 +150,3 @@ def test_a_long_job_is_not_waited_for_in_silence(capsys, monkeypatch):
     with counting(3, lambda: (0, 0)):
         time.sleep(0.2)
     assert capsys.readouterr().err.count("job 0/3") > 1
-
-
-def test_in_a_notebook_the_jobs_of_a_sweep_have_one_line_in_half_a_minute(capsys, monkeypatch):
-    be_quiet(False)
-    monkeypatch.setenv("FORCE_COLOR", "1")  # as ipykernel does; it is no terminal all the same
-    with Bar("job", 40, each=False) as bar:
-        for number in range(40):
-            bar.show(number, "genome=reference_1")
-        monkeypatch.setattr(progress, "_LINE_S", 0.0)
-        bar.show(40, "")
-    assert capsys.readouterr().err == "job 40/40  0 s left\n"

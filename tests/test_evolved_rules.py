@@ -10,8 +10,6 @@ from cases import done, first_of, refused
 
 import epuckhebb
 from epuckhebb.adaptation.controller import Controller
-from epuckhebb.config.compose import composed
-from epuckhebb.config.schema import EvaluateConfig, EvolveConfig, typed
 from epuckhebb.controller import random
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
@@ -24,11 +22,10 @@ from epuckhebb.controller.plasticity.rules.discrete import Discrete
 from epuckhebb.controller.plasticity.rules.modulated import Modulated
 from epuckhebb.controller.plasticity.rules.online import Online
 from epuckhebb.controller.plasticity.update import StepContext, initial_lengths, modulation_of, update_of
-from epuckhebb.evolution.evolve import evolve, evolved_plan
+from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers import ga as ga_module
 from epuckhebb.evolution.optimizers.ga import GA
-from epuckhebb.evolution.search import Search
 from epuckhebb.store.genome import load_genome
 from epuckhebb.tmaze.life import Genotype, Lifetime, workspace_for
 from epuckhebb.tmaze.robot import EPUCK
@@ -113,7 +110,7 @@ def test_the_incoming_weights_of_each_neuron_keep_their_length():
     workspace = workspace_for(network, EPUCK)
     spread, lengths = coefficients(Discrete, network, values), initial_lengths(Discrete, network, genes)
     genotype = Genotype(genes, np.empty(0), spread, np.empty(0), lengths, np.ones_like(genes))
-    now = StepContext(0.1, np.uint64(1), 0)
+    now = StepContext(0.1, np.uint64(1), 0, 0.032)
     total = update_of(Discrete, network)(weights, np.empty(0), genotype, activation, 0.1, now, numbers, workspace)
     assert total == pytest.approx(np.abs(weights - genes).sum()) != 0
     for now, before in zip(by_layer(network, weights), by_layer(network, genes), strict=True):
@@ -129,7 +126,7 @@ def test_three_windows_of_online_evolution():
     def after(weight, step, *fitness):
         """A window of two steps; the weight that is tried next."""
         for k, live in enumerate(fitness):
-            towards = Online.synapse(weight, live, key, step + k, 7, state, by)
+            towards = Online.synapse(weight, live, key, step + k, 0.032, 7, state, by)
         return weight + towards
 
     def drawn(step):
@@ -222,32 +219,6 @@ def test_learners_get_the_same_noise_and_their_champion_is_confirmed(monkeypatch
     assert last.champion_fitness == last.fitness.max()
 
 
-@pytest.mark.thorough
-def test_only_the_rule_evolves_where_weights_are_drawn_or_given():
-    ga = GA(population=4, generations=2, elites=1, loops=1)
-    drawn = evolved_by(ga, ABCD(N=0.01))[-1]
-    assert Search(ga, evolved_plan(PAPER_NETWORK, ABCD(N=0.01)), 2, drawn.log).ask().shape == (4, 5 * 234)
-    assert drawn.champion.shape == (6 * 234,)
-    assert (drawn.champion[:234] == 0).all()
-    weights = np.linspace(-1, 1, 234)
-    given = evolved_by(ga, ABCDShared(N=0.0003), given=weights)[-1]
-    plan = evolved_plan(PAPER_NETWORK, ABCDShared(N=0.0003), given=True)
-    assert Search(ga, plan, 2, given.log).ask().shape == (4, 25)
-    np.testing.assert_array_equal(given.champion[:234], weights)
-
-
-@pytest.mark.parametrize(
-    "name", first_of(["abcd", "abcd_neuron", "abcd_shared", "baldwin", "baldwin_n", "discrete", "modulated"])
-)
-def test_a_rule_is_chosen_by_its_name(name):
-    config = typed(composed("evolve", [f"hebbian={name}"]), EvolveConfig)
-    assert config.controller.name == name
-    assert config.controller.rule.N_gain_rad_s == config.lifetime.gain_rad_s == 4
-    assert (
-        typed(composed("evaluate", [f"hebbian={name}"]), EvaluateConfig).controllers[0].rule == config.controller.rule
-    )
-
-
 # From `evolve` to `show`
 
 
@@ -259,13 +230,6 @@ def champions(tmp_path_factory):
         patch.chdir(folder)
         done("evolve", "hebbian=modulated", "training=varied", *TINY, "hydra.run.dir=modulated")
     return folder
-
-
-@pytest.fixture(scope="module")
-def with_abcd(champions):
-    """The same with another evolution, by a rule that needs its own kernel."""
-    done("evolve", "hebbian=abcd", "training=varied", *TINY, f"hydra.run.dir={champions / 'abcd'}")
-    return champions
 
 
 def test_a_champion_keeps_what_its_rule_evolved(champions, monkeypatch, tmp_path):
@@ -287,17 +251,6 @@ def test_a_champion_keeps_what_its_rule_evolved(champions, monkeypatch, tmp_path
     own = [f"genome={champions / 'modulated'}", "hebbian=modulated", *BRIEF, "hydra.run.dir=again"]
     done("evaluate", *own)
     done("rerun", "again", "-q")
-
-
-@pytest.mark.parametrize("rule", first_of(["modulated", "abcd"]))
-@pytest.mark.usefixtures("here")
-def test_an_evolution_of_a_rule_resumes_bit_identically(rule, request):
-    champions = request.getfixturevalue("champions" if rule == "modulated" else "with_abcd")
-    words = ["evolve", f"hebbian={rule}", "training=varied", *TINY, "hydra.run.dir=run"]
-    done(*words, "optimizer.generations=1")
-    done("evolve", "resume=run", "optimizer.generations=2", "-q")
-    for name in ("history.csv", "champion.npz", "checkpoint.npz"):
-        assert (champions / rule / name).read_bytes() == Path("run", name).read_bytes()
 
 
 @pytest.mark.thorough

@@ -22,7 +22,7 @@ from epuckhebb.controller.wirings.elman import Elman
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.light import Lamp
 from epuckhebb.tmaze.maze import T_MAZE, Box, Maze, Place, Pose, Region, boxes
-from epuckhebb.tmaze.robot import Robot
+from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.samples import Samples, empty_samples
 from epuckhebb.tmaze.scenario import Scenario
 
@@ -101,23 +101,9 @@ def test_view_holds_lamps_wherever_they_go():
 
 
 def test_floor_is_where_the_robot_can_be():
-    np.testing.assert_allclose(floor(IN_ROOM), [[0.2, 0.8, 0.1, 0.5]], atol=0.0015)
-    left, right, bottom, top = floor(Scenario()).T
+    np.testing.assert_allclose(floor(IN_ROOM.maze, EPUCK.radius_m), [[0.2, 0.8, 0.1, 0.5]], atol=0.0015)
+    left, right, bottom, top = floor(T_MAZE, EPUCK.radius_m).T
     assert ((right - left) * (top - bottom)).sum() == pytest.approx(0.84 * 0.105 + 0.107 * 0.53, rel=0.02)
-
-
-def test_floor_ends_where_the_robot_is_too_wide():
-    narrow = Maze(
-        name="narrow",
-        walls=dict(ROOM.walls) | {"low": Box(0.6, 0.18, 0.02, 0.17), "high": Box(0.6, 0.42, 0.02, 0.17)},
-        start=ROOM.start,
-        goals={"left": Place(0.3, 0.42), "right": Place(0.5, 0.42)},
-        arms=ROOM.arms,
-        arena_m=1.0,
-    )
-    wide = floor(Scenario(maze=narrow, robot=Robot(radius_m=0.05)))
-    assert wide[:, 1].max() < 0.66  # it can only look through the gap of 7 cm
-    assert floor(Scenario(maze=narrow, robot=Robot(radius_m=0.034)))[:, 1].max() > 0.79
 
 
 def test_maze_shows_its_walls_goals_and_robot(drawn):
@@ -134,12 +120,6 @@ def test_maze_shows_its_walls_goals_and_robot(drawn):
     (x0, y0), (x1, y1) = shine.get_xydata()
     assert x0 == x1 == 0.5
     assert 0.1 < y0 < y1
-
-
-def test_obstacles_that_come_or_go_are_dashed(drawn):
-    figures.maze(Scenario(obstacles=2, changes=[{"at_s": 9.0, "obstacles": 4}]))
-    obstacles = [box for box in drawn[0].axes[0].patches if isinstance(box, Rectangle)][len(T_MAZE.walls) :]
-    assert [box.get_linestyle() != "-" and box.get_linewidth() > 0 for box in obstacles] == [False, False, True, True]
 
 
 def test_goals_that_move_are_dashed_and_numbered(drawn):
@@ -176,42 +156,6 @@ def test_legend_says_how_it_ended(drawn, end, drives_on, label):
     figures.trajectories(traces, Scenario(), "")
     assert label in texts(drawn[0])
     assert "● start    ○ the robot at the end    ◌ goal    ★ lamp\ngrey: walls" in texts(drawn[0])
-
-
-def test_legend_goes_by_the_goal_of_the_moment(drawn):
-    moving = Scenario(changes=[{"at_s": 50.0, "goals": {"left": [-0.2, 0.155], "right": [-0.36, 0.155]}}])
-    figures.trajectories(at_rest((-0.36, 0.155)), moving, "")
-    assert {"left: was at the goal, drove on", "right: at the goal"} <= set(texts(drawn[0]))
-
-
-def test_the_legend_has_the_obstacles_that_are_there(drawn):
-    for scenario in (Scenario(obstacles=2), Scenario(changes=({"at_s": 1.0, "obstacles": 2},))):
-        figures.trajectories(at_rest((0.3, 0.1)), scenario, "title")
-    there, later = (figure.texts[0].get_text() for figure in drawn)
-    assert "grey: walls    brown: obstacles" in there
-    assert "dashed" not in there
-    assert "grey: walls\ndashed brown: obstacles for a part of the lifetime" in later
-
-
-@pytest.mark.thorough
-def test_names_are_shown_to_the_letter():
-    names = ["[/x]", r"$\foo$", "$", "a_b^{c", r"\$1$"]
-    title = " ".join(names)
-    traces = at_rest((0.0, 0.0), seconds=7, controllers=("GA", *names))
-    traces.samples.weights[:] = np.random.default_rng(1).uniform(-1, 1, traces.samples.weights.shape)
-    changes = [{"at_s": 5.0, "light": 1.0}]
-    paths = figures.trajectories(traces, Scenario(name=title, changes=changes), title)
-    movie.gif(traces, Scenario(name=title, changes=changes), title)
-    lived = {
-        "left": Samples(*(array[0] for array in traces.samples)),
-        "right": Samples(*(a[1] for a in traces.samples)),
-    }
-    for figure in (paths, charts.network(np.zeros(234), lived, title)):
-        image(figure)
-    image(charts.weight_change(dict.fromkeys(names, lived), "light", title))
-    shown = [text._preprocess_math(text.get_text())[0] for text in paths.findobj(matplotlib.text.Text)]
-    assert title in shown
-    assert {f"GA with “{name}”" for name in names} <= set(shown)
 
 
 @pytest.mark.parametrize(
@@ -268,13 +212,6 @@ def test_film_shows_the_world_of_the_moment():
             counts.append(obstacle_pixels(np.asarray(film.convert("RGB"))))
     assert max(counts[0], counts[2]) < 30  # edges of text are as brown
     assert counts[1] > 1000
-
-
-def test_film_of_robots_at_rest_goes_on_to_the_last_change():
-    world = Scenario(changes=[{"at_s": 40.0, "light": 1.0}])
-    moments = []
-    next(movie._frames(at_rest((0.0, 0.0)), world, "", lambda wanted: moments.extend(wanted) or wanted, 1.0))
-    assert 40 < moments[-1] <= 50
 
 
 def test_same_trajectories_give_the_same_bytes():

@@ -69,6 +69,6 @@ def test_every_array_is_described():
     one = empty_samples(5, network, Ode())
     traces = Traces(controller=["GA"], side=["left"], samples=type(one)(*(array[None] for array in one)))
     assert set(arrays_of(traces_file(traces, np.zeros(216), network))) == set(described_columns("traces.npz"))
-    champion = champion_file(load_genome("reference", "obstacles"), 1.0, "obstacles", 1, 2)
+    champion = champion_file(load_genome("reference", "obstacles"), 1.0, 1, 2)
     for name in arrays_of(champion):
         assert any(fnmatch(name, described) for described in described_columns("champion.npz")), name

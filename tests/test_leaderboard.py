@@ -86,19 +86,6 @@ def made(conf, tmp_path_factory):
         yield folder, result
 
 
-@pytest.fixture
-def copy(made, tmp_path, monkeypatch):
-    """A copy of the finished folder, in which the same command works."""
-    monkeypatch.chdir(tmp_path)
-    return shutil.copytree(made[0], tmp_path / "runs" / "leaderboard" / made[0].name)
-
-
-def promised(folder):
-    """The files that come out the same to the byte: all tables but that of CPU seconds."""
-    files = [*folder.glob("*.csv"), *folder.glob("*/*.csv"), folder / "leaderboard.md"]
-    return {str(file.relative_to(folder)): file.read_bytes() for file in files if file.name != "cost.csv"}
-
-
 def test_it_leaves_tables_a_figure_and_a_page(made):
     folder, result = made
     assert "oja_over" in result.stdout
@@ -131,45 +118,6 @@ def test_a_method_brings_what_it_is_compared_with(made):
     assert table.robot_steps["only_rule"] == 2 * table.robot_steps["tiny"] == 2 * table.robot_steps["oja_over"]
 
 
-def test_every_cell_of_the_page_is_in_a_csv(made):
-    folder, _ = made
-    table, costs = (pd.read_csv(folder / f"{name}.csv", keep_default_na=True) for name in ("leaderboard", "cost"))
-    table["matched_control"] = table.matched_control.fillna("")
-    for name in ("report.md", "leaderboard.md"):
-        text = (folder / name).read_text()
-        lines = text[text.index("| method | kind") :].split("\n\n")[0].splitlines()[2:]
-        assert len(lines) == len(table) == 4
-        for line, row in zip(lines, table.itertuples(), strict=True):
-            cells = [cell.strip() for cell in line.strip("|").split(" | ")]
-            assert cells[: len(board.head(row.experiment))] == board.cells(row)
-            if name == "report.md":
-                (cost,) = costs[costs.method == row.method].itertuples()
-                assert cells[len(board.head(row.experiment)) :] == [
-                    f"{cost.evolve_cpu_s:.0f}",
-                    f"{cost.test_cpu_s:.1f}",
-                ]
-
-
-def test_the_table_is_made_of_the_rows_of_champions(made):
-    folder, _ = made
-    champions = pd.read_csv(folder / "champions.csv").groupby("method")
-    table = pd.read_csv(folder / "leaderboard.csv").set_index("method")
-    worlds = pd.read_csv(folder / "worlds.csv").groupby("method")[["trials", "successes"]].sum()
-    for name, own in champions:
-        row = table.loc[name]
-        assert (row.champions, row.solved) == (len(own), own.solves.sum())
-        assert (row.trials, row.successes) == (own.trials.sum(), own.successes.sum()) == tuple(worlds.loc[name])
-        if name != "tiny":
-            matched_control = champions.get_group("tiny")
-            assert list(own.seed) == list(matched_control.seed)
-            shares = (
-                own.successes.to_numpy() / own.trials
-                - matched_control.successes.to_numpy() / matched_control.trials.to_numpy()
-            )
-            assert row.difference == pytest.approx(shares.mean())
-            assert row.success_off == own.successes_off.sum() / own.trials.sum()
-
-
 def test_the_rows_of_champions_are_made_of_lifetimes(made):
     folder, _ = made
     for row in pd.read_csv(folder / "champions.csv").itertuples():
@@ -194,27 +142,6 @@ def test_off_is_the_twin_where_something_is_laid_over(made):
     )
 
 
-@pytest.mark.thorough
-def test_a_row_of_the_users_own_does_only_what_is_missing(copy, conf, here):
-    before, stamps = promised(copy), {file: file.stat().st_mtime_ns for file in copy.glob("*/metrics.csv")}
-    (here / "mine.py").write_text(
-        "from epuckhebb import Rule\n"
-        "class Forgets(Rule):\n"
-        "    '''A weight goes back to 0.'''\n"
-        "    @staticmethod\n"
-        "    def synapse(weight):\n"
-        "        return -weight\n"
-    )
-    words = [*ASKED, "methods=mine.py:Forgets", "--dry-run", "--json", "--config-dir", conf]
-    listed = json.loads(done(*words).stdout)["jobs"]
-    assert [job["done"] for job in listed] == [False] * 6  # two champions of the GA, their lives, those with the rule
-    (method,) = methods_named(["mine.py:Forgets"], [data_folder("conf")])[1:]
-    assert (method.champions_of, method.description) == ("ga", "a rule of mine.py, added")
-    done(*MADE, conf)
-    assert promised(copy) == before
-    assert {file: file.stat().st_mtime_ns for file in copy.glob("*/metrics.csv")} == stamps
-
-
 def test_a_rule_that_evolves_something_is_evolved():
     rule = str(EXAMPLES / "own_rule" / "evolved_rule.py") + ":Layered"
     matched_control, method = methods_named([rule], [data_folder("conf")])
@@ -224,47 +151,6 @@ def test_a_rule_that_evolves_something_is_evolved():
         "sep_cma_es_varied",
     )
     assert method.overrides("evolve")[1:] == ["optimizer=sep_cma_es", "training=varied"]
-
-
-@pytest.mark.thorough
-def test_what_was_damaged_or_lost_is_made_again_and_the_rest_is_kept(copy, conf):
-    before = promised(copy)
-    champions = pd.read_csv(copy / "champions.csv")
-    kept = copy / champions.test[0] / "metrics.csv"
-    stamp = kept.stat().st_mtime_ns
-    champion = copy / champions.champion[1] / "champion.npz"
-    champion.write_bytes(champion.read_bytes()[:-9])
-    shutil.rmtree(copy / champions.champion[2])
-    (copy / champions.test[3] / "metrics.csv").write_text("half a f")
-    (copy / champions.test[4] / "status.json").unlink()
-    (copy / "leaderboard.csv").unlink()
-    done(*MADE, conf)
-    assert promised(copy) == before
-    assert kept.stat().st_mtime_ns == stamp
-
-
-@pytest.mark.thorough
-def test_interrupted_it_goes_on_to_the_same_bytes(copy, conf, made, monkeypatch):
-    for run in copy.glob("test_*"):
-        shutil.rmtree(run)
-    live, seen = champion_jobs._test, []
-
-    def stop(*arguments):
-        seen.append(1)
-        if len(seen) > 2:
-            raise KeyboardInterrupt
-        live(*arguments)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(champion_jobs, "_test", stop)
-        result = call(*MADE, conf)
-    assert result.exit_code == 130
-    assert "8 of 14 jobs are done; the same command does the rest" in result.stderr
-    shown = done("show", copy)
-    assert "interrupted" in shown.stdout
-    result = done(*MADE, conf)
-    assert "test champions: 8 jobs, 2 done before, 6 to do." in result.stderr
-    assert promised(copy) == promised(made[0])
 
 
 def test_show_tells_of_it(made):

@@ -55,7 +55,7 @@ def test_layouts_are_where_they_have_always_been():
 @pytest.mark.parametrize("layout", range(0, 60, 7))
 def test_every_goal_of_every_layout_can_be_reached(layout):
     for obstacles in T_MAZE.obstacle_counts:
-        check_reachable(T_MAZE, T_MAZE.goals, obstacles, layout, EPUCK.radius_m)
+        check_reachable(T_MAZE, (T_MAZE.goals["left"], T_MAZE.goals["right"]), obstacles, layout, EPUCK.radius_m)
 
 
 def test_gap_is_the_distance_to_the_nearest_box():

@@ -19,7 +19,7 @@ def test_layout_adds_up():
     assert str(PAPER_NETWORK) == "16-7-5-8-4-2"
     for network in NETWORKS:
         assert sum(network.layers) + 1 == network.neurons
-        assert network.wheels == network.neurons - 2
+        assert network.first_output == network.neurons - 2
         assert tuple(np.cumsum([0] + [n * m for n, m in network.shapes])[:-1]) == network.first_synapse
         assert tuple(np.cumsum([0, *network.pre])) == network.first_neuron
         assert [layer.shape for layer in by_layer(network, np.zeros(network.synapses))] == network.shapes

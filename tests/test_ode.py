@@ -15,7 +15,7 @@ from epuckhebb.export.replay import recording, write_page
 from epuckhebb.gym import TMaze
 from epuckhebb.live.world import LiveWorld
 from epuckhebb.runs import prepare_evaluation, repeat
-from epuckhebb.runs.nominal import training_world
+from epuckhebb.runs.evaluate import training_world
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime.errors import ConfigError
 from epuckhebb.store import Run

@@ -1,8 +1,5 @@
 """Optimizers behind one interface: each can be stopped and continued, and keeps within limits."""
 
-import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -209,25 +206,6 @@ def test_a_run_of_sep_cma_es_is_resumed_repeated_and_shown():
     assert history.to_csv(index=False) == Path("run/history.csv").read_text()
     Path("run/checkpoint.npz").write_bytes(Path("whole/checkpoint.npz").read_bytes()[:3000])
     assert "checkpoint.npz" in call("evolve", "resume=run", "optimizer.generations=4").stderr
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", [pytest.param("sep_cma_es", marks=pytest.mark.slow), "open_es"])
-def test_a_run_of_a_strategy_survives_kill_9(name, tmp_path):
-    tiny = ["evolve", f"optimizer={name}", *TINY[1:], "optimizer.generations=3"]
-    done(*tiny, f"hydra.run.dir={tmp_path / 'whole'}")
-    words = [*tiny, "--", "9", "beside"]
-    subprocess.run([sys.executable, HERE / "killed.py", *words], cwd=tmp_path, check=True)
-    assert same(tmp_path / "whole", tmp_path / "killed_9_beside")
-
-
-@pytest.mark.thorough
-def test_a_multirun_may_vary_seed_and_training(tmp_path):
-    words = ["evolve", "-m", *TINY[:-1], "optimizer.generations=1", "training=unvaried,gain_varied", "--json"]
-    result = done(*words, f"hydra.sweep.dir={tmp_path}")
-    steps = [run["history"][0]["robot_steps"] for run in json.loads(result.stdout)["runs"]]
-    assert steps[0] == 3 * 2 * 93 != steps[1]
-    assert "Leave out ga, or give optimizer=ga" in refused("evolve", "-m", "optimizer=ga,sep_cma_es", "ga.population=8")
 
 
 def test_the_genetic_algorithm_needs_its_settings():

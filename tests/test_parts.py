@@ -1,17 +1,14 @@
-"""Parts that a user brings or changes: a rule from a file, what differs in a world, other robots and networks."""
+"""What differs in a world is named; other robots and networks; a change during a lifetime."""
 
-import hashlib
-import json
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from cases import SHORT, SMALL_GA, call, done, first_of, refused
+from cases import SHORT, SMALL_GA, call, done
 
 import epuckhebb
 from epuckhebb.config.compose import composed
-from epuckhebb.config.parts import part_class
 from epuckhebb.runs.evaluate import as_evolved
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
@@ -19,218 +16,23 @@ from epuckhebb.tmaze import session
 
 ONE_GENERATION = [*SMALL_GA, "ga.generations=1"]
 BRIEF = ["lifetime.duration_s=2", "lifetime.record_every=0", "repeats=1"]
-EXAMPLES = Path(__file__).parents[1] / "examples"
-MY_RULES = '''\
-"""Oja's rule, with a setting of its own."""
-
-from dataclasses import dataclass
-
-from epuckhebb import Rule
-
-
-@dataclass(frozen=True, kw_only=True)
-class oja(Rule):
-    decay: float = 1.0
-
-    @staticmethod
-    def synapse(correlation, post, weight, by):
-        return correlation - by.decay * post * post * weight
-'''
-ANOTHER = MY_RULES.replace("decay: float = 1.0", "decay: float = 3.0")
-OJA = ["hebbian.rule=my_rules.py:oja", "hebbian.N=0.0001"]
 
 
 def metrics(run):
     return pd.read_csv(Path(run) / "metrics.csv", keep_default_na=False, na_values=[""])
 
 
-def hashes(run):
-    """The SHA-256 of the user's files that a run says that it used."""
-    told = json.loads((Path(run) / "provenance.json").read_text())
-    return [sha256 for own in told["own_code"].values() for sha256 in own["sha256"].values()]
-
-
-def copies(run, name="my_rules.py"):
-    """The texts of the copies of a file in a run folder."""
-    return [file.read_text() for file in sorted(Path(run).glob(f"own_code/*/{name}"))]
-
-
-@pytest.fixture
-def own(here):
-    """A folder with a rule of one's own."""
-    (here / "my_rules.py").write_text(MY_RULES)
-    return here
-
-
-@pytest.fixture(scope="module")
-def runs(tmp_path_factory):
-    """A folder with a rule of one's own, and runs by it: `evaluated`, and `evolved` from scratch; not to be changed."""
-    folder = tmp_path_factory.mktemp("own")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        Path("my_rules.py").write_text(MY_RULES)
-        done("evaluate", *OJA, "hebbian.decay=2", "scenario=4obstacles", *SHORT, "hydra.run.dir=evaluated")
-        done("evolve", *OJA, *ONE_GENERATION, "hydra.run.dir=evolved")
-    return folder
-
-
-# A rule of one's own
-
-
-def test_a_rule_of_ones_own_lives_and_is_kept(runs):
-    run = runs / "evaluated"
-    rows = metrics(run)
-    assert list(rows.controller.unique()) == ["GA", "oja"]
-    plastic = rows[rows.controller == "oja"]
-    assert set(plastic.N) == {0.0001}
-    assert (plastic.weight_change_mean > 0).all()
-    assert copies(run) == [MY_RULES]
-    assert hashes(run) == [hashlib.sha256(MY_RULES.encode()).hexdigest()]
-    config = (run / ".hydra" / "config.yaml").read_text()
-    assert "decay: 2" in config
-    assert "trace_decay" not in config  # is the paper's rule's
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("own")
-def test_its_setting_matters_and_the_same_rule_gives_the_same_numbers():
-    """Ours with decay 1 is the program's Oja."""
-    for name, words in {"one": [], "two": ["hebbian.decay=2"], "again": ["hebbian.decay=1.0"]}.items():
-        done("evaluate", *OJA, *words, *BRIEF, f"hydra.run.dir={name}")
-    done("evaluate", "hebbian=oja", "hebbian.N=0.0001", *BRIEF, "hydra.run.dir=ours")
-    one, two, again, ours = (metrics(name) for name in ("one", "two", "again", "ours"))
-    pd.testing.assert_frame_equal(one, again)
-    pd.testing.assert_frame_equal(one, ours)
-    assert not one.equals(two)
-
-
-@pytest.mark.parametrize(("run", "after"), first_of([("evaluated", "changed"), ("evolved", "removed")]))
-def test_a_rerun_takes_the_copy(copy, run, after):
-    if after == "changed":
-        (copy / "my_rules.py").write_text(ANOTHER)
-    else:
-        (copy / "my_rules.py").unlink()
-    assert "bit-identical" in done("rerun", run).stdout
-    (again,) = (copy / "runs").glob("*/*")
-    assert copies(again) == [MY_RULES]
-    assert hashes(again) == hashes(run)
-    assert "bit-identical" in done("rerun", str(again)).stdout
-
-
-@pytest.mark.parametrize("copied", [ANOTHER, None])
-def test_a_copy_that_was_changed_or_lost_is_refused(copy, copied):
-    (file,) = copy.glob("evaluated/own_code/*/my_rules.py")
-    if copied:
-        file.write_text(copied)
-    else:
-        file.unlink()
-    assert "my_rules.py" in refused("rerun", "evaluated")
-    assert not (copy / "runs").exists()
-
-
-@pytest.mark.usefixtures("own")
-def test_an_evolution_does_not_go_on_with_another_rule():
-    words = [*ONE_GENERATION, "lifetime.duration_s=0.1"]
-    done("evolve", *OJA, *words, "hydra.run.dir=evolved")
-    Path("my_rules.py").write_text(ANOTHER)
-    assert "my_rules.py, or a file that it imports, is not what evolved began with" in refused(
-        "evolve", "resume=evolved", "ga.generations=2", "-q"
-    )
-
-
-def a_folder_of_conf():
-    """A rule and a sweep as files of one's own."""
-    for group, name, text in [
-        ("hebbian", "mine", "rule: my_rules.py:oja\nN: 0.0003\ndecay: 2\n"),
-        ("experiment", "rates", "# @package _global_\ndefaults: [{override /hebbian: mine}]\n"
-         "hydra: {sweeper: {params: {hebbian.N: '0.0001,0.0002'}}}\n"),
-        ("scenario", "dusk", "defaults: [base, _self_]\nlight: 0.05\n"),
-    ]:  # fmt: skip
-        Path("conf", group).mkdir(parents=True, exist_ok=True)
-        Path("conf", group, f"{name}.yaml").write_text(text)
-    return ["--config-dir", "conf"]
-
-
-@pytest.mark.usefixtures("own")
-def test_in_a_file_of_ones_own():
-    done("evaluate", "hebbian=mine", *BRIEF, "hydra.run.dir=out", *a_folder_of_conf())
-    rows = metrics("out")
-    assert list(rows.controller.unique()) == ["GA", "mine"]
-    assert set(rows[rows.controller == "mine"].N) == {0.0003}
-
-
-@pytest.mark.usefixtures("own")
-def test_below_compare():
-    own = [
-        "compare.own={rule: my_rules.py:oja, N: 0.0001}",
-        "compare.more={rule: my_rules.py:oja, N: 0.0001, decay: 2}",
-    ]
-    done("evaluate", "hebbian=none", *own, *BRIEF, "hydra.run.dir=out")
-    rows = metrics("out")
-    assert list(rows.controller.unique()) == ["GA", "own", "more"]
-    assert copies("out") == [MY_RULES]
-    done("evaluate", *OJA, *BRIEF, "hydra.run.dir=alone")
-    measured = ["weight_change_mean", "path_length_m", "fitness"]
-    alone = metrics("alone")
-    np.testing.assert_array_equal(rows[rows.controller == "own"][measured], alone[alone.controller == "oja"][measured])
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("own")
-def test_in_a_sweep_and_changed_it_makes_new_jobs():
-    words = ["sweep", "rates", *BRIEF, "hydra/launcher=basic", "hydra.sweep.dir=out", *a_folder_of_conf()]
-    assert "0 done before, 2 to do" in done(*words).stderr
-    assert "2 done before, 0 to do" in done(*words).stderr
-    assert set(pd.read_csv("out/sweep.csv").controller) == {"GA", "mine"}
-    Path("my_rules.py").write_text(MY_RULES + "\n# only a remark\n")
-    assert "0 done before, 2 to do" in done(*words).stderr
-    assert len(list(Path("out").glob("job_*"))) == 4
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("own")
-def test_an_object_from_python():
-    rule = part_class("rule", "my_rules.py:oja", "hebbian")
-    rows = epuckhebb.evaluate(epuckhebb.load(), "scenario=base", *BRIEF, hebbian=rule(N=0.0001, decay=2.0)).metrics
-    assert list(rows.controller.unique()) == ["GA", "oja"]
-    named = epuckhebb.evaluate(epuckhebb.load(), "scenario=base", *BRIEF, *OJA, "hebbian.decay=2").metrics
-    pd.testing.assert_frame_equal(rows, named)
-    late = epuckhebb.evaluate(epuckhebb.load(), "adaptation=late", *BRIEF, hebbian=rule(N=0.0001)).metrics
-    assert list(late.controller.unique()) == ["GA", "late"]
-    assert (late.weight_change_mean == 0).all()  # two seconds are not late
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("here")
-def test_what_a_rule_evolves_goes_with_the_champion():
-    """In a file and in Python; a champion that lacks it is refused."""
-    own = [f"hebbian.rule={EXAMPLES}/own_rule/evolved_rule.py:Layered", "hebbian.N=0.0001"]
-    done("evolve", *own, *ONE_GENERATION, "hydra.run.dir=evolved")
-    genome = load_genome("evolved", "obstacles")
-    assert genome.plan.text() == "234 weights, 5 grow, 5 leak"
-    assert "234 weights, 5 grow, 5 leak" in done("show", "evolved").stdout
-    done("evaluate", "genome=evolved", *own, *BRIEF, "hydra.run.dir=out")
-    rows = epuckhebb.evaluate(genome.genes, *own, *BRIEF).metrics
-    written = metrics("out")
-    measured = ["controller", "weight_change_mean", "path_length_m", "fitness"]
-    pd.testing.assert_frame_equal(rows[measured], written[measured])
-    assert (rows.weight_change_mean[rows.controller == "layered"] > 0).all()
-    champion, _ = epuckhebb.evolve(*own, *ONE_GENERATION)
-    np.testing.assert_array_equal(champion, genome.genes)
-    assert "takes grow, leak from the genome" in refused("evaluate", *own, *BRIEF)
-
-
-def test_weights_that_are_nan_fail_loudly(own, monkeypatch):
-    """As a rule would make them; it takes a kernel of its own to do that, so they are born so."""
+def test_weights_that_are_nan_fail_loudly(here, monkeypatch):
+    """As a rule would make them; it takes a kernel of its own to do that, so the initial ones are."""
     monkeypatch.setattr(session, "initial_weights_of", lambda genes: np.full_like(genes, np.nan))
-    result = call("evaluate", *OJA, *BRIEF, "hydra.run.dir=out")
+    result = call("evaluate", *BRIEF, "hydra.run.dir=out")
     assert result.exit_code == 1, result.output
     for text in ("left trial", "scenario base", "controller GA", "nan", "step"):
         assert text in result.stderr
-    status = Run(own / "out").status
+    status = Run(here / "out").status
     assert status["state"] == "failed"
     assert "controller GA" in status["error"]
-    assert not (own / "out" / "metrics.csv").exists()
+    assert not (here / "out" / "metrics.csv").exists()
 
 
 # What changed
@@ -249,20 +51,11 @@ def test_what_changed_is_told_wherever_the_scenario_is(here):
     assert "bit-identical" in done("rerun", str(run)).stdout
 
 
-@pytest.mark.thorough
 @pytest.mark.usefixtures("here")
-def test_a_sweep_in_another_maze_with_another_rule():
-    """Nothing of the usual maze and rule is left in a job."""
-    words = ["sweep", "obstacles", "scenario=base", "maze=double_t", "hebbian=differential", *BRIEF]
-    done(*words, "hydra/launcher=basic", "hydra.sweep.dir=out")
-    rows = pd.read_csv("out/sweep.csv")
-    assert set(rows.changed) == {"maze=double_t, lifetime.duration_s=2"}
-    assert set(rows.controller) == {"GA", "differential"}
-
-
-@pytest.mark.usefixtures("own")
 def test_a_scenario_of_ones_own_has_the_name_of_its_file():
-    done("evaluate", "scenario=dusk", *BRIEF, *a_folder_of_conf())
+    Path("conf/scenario").mkdir(parents=True)
+    Path("conf/scenario/dusk.yaml").write_text("defaults: [base, _self_]\nlight: 0.05\n")
+    done("evaluate", "scenario=dusk", *BRIEF, "--config-dir", "conf")
     (run,) = Path("runs/evaluate").iterdir()
     assert run.name.endswith("_dusk+lifetime.duration_s-2_seed1")
     rows = pd.read_csv(run / "metrics.csv", keep_default_na=False)
@@ -333,20 +126,3 @@ def test_a_champion_of_another_robot_or_network(others, here, name, layers, robo
 
 
 # A change in mid-life
-
-
-@pytest.mark.thorough
-def test_a_change_in_mid_life_from_end_to_end(here):
-    change = "scenario.changes=[{at_s: 1, light: 1.0}, {at_s: 1.5, obstacles: 4}]"
-    done("evaluate", change, *SHORT, "hydra.run.dir=run")
-    assert set(metrics("run").changed) == {"light=1 at 1 s, obstacles=4 at 1.5 s, lifetime.duration_s=2"}
-    with np.load("run/traces.npz") as traces:
-        early = traces["time"][0] < 0.9 if traces["time"].ndim > 1 else traces["time"] < 0.9
-        lit = traces["sensors"][0, :, :8].mean(axis=1)
-    assert lit[~early][-1] != pytest.approx(lit[early].mean(), rel=0.05)
-    done("evaluate", *SHORT, "hydra.run.dir=steady")
-    assert not metrics("run").drop(columns="changed").equals(metrics("steady").drop(columns="changed"))
-    assert (here / "run" / "figures" / "trajectories.png").read_bytes().startswith(b"\x89PNG")
-    done("replay", "run")
-    assert "light=1 at 1 s" in (here / "run" / "replay.html").read_text()
-    assert "bit-identical" in done("rerun", "run").stdout

@@ -67,25 +67,25 @@ def test_three_steps_of_ojas_rule():
 
 def test_three_steps_of_the_bcm_rule():
     state, numbers = initial_state(BCM), by(BCM, threshold_time_s=0.064)  # half of the way in each step
-    assert BCM.synapse(0.5 * 0.8, 0.8, state, numbers) == pytest.approx(0.4 * (0.8 - 0.32))
-    assert BCM.synapse(0.5 * 0.2, 0.2, state, numbers) == pytest.approx(0.1 * (0.2 - 0.18))  # (0.32 + 0.04) / 2
-    assert BCM.synapse(0.5 * -0.4, -0.4, state, numbers) == pytest.approx(-0.2 * (-0.4 - 0.17))
+    assert BCM.synapse(0.5 * 0.8, 0.8, state, 0.032, numbers) == pytest.approx(0.4 * (0.8 - 0.32))
+    assert BCM.synapse(0.5 * 0.2, 0.2, state, 0.032, numbers) == pytest.approx(0.1 * (0.2 - 0.18))  # (0.32 + 0.04) / 2
+    assert BCM.synapse(0.5 * -0.4, -0.4, state, 0.032, numbers) == pytest.approx(-0.2 * (-0.4 - 0.17))
     assert state.threshold == pytest.approx(0.17)
 
 
 def test_three_steps_of_the_differential_rule():
     state, numbers = initial_state(Differential), by(Differential, trace_time_s=0.064)
-    assert Differential.synapse(1.0, 0.0, state, numbers) == pytest.approx(0.0)  # pre alone
-    assert Differential.synapse(0.0, 1.0, state, numbers) == pytest.approx(0.25)  # then post: strengthens
-    assert Differential.synapse(1.0, 0.0, state, numbers) == pytest.approx(-0.25)  # then pre after post: weakens
+    assert Differential.synapse(1.0, 0.0, state, 0.032, numbers) == pytest.approx(0.0)  # pre alone
+    assert Differential.synapse(0.0, 1.0, state, 0.032, numbers) == pytest.approx(0.25)  # then post: strengthens
+    assert Differential.synapse(1.0, 0.0, state, 0.032, numbers) == pytest.approx(-0.25)  # then pre after post: weakens
     assert (state.trace_pre, state.trace_post) == pytest.approx((0.625, 0.25))
 
 
 @pytest.mark.parametrize("rule", [BCM, Differential])
-def test_time_constants_shorter_than_a_step_are_refused(rule):
+def test_a_time_constant_of_0_is_refused(rule):
     (name,) = set(rule.settings()) - set(Rule.settings())
     with pytest.raises(ValueError, match=rf"hebbian\.{name}"):
-        rule(**{name: 0.03})
+        rule(**{name: 0.0})
 
 
 def test_weight_is_clipped_at_w_max_and_nan_is_not_hidden():
@@ -130,7 +130,7 @@ def updated(rule, network, weights, genes, activation, rate, w_max, all_of=None,
         SimpleNamespace(weights=genes, coefficients=np.empty((0, network.synapses)), signs=of_updates),
         activation,
         rate,
-        StepContext(0.5, np.uint64(1), 0),
+        StepContext(0.5, np.uint64(1), 0, 0.032),
         rule(N=1.0, w_max=w_max).numbers(),
         SimpleNamespace(
             synapses=np.empty((3, network.synapses)), change=np.full(weight_change_workspace(network), 7.0)

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import threading
 import time
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +21,6 @@ import epuckhebb
 from epuckhebb.export.replay import recording, write_page
 from epuckhebb.live import page, server
 from epuckhebb.live import world as live_world
-from epuckhebb.live.engine import Engine
 from epuckhebb.live.server import Play
 from epuckhebb.live.world import BY_HAND, LiveWorld
 from epuckhebb.runs import repeat
@@ -124,19 +122,6 @@ def test_a_life_of_hours_keeps_its_last_minutes(here, monkeypatch):
     saved = world.save(world.record())
     assert saved.same
     assert repeat(here / saved.run)[1] == ""
-
-
-def test_memory_does_not_grow_with_a_life():
-    world = LiveWorld([*WORDS, "lifetime.duration_s=14400"], "left")
-    assert all(sum(array.nbytes for array in robot.samples) < 50e6 for robot in world.robots)
-    tracemalloc.start()
-    try:
-        world.run(4 * live_world.KEPT)
-        grown, _ = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert world.steps > 3 * len(world.robots[0].samples.time)
-    assert grown < 1e6
 
 
 @pytest.mark.thorough
@@ -395,38 +380,6 @@ def test_a_taken_port_is_left_to_whoever_has_it():
         Play(WORDS, "left", port=70000)
 
 
-@pytest.mark.thorough
-def test_the_world_goes_on_while_a_new_life_is_prepared(here):
-    """A rule of the user's own takes seconds to compile."""
-    example = (Path(__file__).parents[1] / "examples" / "own_rule" / "my_rules.py").read_text(encoding="utf-8")
-    new = example.replace("return pre", f"return {random.random()!r} * pre")  # nobody has compiled it before
-    assert new != example
-    (here / "mine.py").write_text(new)
-    made = []
-
-    def make(asked):
-        words = ["hebbian.rule=mine.py:Gated"] if asked else WORDS
-        made.append(LiveWorld(words, asked.get("side", "left")))
-        return made[-1]
-
-    engine = Engine(make)
-    engine.start()
-    engine.watch(1)
-    preparing = threading.Thread(target=engine.do, args=[{"do": "new", "side": "right"}])
-    preparing.start()
-    steps = []
-    while preparing.is_alive():
-        with engine.news:
-            if engine.life == 0:
-                steps.append(engine.world.steps)
-        time.sleep(0.05)
-    engine.end()
-    assert engine.world is made[1]
-    assert engine.world.side == "right"
-    assert np.diff(steps).max() <= 16  # half a second at most
-    assert steps[-1] > steps[0]
-
-
 def test_a_new_life_keeps_what_it_is_not_given(live):
     assert do(live, do="new", adaptation="novelty", side="right", seed=5) == {}
     world = live.engine.world
@@ -434,19 +387,6 @@ def test_a_new_life_keeps_what_it_is_not_given(live):
     assert (world.side, world.config.seed, live.engine.life) == ("right", 5, 1)
     assert do(live, do="new", hebbian="oja") == {}
     assert live.engine.world.words == ["scenario=4obstacles", "hebbian=oja"]
-
-
-def test_samples_are_those_of_the_robots(world):
-    world.run(50)
-    content, until = page.samples(world, 3)
-    since, count, of_weights = struct.unpack("<III", content[:12])
-    assert (since, count, until) == (3, world.steps - 3, world.steps)
-    numbers, width, genes = np.frombuffer(content, "<f4", offset=12), 16 + 9, world.genome.network.synapses
-    assert len(numbers) == len(world.robots) * (count * width + of_weights * genes)
-    rows = numbers[: count * width].reshape(count, width)
-    np.testing.assert_array_equal(rows[:, :3], world.robots[0].samples.pose[3:until].astype(np.float32))
-    weights = numbers[-of_weights * genes :].reshape(of_weights, genes) + world.robots[1].life.genotype.weights
-    np.testing.assert_allclose(weights, world.robots[1].samples.weights[8:until:8], atol=1e-6)
 
 
 def test_every_thing_that_can_be_changed_is_a_key_of_a_scenario(world):

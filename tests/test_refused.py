@@ -152,8 +152,8 @@ evaluate genome=nan.npy                                 | finite
 evaluate genome=text.npz                                | text.npz
 evaluate genome=layers.npz                              | layers.npz | 152
 evaluate genome=empty                                   | genome=empty | champion.npz
-evaluate genome=reference_77                            | reference_77 | 301 to 310
-evaluate genome=reference network.layers=[16,4,2]       | [16, 7, 5, 8, 4, 2] | [16, 4, 2]
+evaluate genome=reference_77                            | reference_77
+evaluate genome=reference network.layers=[16,4,2]       | 16-7-5-8-4-2 | [16, 4, 2]
 evaluate robot=epuck_lidar                              | epuck_lidar
 evaluate genome=lidar.npz robot=epuck                   | epuck_lidar
 evaluate -m genome=lidar.npz,reference                  | robot=epuck_lidar
@@ -219,7 +219,7 @@ def place(tmp_path_factory):
     np.savez(folder / "layers.npz", genome=np.zeros(234), layers=[16, 8, 2])
     np.savez(folder / "lidar.npz", genome=np.zeros(280), layers=[32, 8, 2], robot="epuck_lidar", lights=8)
     np.savez(folder / "broken.npz", genome=np.zeros(234), memory_away_s=np.zeros(3))
-    (folder / "light.npz").write_bytes(champion_file(load_genome("reference", "light"), 1.0, "light", 1, 99))
+    (folder / "light.npz").write_bytes(champion_file(load_genome("reference", "light"), 1.0, 1, 99))
     return folder
 
 

@@ -1,7 +1,6 @@
 """An evolution that was stopped, in whatever way, ends as one that never was."""
 
 import json
-import random
 import shutil
 import signal
 import subprocess
@@ -80,29 +79,6 @@ def test_killed_between_any_two_writes(six, tmp_path, points):
 def test_killed_at_every_write(six, tmp_path):
     every = [f"{write} {where}" for write in range(CLAIM + 1, CLAIM + 19) for where in ("before", "beside", "after")]
     test_killed_between_any_two_writes(six, tmp_path, " ".join(every))
-
-
-@pytest.mark.slow
-def test_killed_at_twenty_random_moments(tmp_path):
-    chance = random.Random(5)
-    program = [sys.executable, "-c", "from epuckhebb.__main__ import main; main()", "evolve"]
-    words = [*TINY, "lifetime.duration_s=60", "ga.loops=3", "ga.generations=200"]
-    whole, run = tmp_path / "whole", tmp_path / "run"
-    subprocess.run([*program, *words, f"hydra.run.dir={whole}"], check=True)
-    for _ in range(20):
-        told = run / "provenance.json"  # written first of all by who goes on
-        before = told.stat().st_mtime_ns if told.is_file() else None
-        begin = [f"resume={run}", "-q"] if before else [*words, f"hydra.run.dir={run}"]
-        started = subprocess.Popen([*program, *begin])
-        while not told.is_file() or told.stat().st_mtime_ns == before:
-            assert started.poll() is None
-            time.sleep(0.002)
-        time.sleep(chance.uniform(0, 0.8))
-        assert started.poll() is None, "it ended before it could be killed"
-        started.kill()
-        started.wait()
-    subprocess.run([*program, f"resume={run}", "-q"], check=True)
-    assert same(whole, run)
 
 
 def test_a_finished_evolution_has_nothing_to_go_on_with(three):

@@ -10,7 +10,7 @@ from omegaconf import OmegaConf
 
 from epuckhebb.config.parts_from_yaml import robot_from
 from epuckhebb.controller.genome import plan_of
-from epuckhebb.controller.network import HIDDEN, OUTPUTS, Network
+from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.plasticity.rule import NoRule
 from epuckhebb.tmaze.batch import run_lifetimes
 from epuckhebb.tmaze.fitness import avoid
@@ -32,7 +32,7 @@ def told(name):
 def test_each_robot_lives(name):
     robot = robot_from(told(name))
     assert robot.name == name
-    net = Network((robot.inputs, *HIDDEN, OUTPUTS))
+    net = Network((robot.inputs, *HIDDEN, 2))
     genes = np.random.default_rng(1).uniform(-1, 1, plan_of(net, NoRule).genes)
     who = Individual(genes=genes, side="right", key=np.uint64(1), network=net)
     ((outcome, _),) = run_lifetimes([who], Scenario(robot=robot), Lifetime(duration_s=2))

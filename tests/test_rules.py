@@ -1,32 +1,22 @@
 """Plasticity rules from outside the program: they run, evolve, are stored, and fail with their names."""
 
-import random
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numba
 import numpy as np
 import pytest
 import reference
 
 from epuckhebb.adaptation.controller import Controller
-from epuckhebb.controller.compiling.errors import NotCompiledError
-from epuckhebb.controller.compiling.kernel import kernel
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.genome import plan_of
-from epuckhebb.controller.network import PAPER_NETWORK, Network, by_layer
-from epuckhebb.controller.plasticity.control import Sign
-from epuckhebb.controller.plasticity.rule import Rule, coefficients, initial_synapse_state
-from epuckhebb.controller.plasticity.rules.paper import Paper
-from epuckhebb.controller.plasticity.update import StepContext, update_of
+from epuckhebb.controller.network import Network, by_layer
+from epuckhebb.controller.plasticity.rule import Rule, coefficients
 from epuckhebb.evolution.evolve import evolve
 from epuckhebb.evolution.optimizer import initial
 from epuckhebb.evolution.optimizers.ga import GA, next_generation
-from epuckhebb.tmaze.batch import run_lifetimes
-from epuckhebb.tmaze.life import Genotype, Lifetime, workspace_for
-from epuckhebb.tmaze.robot import EPUCK
+from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.scenario import Scenario
-from epuckhebb.tmaze.session import Individual, LostRobotError
 
 SMALL = Network((16, 3, 2))
 
@@ -115,167 +105,3 @@ def test_a_rule_with_parameters_evolves():
     for one, other in zip(whole[1:], again, strict=True):
         assert one.log[-1].digest == other.log[-1].digest
         assert one.fitness.tobytes() == other.fitness.tobytes()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Simple(Rule):
-    """Small enough to be compiled in a test of its own."""
-
-    @staticmethod
-    def synapse(pre):
-        return pre
-
-
-def one_update(*arguments):
-    return learn(*arguments)  # noqa: F821  # a part
-
-
-def test_a_rule_is_compiled_once_and_then_comes_from_disk(monkeypatch, tmp_path):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    network = Network((16, 2))
-    genes, seen = np.random.default_rng(0).uniform(-1, 1, network.synapses), []
-    for _ in range(2):
-        made, weights = kernel(one_update, learn=update_of(Simple, network)), genes.copy()
-        state, now = initial_synapse_state(Simple, network), StepContext(0.5, np.uint64(1), 0)
-        nothing, ones = np.empty((0, network.synapses)), np.ones(network.synapses)
-        genotype = Genotype(genes, state, nothing, np.empty(0), np.empty(0), ones)
-        workspace = workspace_for(network, EPUCK)
-        made(weights, state, genotype, np.ones(network.neurons), 0.5, now, Simple().numbers(), workspace)
-        seen.append((weights.tolist(), sum(made.stats.cache_hits.values()), sum(made.stats.cache_misses.values())))
-    assert seen[0][0] == seen[1][0] != genes.tolist()
-    assert seen[0][1:] == (0, 1)
-    assert seen[1][1:] == (1, 0)
-    assert len(list(tmp_path.glob("kernel-*"))) == 1
-
-
-def test_a_rule_that_makes_nan_is_named(run_lifetime):
-    """Its synapse state is infinite after two steps, and nan after three."""
-    genes = initial(np.random.default_rng(130), 1, PLAN)[0]
-    controller = Controller(name="own", rule=Everything(N=0.01, leak=1e308))
-    with pytest.raises(LostRobotError, match=r"right trial of scenario base, controller own, .* Everything"):
-        run_lifetime(genes, "right", controller=controller, network=SMALL)
-
-
-class Curious(Rule):
-    """Unknown arguments."""
-
-    evolved: ClassVar = {"speed": Evolved()}
-
-    @staticmethod
-    def synapse(pre, speed, weather, tide):
-        return pre * speed * weather * tide
-
-
-class Selfish(Rule):
-    """Has a method that is not static."""
-
-    def synapse(self, pre):
-        return pre
-
-
-class Forgetful(Rule):
-    """Sets a number that its state does not have."""
-
-    synapse_state: ClassVar = {"trace": 0.0}
-
-    @staticmethod
-    def synapse(pre, synapse_state):
-        synapse_state.track = pre
-        return synapse_state.trace
-
-
-class Silent(Rule):
-    """No method."""
-
-
-@pytest.mark.parametrize(
-    ("rule", "message"),
-    [
-        (Curious, "rule Curious: .* weather, tide; .* correlation, .*, speed"),
-        (Selfish, "rule Selfish: .* self"),
-        (Forgetful, "rule Forgetful: `synapse_state` .* track; .* trace"),
-        (Silent, "rule Silent .* `synapse`"),
-    ],
-)
-def test_a_rule_with_unknown_arguments_is_refused(run_lifetime, rule, message):
-    with pytest.raises(ValueError, match=message):
-        rule.check_class()
-    genes = np.zeros(plan_of(PAPER_NETWORK, rule).genes)
-    with pytest.raises(ValueError, match=message):
-        run_lifetime(genes, controller=Controller(name="x", rule=rule(N=1.0)))
-
-
-@pytest.mark.parametrize(
-    ("evolved", "message"),
-    [
-        ({"A": Evolved("sensor")}, "rule Own: A .* sensor.* network, layer, synapse"),
-        ({"weights": Evolved()}, "rule Own: .* called weights"),
-        ({"synapse_state": Evolved()}, "rule Own: .* called synapse_state"),
-    ],
-)
-def test_what_cannot_be_evolved_is_refused(evolved, message):
-    own = type("Own", (Rule,), {"evolved": evolved})
-    with pytest.raises(ValueError, match=message):
-        plan_of(SMALL, own)
-
-
-class Muddled(Rule):
-    """Numba knows no method of numbers by this name."""
-
-    @staticmethod
-    def synapse(pre, post):
-        return pre.times(post)
-
-
-def test_a_rule_that_does_not_compile_is_explained_in_few_lines(run_lifetime):
-    with pytest.raises(NotCompiledError) as caught:
-        run_lifetime(np.zeros(SMALL.synapses), controller=Controller(name="x", rule=Muddled(N=1.0)), network=SMALL)
-    lines = str(caught.value).splitlines()
-    assert len(lines) <= 10
-    assert lines[0].startswith("rule Muddled of ")
-    assert __file__ in str(caught.value)
-    assert "times" in str(caught.value)
-
-
-def test_the_sign_of_a_rule_counts_without_signs_beside_it(genomes):
-    """Once it did not, and tests of `anti` ran Hebb's rule."""
-    lifetime = Lifetime(duration_s=2, gain_rad_s=4)
-
-    def changes(sign, signs=None):
-        controller = Controller(rule=Paper(N=0.01, sign=sign))
-        individual = Individual(genes=genomes[0], side="left", controller=controller, key=np.uint64(1), signs=signs)
-        return run_lifetimes([individual], Scenario(), lifetime)[0][0].weight_change_final
-
-    ones = np.ones(234)
-    assert changes(Sign.anti) == changes(Sign.hebbian, -ones) != changes(Sign.hebbian) == changes(Sign.hebbian, ones)
-    with pytest.raises(ValueError, match="sign=shuffled"):
-        changes(Sign.shuffled)
-
-
-def noise(scale):
-    return scale * np.random.standard_normal()  # noqa: NPY002  # what is refused
-
-
-@pytest.mark.parametrize("draw", [noise, numba.njit(noise), numba.vectorize(noise), np.random.random])
-def test_a_rule_that_draws_random_numbers_of_its_own_is_refused(draw):
-    class Noisy(Rule):
-        @staticmethod
-        def synapse(pre):
-            return pre + draw(0.1)
-
-    with pytest.raises(ValueError, match=r"rule Noisy: .* np\.random"):
-        Noisy.check_class()
-
-
-def test_random_numbers_that_a_rule_draws_at_the_start_are_refused_unless_seeded():
-    class Noisy(Rule):
-        synapse = staticmethod(Simple.synapse)
-
-        @classmethod
-        def express(cls, parameters):
-            return {name: values + random.random() for name, values in parameters.items()}
-
-    with pytest.raises(ValueError, match="rule Noisy: express draws from random, "):
-        Noisy.check_class()
-    Noisy.express = classmethod(lambda *_: {"a": np.random.default_rng(1).random()})
-    Noisy.check_class()

@@ -1,9 +1,7 @@
 """A named sweep: what it runs, what it does not run again, and its tables, killed or not."""
 
 import json
-import math
 import os
-import random
 import re
 import shutil
 import signal
@@ -26,6 +24,7 @@ from epuckhebb.runs import evaluate as runs_evaluate
 from epuckhebb.runs import hydra
 from epuckhebb.runtime.conf import groups
 from epuckhebb.runtime.resources import data_folder
+from epuckhebb.store import provenance
 from epuckhebb.store.genome import load_genome
 from epuckhebb.store.run import Run
 from epuckhebb.studies import identity, leaderboard_jobs, sweep
@@ -171,7 +170,7 @@ def test_another_genome_or_another_science_is_done_anew(here, monkeypatch):
     assert "0 to do" in call(*words).stderr
     np.save("mine.npy", np.ones(234))
     assert "0 done before, 1 to do" in call(*words).stderr
-    monkeypatch.setattr(identity, "science_version", lambda: "another")
+    monkeypatch.setattr(provenance, "SCIENCE", 0)
     assert "0 done before, 1 to do" in call(*words).stderr
     assert list(pd.read_csv(only_sweep(here) / "sweep.csv").genome.unique()) == ["mine"]
 
@@ -283,39 +282,6 @@ def test_killed_with_its_workers_it_resumes_to_the_same_tables(here):
     assert "0 done before" not in result.stderr
     assert "0 to do" not in result.stderr
     check_whole(only_sweep(here), tables)
-
-
-SIXTY = ["sweep", "obstacles", "seed=range(1,21)", "hydra.launcher.n_jobs=2"]
-
-
-@pytest.fixture(scope="module")
-def sixty(tmp_path_factory):
-    """The tables of sixty jobs that nobody killed."""
-    folder = tmp_path_factory.mktemp("sixty")
-    subprocess.run(command(*SIXTY), cwd=folder, check=True)
-    return read_tables(only_sweep(folder))
-
-
-@pytest.mark.slow
-def test_sixty_jobs_killed_twice(sixty, tmp_path):
-    for enough in (15, 40):
-        killed(SIXTY, tmp_path, lambda _, done, enough=enough: done >= enough)
-    told = subprocess.run(command(*SIXTY), cwd=tmp_path, capture_output=True, text=True, check=True).stderr
-    assert "60 jobs" in told
-    assert re.search(r"4\d done before", told), told
-    check_whole(only_sweep(tmp_path), sixty)
-
-
-@pytest.mark.slow
-def test_killed_at_twenty_random_moments(sixty, tmp_path):
-    """Each time at a moment that is drawn, or once a job more is done: so sixty last, however fast the machine is."""
-    chance = random.Random(5)
-    for number in range(20):
-        moment = math.inf if number % 2 else chance.uniform(0.5, 6)
-        before = len(list(tmp_path.glob("runs/sweep/*/job_*")))
-        killed(SIXTY, tmp_path, lambda seconds, done, until=(moment, before): seconds > until[0] or done > until[1])
-    subprocess.run(command(*SIXTY), cwd=tmp_path, check=True)
-    check_whole(only_sweep(tmp_path), sixty)
 
 
 def is_gone(group):

@@ -2,11 +2,13 @@
 
 import itertools
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from epuckhebb.adaptation.controller import GA_ALONE, Controller
+from epuckhebb.config.parts import part_class
 from epuckhebb.controller.forward_pass import forward_pass
 from epuckhebb.controller.genome import plan_of
 from epuckhebb.controller.network import Network
@@ -15,6 +17,9 @@ from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import Wiring
 from epuckhebb.controller.wirings.ctrnn import CTRNN
 from epuckhebb.controller.wirings.elman import Elman
+from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.scenario import Scenario
+from epuckhebb.tmaze.session import Individual, Session
 
 LEARNING = Controller(name="Hebbian", rule=Paper(N=0.0005))
 
@@ -65,7 +70,7 @@ def test_synapses_in_blocks_are_bit_identical_to_one_by_one(monkeypatch, wiring)
         monkeypatch.setattr("epuckhebb.controller.forward_pass.MOST_BLOCKS", most)
         monkeypatch.setattr(update, "MOST_BLOCKS", most)
         genes = {name: np.full(size, 0.3) for name, size in wiring.parameter_sizes().items()}
-        neurons, activation = wiring.initial(genes, 4.0), seen.copy()
+        neurons, activation = wiring.initial(genes, 4.0, 0.032), seen.copy()
         neurons = neurons._replace(state=neurons.state.view(np.recarray))
         forward = forward_pass.__wrapped__(network)
         for _ in range(3):
@@ -90,12 +95,28 @@ def test_groups_respond_in_turn_and_neurons_of_a_group_at_once():
         for j, drive in drives.items():
             expected[j] = math.tanh(drive) + 0.1 * expected[j] + 0.01 * (j - 17)
     expected[-2:] = np.clip(expected[-2:], -1, 1)
-    forward_pass(network)(weights, activation, np.empty(network.neurons), network.wiring.initial({}, 4.0))
+    forward_pass(network)(weights, activation, np.empty(network.neurons), network.wiring.initial({}, 4.0, 0.032))
     np.testing.assert_allclose(activation, expected, rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize(("tau_gain", "factor"), [(4.0, 4.0), (0.0, 1.0)])
 def test_time_constants_follow_the_wheel_gain_if_they_are_to(tau_gain, factor):
     genes = {"tau": np.zeros(8), "bias": np.zeros(8)}
-    steps = [CTRNN(tau_gain_rad_s=tau_gain).initial(genes, gain).step_s for gain in (4.0, 1.0)]
+    steps = [CTRNN(tau_gain_rad_s=tau_gain).initial(genes, gain, 0.032).step_s for gain in (4.0, 1.0)]
     assert steps == [0.032, 0.032 / factor]
+
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "own_controller" / "my_neurons.py"
+
+
+def test_a_lifetime_in_pieces_is_the_same_and_reset_leaves_the_state_of_neurons():
+    wiring = part_class("wiring", f"{EXAMPLE}:Ring", "network")(hidden=5)
+    network = Network((16, *wiring.sizes), wiring=wiring)
+    genes = np.random.default_rng(3).uniform(-1, 1, plan_of(network).genes)
+    individual = Individual(genes=genes, side="left", key=np.uint64(2), network=network)
+    whole, pieces = (Session(individual, Scenario(), Lifetime(duration_s=4, gain_rad_s=4)) for _ in range(2))
+    whole.step(1000)
+    while pieces.step(7):
+        pass
+    np.testing.assert_array_equal(whole.outcome(), pieces.outcome())
+    assert whole.life.neurons.state.tobytes() == pieces.life.neurons.state.tobytes() != bytes(56)

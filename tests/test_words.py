@@ -1,6 +1,5 @@
 """Words of the user's, in names, folders and encodings: shown to the letter everywhere, and never taken for code."""
 
-import ast
 import io
 import json
 import os
@@ -20,7 +19,6 @@ from epuckhebb.cli.console import Terminal
 from epuckhebb.cli.output import report_errors
 from epuckhebb.config import overrides
 from epuckhebb.config.overrides import literal
-from epuckhebb.runs import hydra
 from epuckhebb.runtime.errors import USAGE
 from epuckhebb.runtime.resources import data_folder
 
@@ -33,20 +31,6 @@ ODD = ["a b", 'a"b', "it's", "${x}", r"\${x}", "a\\", 'a\\"', "a\nb", "é漢", "
 @pytest.mark.parametrize("text", ODD)
 def test_a_quoted_text_means_itself(text):
     assert overrides.value_of(f"key={overrides.quoted(text)}") == text
-
-
-@pytest.mark.parametrize("text", ODD)
-def test_a_rule_is_found_in_an_odd_folder(tmp_path, monkeypatch, text):
-    folder = tmp_path / text
-    folder.mkdir()
-    rule = "import epuckhebb\nclass Own(epuckhebb.Rule):\n    @staticmethod\n    def synapse(): return 0.0\n"
-    (folder / "own.py").write_text(rule, encoding="utf-8")
-    monkeypatch.chdir(folder)
-    override = hydra._with_own_files_found("hebbian.rule=own.py:Own,paper")
-    assert [overrides.value_of(one) for one in overrides.alternatives([override])["hebbian.rule"]] == [
-        f"{folder}/own.py:Own",
-        "paper",
-    ]
 
 
 @pytest.mark.thorough
@@ -119,13 +103,6 @@ def test_a_run_is_told_in_ascii():
     assert str(PACKAGE).encode() not in shown.stderr, shown.stderr  # a file of ours that opens text without an encoding
 
 
-def test_text_is_read_as_utf_8():
-    for file in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "read_text":
-                assert [keyword.arg for keyword in node.keywords] == ["encoding"], f"{file}, line {node.lineno}"
-
-
 class Closed(io.StringIO):
     """A pipe that nobody reads."""
 
@@ -152,21 +129,11 @@ def test_a_closed_pipe_ends_quietly():
     assert (shown.returncode, shown.stderr) == (0, b"")
 
 
-@pytest.mark.thorough
-@pytest.mark.usefixtures("here")
-def test_a_job_that_is_refused_among_many_is_told_once():
-    changes = "scenario.changes=[],[{at_s: 0.1, light: 1}]"  # each fits the first duration
-    result = call("evaluate", "-m", *QUICK[:1], changes, "lifetime.duration_s=0.2,0.064", "lifetime.record_every=0")
-    assert result.exit_code == USAGE
-    assert result.stderr.startswith("Error: scenario.changes[0].at_s must be less than lifetime.duration_s")
-    assert len(result.stderr.splitlines()) == 1
-
-
 @pytest.mark.usefixtures("here")
 def test_a_folder_with_runs_in_it_where_one_run_is_wanted():
     done("evaluate", "-m", *QUICK, "seed=1", "hydra.sweep.dir=many")
     result = call("rerun", "many")
     assert result.exit_code == USAGE
-    assert result.stderr == "Error: many is a folder with runs in it; give one of them, for example many/0\n"
+    assert "for example many/0" in result.stderr
     Path("empty").mkdir()
     assert "Errno" not in call("show", "empty").stderr

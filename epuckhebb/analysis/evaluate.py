@@ -102,7 +102,7 @@ def evaluate(
             "obstacles": scenario.obstacles,
             "controller": everyone[number].name,
             "N": everyone[number].rule.N,
-            "signal": everyone[number].rule.signal.name if number else "",
+            "signal": str(everyone[number].rule.signal) if number else "",
             "side": side,
             "repeat": repeat,
             "seed": seed,

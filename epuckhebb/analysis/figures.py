@@ -3,8 +3,7 @@
 import textwrap
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import cache
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -45,7 +44,11 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> Figure:
     controllers = list(dict.fromkeys(traces.controller))
     axes_height = _axes_height(scenario)
     wide = max(_PANEL * len(controllers), 6.4 if scenario.changes else _PANEL)
-    lines = [*_lines(scenario, wide), *_filled(_legend(scenario), wide)]
+    obstacles = _obstacles(scenario)
+    signs = ["● start", "○ the robot at the end", "◌ goal", *([] if scenario.task.has_trials else ["★ lamp"])]
+    signs += ["grey: walls", *(["brown: obstacles"] if any(obstacles.values()) else [])]
+    signs += [] if all(obstacles.values()) else ["dashed brown: obstacles for a part of the lifetime"]
+    lines = _lines(scenario, wide, signs)
     height, below = axes_height + _TOP + _BOTTOM + _LINE * len(lines), _BOTTOM + _LINE * len(lines)
     figure = Figure(figsize=(wide, height))
     figure.subplots_adjust(left=0.65 / wide, right=0.985, bottom=below / height, top=1 - _TOP / height, wspace=0.16)
@@ -61,7 +64,7 @@ def trajectories(traces: Traces, scenario: Scenario, title: str) -> Figure:
     for axes in panels:
         below_axes = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.44 / axes_height)}
         axes.legend(ncols=2, fontsize=size, frameon=False, columnspacing=1.5, **below_axes)
-    _write(figure, lines)
+    figure.text(0.5, 0.07 / height, plain("\n".join(lines)), ha="center", va="bottom", fontsize=8.5)
     figure.suptitle(plain(title), fontsize=11 if len(controllers) > 1 else 8)
     return figure
 
@@ -80,7 +83,7 @@ def maze(scenario: Scenario) -> Figure:
     axes.plot([x, x + ahead[0]], [y, y + ahead[1]], color="black", zorder=4)
     for side in SIDES:
         axes.annotate(f"goal\n({side})", scenario.goals_now[side], ha="center", va="center", fontsize=8)
-    _write(figure, lines)
+    figure.text(0.5, 0.07 / height, plain("\n".join(lines)), ha="center", va="bottom", fontsize=8.5)
     return figure
 
 
@@ -96,13 +99,8 @@ def controller_title(controller: str) -> str:
 
 def plain(text: str) -> str:
     """The text as matplotlib shows it unchanged, not as mathematics; `?` for each sign that its font lacks."""
-    there = _signs()
-    return "".join(sign if sign == "\n" or ord(sign) in there else "?" for sign in text).replace("$", r"\$")
-
-
-@cache
-def _signs() -> frozenset[int]:
-    return frozenset(get_font(findfont(FontProperties())).get_charmap())
+    signs = get_font(findfont(FontProperties())).get_charmap()
+    return "".join(sign if sign == "\n" or ord(sign) in signs else "?" for sign in text).replace("$", r"\$")
 
 
 def tidy(axes: Axes, grid: Literal["x", "y"] | None = None) -> None:
@@ -119,13 +117,24 @@ def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
     Obstacles that are there for a part of the lifetime are lighter, with a dashed edge. A new place of a goal or a
     lamp has the number of the change.
     """
-    worlds = _planned(scenario)
-    drawn: list[Artist] = [_box(axes, box, _WALL, 1.5) for box in boxes(scenario.maze).tolist()]
-    for obstacle, always in _obstacles(worlds).items():
-        drawn.append(_box(axes, obstacle, _OBSTACLE, 1.0))
-        if not always:
-            lighter = to_rgba(_OBSTACLE, 0.35)
-            drawn[-1].set(facecolor=lighter, linewidth=1.0, linestyle=(0, (3, 2)), edgecolor=_OBSTACLE, zorder=0.9)
+    worlds = [world for _, world in replace(scenario, hand=()).phases]  # changes by hand are too many for a picture
+    wall: dict[str, Any] = {"facecolor": _WALL, "linewidth": 0, "zorder": 1.5}
+    obstacle: dict[str, Any] = {"facecolor": _OBSTACLE, "linewidth": 0, "zorder": 1.0}
+    for_a_part: dict[str, Any] = {
+        "facecolor": to_rgba(_OBSTACLE, 0.35),
+        "linewidth": 1.0,
+        "linestyle": (0, (3, 2)),
+        "zorder": 0.9,
+    }
+    looks = [(tuple(edges), wall) for edges in boxes(scenario.maze).tolist()]
+    looks += [
+        (edges, obstacle if always else {**for_a_part, "edgecolor": _OBSTACLE})
+        for edges, always in _obstacles(scenario).items()
+    ]
+    drawn: list[Artist] = [
+        axes.add_patch(Rectangle((left, bottom), right - left, top - bottom, **look))
+        for (left, right, bottom, top), look in looks
+    ]
     for side in SIDES:
         places = _numbered(world.goals_now[side] for world in worlds)
         for number, place in places:
@@ -153,18 +162,11 @@ def draw_maze(axes: Axes, scenario: Scenario) -> list[Artist]:
     return drawn
 
 
-def _planned(scenario: Scenario) -> list[Scenario]:
-    """The planned worlds; changes by hand are too many for a picture."""
-    return [world for _, world in replace(scenario, hand=()).phases]
-
-
-def _obstacles(worlds: list[Scenario]) -> dict[tuple[float, ...], bool]:
-    """The edges of all obstacles of these worlds, and whether they are in every world."""
-    there = []
-    for world in worlds:
-        walls = len(world.maze.walls)
-        there.append([tuple(edges) for edges in world.boxes[walls:].tolist()])
-    return {edges: all(edges in other for other in there) for obstacles in there for edges in obstacles}
+def _obstacles(scenario: Scenario) -> dict[tuple[float, ...], bool]:
+    """The edges of all obstacles of a lifetime, but those placed by hand, and whether they are there all the time."""
+    worlds = [world for _, world in replace(scenario, hand=()).phases]
+    placed = [[tuple(edges) for edges in world.boxes[len(world.maze.walls) :].tolist()] for world in worlds]
+    return {edges: all(edges in other for other in placed) for obstacles in placed for edges in obstacles}
 
 
 def _numbered(values: Iterable[_T]) -> list[tuple[int, _T]]:
@@ -173,12 +175,6 @@ def _numbered(values: Iterable[_T]) -> list[tuple[int, _T]]:
     for number, value in enumerate(values):
         first.setdefault(value, number)
     return [(number, value) for value, number in first.items()]
-
-
-def _box(axes: Axes, edges: Iterable[float], colour: str, zorder: float) -> Artist:
-    left, right, bottom, top = edges
-    box = Rectangle((left, bottom), right - left, top - bottom, facecolor=colour, linewidth=0, zorder=zorder)
-    return axes.add_patch(box)
 
 
 def _label(
@@ -212,35 +208,16 @@ def _draw_path(
         mark.set(zorder=4, path_effects=[withStroke(linewidth=2, foreground="white")])
 
 
-def _lines(scenario: Scenario, inches: float) -> list[str]:
-    planned = [f"◆{number} {timed_change_text(change)}" for number, change in enumerate(scenario.changes, 1)]
-    return _filled([*planned, *([f"{len(scenario.hand)} changes by hand"] if scenario.hand else [])], inches)
-
-
-def _filled(parts: Iterable[str], inches: float) -> list[str]:
+def _lines(scenario: Scenario, inches: float, signs: Iterable[str] = ()) -> list[str]:
+    """The lines below a picture of this width: its changes, then the meaning of its signs."""
+    changes = [f"◆{number} {timed_change_text(change)}" for number, change in enumerate(scenario.changes, 1)]
+    changes += [f"{len(scenario.hand)} changes by hand"] if scenario.hand else []
     lines: list[str] = []
-    for part in parts:
-        if lines and len(lines[-1]) + len(part) < 13 * inches:
-            lines[-1] += f"{_GAP}{part}"
-        else:
-            lines += textwrap.wrap(part, round(13 * inches))
+    for parts in (changes, signs):
+        above = len(lines)
+        for part in parts:
+            if len(lines) > above and len(lines[-1]) + len(part) < 13 * inches:
+                lines[-1] += f"{_GAP}{part}"
+            else:
+                lines += textwrap.wrap(part, round(13 * inches))
     return lines
-
-
-def _legend(scenario: Scenario) -> list[str]:
-    """The meaning of the signs and the colours in a figure of trajectories."""
-    signs = ["● start", "○ the robot at the end", "◌ goal"]
-    if not scenario.task.has_trials:
-        signs.append("★ lamp")
-    obstacles = _obstacles(_planned(scenario))
-    signs.append("grey: walls")
-    if any(obstacles.values()):
-        signs.append("brown: obstacles")
-    if not all(obstacles.values()):
-        signs.append("dashed brown: obstacles for a part of the lifetime")
-    return signs
-
-
-def _write(figure: Figure, lines: list[str]) -> None:
-    if lines:
-        figure.text(0.5, 0.07 / figure.get_figheight(), plain("\n".join(lines)), ha="center", va="bottom", fontsize=8.5)

@@ -6,6 +6,7 @@ from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
 
 from epuckhebb.tmaze.maze import Maze, boxes
 from epuckhebb.tmaze.reachable import GRID, reachable
@@ -16,50 +17,30 @@ _THICK = 0.06  # m of a wall are shown, or, if that is more,
 _THICK_PART = 0.08  # this share of the floor's size
 
 
-def floor(scenario: Scenario) -> NDArray[np.float64]:
-    """The floor of a maze without obstacles, as boxes: all that a robot's body can cover.
+@cache
+def floor(maze: Maze, radius: float) -> NDArray[np.float64]:
+    """The floor of a maze without obstacles, as boxes: all that the body of a robot of this radius [m] can cover.
 
     Returns (boxes, 4): left, right, bottom and top edge [m]. They meet without gaps, and reach up to 1 mm into walls.
     """
-    return _floor(scenario.maze, scenario.robot.radius_m)
-
-
-@cache
-def _floor(maze: Maze, radius: float) -> NDArray[np.float64]:
     walls = boxes(maze)
     axis, middles = reachable(maze, walls, radius)
-    wide = math.ceil(radius / GRID)
-    covered = _widened(_widened(middles, wide).T, wide).T
+    covered = maximum_filter(middles, 2 * math.ceil(radius / GRID) + 1, mode="constant")
     for left, right, bottom, top in walls:
         covered[np.ix_((left < axis) & (axis < right), (bottom < axis) & (axis < top))] = False
-    return np.array(
-        [
-            (axis[first] - GRID / 2, axis[last] + GRID / 2, axis[low] - GRID / 2, axis[high - 1] + GRID / 2)
-            for first, last, runs in _columns(covered)
-            for low, high in runs
-        ]
-    )
-
-
-def _widened(marks: NDArray[np.bool_], by: int) -> NDArray[np.bool_]:
-    """Marks and all places at most `by` from one, along the first axis."""
-    counted = np.pad(np.cumsum(marks, axis=0), ((by + 1, by), (0, 0)), mode="edge")
-    counted[: by + 1] = 0
-    widened: NDArray[np.bool_] = counted[2 * by + 1 :] > counted[: -2 * by - 1]
-    return widened
-
-
-def _columns(covered: NDArray[np.bool_]) -> list[tuple[int, int, tuple[tuple[int, int], ...]]]:
-    """Neighbouring columns with equal cover: the first, the last, and where runs along Y begin and end."""
     ends = np.diff(np.pad(covered, ((0, 0), (1, 1))).astype(np.int8), axis=1)
-    runs = [tuple(pairwise(np.flatnonzero(column).tolist()))[::2] for column in ends]
-    alike = [[place for place, _ in group] for _, group in groupby(enumerate(runs), key=lambda column: column[1])]
-    return [(group[0], group[-1], runs[group[0]]) for group in alike if runs[group[0]]]
+    runs = [tuple(pairwise(np.flatnonzero(column).tolist()))[::2] for column in ends]  # of each column, along Y
+    floors = []
+    for alike, group in groupby(enumerate(runs), key=lambda column: column[1]):  # neighbouring columns
+        (first, _), *_, (last, _) = [*group] * 2
+        left, right = axis[first] - GRID / 2, axis[last] + GRID / 2
+        floors += [(left, right, axis[low] - GRID / 2, axis[high - 1] + GRID / 2) for low, high in alike]
+    return np.array(floors)
 
 
 def view(scenario: Scenario) -> tuple[float, float, float, float]:
     """Left, right, bottom and top edge [m] of a picture of a maze: its floor, the walls around it, and its lamps."""
-    ground = floor(scenario)
+    ground = floor(scenario.maze, scenario.robot.radius_m)
     walls = boxes(scenario.maze)
     edges = []
     for side, sign in ((0, -1), (1, 1), (2, -1), (3, 1)):

@@ -23,7 +23,7 @@ from epuckhebb.analysis.figures import controller_title
 from epuckhebb.analysis.floor import floor, view
 from epuckhebb.analysis.moments import Arrival, arrival, begins, change_text, put_back
 from epuckhebb.analysis.page import filled, policy
-from epuckhebb.controller.network import OUTPUTS, PAPER_NETWORK, Network, initial_weights_of
+from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.tmaze.lifetime import CONTACT
 from epuckhebb.tmaze.maze import SIDES, Side, boxes
 from epuckhebb.tmaze.robot import STEP_S
@@ -165,7 +165,7 @@ def fixed_facts(
         },
         "maze": {
             "view": view(scenario),
-            "floor": np.round(floor(scenario), 6).tolist(),
+            "floor": np.round(floor(scenario.maze, scenario.robot.radius_m), 6).tolist(),
             "walls": boxes(maze).tolist(),
             "start": maze.start[:2],
             "goalRadius": maze.goal_radius_m,
@@ -214,9 +214,9 @@ def world_facts(world: Scenario) -> dict[str, Any]:
 
 
 def _columns(network: Network) -> tuple[int, ...]:
-    """How many neurons each column of the drawing has: the layers, the wheels by themselves."""
+    """How many neurons each column of the drawing has: the layers, the outputs by themselves."""
     *others, last = network.layers
-    return (*others, *([last - OUTPUTS] if last > OUTPUTS else []), OUTPUTS)
+    return (*others, *([last - network.outputs] if last > network.outputs else []), network.outputs)
 
 
 def _placed(places: Sequence[Place]) -> list[list[float]]:

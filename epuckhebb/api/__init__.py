@@ -96,7 +96,19 @@ def evaluate(
             )
         own = with_controls(controller_of(rule, config.adaptation), config.world.task)
         config.controllers = [*own, *(other for other in config.controllers if other.name in config.compare)]
-    prepared = prepare_evaluation(config, None if isinstance(genome, str | Path) else _genome_of(genome, config))
+    loaded = None  # the one that the settings name
+    if not isinstance(genome, str | Path):
+        genes = genome.champion if isinstance(genome, Evolution) else genome
+        if not isinstance(genes, np.ndarray | list | tuple):
+            raise ConfigError(f"genome must be genes (an array), or where a champion is, got {type(genome).__name__}")
+        network, robot, array = network_for(config.world, config.shape), config.world.robot, np.asarray(genes)
+        plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
+        plan = next((plan for plan in plans if array.shape == (plan.genes,)), plans[0])
+        array = checked_genes(array, "the given array", plan)
+        loaded = Genome(
+            genes=array, name="genome", network=network, robot=robot.name, lights=robot.light.count, plan=plan
+        )
+    prepared = prepare_evaluation(config, loaded)
     say_unusual(config)
     threads = thread_count(config.threads)
     rows, recorded = prepared.run(prepared.remember(threads, say), threads)
@@ -219,17 +231,3 @@ def _folder(config_dir: str | Path | None) -> str | None:
     folder = None if config_dir is None else str(config_dir)
     check_config_dir(folder)
     return folder
-
-
-def _genome_of(given: Any, config: EvaluateConfig) -> Genome:
-    """The genome that an array or an evolution is."""
-    genes = given.champion if isinstance(given, Evolution) else given
-    if not isinstance(genes, np.ndarray | list | tuple):
-        raise ConfigError(f"genome must be genes (an array), or where a champion is, got {type(given).__name__}")
-    network = network_for(config.world, config.shape)
-    plans = [plan_of(network), *(plan_of(network, type(controller.rule)) for controller in config.controllers)]
-    array = np.asarray(genes)
-    plan = next((plan for plan in plans if array.shape == (plan.genes,)), plans[0])
-    robot = config.world.robot
-    checked = checked_genes(array, "the given array", plan)
-    return Genome(genes=checked, name="genome", network=network, robot=robot.name, lights=robot.light.count, plan=plan)

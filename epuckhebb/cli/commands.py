@@ -70,16 +70,17 @@ def evolve(overrides: Overrides = None, *, options: RunOptions) -> None:
 @takes_options
 def evaluate(overrides: Overrides = None, open_page: Open = False, *, options: RunOptions) -> None:
     """A genome's lifetimes with and without plasticity."""
-    from epuckhebb.runs import as_evolved, evaluate_job, prepare_evaluation, recorded_job
+    from epuckhebb.runs import as_evolved, evaluate_job, prepare_evaluation
 
     if open_page and (options.multirun or options.cfg):
         raise ConfigError(
             "--open shows the page of one run, so it does not go with --multirun or --cfg; "
             "run `epuckhebb replay RUN --open` for one of the runs of a multirun"
         )
-    job = recorded_job if open_page else evaluate_job
+    if open_page and "lifetime.record_every=0" in (overrides or []):
+        raise ConfigError("--open shows what was recorded; give lifetime.record_every=8, or leave it out")
     words = as_evolved(with_genomes_named(overrides), options.config_dir)
-    runs = run_command("evaluate", job, prepare_evaluation, words, options, reports=True)
+    runs = run_command("evaluate", evaluate_job, prepare_evaluation, words, options, reports=True)
     if open_page:
         from epuckhebb.export.replay import recording, write_page
 

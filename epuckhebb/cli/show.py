@@ -7,12 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuckhebb.adaptation.nominal import Nominal
 from epuckhebb.cli import results
 from epuckhebb.cli.console import print_line, print_table
 from epuckhebb.runtime import ConfigError
@@ -27,28 +25,27 @@ _MANY = 6  # files of a folder that are counted and not named
 
 
 def print_finished(finished: list[Path], console: Console, *, reported: bool = False) -> None:
-    """Print the results of the runs of one call: all of one run unless reported before, a table over many."""
-    if len(finished) == 1:
-        if not reported:
-            results.print_results(finished[0], console)
-        print_line(console, f"Run folder: {finished[0]}")
-        if Run(finished[0]).has("champion.npz"):
-            _print_next_steps(finished[0], console)
-    elif finished:
+    """Print the results of the runs of one call: all of one run unless reported before, a table over many.
+
+    After an evolution, print what to type to see its champion, and to evaluate it.
+    """
+    if len(finished) > 1:
         _print_multirun(finished, console, each=not Run(finished[0].parent).has("summary.csv"))
-
-
-def _print_next_steps(run: Path, console: Console) -> None:
-    """Print what to type to see the champion of a new evolution, and to evaluate it."""
-    champion = load_genome(str(run), "")
-    if champion.task:
+    if len(finished) != 1:
+        return
+    (path,) = finished
+    if not reported:
+        results.print_results(path, console)
+    print_line(console, f"Run folder: {path}")
+    champion = load_genome(str(path), "") if Run(path).has("champion.npz") else None
+    if champion is not None and champion.task:
         settings = f"task={champion.task} hebbian={champion.rule or 'none'} repeats=100"
         print_line(console, f"To evaluate it in new lifetimes: epuckhebb evaluate genome=latest {settings}")
-    else:
+    elif champion is not None:
         changed = _CHANGED[champion.nominal.experiment if champion.nominal else "obstacles"]
-        print_line(console, "What it remembers of its training world: epuckhebb show latest")
-        needed = [word for word in Run(run).provenance["overrides"] if _NEEDED.match(word)]
+        needed = [word for word in Run(path).provenance["overrides"] if _NEEDED.match(word)]
         words = " ".join(["genome=latest", f"scenario={changed}", *map(shlex.quote, needed)])
+        print_line(console, "What it remembers of its training world: epuckhebb show latest")
         print_line(console, f"To evaluate it in a changed world: epuckhebb evaluate {words}")
 
 
@@ -67,7 +64,17 @@ def _print_multirun(finished: list[Path], console: Console, *, each: bool) -> No
 def show(what: str | None, console: Console) -> None:
     """Print all of a run, a multirun or a champion; the latest runs if nothing is named."""
     if what is None:
-        _print_latest(console)
+        runs = below_runs()
+        if not runs:
+            print_line(console, f"There are no runs in {Path('runs').absolute()} yet; begin with: epuckhebb evaluate")
+        elif len(runs) > _LATEST:
+            print_line(console, f"The latest of {len(runs)} runs:")
+        for path in runs[-_LATEST:]:
+            try:
+                result = _in_short(path)
+            except ConfigError as error:
+                result = str(error)
+            _print_in_short(console, str(path), result)
         return
     genomes = genomes_named(what)
     for genome, experiment in genomes:
@@ -89,7 +96,22 @@ def shown_as_json(what: str | None) -> dict[str, Any]:
         return {"runs": [str(path) for path in below_runs()]}
     genomes = genomes_named(what)
     if genomes:
-        return {"genomes": [genome_as_json(genome, experiment) for genome, experiment in genomes]}
+        return {
+            "genomes": [
+                {
+                    "genome": genome.name,
+                    "sha256": genome.sha256,
+                    "experiment": experiment,
+                    "layers": list(genome.network.layers),
+                    "parts": {part.name: part.size for part in genome.plan.parts},
+                    "robot": genome.robot,
+                    "optimizer": genome.optimizer,
+                    "training": genome.training,
+                    "physics": genome.physics or PYMUNK.name,
+                }
+                for genome, experiment in genomes
+            ]
+        }
     path = resolve_run(what)
     many = of_multirun(path)
     return {"run": str(path), "runs": list(map(as_json, many))} if many else as_json(path)
@@ -103,21 +125,6 @@ def as_json(path: Path) -> dict[str, Any]:
         if run.has(f"{name}.csv"):
             values[name] = run.rows(f"{name}.csv")
     return values
-
-
-def _print_latest(console: Console) -> None:
-    """Print the results of the latest runs in short, the last one last."""
-    known = below_runs()
-    if not known:
-        print_line(console, f"There are no runs in {Path('runs').absolute()} yet; begin with: epuckhebb evaluate")
-    elif len(known) > _LATEST:
-        print_line(console, f"The latest of {len(known)} runs:")
-    for path in known[-_LATEST:]:
-        try:
-            result = _in_short(path)
-        except ConfigError as error:
-            result = str(error)
-        _print_in_short(console, str(path), result)
 
 
 def _print_in_short(console: Console, run: str, result: str) -> None:
@@ -198,15 +205,6 @@ def genomes_named(what: str) -> list[tuple[Genome, str]]:
     return [(genome, genome.experiment or "unknown")]
 
 
-def genome_as_json(genome: Genome, experiment: str) -> dict[str, Any]:
-    """A genome as JSON values."""
-    parts = {part.name: part.size for part in genome.plan.parts}
-    known = {"layers": list(genome.network.layers), "parts": parts, "robot": genome.robot}
-    physics = genome.physics or PYMUNK.name
-    evolved = {"optimizer": genome.optimizer, "training": genome.training, "physics": physics}
-    return {"genome": genome.name, "sha256": genome.sha256, "experiment": experiment, **known, **evolved}
-
-
 def print_champion(genome: Genome, console: Console) -> None:
     """What a champion is made of, and what it remembers of its training world."""
     print_line(console, f"Genome: {genome.plan.text()}; network {genome.network}; robot {genome.robot}")
@@ -217,12 +215,9 @@ def print_champion(genome: Genome, console: Console) -> None:
         physics = f", in physics {genome.physics or PYMUNK.name}"
         line = f"Evolved by {genome.optimizer}, in training worlds {genome.training}{physics}{rule}{task}{fitness}"
         print_line(console, line)
-    if genome.nominal is not None:
-        _print_nominal(genome.nominal, genome, console)
-
-
-def _print_nominal(nominal: Nominal, genome: Genome, console: Console) -> None:
-    """What a champion remembers of its training world."""
+    nominal = genome.nominal
+    if nominal is None:
+        return
     rows: list[tuple[str, ...]] = []
     for name, numbers in {
         "At the goal in the end": nominal.success,
@@ -230,7 +225,12 @@ def _print_nominal(nominal: Nominal, genome: Genome, console: Console) -> None:
         "Longest away afterwards (s)": nominal.away_s,
     }.items():
         rows.append((name, *("never" if np.isnan(number) else f"{number:g}" for number in numbers.round(2))))
-    rows.append((f"Least live fitness, over {nominal.fitness.shape[1]} s", *map(_course, nominal.fitness)))
+    courses = []
+    for fitness in nominal.fitness:  # twelve bars from 0 to 1, and the means of the first and the last twelfth
+        parts = [part.mean() for part in np.array_split(fitness, min(12, len(fitness)))]
+        bars = "".join("▁▂▃▄▅▆▇█"[min(7, int(8 * max(0.0, part)))] for part in parts)
+        courses.append(f"{bars} {parts[0]:.2f} → {parts[-1]:.2f}")
+    rows.append((f"Least live fitness, over {nominal.fitness.shape[1]} s", *courses))
     own = genome.sensors.split(", ") if genome.sensors else []
     end = genome.network.inputs - len(own)
     names = [f"Light reading {place}" for place in range(genome.lights)]
@@ -240,9 +240,3 @@ def _print_nominal(nominal: Nominal, genome: Genome, console: Console) -> None:
         rows.append((name, *cells))
     title = f"Nominal: {nominal.scenario} at {nominal.gain_rad_s:g} rad/s"
     print_table(console, title, ("", "left (lamp off)", "right (lamp on)"), rows)
-
-
-def _course(fitness: NDArray[np.float64]) -> str:
-    """The course of fitness as twelve bars from 0 to 1, and the means of its first and last twelfth."""
-    parts = [part.mean() for part in np.array_split(fitness, min(12, len(fitness)))]
-    return "".join("▁▂▃▄▅▆▇█"[min(7, int(8 * max(0.0, part)))] for part in parts) + f" {parts[0]:.2f} → {parts[-1]:.2f}"

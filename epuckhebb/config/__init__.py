@@ -29,8 +29,8 @@ from epuckhebb.config.overrides import (
     value_text,
     with_names_compared,
 )
-from epuckhebb.config.parts import part_from, part_names
-from epuckhebb.config.plugins import OWN_CODE, OWN_CODE_KEYS, OwnFile, own_files, own_references, own_sources
+from epuckhebb.config.parts import KINDS, part_from, part_names
+from epuckhebb.config.plugins import OWN_CODE, OwnFile, own_files, own_references, own_sources
 from epuckhebb.config.resolve import brings_physics, training_world, usual_physics, world_name
 from epuckhebb.config.schema import (
     SCHEMAS,

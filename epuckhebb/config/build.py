@@ -12,7 +12,7 @@ from epuckhebb.config import hand
 from epuckhebb.config.parts import GENETIC, NONE, PAPER, Layers, part_from, part_names
 from epuckhebb.config.parts_from_yaml import maze_from, robot_from
 from epuckhebb.config.values import part_settings, row
-from epuckhebb.controller.network import HIDDEN, OUTPUTS, Network
+from epuckhebb.controller.network import HIDDEN, Network
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.plasticity.rule import NO_RULE, NoRule, Reward, Rule, receives_reward
 from epuckhebb.controller.plasticity.rules.paper import Paper
@@ -20,12 +20,13 @@ from epuckhebb.controller.wiring import LAYERS, Wiring
 from epuckhebb.evolution.optimizer import Algorithm
 from epuckhebb.evolution.search import measures_of
 from epuckhebb.runtime import ConfigError
-from epuckhebb.tmaze.fitness import Signal
+from epuckhebb.tmaze.fitness import Signal, signal_number
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.lifetime_kernel import check_inputs
 from epuckhebb.tmaze.maze import SIDES, Maze, Place, Pose, Side
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
+from epuckhebb.tmaze.robot import OUTPUTS
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.task import Task
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
@@ -235,12 +236,13 @@ def check_wheel_gain(lifetime: Lifetime, world: Scenario) -> None:
 def check_signal(controller: Controller, world: Scenario) -> None:
     """Refuse a live fitness that this world, its robot or the adaptation leaves no sense."""
     robot = world.robot
-    if controller.rule.signal is Signal.light_code and (robot.light.count, robot.distance.count) != (8, 8):
+    signal_number(controller.rule)
+    if controller.rule.signal == Signal.light_code and (robot.light.count, robot.distance.count) != (8, 8):
         raise ValueError(
             f"hebbian.signal=light_code reads eight light and eight distance sensors; robot {robot.name} has "
             f"{robot.light.count} and {robot.distance.count}"
         )
-    if controller.rule.signal is not Signal.fitness:
+    if controller.rule.signal != Signal.fitness:
         return
     if world.fitness.step is None:
         raise ValueError(

@@ -105,19 +105,19 @@ def _read(name: str, why: str, known: Sequence[str], folders: Sequence[Path]) ->
             f"{did_you_mean(name, known)}"
         )
     own = next((file for folder in folders if (file := folder / "method" / f"{name}.yaml").is_file()), None)
-    file: Any = own or f"{conf.files('method')[0]}: {name}"
+    source = own or f"{conf.files('method')[0]}: {name}"
     held = yaml_file.load(own) if own else conf.table("method")[name]
     for key in held.keys() - _KEYS:
         raise ConfigError(
-            f"{file}: {key} is not a key of a method{did_you_mean(key, _KEYS)}; it has {', '.join(_KEYS)}"
+            f"{source}: {key} is not a key of a method{did_you_mean(key, _KEYS)}; it has {', '.join(_KEYS)}"
         )
     described = conf.rows("method")[name] if own is None else conf.first_comment(own)
     try:
         method = msgspec.convert({**held, "name": name, "description": described}, Method)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"{file}: {error}") from error
+        raise ConfigError(f"{source}: {error}") from error
     if wrong := _mistake(method):
-        raise ConfigError(f"{file}: {wrong}")
+        raise ConfigError(f"{source}: {wrong}")
     return method
 
 

@@ -1,8 +1,7 @@
-"""A user's own Python: `FILE.py:NAME` in a configuration, all files that this file imports, and copies of them.
+"""A user's own Python: `FILE.py:NAME` in a configuration, what the file imports from its folder, and copies of all.
 
-A file is loaded as part of a package of its own, together with the user's files that it imports. So files in different
-folders may import helpers of one name, and neither finds the other's. Which files are the user's is decided by where
-they are: all but those of Python, of installed packages and of this program.
+A file is loaded into a package of its own, whose folder is that of the file. So files in different folders may import
+helpers of one name, and neither gets the other's.
 """
 
 import builtins
@@ -12,7 +11,7 @@ import importlib.util
 import re
 import sys
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from importlib.abc import MetaPathFinder
@@ -22,21 +21,11 @@ from types import CodeType, ModuleType
 from typing import Any, TypeVar
 
 from epuckhebb.config import hand
-from epuckhebb.controller.compiling.code_digest import is_installed
+from epuckhebb.controller.compiling.sources import OWN_PACKAGE
 from epuckhebb.runtime import ConfigError, did_you_mean, path_of
 
-# Keys whose value may be FILE.py:NAME.
-OWN_CODE_KEYS = (
-    "hebbian.rule",
-    "fitness.function",
-    "network.wiring",
-    "optimizer.algorithm",
-    "flock.coupling",
-)  # FILE.py:NAME
-OWN_CODE = "own_code"  # of the copies in a run folder
+OWN_CODE = "own_code"  # the folder of the copies in a run folder
 _NAMED = re.compile(r"(.+\.py):([^\W\d]\w*)", re.DOTALL)
-_PREFIX = "epuckhebb_own_"
-_US = __name__.partition(".")[0]
 Base = TypeVar("Base")
 
 
@@ -45,71 +34,70 @@ class OwnFile:
     """A user's file that a configuration names.
 
     Attributes:
-        file: The file.
-        package: The name of the package that it is loaded in.
-        sources: For it and each of the user's files that it imports: its place in a folder from which all can be loaded
-            again, where it is, and its content.
+        path: The file.
+        package: The name of the package that it is loaded into.
+        sources: The content of it and of each file that it imports from its folder, by its place there.
     """
 
-    file: Path
+    path: Path
     package: str
-    sources: dict[str, tuple[Path, bytes]] = field(default_factory=dict)
+    sources: dict[str, bytes] = field(default_factory=dict)
 
     @property
     def module(self) -> ModuleType:
         """The module of the file."""
-        return sys.modules[f"{self.package}.{_stem(self.file)}"]
+        return sys.modules[f"{self.package}.{self.path.stem}"]
 
     @property
     def digest(self) -> str:
         """Twelve hexadecimal digits that name the content of all files, wherever they are."""
-        parts = sorted((place, _sha256(content)) for place, (_, content) in self.sources.items())
-        return _sha256(repr(parts).encode())[:12]
+        return _sha256(repr(sorted((place, _sha256(source)) for place, source in self.sources.items())).encode())[:12]
 
     @property
     def copy(self) -> str:
         """The place of the file's copy in a run folder."""
-        return f"{OWN_CODE}/{self.digest}/{self.file.name}"
+        return f"{OWN_CODE}/{self.digest}/{self.path.name}"
 
     @property
     def copies(self) -> dict[str, bytes]:
         """The content of all copies by their place in a run folder."""
-        return {f"{OWN_CODE}/{self.digest}/{place}": content for place, (_, content) in self.sources.items()}
+        return {f"{OWN_CODE}/{self.digest}/{place}": source for place, source in self.sources.items()}
 
     @property
     def sha256(self) -> dict[str, str]:
         """The SHA-256 of each file by its path."""
-        return {str(path): _sha256(content) for path, content in self.sources.values()}
+        return {str(self.path.parent / place): _sha256(source) for place, source in self.sources.items()}
+
+    def place_of(self, file: Path) -> str:
+        """The place of a file below the folder of this one."""
+        return file.relative_to(self.path.parent).as_posix()
 
     @property
     def is_unchanged(self) -> bool:
         """Whether all files are as they were loaded."""
         with suppress(OSError):
-            return all(path.read_bytes() == content for path, content in self.sources.values())
+            return all((self.path.parent / place).read_bytes() == source for place, source in self.sources.items())
         return False
 
 
-_loaded: dict[Path, OwnFile] = {}  # by where the named file is
-_packages: dict[str, OwnFile] = {}  # by the name of the package
+_loaded: dict[Path, OwnFile] = {}
+_packages: dict[str, OwnFile] = {}
 
 
 def own_references(config: Any) -> Iterator[tuple[Any, str, Path, str]]:
     """All `FILE.py:NAME` in a configuration: the mapping that holds it, its key there, the file and the name."""
     for key, value in config.items():
-        several = value if isinstance(value, Sequence) and not isinstance(value, str) else [value]
-        for part in several:
+        for part in value if isinstance(value, Sequence) and not isinstance(value, str) else [value]:
             if isinstance(part, Mapping):
                 yield from own_references(part)
-        if several is value:
-            continue
-        if isinstance(value, str) and (found := _NAMED.fullmatch(value)):
-            yield config, str(key), path_of(found[1], str(key)), found[2]
+        if isinstance(value, str) and (match := _NAMED.fullmatch(value)):
+            yield config, str(key), path_of(match[1], str(key)), match[2]
 
 
 def own_files(config: Any) -> dict[Path, OwnFile]:
     """The user's files that a configuration names, as they are now, by their paths as they stand there."""
-    loaded = {file: load(file, str(file)) for _, _, file, _ in own_references(config)}
-    return {file: replace(own, sources=dict(own.sources)) for file, own in loaded.items()}
+    files = {path: load(path, str(path)) for _, _, path, _ in own_references(config)}
+    return {path: replace(own, sources=dict(own.sources)) for path, own in files.items()}
 
 
 def own_sources(config: Any) -> dict[str, str]:
@@ -119,149 +107,117 @@ def own_sources(config: Any) -> dict[str, str]:
 
 
 def class_named(text: str, base: type[Base], key: str) -> type[Base]:
-    """The subclass of a base class (one that `epuckhebb` has) that `FILE.py:NAME` names. key: whose value that is."""
+    """The subclass of a base class that `FILE.py:NAME` names. key: whose value that is, for messages."""
     file, _, name = text.rpartition(":")
     module = load(path_of(file, key), f"{key}={text}").module
     kind = getattr(module, name, None)
     if isinstance(kind, type) and issubclass(kind, base):
         return kind
-    what = base.__name__.lower()
-    there = [n for n, v in vars(module).items() if isinstance(v, type) and issubclass(v, base) and v is not base]
+    known = [n for n, v in vars(module).items() if isinstance(v, type) and issubclass(v, base) and v is not base]
     raise ConfigError(
-        f"{key}={text}: {file} has no {what} {name}, that is a subclass of epuckhebb.{base.__name__}; "
-        + (f"it has {', '.join(there)}" if there else "it has none at all")
-        + did_you_mean(name, there)
+        f"{key}={text}: {file} has no subclass {name} of epuckhebb.{base.__name__}; it has {', '.join(known) or 'none'}"
+        + did_you_mean(name, known)
     )
 
 
 def load(file: Path, key: str) -> OwnFile:
-    """Load a user's file, unless it and all of the user's that it imports are loaded as they are now."""
-    place = file.resolve()
-    if place in _loaded and _loaded[place].is_unchanged:
-        return _loaded[place]
-    if not file.is_file():
-        raise ConfigError(f"{key}: there is no file {file}")
-    if file.suffix != ".py":
-        raise ConfigError(f"{key}: {file} is no Python file; its name must end in .py")
+    """Load a user's file, unless it and all that it imports from its folder are loaded as they are now."""
+    path = file.resolve()
+    if path in _loaded and _loaded[path].is_unchanged:
+        return _loaded[path]
+    if path.suffix != ".py" or not path.is_file():
+        raise ConfigError(f"{key}: there is no Python file {file}")
+    own = OwnFile(path, "")
     try:
-        content = place.read_bytes()
-    except OSError as error:
-        raise ConfigError(f"{key}: {file} cannot be read: {error.strerror}") from error
-    own = OwnFile(place, _PREFIX + _sha256(str(place).encode() + content)[:16])
-    _unload(own.package)
-    _packages[own.package] = own
-    importlib.invalidate_caches()
-    try:
-        importlib.import_module(f"{own.package}.{_stem(place)}")
-    except Exception as error:
+        own = OwnFile(path, OWN_PACKAGE + _sha256(str(path).encode() + path.read_bytes())[:16])
         _unload(own.package)
-        where = _where(error, own) or str(file)
-        why = str(error).replace(f"{own.package}.", "")
-        raise ConfigError(f"{key}: {where} cannot be imported: {type(error).__name__}: {why}") from error
-    _loaded[place] = own
+        _packages[own.package] = own
+        importlib.invalidate_caches()
+        importlib.import_module(f"{own.package}.{path.stem}")
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a file may even leave Python
+        _unload(own.package)
+        why = f"{type(error).__name__}: {error}".replace(f"{own.package}.", "")
+        raise ConfigError(f"{key}: {_where(error, own)} cannot be imported: {why}") from error
+    _loaded[path] = own
     return own
 
 
 def _unload(package: str) -> None:
-    _packages.pop(package, None)
     for name in [name for name in sys.modules if name.partition(".")[0] == package]:
         del sys.modules[name]
 
 
 def _where(error: BaseException, own: OwnFile) -> str:
-    """The user's file and the line in which an error arose; nothing if it is in none."""
+    """The user's file and the line in which an error arose."""
     if isinstance(error, SyntaxError) and error.filename and error.lineno:
         return f"{error.filename}, line {error.lineno},"
-    files = {str(path) for path, _ in own.sources.values()}
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename in files]
-    return f"{frames[-1].filename}, line {frames[-1].lineno}," if frames else ""
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename in own.sha256]
+    return f"{frames[-1].filename}, line {frames[-1].lineno}," if frames else str(own.path)
 
 
 class _Finder(MetaPathFinder):
-    """Finds the modules of the packages in which users' files are loaded."""
+    """Finds the modules of the packages into which users' files are loaded, and notes their content."""
 
     def find_spec(self, name: str, path: Sequence[str] | None, _target: Any = None) -> ModuleSpec | None:
         """Where a module of such a package is."""
         package, _, inner = name.partition(".")
-        if not package.startswith(_PREFIX):
+        if not package.startswith(OWN_PACKAGE):
             return None
         own = _packages.get(package)
-        if own is None or not inner:  # numba names modules of kernels on disk; it needs nothing of them
-            return ModuleSpec(name, None, is_package=True)
-        if inner == _stem(own.file):
-            return importlib.util.spec_from_file_location(name, own.file, loader=_Source(name, str(own.file)))
-        found = PathFinder.find_spec(name, path) if "." in inner else _find(inner, own)
-        if found is None:
-            return None
-        if not found.has_location or found.origin is None:  # a folder without code
+        if own is None or not inner:  # numba names packages that were loaded when it compiled; it needs nothing of them
             spec = ModuleSpec(name, None, is_package=True)
-            spec.submodule_search_locations = list(found.submodule_search_locations or [])
+            spec.submodule_search_locations = [str(own.path.parent)] if own else []
             return spec
-        if isinstance(found.loader, SourceFileLoader):
-            found.loader = _Source(name, found.origin)
-        else:  # a compiled file
-            own.sources[_place(name, found.origin)] = Path(found.origin), Path(found.origin).read_bytes()
-        return importlib.util.spec_from_file_location(
-            name, found.origin, loader=found.loader, submodule_search_locations=found.submodule_search_locations
-        )
+        found = PathFinder.find_spec(name, path)
+        if found is not None and found.has_location:
+            file = Path(str(found.origin))
+            own.sources[own.place_of(file)] = file.read_bytes()
+            if isinstance(found.loader, SourceFileLoader):
+                found.loader = _Loader(name, str(file))
+        return found
 
 
-class _Source(SourceFileLoader):
-    """Loads a user's file from its text, which is kept, and lets it import other files of the user's."""
+class _Loader(SourceFileLoader):
+    """Loads a user's file from the content that was noted, and lets it import other files of its folder."""
 
     def get_code(self, fullname: str) -> CodeType:
         """The code of the file as it is now; a compiled copy may be older."""
-        content = self.get_data(self.path)
-        _packages[fullname.partition(".")[0]].sources[_place(fullname, self.path)] = Path(self.path), content
-        code: CodeType = self.source_to_code(content, self.path)
+        own = _packages[fullname.partition(".")[0]]
+        self.content = own.sources[own.place_of(Path(self.path))]  # by which kernels are named
+        code: CodeType = self.source_to_code(self.content, self.path)
         return code
 
     def exec_module(self, module: ModuleType) -> None:
         """Run it."""
-        package = module.__name__.partition(".")[0]
-
-        def import_(
-            name: str, given: Any = None, local: Any = None, fromlist: Sequence[str] | None = (), level: int = 0
-        ) -> ModuleType:
-            own, top = _packages.get(package), name.partition(".")[0]
-            if level or own is None or not (f"{package}.{top}" in sys.modules or _find(top, own)):
-                return builtins.__import__(name, given, local, fromlist or (), level)
-            if fromlist:
-                return builtins.__import__(f"{package}.{name}", given, local, fromlist)
-            importlib.import_module(f"{package}.{name}")
-            return sys.modules[f"{package}.{top}"]
-
-        vars(module)["__builtins__"] = {**vars(builtins), "__import__": import_}
+        vars(module)["__builtins__"] = {**vars(builtins), "__import__": _import_in(module.__name__.partition(".")[0])}
         super().exec_module(module)
 
 
-def _find(name: str, own: OwnFile) -> ModuleSpec | None:
-    """Where a module of the user's is that a user's file imports: beside it first; None for one of a library."""
-    if name == _US or name in sys.builtin_module_names:
-        return None
-    found = PathFinder.find_spec(name, [str(own.file.parent)])
-    if found is None or not found.has_location:
-        with suppress(ValueError):  # of a module that says nothing of itself
-            found = importlib.util.find_spec(name) or found
-    if found is None:
-        return None
-    folders = found.submodule_search_locations or ([found.origin] if found.origin and found.has_location else [])
-    is_users = folders and not any(is_installed(Path(folder)) for folder in folders)
-    return found if is_users else None
+def _import_in(package: str) -> Callable[..., ModuleType]:
+    """The `import` of a package's modules, which looks into its folder first."""
+
+    def import_(
+        name: str, given: Any = None, local: Any = None, fromlist: Sequence[str] | None = (), level: int = 0
+    ) -> ModuleType:
+        top = name.partition(".")[0]
+        if level or not _is_beside(top, package):
+            return builtins.__import__(name, given, local, fromlist or (), level)
+        module = importlib.import_module(f"{package}.{name}")
+        if not fromlist:
+            return sys.modules[f"{package}.{top}"]
+        return builtins.__import__(module.__name__, given, local, fromlist)
+
+    return import_
 
 
-def _stem(file: Path) -> str:
-    """The name of a file's module."""
-    return file.stem.replace(".", "_")
-
-
-def _place(module: str, path: str) -> str:
-    """Where the copy of a module's file belongs, so that it is found there under the same name."""
-    _, *folders, last = module.split(".")
-    file = Path(path)
-    if file.stem == "__init__":
-        return "/".join([*folders, last, file.name])
-    return "/".join([*folders, file.name])
+def _is_beside(module: str, package: str) -> bool:
+    """Whether a module is in the folder of a package; a folder without code is one only if no library has its name."""
+    if module == __name__.partition(".")[0]:
+        return False
+    found = PathFinder.find_spec(module, [str(_packages[package].path.parent)])
+    return found is not None and (found.has_location or importlib.util.find_spec(module) is None)
 
 
 def _sha256(content: bytes) -> str:

@@ -21,7 +21,8 @@ from epuckhebb.config.build import scenario_from
 from epuckhebb.config.catalogue import BROUGHT, NULL, by_hydra, changes
 from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import literal, parsed
-from epuckhebb.config.parts import NONE, PAPER, part_class, part_from
+from epuckhebb.config.parts import NONE, PAPER, PART_GROUPS, part_class, part_from
+from epuckhebb.config.plugins import own_references
 from epuckhebb.config.schema import WorldConfig, plain
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError, conf, data_folder, path_of
@@ -50,8 +51,8 @@ def resolve(
 ) -> None:
     """Complete a configuration as Hydra composed it; it is changed. choices: of each group."""
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
-        if ":" in str((cfg.get("flock") or {}).get("coupling")):
-            cfg.flock.coupling = _absolute(cfg.flock.coupling, "flock.coupling")
+        for part, key, path, name in list(own_references({one: cfg[one] for one in PART_GROUPS if one in cfg})):
+            part[key] = literal(f"{path.absolute()}:{name}")
         if "scenario" not in cfg or cfg.get("changed") is not None:
             return
         try:
@@ -80,7 +81,7 @@ def _resolve(
         cfg.adaptation.name = choices.get("adaptation", NONE)
     if cfg.get("compare"):
         cfg.compare = dict(_compared(str(name), given, config_dir) for name, given in cfg.compare.items())
-    _find_own_files(cfg)
+    _complete_parts(cfg)
     if usual:
         _fit_rule(cfg, choices["hebbian"], usual.cfg.hebbian)
 
@@ -219,14 +220,8 @@ def _of_program(word: str) -> dict[str, Any]:
     return _of_anyone(word, None)
 
 
-def _find_own_files(cfg: DictConfig) -> None:
-    """Write down where the user's files are, and the readings of their sensors."""
-    for settings in [cfg.hebbian, *(cfg.get("compare") or {}).values()]:
-        if isinstance(settings, DictConfig) and ":" in str(settings.get("rule")):
-            settings.rule = _absolute(settings.rule, "hebbian.rule")
-    for group, key in (("fitness", "function"), ("network", "wiring"), ("optimizer", "algorithm")):
-        if ":" in str((cfg.get(group) or {}).get(key)):
-            cfg[group][key] = _absolute(cfg[group][key], f"{group}.{key}")
+def _complete_parts(cfg: DictConfig) -> None:
+    """Write down where changes by hand are, and what sensors of the user's read."""
     if ":" in str((cfg.get("optimizer") or {}).get("algorithm")):
         cfg.ga = None
     if cfg.network.get("wiring") != LAYERS and cfg.network.get("layers") is None:
@@ -236,17 +231,9 @@ def _find_own_files(cfg: DictConfig) -> None:
         key = f"robot.sensors[{number}]"
         if not isinstance(settings, DictConfig) or ":" not in str(settings.get("sensor")):
             raise ConfigError(f"{key} must be {{sensor: FILE.py:NAME}} and its settings, got {settings}")
-        settings.sensor = _absolute(settings.sensor, f"{key}.sensor")
-        if "readings" not in settings:
-            settings.readings = list(part_class("sensor", settings.sensor, key).readings)
+        settings.setdefault("readings", list(part_class("sensor", settings.sensor, key).readings))
     if cfg.scenario.get("hand") is not None:
         cfg.scenario.hand = literal(str(path_of(cfg.scenario.hand, "scenario.hand").absolute()))
-
-
-def _absolute(where: Any, key: str) -> str:
-    """`FILE.py:NAME` with the whole path of the file."""
-    file, _, name = str(where).rpartition(":")
-    return literal(f"{path_of(file, key).absolute()}:{name}")
 
 
 def _fit_rule(cfg: DictConfig, choice: str, chosen: DictConfig) -> None:

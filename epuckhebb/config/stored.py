@@ -10,16 +10,22 @@ from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config.errors import explain
 from epuckhebb.config.overrides import literal
-from epuckhebb.config.plugins import own_references
+from epuckhebb.config.parts import KINDS, PAPER
 from epuckhebb.config.schema import SCHEMAS, Config, Plain, typed
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError
 from epuckhebb.tmaze.fitness import Signal
-from epuckhebb.tmaze.own_fitness import PAPER_FITNESS
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
+from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
-_STAND_IN = "oja"  # has no settings of its own, and cannot be taken for the paper's
-_OPTIMIZER = "sep_cma_es"  # fits any training; stands for one of the user's
-_OWN_SIGNAL = Signal.fitness.name
+_RULE = "oja"  # stands for a user's: it has no settings of its own, and cannot be taken for the paper's
+_STAND_INS = {
+    "fitness": PAPER,
+    "wiring": LAYERS,  # a page has the neurons and synapses that were recorded
+    "task": ONE_TRIAL.name,
+    "physics": PYMUNK.name,
+    "optimizer": "sep_cma_es",  # fits any training
+}
 
 
 def from_values(values: Plain, schema: type[Config], source: str) -> Config:
@@ -78,21 +84,18 @@ def without_own_code(values: Plain) -> Plain:
     by a user's fitness is replaced, too.
     """
     values = copy.deepcopy(values)
+    for kind, stand_in in _STAND_INS.items():
+        group, key = KINDS[kind].group, KINDS[kind].key
+        if ":" in str(_within(values, group).get(key)):
+            values[group] = {key: stand_in}
+    for sensor in _within(values, "robot").get("sensors", []):
+        readings, name = sensor["readings"], sensor.pop("sensor").rpartition(":")[2]
+        sensor.clear()
+        sensor.update(recorded=name, readings=readings)
     rules = [rule for rule in (values.get("hebbian"), *_within(values, "compare").values()) if isinstance(rule, dict)]
-    rules = [rule for rule in rules if rule.get("signal") == _OWN_SIGNAL]
-    rules += [part for part, key, *_ in own_references(values) if key == "rule"]
-    for part in _within(values, "robot").get("sensors", []):
-        name = part.pop("sensor").rpartition(":")[2]
-        readings = part["readings"]
-        part.clear()
-        part.update(recorded=name, readings=readings)
-    values["fitness"] = {"function": PAPER_FITNESS.name}
-    if ":" in str(_within(values, "network").get("wiring")):
-        values["network"] = {"wiring": LAYERS}  # a page has the neurons and synapses that were recorded
-    if ":" in str(_within(values, "optimizer").get("algorithm")):
-        values["optimizer"] = {"algorithm": _OPTIMIZER}
     for rule in rules:
-        for key in [key for key in rule if key not in ("N", "sign", "name", "adaptation")]:
-            del rule[key]
-        rule["rule"] = _STAND_IN
+        if ":" in str(rule.get("rule")) or rule.get("signal") == Signal.fitness.name:
+            for key in [key for key in rule if key not in ("N", "sign", "name", "adaptation")]:
+                del rule[key]
+            rule["rule"] = _RULE
     return values

@@ -30,12 +30,13 @@ def forward_pass(network: Network) -> Callable[..., None]:
     weights: (synapses,). activation: (neurons,), inputs and bias given, the rest filled. drive: (neurons,), workspace.
     neurons: of a wiring. The sizes are constants in the machine code.
     """
-    left, right, is_wired = network.wheels, network.wheels + 1, network.wiring is not None
+    first, outputs, is_wired = network.first_output, network.outputs, network.wiring is not None
     if isinstance(network, GivenOutputs):
 
         @compiled
         def given(weights: Floats, activation: Floats, *_: Any) -> None:
-            activation[left], activation[right] = weights[0], weights[1]
+            for k in range(outputs):
+                activation[first + k] = weights[k]
 
         return given
 
@@ -48,8 +49,8 @@ def forward_pass(network: Network) -> Callable[..., None]:
     def forward(weights: Floats, activation: Floats, drive: Floats, neurons: Neurons | None = None) -> None:
         take_turns(weights, activation, drive, neurons)
         if is_wired:
-            activation[left] = min(max(activation[left], -1.0), 1.0)  # nan stays nan, whence the order
-            activation[right] = min(max(activation[right], -1.0), 1.0)
+            for k in range(first, first + outputs):
+                activation[k] = min(max(activation[k], -1.0), 1.0)  # nan stays nan, whence the order
 
     return forward
 

@@ -22,7 +22,6 @@ from epuckhebb.controller.wiring import MOST_SYNAPSES, Wiring, blocks_of
 
 WEIGHT_LIMIT = 2.0  # weights are loaded clipped to +-2, the bound of plasticity in the paper
 HIDDEN = (7, 5, 8, 4)  # the paper's hidden layers
-OUTPUTS = 2  # left wheel, right wheel
 
 _STEPS_PER_UNIT = 32
 _TANH_IS_1 = 20.0  # from about 19 on, tanh is 1 to the last bit
@@ -33,25 +32,22 @@ _TANH = np.array([math.tanh(k / _STEPS_PER_UNIT) for k in range(int(_TANH_IS_1) 
 class Network:
     """The shape of a network.
 
-    layers: how many neurons each layer has, sensors first, the two wheels last. rewarded: whether the last input is a
-    reward (`epuckhebb.tmaze.task`). wiring: another than that of layers; then layers are the inputs and its groups.
+    layers: how many neurons each layer has, sensors first, outputs last. rewarded: whether the last input is a
+    reward. wiring: another than that of layers; then layers are the inputs and its groups.
     """
 
-    layers: tuple[int, ...] = (16, *HIDDEN, OUTPUTS)
+    layers: tuple[int, ...] = (16, *HIDDEN, 2)
     rewarded: bool = False
     wiring: Wiring | None = None
 
     def __post_init__(self) -> None:
         whole = all(isinstance(size, int) and size > 0 for size in self.layers)
-        if self.wiring is not None and (len(self.layers) < 2 or not whole or self.layers[-1] < OUTPUTS):
+        if self.wiring is None and (len(self.layers) < 2 or not whole):
+            raise ValueError(f"network.layers must be two or more positive whole numbers, got {list(self.layers)}")
+        if self.wiring is not None and (len(self.layers) < 2 or not whole or self.layers[-1] < self.wiring.outputs):
             raise ValueError(
-                f"wiring {self.wiring.name}: `sizes` must be positive whole numbers, the last of them {OUTPUTS} or "
-                f"more (left and right wheel), got {list(self.layers[1:])}"
-            )
-        if self.wiring is None and (len(self.layers) < 2 or not whole or self.layers[-1] != OUTPUTS):
-            raise ValueError(
-                f"network.layers must be two or more positive whole numbers, the last of them {OUTPUTS} "
-                f"(left and right wheel), got {list(self.layers)}"
+                f"wiring {self.wiring.name}: `sizes` must be positive whole numbers, the last of them "
+                f"{self.wiring.outputs} or more, its outputs, got {list(self.layers[1:])}"
             )
         if self.synapses > MOST_SYNAPSES:
             which = "network.layers" if self.wiring is None else f"network.wiring={self.wiring.name}"
@@ -121,12 +117,12 @@ class Network:
         The last vector may reach up to three numbers beyond the layer, into the next one's weights and neurons. Where
         these are not as many, and in layers of one or two, what is left by whole vectors is taken one by one.
         """
-        return [(*layer, self._vectors(*layer)) for layer in self.connections]
-
-    def _vectors(self, _pre: int, post: int, first: int, inputs: int, outputs: int) -> int:
-        end = whole(outputs)
-        fits = post + end <= self.neurons and first + (inputs - 1) * outputs + end <= self.synapses
-        return (end if fits and outputs > 2 else outputs) // WIDTH
+        layers: list[tuple[int, ...]] = []
+        for pre, post, first, inputs, outputs in self.connections:
+            end = whole(outputs)
+            fits = post + end <= self.neurons and first + (inputs - 1) * outputs + end <= self.synapses
+            layers.append((pre, post, first, inputs, outputs, (end if fits and outputs > 2 else outputs) // WIDTH))
+        return layers
 
     @cached_property
     def neurons(self) -> int:
@@ -134,9 +130,14 @@ class Network:
         return self.inputs + 1 + sum(self.layers[1:])
 
     @cached_property
-    def wheels(self) -> int:
-        """Where the left wheel's output stands among the activations; the right wheel's follows."""
-        return self.neurons - OUTPUTS
+    def outputs(self) -> int:
+        """The number of outputs, the last activations."""
+        return self.layers[-1] if self.wiring is None else self.wiring.outputs
+
+    @cached_property
+    def first_output(self) -> int:
+        """Where the first output stands among the activations."""
+        return self.neurons - self.outputs
 
     @cached_property
     def synapses(self) -> int:
@@ -153,7 +154,7 @@ PAPER_NETWORK = Network()
 
 @dataclass(frozen=True)
 class GivenOutputs(Network):
-    """No network: what decides from outside writes the outputs for both wheels into the first two weights."""
+    """No network: what decides from outside writes the outputs into the first weights."""
 
 
 def initial_weights_of(weights: Floats) -> Floats:

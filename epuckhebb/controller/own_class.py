@@ -1,29 +1,39 @@
 """Classes of which users write subclasses, such as a rule or a fitness: settings, checks, and calls from a kernel."""
 
-import dis
 import inspect
 import math
+import traceback
 from collections import namedtuple
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields
 from enum import Enum
-from itertools import pairwise
+from pathlib import Path
 from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from epuckhebb.controller.compiling.code_digest import random_generator
 from epuckhebb.controller.compiling.kernel import compiled, in_module
 
+_OURS = Path(__file__).parents[1]
 namedtuple_of: Any = namedtuple  # mypy wants the names of the fields written out
-Functions = tuple[Callable[..., Any], ...]
 
 
 class OwnClass:
-    """A dataclass whose fields are its settings, with functions that a kernel calls. PART: what messages call it."""
+    """A dataclass whose fields are its settings, with functions of which one at least is the user's.
+
+    PART: what messages call it. KEY: names it in the configuration. METHODS: the names of these functions.
+    """
 
     PART: ClassVar[str]
+    KEY: ClassVar[str]
+    METHODS: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return name_of(type(self))
 
     @classmethod
     def settings(cls) -> tuple[str, ...]:
@@ -35,26 +45,15 @@ class OwnClass:
         return tuple(float(getattr(self, name)) for name in self.settings())
 
     @classmethod
-    def functions(cls) -> Functions:
-        """All that the user wrote for it, on which results depend."""
-        return ()
-
-    @classmethod
-    def check_class(cls, instead: str = "") -> None:
-        """Check a subclass; else a ValueError. instead: what its author can do who wants random numbers."""
-        what, of_dataclass = cls.what(), cast(Any, cls)
-        known = {field.name for field in fields(of_dataclass)}
+    def check_class(cls) -> None:
+        """Check a subclass; else a ValueError."""
+        base = base_of(cls)
+        if cls.METHODS and all(getattr(cls, name, None) is getattr(base, name, None) for name in cls.METHODS):
+            raise ValueError(f"{cls.what()} needs a method `{'` or `'.join(cls.METHODS)}`")
+        known = {field.name for field in fields(cast(Any, cls))}
         for name, annotation in inspect.get_annotations(cls).items():
             if name not in known and "ClassVar" not in str(annotation):
-                how = "frozen=True, kw_only=True" if of_dataclass.__dataclass_params__.frozen else "kw_only=True"
-                raise ValueError(f"{what}: {name} is not a setting; write @dataclass({how}) above the class")
-        for function in cls.functions():
-            generator = random_generator(function)
-            if generator is not None:
-                advice = f"; {instead}" if instead else ""
-                raise ValueError(
-                    f"{what}: {function.__name__} draws from {generator}, so no run could be repeated{advice}"
-                )
+                raise ValueError(f"{cls.what()}: {name} is not a setting; write @dataclass above the class")
 
     @classmethod
     def what(cls) -> str:
@@ -62,11 +61,34 @@ class OwnClass:
         return f"{cls.PART} {cls.__name__}"
 
 
+@contextmanager
+def calling(what: str, error: type[ValueError] = ValueError) -> Iterator[None]:
+    """Turn whatever a function of the user's raises into an error that names it and the line. what: it, in messages."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise
+    except BaseException as reason:  # it may even leave Python
+        frames = traceback.extract_tb(reason.__traceback__)
+        lines = [frame.lineno for frame in frames if not Path(frame.filename).is_relative_to(_OURS)]
+        where = f" in line {lines[0]}" if lines else ""
+        raise error(f"{what} failed{where}: {type(reason).__name__}: {reason}") from reason
+
+
+def base_of(kind: type[OwnClass]) -> type[OwnClass]:
+    """The class of all parts of a kind."""
+    return kind.__mro__[kind.__mro__.index(OwnClass) - 1]
+
+
 def name_of(kind: type[OwnClass]) -> str:
     """What a class is called: as its file, if it is one of the program, or else as itself."""
-    base = kind.__mro__[kind.__mro__.index(OwnClass) - 1]
-    package, _, module = kind.__module__.rpartition(".")
-    return module if package == f"{base.__module__}s" else kind.__name__
+    is_file = not is_own(kind) and kind.__module__ != base_of(kind).__module__
+    return kind.__module__.rpartition(".")[2] if is_file else kind.__name__
+
+
+def is_own(kind: type[OwnClass]) -> bool:
+    """Whether a class is the user's."""
+    return kind.__module__.partition(".")[0] != __name__.partition(".")[0]
 
 
 def stored(initial: Mapping[str, float], count: int) -> NDArray[np.void]:
@@ -75,27 +97,15 @@ def stored(initial: Mapping[str, float], count: int) -> NDArray[np.void]:
     return np.full(count, np.array(values, [(name, np.float64) for name in names]))
 
 
-def arguments(
-    what: str, function: Any, known: Collection[str], records: Mapping[str, tuple[str, ...]] | None = None
-) -> tuple[str, ...]:
-    """The names of the arguments of a static method, in its order.
-
-    what: whose it is, for messages. known: names that it may have. records: what each argument that is a record holds.
-    """
-    names, records = tuple(inspect.signature(function).parameters), records or {}
+def arguments(what: str, function: Any, known: Collection[str]) -> tuple[str, ...]:
+    """The names of the arguments of a static method, in its order; a ValueError if one is not among the known."""
+    names = tuple(inspect.signature(function).parameters)
     unknown = [name for name in names if name not in known]
     if unknown:
         raise ValueError(
             f"{what}: `{function.__name__}` has the unknown arguments {', '.join(unknown)}; known are "
             + ", ".join(known)
         )
-    for before, then in pairwise(dis.get_instructions(function)):
-        loaded = before.argval[-1] if isinstance(before.argval, tuple) else before.argval  # 3.13 may load two at once
-        of_record = "LOAD_FAST" in before.opname and loaded in records and then.opname in ("LOAD_ATTR", "STORE_ATTR")
-        if of_record and then.argval not in records[loaded]:
-            raise ValueError(
-                f"{what}: `{loaded}` has no {then.argval}; it has {', '.join(records[loaded]) or 'nothing'}"
-            )
     return names
 
 

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.evolved import Evolved
-from epuckhebb.controller.own_class import Functions, OwnClass, arguments, name_of, stored
-from epuckhebb.tmaze.robot import STEP_S
+from epuckhebb.controller.own_class import OwnClass, arguments, stored
 
 MOST_SYNAPSES = 100_000  # more is surely a typing error
 LAYERS = "mlp"  # what a network without a wiring is called
@@ -42,7 +41,7 @@ class Neurons(NamedTuple):
     state: NDArray[np.void]
     parameters: Floats
     numbers: tuple[float, ...] = ()
-    step_s: float = STEP_S
+    step_s: float = 0.0
 
 
 NO_NEURONS = Neurons(np.zeros(0, [("nothing", np.float64)]), np.zeros((0, 0)))  # of layers
@@ -53,9 +52,9 @@ class Wiring(OwnClass):
     """Neurons and the synapses that join them; subclasses add settings as fields, and a static method `neuron`.
 
     sizes: how many neurons each group has. In a step, all neurons of a group receive their drives, and then respond.
-    The groups take turns. The last two neurons of the last group drive the wheels. `synapses` joins neurons. `neuron`,
-    compiled by numba, gives the activation of a neuron; those of the wheels are clipped to -1 and 1. Its arguments are
-    any of these names, in any order:
+    The groups take turns. The last neurons of the last group, `outputs` of them, are the network's outputs.
+    `synapses` joins neurons. `neuron`, compiled by numba, gives the activation of a neuron; outputs are clipped to -1
+    and 1. Its arguments are any of these names, in any order:
 
         drive        the sum over its synapses of weight times presynaptic activation
         before       its activation in the step before; 0 at first
@@ -70,9 +69,12 @@ class Wiring(OwnClass):
     """
 
     PART: ClassVar[str] = "wiring"
+    KEY: ClassVar[str] = "network.wiring"
+    METHODS: ClassVar[tuple[str, ...]] = ("neuron",)
     state: ClassVar[Mapping[str, float]] = {}
     evolved: ClassVar[Mapping[str, Evolved]] = {}
     neuron: ClassVar[Callable[..., float] | None] = None
+    outputs: ClassVar[int] = 2
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -86,34 +88,20 @@ class Wiring(OwnClass):
         """
         raise TypeError("a wiring needs a method `synapses`")
 
-    def step_s(self, gain_rad_s: float) -> float:  # noqa: ARG002  # others need it
-        """How long a control step is for the neurons [s] at a wheel gain [rad/s]."""
-        return STEP_S
-
-    @property
-    def name(self) -> str:
-        """What it is called."""
-        return name_of(type(self))
-
-    @classmethod
-    def functions(cls) -> Functions:
-        """How a neuron responds, who is joined, and how parameters are made of genes."""
-        makers = (evolved.value for evolved in cls.evolved.values())
-        return tuple(one for one in (cls.neuron, cls.synapses, cls.step_s, *makers) if one is not None)
+    def step_s(self, gain_rad_s: float, step_s: float) -> float:  # noqa: ARG002  # others need it
+        """How long a control step of `step_s` [s] is for the neurons [s] at a wheel gain [rad/s]."""
+        return step_s
 
     @classmethod
     def arguments(cls) -> tuple[str, ...]:
         """The names of the arguments of `neuron`, in its order; a ValueError if one is unknown."""
-        records = {"by": cls.settings(), "state": tuple(cls.state)}
-        return arguments(cls.what(), cls.neuron, [*OF_NEURON, *cls.evolved], records)
+        return arguments(cls.what(), cls.neuron, [*OF_NEURON, *cls.evolved])
 
     @classmethod
-    def check_class(cls, instead: str = "") -> None:
+    def check_class(cls) -> None:
         """Check its method `neuron`, and what it evolves; else a ValueError."""
+        super().check_class()
         what = cls.what()
-        if cls.neuron is None:
-            raise ValueError(f"{what} has no static method `neuron`, which gives a neuron's activation")
-        super().check_class(instead)
         for name, evolved in cls.evolved.items():
             if not isinstance(evolved, Evolved) or evolved.per not in _PER:
                 raise ValueError(f"{what}: {name} must be Evolved(per=...), one of {', '.join(_PER)}, got {evolved}")
@@ -126,8 +114,8 @@ class Wiring(OwnClass):
         per = dict(zip(_PER, (1, sum(self.sizes)), strict=True))
         return {name: per[str(evolved.per)] for name, evolved in self.evolved.items()}
 
-    def initial(self, genes: Mapping[str, Floats], gain_rad_s: float) -> Neurons:
-        """The neurons before the first step. genes: those of each evolved parameter, by name. gain_rad_s: of wheels."""
+    def initial(self, genes: Mapping[str, Floats], gain_rad_s: float, step_s: float) -> Neurons:
+        """The neurons before the first step. genes: of each evolved parameter, by name."""
         count = sum(self.sizes)
         parameters = np.empty((len(self.evolved), count))
         for row, (name, evolved) in zip(parameters, self.evolved.items(), strict=True):
@@ -137,7 +125,7 @@ class Wiring(OwnClass):
                     f"wiring {self.name}: `value` of {name} must give {genes[name].size} finite numbers, got {value}"
                 )
             row[:] = value
-        return Neurons(stored(self.state, count), parameters, self.numbers(), float(self.step_s(gain_rad_s)))
+        return Neurons(stored(self.state, count), parameters, self.numbers(), float(self.step_s(gain_rad_s, step_s)))
 
     def joined(self, inputs: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The presynaptic and the postsynaptic neuron of each synapse, (synapses,) each."""

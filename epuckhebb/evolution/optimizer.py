@@ -15,16 +15,15 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import GenomePlan
-from epuckhebb.controller.own_class import OwnClass, name_of
+from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.controller.ranges import check_range
 from epuckhebb.evolution.training import Training
 from epuckhebb.tmaze.life import Lifetime
-from epuckhebb.tmaze.maze import SIDES
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_PAPER_LIFETIMES = 50 * 30 * 3 * len(SIDES)  # population, generations, loops and sides of the paper's algorithm
+_PAPER_LIFETIMES = 50 * 30 * 3 * 2  # population, generations, loops and sides of the paper's algorithm
 
 CANDIDATES, CONFIRM = 3, 12  # candidates for the champion of learners, and fresh lifetimes of each
 
@@ -54,23 +53,13 @@ class Algorithm(OwnClass, ABC):
     """
 
     PART: ClassVar[str] = "optimizer"
+    KEY: ClassVar[str] = "optimizer.algorithm"
+    METHODS: ClassVar[tuple[str, ...]] = ("tell",)
     key: ClassVar[str] = "optimizer"
     common_random_numbers: ClassVar[bool] = False
     start_noise: float = 0.0
     confirm: int = 0
     tell: Callable[..., None]
-
-    @property
-    def name(self) -> str:
-        """The name of its file; of a user's own, that of its class."""
-        return name_of(type(self))
-
-    @classmethod
-    def check_class(cls, instead: str = "") -> None:
-        """Check that it has a method `tell`; else a ValueError."""
-        if not hasattr(cls, "tell"):
-            raise ValueError(f"{cls.what()} has no method `tell`")
-        super().check_class(instead)
 
     @property
     @abstractmethod
@@ -151,7 +140,7 @@ class Optimizer(Algorithm):
         loops = training.loops if self.loops is None else self.loops
         if self.generations is not None:
             return Schedule(self.generations, loops)
-        round_ = loops * len(SIDES)
+        round_ = loops * training.lifetimes
         confirmation = CANDIDATES * -(-self.confirm // round_) * round_
         return Schedule(
             paper_generations(

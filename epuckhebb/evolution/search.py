@@ -6,8 +6,6 @@ digest shows whether it asks for the same genomes as before.
 
 import hashlib
 import inspect
-import sys
-import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,7 +14,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.genome import GenomePlan
-from epuckhebb.controller.own_class import arguments
+from epuckhebb.controller.own_class import arguments, calling, is_own
 from epuckhebb.evolution.optimizer import Algorithm, Optimizer
 from epuckhebb.tmaze.own_fitness import OF_OUTCOME
 
@@ -123,8 +121,7 @@ class Search:
             raise OptimizerError(f"optimizer {wanted}, got {'None' if given is None else f'shape {genomes.shape}'}")
         if not np.isfinite(genomes).all():
             raise OptimizerError(f"optimizer {wanted}; one is nan or infinite")
-        is_users = not type(self._settings).__module__.startswith("epuckhebb.")
-        if is_users and isinstance(self._settings, Optimizer):
+        if is_own(type(self._settings)) and isinstance(self._settings, Optimizer):
             beyond = np.abs(genomes) > self._settings.limits(self._plan)
             if beyond.any():
                 raise OptimizerError(
@@ -135,15 +132,8 @@ class Search:
 
     def _do(self, method: str, *arguments: Any, **named: Any) -> Any:
         """Call a method of the optimizer."""
-        try:
+        with calling(f"optimizer {self._settings.name}: `{method}`", OptimizerError):
             return getattr(self._optimizer, method)(*arguments, **named)
-        except Exception as error:  # what a user's code may raise has no end
-            file = sys.modules[type(self._optimizer).__module__].__file__
-            lines = [one.lineno for one in traceback.extract_tb(error.__traceback__) if one.filename == file]
-            where = f" in line {lines[-1]}" if lines else ""
-            raise OptimizerError(
-                f"optimizer {self._settings.name}: `{method}` failed{where}: {type(error).__name__}: {error}"
-            ) from error
 
 
 def check_start(optimizer: Algorithm, plan: GenomePlan, seed: int) -> None:

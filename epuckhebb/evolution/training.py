@@ -15,6 +15,7 @@ from epuckhebb.controller import random
 from epuckhebb.controller.random import Stream
 from epuckhebb.controller.ranges import check_range
 from epuckhebb.tmaze.life import Lifetime
+from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.scenario import Scenario
 
 FIRST_LAYOUT = 10  # of training; layouts below are for tests
@@ -72,6 +73,11 @@ class Training:
     def loops(self) -> int:
         """The least number of loops with each kind of world."""
         return self.unvaried_loops + 1 if self.is_varied else 1
+
+    @property
+    def lifetimes(self) -> int:
+        """How many lifetimes a loop has: one with the goal on each side."""
+        return len(SIDES)
 
     def stretch(self, lifetime: Lifetime) -> float:
         """The mean length of a training lifetime over that of `lifetime`."""

@@ -18,6 +18,7 @@ from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.controller.wiring import LAYERS
 from epuckhebb.runtime import ConfigError
 from epuckhebb.store import Genome, Run, load_genome, resolve_run, write_atomic
+from epuckhebb.tmaze.fitness import initial_history
 from epuckhebb.tmaze.robot import EPUCK
 from epuckhebb.tmaze.scenario import TRAINED
 
@@ -130,4 +131,4 @@ def _rule(controller: Controller) -> dict[str, Any]:
             "hebbian.carries_history=false"
         )
     settings = {key: value.name if isinstance(value, Enum) else value for key, value in asdict(rule).items()}
-    return {**settings, "history_steps": rule.history.steps}
+    return {**settings, "history_steps": initial_history(rule).steps}

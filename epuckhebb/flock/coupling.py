@@ -10,7 +10,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.own_class import Functions, OwnClass
+from epuckhebb.controller.own_class import OwnClass, calling
 from epuckhebb.controller.ranges import check_range
 
 
@@ -43,6 +43,8 @@ class Coupling(OwnClass):
     """
 
     PART: ClassVar[str] = "coupling"
+    KEY: ClassVar[str] = "flock.coupling"
+    METHODS: ClassVar[tuple[str, ...]] = ("drive", "weights")
 
     N: float = 0.3
     decay: float = 0.03
@@ -50,21 +52,6 @@ class Coupling(OwnClass):
     def __post_init__(self) -> None:
         check_range(self, "flock", "N")
         check_range(self, "flock", "decay", most=1.0)
-
-    @classmethod
-    def functions(cls) -> Functions:
-        """The methods that it has of its own."""
-        methods = (cls.drive, cls.weights)
-        return tuple(method for method in methods if method not in (Coupling.drive, Coupling.weights))
-
-    @classmethod
-    def check_class(cls, instead: str = "") -> None:
-        """Check that it has a method; else a ValueError."""
-        if not cls.functions():
-            raise ValueError(
-                f"{cls.what()} has no method `drive`, which moves the weights, and no `weights`, which gives them"
-            )
-        super().check_class(instead)
 
     def drive(self, now: Moment) -> Floats:
         """What moves each weight, (robots, robots); nothing here."""
@@ -82,10 +69,8 @@ def changed(coupling: Coupling, now: Moment) -> Floats:
         CouplingError: the coupling failed, or its weights are not finite, negative, or not as many as pairs.
     """
     name, count = type(coupling).__name__, len(now.fitness)
-    try:
+    with calling(f"coupling {name}", CouplingError):
         given = np.array(coupling.weights(now), float)
-    except Exception as error:  # what a user's code may raise has no end
-        raise CouplingError(f"coupling {name} failed: {type(error).__name__}: {error}") from error
     if given.shape != (count, count):
         raise CouplingError(f"coupling {name} must give {count} rows of {count} weights, it gave shape {given.shape}")
     np.fill_diagonal(given, 0.0)

@@ -177,7 +177,7 @@ move_all = mover_of_all(EPUCK)
 
 @cache
 def _drive() -> Callable[..., None]:
-    return kernel(drive)
+    return kernel(drive, ())
 
 
 def run(flock: Flock, coupling: Coupling, seed: int, *, other: bool = False) -> Record:

@@ -14,7 +14,6 @@ from epuckhebb.runs.evaluate import (
     evaluate_into,
     evaluate_job,
     prepare_evaluation,
-    recorded_job,
 )
 from epuckhebb.runs.evolve import EvolutionProgress, evolve_into, evolve_job, new_evolution, prepare_evolution, resume
 from epuckhebb.runs.notes import notes_of, showcase

@@ -1,18 +1,17 @@
 """`epuckhebb evaluate`: runs the lifetimes of a genome in a scenario, and writes them into a run folder."""
 
 import copy
-import functools
-import hashlib
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from epuckhebb.adaptation.controller import GA_ALONE, Controller
-from epuckhebb.adaptation.nominal import Nominal
+from epuckhebb.adaptation.nominal import REPEATS, Nominal, measure_nominal
 from epuckhebb.analysis import tables
 from epuckhebb.analysis.evaluate import Rows, Traces, evaluate
 from epuckhebb.config import (
@@ -23,24 +22,27 @@ from epuckhebb.config import (
     dump,
     hand,
     own_files,
+    part_from,
     part_names,
     quoted,
     say_unusual,
     typed_as,
+    usual_physics,
     value_of,
 )
-from epuckhebb.controller.compiling.code_digest import UnknownPartError, digest
+from epuckhebb.config import training_world as world_of_training
+from epuckhebb.controller.compiling.sources import own_code
 from epuckhebb.controller.network import Network
 from epuckhebb.controller.own_class import name_of
 from epuckhebb.controller.plasticity.rule import InitialWeights, NoRule, evolved_sizes
 from epuckhebb.runs import hydra
-from epuckhebb.runs.nominal import nominal_for
 from epuckhebb.runs.notes import notes_of
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, say, saying_if_slow
-from epuckhebb.store import Genome, RunFolder, check_wiring, load_genome, traces_file
+from epuckhebb.store import Genome, RunFolder, check_wiring, digest, load_genome, traces_file
 from epuckhebb.tmaze.batch import load_kernel
 from epuckhebb.tmaze.goal_signal import GoalSignal
-from epuckhebb.tmaze.own_sensor import own_sensors, reading_names
+from epuckhebb.tmaze.own_sensor import reading_names
+from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.robot import EPUCK, Robot
 from epuckhebb.tmaze.scenario import TRAINED, Scenario
 from epuckhebb.tmaze.session import LostRobotError
@@ -53,8 +55,7 @@ if TYPE_CHECKING:
 Report = Callable[[Path, Rows], object]
 
 
-def _no_report(*_: object) -> None:
-    """Report nothing: what a job of a study does."""
+_measured: dict[tuple[object, ...], Nominal] = {}  # in this process: many jobs of a sweep need the same
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,8 +85,40 @@ class PreparedEvaluation:
         compile_for(self.config.controllers, self.genome.network, self.config.world)
 
     def remember(self, threads: int, report: Callable[[str], None] = lambda _: None) -> Nominal | None:
-        """Nominal statistics for the adaptations; `report` is given a sentence if they must be measured first."""
-        return nominal_for(self.genome, self.config, threads, report)
+        """Nominal statistics for the adaptations, from the champion's file or measured; None where none needs them.
+
+        report: is given a sentence if they must be measured in the training world first.
+        """
+        config, genome = self.config, self.genome
+        adaptations = [controller.adaptation for controller in config.controllers]
+        if not any(one.needs_nominal for one in adaptations):
+            return None
+        experiment, known = config.world.experiment, genome.nominal
+        if known is not None and known.experiment != experiment:
+            raise ConfigError(
+                f"genome={genome.name} remembers {known.scenario}, a world of the {known.experiment} experiment; it "
+                f"cannot tell what is new in a scenario of the {experiment} experiment. Give a champion of that "
+                "experiment, or adaptation=none"
+            )
+        gain = config.lifetime.gain_rad_s
+        if known is not None and (known.gain_rad_s == gain or not any(one.is_gated for one in adaptations)):
+            return known
+        report(
+            f"genome={genome.name} has no nominal statistics at {gain:g} rad/s: it runs {REPEATS} lifetimes a side in "
+            f"{TRAINED[experiment]} first."
+        )
+        world = training_world(config, genome.physics)
+        check_library(world)
+        key = (gain, genome.sha256, genome.network, repr(world))
+        if key not in _measured:
+            _measured[key] = measure_nominal(genome.network_genes, world, gain, threads, genome.network)
+        nominal = _measured[key]
+        if "late" in {one.change_signal for one in adaptations} and np.isnan(nominal.time_to_goal_s).all():
+            raise ConfigError(
+                f"adaptation.change_signal=late needs a time to the goal to remember, and genome={genome.name} reached "
+                f"neither goal in {nominal.scenario}; give a champion that does, or change_signal=novelty or shortfall"
+            )
+        return nominal
 
     def run(self, nominal: Nominal | None, threads: int) -> tuple[Rows, Traces]:
         """Run the lifetimes: a row each, and the traces of those that were recorded."""
@@ -109,95 +142,21 @@ class PreparedEvaluation:
     def lifetime_ids(self) -> dict[str, str]:
         """For each controller a digest of what its lifetimes depend on, besides side, repeat and seed."""
         config, genome = self.config, self.genome
-        fitness, lifetime = config.world.fitness, replace(config.lifetime, record_every=0)
-        own = [_identity(fitness, fitness.functions())]
-        own += [_identity(one, one.functions()) for one in own_sensors(config.world.robot.sensors)]
-        if genome.network.wiring is not None:
-            own += [_identity(genome.network.wiring, genome.network.wiring.functions())]
-        everywhere = (genome.sha256, genome.network, config.world, lifetime, *own)
+        everywhere = (genome.sha256, genome.network, config.world, replace(config.lifetime, record_every=0))
         depends: dict[str, tuple[object, ...]] = {GA_ALONE.name: everywhere}
         for controller in config.controllers:
-            rule, adaptation = type(controller.rule), controller.adaptation
-            parts = (*everywhere, controller, *_identity(controller.rule, rule.functions()))
-            depends[controller.name] = (*parts, *((genome.nominal_sha256,) if adaptation.acts else ()))
-        return {name: hashlib.sha256(repr(parts).encode()).hexdigest()[:16] for name, parts in depends.items()}
-
-
-def _identity(part: object, functions: Sequence[Callable[..., object]]) -> tuple[str, ...]:
-    """The code of a part of the user's, which distinguishes it from another one with the same settings."""
-    module = type(part).__module__
-    with suppress(UnknownPartError):  # then the module must do, whose name has the SHA-256 of a user's file
-        return (module, *map(digest, functions))
-    return (module,)
+            nominal = genome.nominal_sha256 if controller.adaptation.acts else ""
+            depends[controller.name] = (*everywhere, controller, nominal)
+        return {name: digest([repr(values), own_code(values)]) for name, values in depends.items()}
 
 
 def prepare_evaluation(config: EvaluateConfig, genome: Genome | None = None) -> PreparedEvaluation:
-    """Check that a genome, the one that the settings name unless given, fits them."""
+    """Check that a genome, the one that the settings name unless given, fits robot, task, network and rules."""
     check_library(config.world)
     if genome is None:
         genome = load_genome(config.genome, config.world.experiment, config.shape)
-    _check_genome(genome, config)
-    return PreparedEvaluation(config=config, genome=genome)
-
-
-def evaluate_job(job: hydra.Job, report: Report = _no_report) -> None:
-    """Evaluate into the folder of a job. report: as in `evaluate_into`."""
-    evaluate_into(job.path, job.config, job.overrides, job.facts, threads=job.threads, report=report)
-
-
-def recorded_job(job: hydra.Job, report: Report = _no_report) -> None:
-    """Evaluate into the folder of a job that must record its lifetimes."""
-    if not job.config.lifetime.record_every:
-        raise ConfigError("--open shows what was recorded; give lifetime.record_every=8, or leave it out")
-    evaluate_job(job, report)
-
-
-def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
-    """Overrides with the robot and the wiring that their champion was evolved for, unless they name one.
-
-    A robot that has no file, a wiring of the user's own, and champions of several are left to `prepare_evaluation`.
-    """
-    named = [word for word in words if word.startswith("genome=")]
-    if not named:
-        return words
-    (words_of,) = alternatives(named[-1:]).values()
-    genomes = [_loaded(value_of(word)) for word in words_of]
-    given = [word.lstrip("+~") for word in words]
-    robot, *others = {EPUCK.name if genome is None else genome.robot for genome in genomes}
-    folders = [Path(folder) / "robot" for folder in (config_dir, data_folder("conf")) if folder]
-    is_known = robot != EPUCK.name and any((folder / f"{robot}.yaml").is_file() for folder in folders)
-    if is_known and not others and not any(word.startswith(("robot=", "robot.")) for word in given):
-        words = [*words, f"robot={quoted(robot)}"]
-    (called, settings), *several = {("", "") if one is None else (one.wiring, one.wiring_settings) for one in genomes}
-    keys = {word.partition("=")[0] for word in given}
-    if several or not settings or called not in part_names("wiring") or keys & {"network", "network.wiring"}:
-        return words
-    own = {f"network.{key}": value for key, value in json.loads(settings).items() if f"network.{key}" not in keys}
-    return [*words, f"network.wiring={called}", *typed_as(own)]
-
-
-def _loaded(genome: str) -> Genome | None:
-    """A champion; None if it cannot be read, which is reported later."""
-    try:
-        return load_genome(genome, next(iter(TRAINED)))
-    except ConfigError:
-        return None
-
-
-def check_sensors(genome: Genome, robot: Robot) -> None:
-    """Refuse a champion whose robot had other sensors of the user's own."""
-    sensors = reading_names(robot.sensors)
-    if genome.optimizer and genome.sensors != sensors:
-        raise ConfigError(
-            f"genome={genome.name} is for a robot whose own sensors are {genome.sensors or 'none'}; those of robot "
-            f"{robot.name} are {sensors or 'none'}. Give robot.sensors=[...] as in training, or another champion"
-        )
-
-
-def _check_genome(genome: Genome, config: EvaluateConfig) -> None:
-    """Refuse a genome for another robot or task, or without what a rule takes from it."""
-    world, robot = config.world, config.world.robot
     named = f"genome={genome.name}"
+    world, robot = config.world, config.world.robot
     if genome.network.rewarded != world.task.gives_reward:
         has = "has no input for the reward of" if world.task.gives_reward else "has an input for a reward, unlike"
         raise ConfigError(
@@ -234,6 +193,61 @@ def _check_genome(genome: Genome, config: EvaluateConfig) -> None:
                 f"rule {kind.__name__} takes {', '.join(missing)} from the genome, and {named} has only "
                 f"{genome.plan.text()}; give a champion that was evolved with this rule"
             )
+    return PreparedEvaluation(config=config, genome=genome)
+
+
+def evaluate_job(job: hydra.Job, report: Report | None = None) -> None:
+    """Evaluate into the folder of a job. report: as in `evaluate_into`."""
+    evaluate_into(job.path, job.config, job.overrides, job.facts, threads=job.threads, report=report)
+
+
+def training_world(config: EvaluateConfig, evolved_in: str = "") -> Scenario:
+    """The world in which controllers of this experiment are evolved, in the maze of the evaluation, for its robot.
+
+    evolved_in: the name of their physics, which may be another than that of the evaluation; "" for that of the plane.
+    """
+    physics = part_from("physics", config.physics, "physics")
+    if physics.name != (evolved_in or PYMUNK.name):
+        physics = usual_physics(evolved_in or PYMUNK.name)
+    return world_of_training(config, config.world.experiment, physics)
+
+
+def as_evolved(words: list[str], config_dir: str | None = None) -> list[str]:
+    """Overrides with the robot and the wiring that their champion was evolved for, unless they name one.
+
+    A robot that has no file, a wiring of the user's own, and champions of several are left to `prepare_evaluation`.
+    """
+    named = [word for word in words if word.startswith("genome=")]
+    if not named:
+        return words
+    (words_of,) = alternatives(named[-1:]).values()
+    genomes: list[Genome] = []
+    for word in words_of:
+        with suppress(ConfigError):  # one that cannot be read is reported later
+            genomes.append(load_genome(value_of(word), next(iter(TRAINED))))
+    if len(genomes) < len(words_of):
+        return words
+    keys = {word.lstrip("+~").partition("=")[0] for word in words}
+    robot, *others = {genome.robot for genome in genomes}
+    folders = [Path(folder) / "robot" for folder in (config_dir, data_folder("conf")) if folder]
+    is_known = robot != EPUCK.name and any((folder / f"{robot}.yaml").is_file() for folder in folders)
+    if is_known and not others and not any(key.split(".")[0] == "robot" for key in keys):
+        words = [*words, f"robot={quoted(robot)}"]
+    (wiring, settings), *several = {(genome.wiring, genome.wiring_settings) for genome in genomes}
+    if several or not settings or wiring not in part_names("wiring") or keys & {"network", "network.wiring"}:
+        return words
+    own = {f"network.{key}": value for key, value in json.loads(settings).items() if f"network.{key}" not in keys}
+    return [*words, f"network.wiring={wiring}", *typed_as(own)]
+
+
+def check_sensors(genome: Genome, robot: Robot) -> None:
+    """Refuse a champion whose robot had other sensors of the user's own."""
+    sensors = reading_names(robot.sensors)
+    if genome.optimizer and genome.sensors != sensors:
+        raise ConfigError(
+            f"genome={genome.name} is for a robot whose own sensors are {genome.sensors or 'none'}; those of robot "
+            f"{robot.name} are {sensors or 'none'}. Give robot.sensors=[...] as in training, or another champion"
+        )
 
 
 def compile_for(controllers: Sequence[Controller], network: Network, world: Scenario) -> None:
@@ -253,7 +267,7 @@ def evaluate_into(
     facts: dict[str, Any],
     *,
     threads: int,
-    report: Report = _no_report,
+    report: Report | None = None,
 ) -> None:
     """Claim a folder and evaluate into it. overrides, facts: as for `RunFolder.new`.
 
@@ -292,30 +306,24 @@ def evaluate_into(
             figures["trajectories"] = config, caption(config, genome.name), traces
         kind = config.figures.value
         files = {f"figures/{name}.{kind}": (name, kind, *data) for name, data in figures.items() if kind != "none"}
-        run.left_behind = functools.partial(_left_behind, path, [*(["traces.npz"] if recorded else []), *files])
-        report(path, metrics)
-        with ThreadPoolExecutor(1) as aside:
-            drawn = {file: aside.submit(_figure, *what) for file, what in files.items()}
-            if recorded:
-                run.write("traces.npz", traces_file(traces, genome.weights, genome.network))
-            for file, figure in drawn.items():
-                try:
-                    run.write(file, figure.result())
-                except Exception as error:  # of matplotlib: what a user's fonts and styles may raise has no end
-                    raise JobFailedError(f"{run.left_behind()}: {type(error).__name__}: {error}") from error
+        later = [*(["traces.npz"] if recorded else []), *files]
 
+        def left_behind() -> str:
+            missing = [name for name in later if not (path / name).exists()]
+            return f"{path} has its tables, and lacks {' and '.join(missing) or 'nothing'}"
 
-def _left_behind(path: Path, files: Sequence[str]) -> str:
-    """Which of the files that follow the tables a run lacks."""
-    missing = [name for name in files if not (path / name).exists()]
-    return f"{path} has its tables, and lacks {' and '.join(missing) or 'nothing'}"
+        run.left_behind = left_behind
+        if report is not None:
+            report(path, metrics)
+        if recorded:
+            run.write("traces.npz", traces_file(traces, genome.weights, genome.network))
+        try:
+            for file, what in files.items():
+                from epuckhebb.runs.figures import file_of  # matplotlib takes a while to load
 
-
-def _figure(*what: Any) -> bytes:
-    """The content of a figure's file; what: the arguments of `figures.file_of`."""
-    from epuckhebb.runs import figures  # matplotlib takes a while to load
-
-    return figures.file_of(*what)
+                run.write(file, file_of(*what))
+        except Exception as error:  # of matplotlib: what a user's fonts and styles may raise has no end
+            raise JobFailedError(f"{left_behind()}: {type(error).__name__}: {error}") from error
 
 
 def _write_reversal(

@@ -4,10 +4,9 @@ The checkpoint alone says how far an evolution is. `history.csv` and `champion.n
 be killed between any two files: resumed, it ends bit-identical.
 """
 
-import hashlib
 import io
-import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,8 +19,6 @@ from epuckhebb.adaptation.nominal import Nominal, measure_nominal
 from epuckhebb.config import (
     OWN_CODE,
     EvolveConfig,
-    OwnFile,
-    Plain,
     check_library,
     dump,
     from_values,
@@ -43,20 +40,21 @@ from epuckhebb.store import (
     CHAMPION,
     CHECKPOINT,
     CONFIG,
+    SCIENCE,
     Checkpoint,
     Genome,
     Run,
     RunFolder,
     champion_file,
     check_wiring,
+    digest,
     load_genome,
-    science_version,
 )
 from epuckhebb.tmaze.own_sensor import reading_names
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
 
-RESUME = "resume="
+RESUME = "resume="  # before the folder of an evolution
 
 
 def evolve_job(job: hydra.Job) -> None:
@@ -104,14 +102,7 @@ class PreparedEvolution:
         """The genes of a champion that are its network, without those of a rule."""
         return self.plan.pick(champion, self.plan.of_network)
 
-    def remember(self, champion: NDArray[np.float64], threads: int) -> Nominal | None:
-        """Nominal statistics of a champion; None where its task has not one goal to compare with."""
-        world = self.config.world
-        if world.task.has_trials:
-            return None
-        return measure_nominal(self.network_genes(champion), world, threads=threads, network=self.network)
-
-    def champion(self, last: Generation, seed: int, nominal: Nominal | None = None) -> bytes:
+    def champion(self, last: Generation, nominal: Nominal | None = None) -> bytes:
         """The `champion.npz` of a generation."""
         config, rule = self.config, self.config.controller.rule
         genome = Genome(
@@ -121,6 +112,7 @@ class PreparedEvolution:
             robot=config.world.robot.name,
             lights=config.world.robot.light.count,
             plan=self.plan,
+            experiment=config.world.experiment,
             optimizer=config.algorithm.name,
             training=config.training.name,
             rule="" if isinstance(rule, NoRule) else name_of(type(rule)),
@@ -130,7 +122,7 @@ class PreparedEvolution:
             physics="" if config.world.physics.name == PYMUNK.name else config.world.physics.name,
             nominal=nominal,
         )
-        return champion_file(genome, last.champion_fitness, config.world.experiment, seed, last.number)
+        return champion_file(genome, last.champion_fitness, config.seed, last.number)
 
 
 def prepare_evolution(config: EvolveConfig, *, has_genome: bool = True) -> PreparedEvolution:
@@ -182,18 +174,21 @@ def evolve_into(
     say_unusual(config)
     run.left_behind = left_behind
     with run, EvolutionProgress(config.schedule.generations, quiet=quiet) as progress:
-        digest = _digest(run.path, _changeable(config))
+        settings_digest = _digest(run.path, config)
         history = run.path / "history.csv"
         if after is not None and not (history.is_file() and history.read_bytes() == after.history.encode()):
             _write_generation(run, after, prepared)  # the run was killed before these files were written
         for generation in prepared.generations(threads, after.generation if after else None):
             after = Checkpoint.following(after, generation)
-            run.write(CHECKPOINT, after.as_bytes(digest))
+            run.write(CHECKPOINT, after.as_bytes(settings_digest))
             _write_generation(run, after, prepared)
             progress.add(generation)
         assert after is not None  # there is at least one generation
-        last = after.generation
-        run.write(CHAMPION, prepared.champion(last, config.seed, prepared.remember(last.champion, threads)))
+        last, nominal = after.generation, None
+        if not config.world.task.has_trials:  # a task of many trials has not one goal to compare with
+            genes = prepared.network_genes(last.champion)
+            nominal = measure_nominal(genes, config.world, threads=threads, network=prepared.network)
+        run.write(CHAMPION, prepared.champion(last, nominal))
         for name, table in last.tables.items():
             run.write(f"{name}.csv", table)
         kind = config.figures.value
@@ -209,7 +204,7 @@ def evolve_into(
 
 def _write_generation(run: RunFolder, state: Checkpoint, prepared: PreparedEvolution) -> None:
     """Bring the other files of an evolution to the state of its checkpoint; the history last, which says so."""
-    run.write(CHAMPION, prepared.champion(state.generation, prepared.config.seed))
+    run.write(CHAMPION, prepared.champion(state.generation))
     run.write("history.csv", state.history)
 
 
@@ -220,56 +215,55 @@ def resume(arguments: list[str]) -> Path:
     if len(named) != 1 or not named[0]:
         raise ConfigError("resume=RUN names one run folder of `epuckhebb evolve`")
     path = path_of(named[0], "resume")
-    before = Run(path)
-    facts = before.provenance
+    run = Run(path)
+    facts = run.provenance
     if facts["command"] != "evolve":
         raise ConfigError(f"resume={path} is a run of `epuckhebb {facts['command']}`; only evolutions can be resumed")
     values = settings(path / CONFIG)  # the checkpoint knows whether it fits
-    changeable = _changeable(from_values(values, EvolveConfig, str(path / CONFIG)))
-    own = own_files(values)
-    _check_own_files(path, own, facts.get("own_code", {}))
-    _change(values, path, changes, changeable)
-    config = from_values(values, EvolveConfig, f"resume={path}")
-    prepared = prepare_evolution(config)
-    prepared.compile()
-    generations = config.schedule.generations
-    after = Checkpoint.read(
-        path,
-        lambda log: Search(config.algorithm, config.plan, config.seed, log),
-        _digest(path, changeable),
-    )
-    _check_weights(prepared, after, path)
-    done = after.generation.number + 1 if after else 0
-    key = changeable[0]
-    if generations < done:
-        raise ConfigError(f"{key} must be {done} or more, the generations that {path} has, got {generations}")
-    if generations == done and before.status["state"] == "finished":
-        say(f"{path} has all of its {done} generations; {key}={2 * done} would add {done}.")
-        return path
-    if facts["code"].get("science") != science_version():
-        say("The program has changed since this evolution began; it may end otherwise than one that never stopped.")
-    run = RunFolder.resume(path, "evolve", dump(config), arguments, {"generations": done}, own)
-    say(f"Resuming after {done} of {generations} generations.")
-    evolve_into(run, prepared, after, threads=thread_count(config.threads))
-    return path
-
-
-def _check_weights(prepared: PreparedEvolution, after: Checkpoint | None, path: Path) -> None:
-    """Refuse to resume with other given weights than those with which the evolution began."""
-    if after is None or prepared.given is None:
-        return
-    if not np.array_equal(prepared.network_genes(after.generation.champion), prepared.given):
-        raise ConfigError(f"genome={prepared.config.genome} does not hold the weights with which {path} began")
-
-
-def _check_own_files(path: Path, own: Mapping[Path, OwnFile], before: Mapping[str, Any]) -> None:
-    """Refuse to resume with other files of the user's than those with which the evolution began."""
+    before = from_values(values, EvolveConfig, str(path / CONFIG))
+    own, own_before = own_files(values), facts.get("own_code", {})
     for file, now in own.items():
-        if str(file) not in before or now.copy != before[str(file)]["copy"]:
+        if str(file) not in own_before or now.copy != own_before[str(file)]["copy"]:
             raise ConfigError(
                 f"{file}, or a file that it imports, is not what {path} began with; put it back as it was (a copy is "
                 f"in {path / OWN_CODE}), or begin another evolution"
             )
+    changeable = _changeable(before)
+    for change in changes:
+        key, _, value = change.partition("=")
+        if key not in changeable:
+            raise ConfigError(
+                f"{change} cannot be given with {RESUME}: the evolution is resumed with the settings in "
+                f"{path / CONFIG}; only these may be changed: {', '.join(changeable)}"
+            )
+        group, _, last = key.rpartition(".")
+        place = values[group] if group else values
+        place[last] = value  # what is no YAML is no value of such a key, either
+        with suppress(yaml.YAMLError):
+            place[last] = yaml.safe_load(value)
+    config = from_values(values, EvolveConfig, f"resume={path}")
+    prepared = prepare_evolution(config)
+    prepared.compile()
+    after = Checkpoint.read(
+        path, lambda log: Search(config.algorithm, config.plan, config.seed, log), _digest(path, before)
+    )
+    generations, done, key = config.schedule.generations, 0, changeable[0]
+    if after is not None:
+        done = after.generation.number + 1
+        champion = prepared.network_genes(after.generation.champion)
+        if prepared.given is not None and not np.array_equal(champion, prepared.given):
+            raise ConfigError(f"genome={config.genome} does not hold the weights with which {path} began")
+    if generations < done:
+        raise ConfigError(f"{key} must be {done} or more, the generations that {path} has, got {generations}")
+    if generations == done and run.status["state"] == "finished":
+        say(f"{path} has all of its {done} generations; {key}={2 * done} would add {done}.")
+        return path
+    if facts["code"].get("science") != SCIENCE:
+        say("The program has changed since this evolution began; it may end otherwise than one that never stopped.")
+    folder = RunFolder.resume(path, "evolve", dump(config), arguments, {"generations": done}, own)
+    say(f"Resuming after {done} of {generations} generations.")
+    evolve_into(folder, prepared, after, threads=thread_count(config.threads))
+    return path
 
 
 def _changeable(config: EvolveConfig) -> tuple[str, ...]:
@@ -277,31 +271,13 @@ def _changeable(config: EvolveConfig) -> tuple[str, ...]:
     return f"{config.algorithm.key}.generations", "threads", "figures"
 
 
-def _digest(path: Path, changeable: tuple[str, ...]) -> str:
+def _digest(path: Path, config: EvolveConfig) -> str:
     """A digest of the settings that make a run this evolution."""
-    kept = settings(path / CONFIG)
-    for dotted in changeable:
+    values = settings(path / CONFIG)
+    for dotted in _changeable(config):
         group, _, key = dotted.rpartition(".")
-        place = kept.get(group) if group else kept
-        if isinstance(place, dict):
-            place.pop(key, None)
-    return hashlib.sha256(json.dumps(kept, sort_keys=True, default=str).encode()).hexdigest()
-
-
-def _change(values: Plain, path: Path, changes: list[str], changeable: tuple[str, ...]) -> None:
-    """Change what may be changed in the configuration of a run."""
-    for change in changes:
-        key, _, value = change.partition("=")
-        if key not in changeable:
-            raise ConfigError(
-                f"{change} cannot be given with {RESUME}: the evolution is resumed with the settings in "
-                f"{path}/.hydra/config.yaml; only these may be changed: {', '.join(changeable)}"
-            )
-        group, _, last = key.rpartition(".")
-        try:
-            (values[group] if group else values)[last] = yaml.safe_load(value)
-        except yaml.YAMLError as error:
-            raise ConfigError(f"{change} cannot be read; give {key} a whole number") from error
+        (values[group] if group else values).pop(key, None)
+    return digest(values)
 
 
 class EvolutionProgress(Bar):

@@ -20,7 +20,7 @@ from omegaconf import DictConfig, OmegaConf, flag_override
 from omegaconf.errors import OmegaConfBaseException
 
 from epuckhebb.config import (
-    OWN_CODE_KEYS,
+    KINDS,
     SCHEMAS,
     SWEEP_DIR,
     alternatives,
@@ -173,7 +173,7 @@ def _with_own_files_found(argument: str) -> str:
     key = argument.partition("=")[0]
     if key == "robot.sensors":
         return _SENSOR.sub(lambda found: f"{found[1]}{path_of(found[2], key).absolute()}", argument)
-    if key not in OWN_CODE_KEYS or ":" not in argument:
+    if key not in [f"{kind.group}.{kind.key}" for kind in KINDS.values()] or ":" not in argument:
         return argument
     (choices,) = alternatives([argument]).values()
     named = [value_of(choice).rpartition(":") for choice in choices]

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from epuckhebb.config import EvaluateConfig, EvolveConfig, Plain, from_values, hand, own_references, settings
+from epuckhebb.config import EvaluateConfig, EvolveConfig, from_values, hand, own_references, settings
 from epuckhebb.runs.evaluate import evaluate_into, prepare_evaluation
 from epuckhebb.runs.evolve import evolve_into, new_evolution, prepare_evolution
 from epuckhebb.runs.hydra import new_stamp
 from epuckhebb.runtime import ConfigError, say, thread_count
-from epuckhebb.store import Run, load_genome, science_version, versions
+from epuckhebb.store import SCIENCE, Run, load_genome, versions
 
 
 def repeat(path: Path) -> tuple[Path, str]:
@@ -22,7 +22,7 @@ def repeat(path: Path) -> tuple[Path, str]:
         raise ConfigError(f"{path} is a run of `epuckhebb {command}`; rerun repeats those of evaluate and evolve")
     if state != "finished":
         raise ConfigError(f"{path} is {state}; only a finished run can be compared with")
-    if facts["code"].get("science") != science_version():
+    if facts["code"].get("science") != SCIENCE:
         say("The program has changed since this run.")
     for name, number in versions().items():
         before = facts.get("packages", {}).get(name)
@@ -30,7 +30,13 @@ def repeat(path: Path) -> tuple[Path, str]:
             say(f"{name} was {before} in this run, and is {number} now; digits may differ.")
     new = Path("runs") / command / f"{new_stamp()}_rerun_of_{path.resolve().name}"
     values = settings(run.config_file)
-    _take_copies(values, run)
+    own_code = facts.get("own_code", {})
+    for part, key, file, name in own_references(values):
+        if str(file) not in own_code:
+            raise ConfigError(f"{path} has no copy of {file}, which {key} names")
+        copy = own_code[str(file)]["copy"]
+        run.check_folder(copy.rpartition("/")[0])
+        part[key] = f"{(path / copy).absolute()}:{name}"
     if run.has(hand.NAME):
         run.content(hand.NAME)  # as this run wrote it
         hand.take_copy(values, path)
@@ -54,17 +60,6 @@ def repeat(path: Path) -> tuple[Path, str]:
         folder = new_evolution(new, again.config, facts["overrides"], more)
         evolve_into(folder, again, None, threads=thread_count(again.config.threads))
     return new, _difference(path, new)
-
-
-def _take_copies(values: Plain, run: Run) -> None:
-    """Take the user's own files from their copies in the run folder."""
-    own_code = run.provenance.get("own_code", {})
-    for part, key, file, name in own_references(values):
-        if str(file) not in own_code:
-            raise ConfigError(f"{run.path} has no copy of {file}, which {key} names")
-        copy = own_code[str(file)]["copy"]
-        run.check_folder(copy.rpartition("/")[0])
-        part[key] = f"{(run.path / copy).absolute()}:{name}"
 
 
 def _difference(one: Path, other: Path) -> str:

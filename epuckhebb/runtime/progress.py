@@ -4,10 +4,9 @@ import os
 import sys
 import threading
 import time
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
-from typing import IO, Any, Self
+from typing import IO, Self
 
 _QUIET = "EPUCKHEBB_QUIET"  # environment variable, so that the workers of a launcher see it too
 _said: set[str] = set()
@@ -30,10 +29,10 @@ def is_quiet() -> bool:
 
 def say(note: str) -> None:
     """Print a note on standard error, unless this call is quiet."""
-    above = sys.modules["tqdm"].tqdm.external_write_mode(sys.stderr) if "tqdm" in sys.modules else nullcontext()
-    if not is_quiet():
-        with above:
-            _print(note)
+    if is_quiet():
+        return
+    with sys.modules["tqdm"].tqdm.external_write_mode(sys.stderr) if "tqdm" in sys.modules else nullcontext():
+        _print(note)  # above a bar
 
 
 def _print(line: str) -> None:
@@ -51,8 +50,8 @@ def discard_output(stream: IO[str]) -> None:
 
 
 def _is_watched() -> bool:
-    """Whether standard error is a terminal, where a bar can move."""
-    return sys.stderr.isatty()
+    """Whether standard error is a terminal or a notebook, where a bar can move."""
+    return sys.stderr.isatty() or "ipykernel" in sys.modules
 
 
 def say_once(note: str) -> None:
@@ -64,11 +63,10 @@ def say_once(note: str) -> None:
 
 @contextmanager
 def saying_if_slow(note: str) -> Iterator[None]:
-    """Print a note at a terminal if what is done meanwhile takes longer than usual."""
+    """Print a note if what is done meanwhile takes longer than usual."""
     timer = threading.Timer(_SLOW_S, say, [note])
     timer.daemon = True
-    if _is_watched():
-        timer.start()
+    timer.start()
     try:
         yield
     finally:
@@ -82,15 +80,13 @@ class Bar:
     """
 
     def __init__(self, what: str, total: int, *, quiet: bool = False, each: bool = True) -> None:
-        notebook = _in_notebook()
-        shown = notebook or _is_watched()
-        quiet = quiet or is_quiet()
-        look = {"desc": what, "bar_format": _LOOK, "file": sys.stderr, "disable": quiet or not shown}
-        self.bar = _tqdm(notebook)(total=total, **look)
+        from tqdm import tqdm
+
+        quiet, shown = quiet or is_quiet(), _is_watched()
+        self.bar = tqdm(desc=what, total=total, bar_format=_LOOK, file=sys.stderr, disable=quiet or not shown)
         self._is_plain = not (shown or quiet)
-        self._what, self._each, self._line = what, each, time.monotonic()
+        self._what, self._total, self._each, self._line = what, total, each, time.monotonic()
         self._first: tuple[float, int] | None = None  # when the first step was shown, and which
-        self._total = total
 
     def __enter__(self) -> Self:
         """The bar itself."""
@@ -114,24 +110,6 @@ class Bar:
             seconds, steps = now - began, done - before
             left = f"{seconds / steps * (self._total - done):.0f} s left" if steps and news else ""
             _print("  ".join(filter(None, (f"{self._what} {done}/{self._total}", text, left))))
-
-
-def _in_notebook() -> bool:
-    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
-    return shell is not None and "IPKernelApp" in shell.config
-
-
-def _tqdm(notebook: bool) -> Any:
-    """The class of bars: of tqdm, in a notebook a widget if it can be one. It starts no process and no thread."""
-    from tqdm import tqdm
-
-    if notebook:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # without ipywidgets the bar is text
-            from tqdm.auto import tqdm
-    tqdm.monitor_interval = 0
-    tqdm.set_lock(threading.RLock())
-    return tqdm
 
 
 def track(what: str, moments: Sequence[float]) -> Iterator[float]:

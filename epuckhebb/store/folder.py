@@ -102,12 +102,8 @@ class RunFolder:
                 run._lock = disk.lock(path, _PATIENCE_S)
             run._begin(content, config, arguments, own)
         except OSError as error:
-            written = (STATUS, OVERRIDES, *run._written)
-            for name in written:
+            for name in (STATUS, *run._written):
                 (path / name).unlink(missing_ok=True)
-            for folder in sorted({folder for name in written for folder in Path(name).parents}, reverse=True)[:-1]:
-                with suppress(OSError):
-                    (path / folder).rmdir()
             release(run._lock)
             raise _cannot_write(path, error) from error
         return run

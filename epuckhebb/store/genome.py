@@ -24,9 +24,11 @@ from epuckhebb.tmaze.robot import EPUCK
 
 _NOMINAL = "memory_"  # how the names of the arrays of nominal statistics begin
 _OF_SEED = re.compile(rf"{REFERENCE}_(ode_)?(\d+)")
-# Of a champion, where there are such:
-_FACTS = ("rule", "task", "fitness_function", "sensors", "wiring_settings", "physics")
-_TEXTS = ("robot", "experiment", "optimizer", "training", *_FACTS)
+# What a champion was evolved for and by, as far as it is known.
+_TEXTS = (
+    *("robot", "experiment", "optimizer", "training", "rule", "task", "fitness_function", "sensors"),
+    *("wiring_settings", "physics"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,26 +109,19 @@ def load_genome(where: str, experiment: str, shape: tuple[int, ...] | Wiring | N
         experiment: The name of the experiment, `light` or `obstacles`.
         shape: The layers of the network, or its wiring; None for what the file names, or else the paper's layers.
     """
-    reference = data_folder("runs/reference")
+    reference, name, of_seed = data_folder("runs/reference"), where, _OF_SEED.fullmatch(where)
     if where == REFERENCE:
-        return _read_genome(reference / f"champion_{experiment}.npz", REFERENCE, shape)
-    if of_seed := _OF_SEED.fullmatch(where):
-        kind, seed = f"{experiment}_{of_seed[1] or ''}seed", int(of_seed[2])
-        path = reference / "champions" / f"{kind}{seed:03d}.npz"
-        if not path.is_file():
-            raise ConfigError(
-                f"genome={where} is not among the reference champions of the {experiment} experiment, which are "
-                f"{path.parent}/{kind}*.npz"
-            )
-        return _read_genome(path, where, shape)
-    path, name = path_of(where, "genome"), Path(where).stem
-    allowed = f"give `{LATEST}`, a run folder of `epuckhebb evolve`, a .npz or .npy file, or `{REFERENCE}`"
-    if path.is_dir():
-        path, name = path / CHAMPION, path.resolve().name
-        if not path.is_file():
-            raise ConfigError(f"genome={where} is a folder without a {CHAMPION}; {allowed}")
+        path = reference / f"champion_{experiment}.npz"
+    elif of_seed:
+        path = reference / "champions" / f"{experiment}_{of_seed[1] or ''}seed{int(of_seed[2]):03d}.npz"
+    else:
+        path = path_of(where, "genome")
+        name, path = (path.resolve().name, path / CHAMPION) if path.is_dir() else (path.stem, path)
     if not path.is_file():
-        raise ConfigError(f"genome={where} does not exist; {allowed}")
+        raise ConfigError(
+            f"genome={where} does not exist: there is no file {path}. Give `{LATEST}`, a run folder of `epuckhebb "
+            f"evolve`, a .npz or .npy file, `{REFERENCE}`, or for example `{REFERENCE}_7`, a champion of these results"
+        )
     return _read_genome(path, name, shape)
 
 
@@ -137,38 +132,30 @@ def is_bundled(where: str) -> bool:
 
 def checked_genes(genes: NDArray[np.generic], where: str, plan: GenomePlan) -> NDArray[np.float64]:
     """The genes as float64 of shape (genes,)."""
-    if genes.dtype.kind not in "fiu":
-        raise ConfigError(f"genome={where} must hold numbers, it holds {genes.dtype}")
-    if genes.shape != (plan.genes,):
+    if genes.dtype.kind not in "fiu" or genes.shape != (plan.genes,):
         raise ConfigError(
-            f"genome={where} must hold {plan.genes} numbers in one dimension ({plan.text()}), got shape {genes.shape}"
+            f"genome={where} must hold {plan.genes} numbers in one dimension ({plan.text()}), got {genes.dtype} of "
+            f"shape {genes.shape}"
         )
-    genome = genes.astype(np.float64)
-    if not np.isfinite(genome).all():
-        raise ConfigError(f"genome={where} must hold finite numbers, {(~np.isfinite(genome)).sum()} are not")
-    return genome
+    if not np.isfinite(genes).all():
+        raise ConfigError(f"genome={where} must hold finite numbers, {(~np.isfinite(genes)).sum()} are not")
+    return genes.astype(np.float64)
 
 
-def champion_file(genome: Genome, fitness: float, experiment: str, seed: int, generation: int) -> bytes:
+def champion_file(genome: Genome, fitness: float, seed: int, generation: int) -> bytes:
     """A `champion.npz`: the genome, where it comes from, and what it remembers, once evolution has ended."""
     arrays: dict[str, Any] = {
         "genome": genome.genes,
         "layers": np.array(genome.network.layers),
         "fitness": np.float64(fitness),
-        "experiment": np.str_(experiment),
         "seed": np.int64(seed),
         "generation": np.int64(generation),
-        "robot": np.str_(genome.robot),
         "lights": np.int64(genome.lights),
         "parts": np.array([part.name for part in genome.plan.parts]),
         "part_sizes": np.array([part.size for part in genome.plan.parts]),
-        "optimizer": np.str_(genome.optimizer),
-        "training": np.str_(genome.training),
-    }
-    for name in _FACTS:
-        if text := getattr(genome, name):
-            arrays[name] = np.str_(text)
-            arrays |= {"rewarded": np.int64(genome.network.rewarded)} if name == "task" else {}
+    } | {name: np.str_(text) for name in _TEXTS if (text := getattr(genome, name))}
+    if genome.task:
+        arrays["rewarded"] = np.int64(genome.network.rewarded)
     if genome.network.wiring is not None:
         settings = json.dumps(asdict(genome.network.wiring), default=str)
         arrays |= {**wiring_arrays(genome.network), "wiring_settings": np.str_(settings)}
@@ -204,9 +191,7 @@ def _read_genome(path: Path, name: str, shape: tuple[int, ...] | Wiring | None) 
         network = network_from(arrays, layers or PAPER_NETWORK.layers)
         network = network if shape is None else _of_shape(network, shape, path)
         if layers and network.layers != layers:
-            raise ConfigError(
-                f"genome={path} is of layers {list(network.layers)}, and network.layers asks for {list(layers)}"
-            )
+            raise ConfigError(f"genome={path} is of layers {network}, and network.layers asks for {list(layers)}")
         plan = plan_of(network)
         if "parts" in arrays:
             plan = GenomePlan(tuple(map(Part, arrays["parts"].tolist(), arrays["part_sizes"].tolist())))

@@ -122,30 +122,23 @@ class Run:
 
     def check_version(self) -> None:
         """Refuse a folder that another version of this program made, whose files differ from ours."""
-        written = [_json(self.path / name) for name in (PROVENANCE, STATUS)]
-        other = next((one["schema"] for one in written if one.get("schema", SCHEMA) != SCHEMA), SCHEMA)
-        if other == SCHEMA:
+        schemas = {_json(self.path / name).get("schema", SCHEMA) for name in (PROVENANCE, STATUS)}
+        if schemas == {SCHEMA}:
             return
-        code = written[0].get("code", {})
-        version = f"epuckhebb {code.get('version', 'of an unknown version')}"
-        commit = f" (commit {str(code['commit'])[:10]})" if code.get("commit") else ""
+        version = _json(self.path / PROVENANCE).get("code", {}).get("version", "of an unknown version")
         champion = f". Its champion can be used: genome={self.path}" if (self.path / CHAMPION).is_file() else ""
         raise ConfigError(
-            f"{self.path} was made by {version}{commit}, in a format that this version does not read (schema {other}; "
-            f"ours is {SCHEMA}). Use that version for it, or run it again in a new folder{champion}"
+            f"{self.path} was made by epuckhebb {version}, in a format that this version does not read. Use that "
+            f"version for it, or run it again in a new folder{champion}"
         )
 
     def _check_files(self) -> None:
         """Refuse what is no run folder of this version."""
-        if not self.path.is_dir():
-            raise ConfigError(f"{self.path} is not a folder; give a run folder, for example one below runs/evaluate/")
-        inside = next(self.path.glob(f"*/{STATUS}"), None)
-        if inside is not None and not (self.path / STATUS).exists():
-            raise ConfigError(f"{self.path} is a folder with runs in it; give one of them, for example {inside.parent}")
         self.check_version()
         for name in (PROVENANCE, STATUS):
             if not (self.path / name).is_file():
-                raise ConfigError(f"{self.path} is not a run folder: it has no {name}")
+                inside = next(self.path.glob(f"*/{STATUS}"), Path("runs/evaluate/...") / STATUS).parent
+                raise ConfigError(f"{self.path} is not a run folder: it has no {name}. Give one, for example {inside}")
 
     @property
     def _written(self) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from epuckhebb.config import (
 )
 from epuckhebb.runs import evolve_into, hydra, new_evolution, prepare_evaluation, prepare_evolution
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder
-from epuckhebb.store import RunFolder, as_json, digest, science_version, versions, write_atomic
+from epuckhebb.store import RunFolder, as_json, digest, fingerprint, write_atomic
 from epuckhebb.studies import jobs as study_jobs
 from epuckhebb.studies.jobs import NO_EFFECT, Job
 from epuckhebb.tmaze.fitness import Signal
@@ -59,11 +59,9 @@ def identity(job: Plain) -> str:
         **{key: value for key, value in job.items() if key != "config_dir"},
         "config": config,
         "worlds": worlds_digest(worlds, config_dir),
-        "own_code": [one.digest for one in own.values()],
-        "science": science_version(),
-        "packages": versions(),
     }
-    return f"{'test' if worlds else 'champion'}_{digest(depends)[:12]}"
+    name = fingerprint(depends, own=[one.digest for one in own.values()])
+    return f"{'test' if worlds else 'champion'}_{name}"
 
 
 @functools.cache

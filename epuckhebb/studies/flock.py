@@ -19,7 +19,7 @@ from epuckhebb.flock.coupling import CouplingError
 from epuckhebb.flock.plane import CHANGE_S, Flock, Record, run
 from epuckhebb.runs import hydra
 from epuckhebb.runtime import ConfigError, thread_count
-from epuckhebb.store import Run, RunFolder, digest, science_version, versions
+from epuckhebb.store import Run, RunFolder, digest, fingerprint
 from epuckhebb.studies import jobs
 from epuckhebb.studies.jobs import Job
 
@@ -71,9 +71,7 @@ def _identity(job: Plain) -> str:
     config = from_values(job["config"], FlockConfig, "a job of flock")
     rows = [(row.name, repr(row.coupling), row.other) for row in config.rows]
     own = [file.digest for file in own_files(job["config"]).values()]  # wherever they are
-    program = science_version(), versions()
-    depends = [rows, repr(config.cells[job["cell"]]), config.seed, own, *program]
-    return f"flock_{digest(depends)[:12]}"
+    return f"flock_{fingerprint([rows, repr(config.cells[job['cell']]), config.seed], own=own)}"
 
 
 def shown(config: FlockConfig) -> tuple[Flock, dict[str, Record]]:

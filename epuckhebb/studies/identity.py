@@ -6,7 +6,7 @@ from functools import cache
 from epuckhebb.config import EvaluateConfig, Plain, check_counts, from_values, own_sources
 from epuckhebb.runs import prepare_evaluation
 from epuckhebb.runtime import ConfigError
-from epuckhebb.store import digest, load_genome, science_version, versions
+from epuckhebb.store import Genome, digest, fingerprint, load_genome
 from epuckhebb.studies.jobs import NO_EFFECT
 from epuckhebb.tmaze.maze import SIDES
 from epuckhebb.tmaze.physics.pymunk import Pymunk
@@ -14,9 +14,9 @@ from epuckhebb.tmaze.physics.pymunk import Pymunk
 _APART = ("seed", "repeats", "threads")  # keys that are checked by `check_counts` alone
 
 
-def settings(config: Plain) -> str:
-    """A digest of a configuration without the keys on which no result depends."""
-    return digest(_without(config, NO_EFFECT))
+def settings(config: Plain) -> Plain:
+    """A configuration without the keys on which no result depends."""
+    return _without(config, NO_EFFECT)
 
 
 def _without(config: Plain, keys: Sequence[str]) -> Plain:
@@ -31,23 +31,22 @@ class Identities:
 
     def __init__(self) -> None:
         self._shared: dict[str, EvaluateConfig] = {}
-        self._more: dict[tuple[str, str], Plain] = {}
+        self._genomes: dict[tuple[str, str], Genome] = {}
         self._load_genome = cache(load_genome)
 
     def of(self, config: Plain) -> str:
-        """The name of the run of a configuration, from all that its results depend on at this moment.
-
-        Besides the settings these are the genome, what it remembers if that is used, the user's own files, the science,
-        and the numeric packages.
-        """
+        """The name of the run of a configuration, from all that its results depend on at this moment."""
         try:
             check_counts(config)
         except ValueError as error:
             raise ConfigError(str(error)) from error
         shared = self.validate_shared(config)
-        if (shared, config["genome"]) not in self._more:
-            self._more[shared, config["genome"]] = self._depends_on(config, self._shared[shared])
-        return f"job_{digest([settings(config), self._more[shared, config['genome']]])[:12]}"
+        key = shared, config["genome"]
+        if key not in self._genomes:
+            job = self._shared[shared]
+            genome = self._load_genome(config["genome"], job.world.experiment, job.shape)
+            self._genomes[key] = prepare_evaluation(job, genome).genome
+        return f"job_{fingerprint(settings(config), self._genomes[key], own_sources(config))}"
 
     def validate_shared(self, config: Plain, load: Callable[[], EvaluateConfig] | None = None) -> str:
         """Check, once, what many configurations share with this one; returns a digest of that.
@@ -64,16 +63,3 @@ class Identities:
         shared = self._shared[self.validate_shared(config)]
         lifetimes = len(SIDES) * (1 + len(shared.controllers)) * int(config["repeats"])
         return lifetimes * shared.lifetime.steps, isinstance(shared.world.physics, Pymunk)
-
-    def _depends_on(self, config: Plain, shared: EvaluateConfig) -> Plain:
-        """What the results of a configuration depend on besides its settings."""
-        genome = self._load_genome(config["genome"], shared.world.experiment, shared.shape)
-        prepare_evaluation(shared, genome)
-        adaptations = [controller.adaptation for controller in shared.controllers]
-        return {
-            "genome": genome.sha256,
-            "nominal": genome.nominal_sha256 if any(one.needs_nominal for one in adaptations) else "",
-            "own_code": own_sources(config),
-            "science": science_version(),
-            "packages": versions(),
-        }

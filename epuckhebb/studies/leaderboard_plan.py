@@ -17,7 +17,7 @@ from epuckhebb.config import (
     quoted,
 )
 from epuckhebb.runtime import ConfigError
-from epuckhebb.store import digest, science_version
+from epuckhebb.store import fingerprint
 from epuckhebb.studies.champions import search_folders, worlds_digest
 from epuckhebb.studies.jobs import Job, folder_and_launcher, split
 from epuckhebb.studies.leaderboard_jobs import REVERSAL, Entry, Planner, sweep_of, tests_of
@@ -110,8 +110,8 @@ def plan(experiment: str, arguments: list[str], *, quick: bool = False, config_d
     jobs = [job for entry in entries for job in entry.tests.values()]
     tested = [name for worlds in all_tests.values() for name in worlds]
     depends = [worlds_digest(tuple(tested), config_dir), config.first_seed, config.seed, config.repeats]
-    depends += [config.reversal_repeats, science_version()]
-    usual = Path("runs") / "leaderboard" / f"seed{config.first_seed}_{digest(depends)[:8]}"
+    depends += [config.reversal_repeats]
+    usual = Path("runs") / "leaderboard" / f"seed{config.first_seed}_{fingerprint(depends)[:8]}"
     folder, launcher = folder_and_launcher(of_hydra, usual, 2 * len(jobs))
     return Leaderboard(
         config=config,

@@ -3,7 +3,6 @@
 The folder is named by the settings, so the same command resumes it; see `epuckhebb.studies.jobs`.
 """
 
-import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from epuckhebb.config import EvaluateConfig, EvolveConfig, ReproduceConfig, from
 from epuckhebb.controller.network import PAPER_NETWORK
 from epuckhebb.runs import prepare_evolution
 from epuckhebb.runtime import ConfigError, data_folder
-from epuckhebb.store import Genome, Run, RunFolder, load_genome, science_version
+from epuckhebb.store import Genome, Run, RunFolder, fingerprint, load_genome
 from epuckhebb.studies.champions import champion_job, in_training_world, job_of
 from epuckhebb.studies.jobs import Job, folder_and_launcher, launch_in_turn, open_study, split, todo, write_report
 from epuckhebb.tmaze.life import Lifetime
@@ -91,9 +90,7 @@ def _planned(config: ReproduceConfig, experiment: str, given: Genome | None) -> 
 def _folder(experiment: str, config: ReproduceConfig, given: Genome | None) -> Path:
     """The folder of these settings; other settings, or another version of the science, have another folder."""
     depends = {key: value for key, value in config.values.items() if key not in ("threads", "genome")}
-    depends |= {"experiment": experiment, "science": science_version()}
-    depends["genome"] = given.sha256 if given else None
-    digest = hashlib.sha256(repr(sorted(depends.items())).encode()).hexdigest()[:8]
+    digest = fingerprint(depends | {"experiment": experiment}, given)[:8]
     who = given.name if given else f"champions{config.champions}"
     return Path("runs") / "reproduce" / f"{experiment}_{who}_seed{config.first_seed}_{digest}"
 

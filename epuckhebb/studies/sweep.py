@@ -75,7 +75,7 @@ def plan(name: str, arguments: list[str], config_dir: str | None = None) -> Swee
     jobs = list(listed.values())
     if again:
         say(repeated(len(again), again[0].settings, listed[again[0].run].settings))
-    settings = digest([identity.settings(job.config) for job in jobs])
+    settings = digest([digest(identity.settings(job.config)) for job in jobs])
     usual = Path("runs") / "sweep" / f"{name}_{settings[:8]}"
     folder, launcher = folder_and_launcher(of_hydra, usual, len(jobs))
     words_typed = [name, *arguments, *(["--config-dir", config_dir] if config_dir else [])]

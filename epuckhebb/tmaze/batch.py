@@ -9,17 +9,20 @@ from epuckhebb.adaptation.change_signal import no_nominal
 from epuckhebb.adaptation.controller import GA_ALONE, Controller
 from epuckhebb.adaptation.homeostasis import no_patterns
 from epuckhebb.controller.genome import plan_of
-from epuckhebb.controller.network import HIDDEN, OUTPUTS, Network
+from epuckhebb.controller.network import HIDDEN, Network
+from epuckhebb.controller.own_class import OwnClass, is_own
 from epuckhebb.controller.plasticity.rule import NoRule, Rule
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.life import Lifetime
 from epuckhebb.tmaze.outcome import Outcome
-from epuckhebb.tmaze.robot import STEP_S
+from epuckhebb.tmaze.own_sensor import own_sensors
+from epuckhebb.tmaze.robot import OUTPUTS, STEP_S
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.session import Individual, Session
 from epuckhebb.tmaze.simulator import Simulator
 
+_TRIED_S = 8.0  # of a lifetime that is run twice
 _LIFETIMES_PER_STAGE = 50  # that run one after the other
 
 
@@ -59,20 +62,50 @@ def _in_turn(
 def load_kernel(
     controller: Controller = GA_ALONE, network: Network | None = None, scenario: Scenario | None = None
 ) -> None:
-    """Load or compile the kernel of such lifetimes, as the first of them would.
+    """Load or compile the kernel of such lifetimes. A lifetime with parts of the user's own is run twice.
 
     Raises:
-        NotCompiledError: the rule does not compile.
+        NotCompiledError: a part does not compile.
+        ValueError: a part of the user's own draws random numbers, or remembers earlier lifetimes.
     """
     world = scenario or Scenario()
     net = network or Network((world.inputs, *HIDDEN, OUTPUTS), world.task.gives_reward)
+    genes = plan_of(net, type(controller.rule)).genes
+    own = _own_parts(controller, net, world)
     dummy = Individual(
-        genes=np.zeros(plan_of(net, type(controller.rule)).genes),
+        genes=np.random.default_rng(0).uniform(-1.0, 1.0, genes) if own else np.zeros(genes),
         side="left",
         controller=controller,
         network=net,
         signs=np.ones(net.synapses),
         nominal=no_patterns(no_nominal(world.robot.inputs), world.robot.light.count),
         key=np.uint64(0),
+        record=bool(own),
     )
-    run_lifetimes([dummy], world, Lifetime(duration_s=STEP_S, gain_rad_s=min(1.0, world.robot.motor_limit_rad_s)))
+    duration_s, gain = _TRIED_S if own else STEP_S, min(1.0, world.robot.motor_limit_rad_s)
+    lifetime = Lifetime(duration_s=duration_s, gain_rad_s=gain, record_every=1)
+    first, *again = (run_lifetimes([dummy], world, lifetime)[0] for _ in range(2 if own else 1))
+    if again and _content(first) != _content(again[0]):
+        parts = " or ".join(f"{part.KEY} ({part.what()})" for part in own)
+        raise ValueError(
+            f"{parts} gives other results when the same lifetime is run again, so no run could be repeated: it draws "
+            "random numbers of its own, or remembers earlier lifetimes"
+        )
+
+
+def _own_parts(controller: Controller, network: Network, world: Scenario) -> list[OwnClass]:
+    """The parts of a lifetime that are the user's own."""
+    parts = [
+        controller.rule,
+        network.wiring,
+        world.fitness,
+        world.task,
+        world.physics,
+        *own_sensors(world.robot.sensors),
+    ]
+    return [part for part in parts if part is not None and is_own(type(part))]
+
+
+def _content(result: tuple[Outcome, Samples]) -> list[bytes]:
+    outcome, samples = result
+    return [np.asarray(value).tobytes() for value in (*outcome, outcome.trials, *samples)]

@@ -12,21 +12,23 @@
 """
 
 import math
-from enum import IntEnum
+from enum import StrEnum
 from typing import Any, NamedTuple
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
+from epuckhebb.controller.plasticity.rule import Rule
+from epuckhebb.tmaze.robot import STEP_S
 
 
-class Signal(IntEnum):
-    """Which live fitness F scales plasticity; see `live_fitness`."""
+class Signal(StrEnum):
+    """Which live fitness F scales plasticity; see `live_fitness`. A kernel has its number, from 0."""
 
-    behaviour = 0
-    final = 1
-    lifetime_mean = 2
-    light_code = 3
-    fitness = 4
+    behaviour = "behaviour"
+    final = "final"
+    lifetime_mean = "lifetime_mean"
+    light_code = "light_code"
+    fitness = "fitness"
 
 
 class History(NamedTuple):
@@ -40,9 +42,26 @@ class History(NamedTuple):
     sum: float
 
 
+_OF_HISTORY = ("history_s", "history_mean", "carries_history")
 LIGHT_CODE_SENSORS = (8, 8)  # light and distance sensors of the robot that `light_code` is written for
 
-_FINAL, _LIFETIME_MEAN, _LIGHT_CODE = int(Signal.final), int(Signal.lifetime_mean), int(Signal.light_code)
+_, _FINAL, _LIFETIME_MEAN, _LIGHT_CODE, OWN = range(len(Signal))
+
+
+def signal_number(rule: Rule) -> int:
+    """The number of the live fitness that scales a rule; a ValueError where its settings do not fit it."""
+    if rule.signal not in list(Signal):
+        raise ValueError(f"hebbian.signal must be one of {', '.join(Signal)}, got {rule.signal!r}")
+    changed = next((name for name in _OF_HISTORY if getattr(rule, name) != getattr(Rule, name)), None)
+    if changed and rule.signal != Signal.lifetime_mean:
+        raise ValueError(f"hebbian.{changed} does nothing with hebbian.signal={rule.signal}; give signal=lifetime_mean")
+    return list(Signal).index(Signal(rule.signal))
+
+
+def initial_history(rule: Rule) -> History:
+    """What the live fitness of a rule starts from, unless it is carried."""
+    steps = float(rule.history_s) / STEP_S
+    return History(steps, steps * float(rule.history_mean))
 
 
 @compiled

@@ -11,7 +11,6 @@ from typing import Any
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled
-from epuckhebb.controller.network import OUTPUTS
 from epuckhebb.controller.plasticity.update import StepContext, effective_rate
 from epuckhebb.tmaze import fitness
 from epuckhebb.tmaze.life import Group, Life, Setup, Trial, life_of
@@ -21,12 +20,11 @@ from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.samples import Samples
 from epuckhebb.tmaze.sensors import NO_ROBOTS, Goal
 
-OWN = int(fitness.Signal.fitness)
 CONTACT = 0.8  # a distance reading above this counts as contact, as in the published code
 
 # The parts of a lifetime; `epuckhebb.tmaze.lifetime_kernel` puts them here.
 _part: Any = None
-WHEELS, HAS_RULE, HAS_TRIALS, HAS_SCORE, resets = 0, False, False, False, False
+OUTPUT, HAS_RULE, HAS_TRIALS, HAS_SCORE, resets = 0, False, False, False, False
 draw_noise = sense = apply_sensor_faults = blind = reward_input = scale = _part  # sense
 forward = nearest = score = open_gate = modulate = learn = record_tilt = _part  # act, score, learn
 explore = turn_wheels = move = move_all = to_goal = end_step = _part  # move
@@ -140,7 +138,7 @@ def decide(
 
     # Act.
     forward(weights, activation, workspace.drive, life.neurons)
-    left, right = activation[WHEELS], activation[WHEELS + 1]
+    left, right = activation[OUTPUT], activation[OUTPUT + 1]
 
     # Score.
     if is_in(trial.arm, at.x, at.y):
@@ -158,7 +156,7 @@ def decide(
             tally, own, setup.fitness, left, right, nearness, contact, behaviour, at, activation, step * STEP_S
         )
         own.sum += worth
-        if plasticity.signal == OWN:
+        if plasticity.signal == fitness.OWN:
             live_fitness = worth
 
     # Learn.
@@ -169,7 +167,7 @@ def decide(
     rate = effective_rate(plasticity.rate, need, live_fitness, plasticity.floor)
     if HAS_RULE and plasticity.rate > 0.0 and need > 0.0:
         rate *= modulate(genotype.modulatory, activation)
-        context = StepContext(live_fitness, life.key, step)
+        context = StepContext(live_fitness, life.key, step, STEP_S)
         tally.weight_change = learn(
             weights, life.synapse_state, genotype, activation, rate, context, plasticity.numbers, workspace
         )
@@ -218,10 +216,11 @@ def record(
     samples.time[place] = time
     samples.pose[place, 0], samples.pose[place, 1], samples.pose[place, 2] = at.x, at.y, at.heading
     inputs, synapses = samples.sensors.shape[1], samples.weights.shape[1]
-    wheels = activation.shape[0] - OUTPUTS
+    outputs = samples.motors.shape[1]
     for i in range(inputs):
         samples.sensors[place, i] = activation[i]
-    samples.motors[place, 0], samples.motors[place, 1] = activation[wheels], activation[wheels + 1]
+    for k in range(outputs):
+        samples.motors[place, k] = activation[activation.shape[0] - outputs + k]
     samples.fitness[place], samples.change_signal[place] = live_fitness, tally.change_signal
     samples.rate[place], samples.weight_change[place] = rate, tally.weight_change + tally.scaling
     for k in range(synapses):

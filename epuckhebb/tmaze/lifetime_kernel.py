@@ -15,7 +15,7 @@ from epuckhebb.tmaze.lifetime import decide, live, perceive, settle
 from epuckhebb.tmaze.own_fitness import PAPER_FITNESS, Fitness, score_of, scored
 from epuckhebb.tmaze.physics.pymunk import PYMUNK, mover_of_all
 from epuckhebb.tmaze.physics_engine import Physics
-from epuckhebb.tmaze.robot import Robot
+from epuckhebb.tmaze.robot import OUTPUTS, Robot
 from epuckhebb.tmaze.senses import blinding, largest_distance_reading, senses
 from epuckhebb.tmaze.task import Task
 from epuckhebb.tmaze.tasks.trial import ONE_TRIAL
@@ -45,7 +45,7 @@ def kernel_of(
         return _kernels[place]
     check_inputs(network, robot, task)
     parts = {
-        "WHEELS": network.wheels,
+        "OUTPUT": network.first_output,
         "HAS_RULE": rule is not NoRule,
         "HAS_TRIALS": task.has_trials,
         "HAS_SCORE": scoring.step is not None,
@@ -66,17 +66,23 @@ def kernel_of(
     }
     for block in (perceive, decide, settle):
         parts[block.__name__] = with_parts(block, **parts)
-    _kernels[place] = made = kernel(page, **parts)
+    values = (rule, adapted, network, robot, more_faults, type(task), scoring, physics)
+    _kernels[place] = made = kernel(page, values, **parts)
     return made
 
 
 def check_inputs(network: Network, robot: Robot, task: Task) -> None:
     """Check that a network fits the sensors of a robot and the reward of its task; else a ValueError."""
-    wanted = robot.inputs + task.input_count
+    wanted = robot.inputs + sum(group.count for group in task.inputs)
     reward = f" and the reward of task={task.name}" if task.gives_reward else ""
     if network.inputs != wanted:
         raise ValueError(
             f"network.layers must begin with {wanted}, the readings of robot {robot.name}{reward}, got "
+            f"{list(network.layers)}"
+        )
+    if network.outputs != OUTPUTS:
+        raise ValueError(
+            f"network.layers must end with {OUTPUTS}, the outputs for the left and the right wheel, got "
             f"{list(network.layers)}"
         )
     if network.rewarded != task.gives_reward:

@@ -209,13 +209,12 @@ def edges(placed: list[Box]) -> Floats:
 
 
 def boxes(maze: Maze, obstacles: int = 0, layout: int = 0) -> Floats:
-    """The walls and the first obstacles of a layout: (boxes, 4) left, right, bottom and top edge [m]."""
-    return edges([*maze.walls.values(), *(obstacles_of(maze, layout)[:obstacles])])
+    """The walls and the first obstacles: (boxes, 4) left, right, bottom and top edge [m].
 
-
-def obstacles_of(maze: Maze, layout: int) -> list[Box]:
-    """All obstacles of a layout: 0 as in the maze, k > 0 the k-th random layout."""
-    return random_obstacles(maze, layout) if layout else list(maze.obstacles.values())
+    layout: 0 for the obstacles of the maze, k > 0 for the k-th random layout.
+    """
+    placed = random_obstacles(maze, layout) if layout else list(maze.obstacles.values())
+    return edges([*maze.walls.values(), *placed[:obstacles]])
 
 
 def added(before: Floats, after: Floats) -> Floats:

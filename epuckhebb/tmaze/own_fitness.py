@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.compiling.kernel import zero
-from epuckhebb.controller.own_class import Functions, OwnClass, arguments, number_of
+from epuckhebb.controller.own_class import OwnClass, arguments, calling, number_of
 from epuckhebb.tmaze.maze import Pose
 from epuckhebb.tmaze.robot import STEP_S
 
@@ -91,6 +91,8 @@ class Fitness(OwnClass):
     """
 
     PART: ClassVar[str] = "fitness"
+    KEY: ClassVar[str] = "fitness.function"
+    METHODS: ClassVar[tuple[str, ...]] = ("step", "life")
     state: ClassVar[Mapping[str, Any]] = {}
     step: ClassVar[Callable[..., float] | None] = None
     life: ClassVar[Callable[..., float] | None] = None
@@ -106,14 +108,9 @@ class Fitness(OwnClass):
         return type(self) is not Fitness
 
     @classmethod
-    def functions(cls) -> Functions:
-        """`step` and `life`, as far as it has them."""
-        return tuple(function for function in (cls.step, cls.life) if function is not None)
-
-    @classmethod
     def arguments_of_step(cls) -> tuple[str, ...]:
         """The names of the arguments of `step`, in its order; a ValueError if one is unknown."""
-        return arguments(cls.what(), cls.step, _OF_STEP, {"by": cls.settings(), "state": tuple(cls.state)})
+        return arguments(cls.what(), cls.step, _OF_STEP)
 
     @classmethod
     def arguments_of_life(cls) -> tuple[str, ...]:
@@ -121,11 +118,9 @@ class Fitness(OwnClass):
         return arguments(cls.what(), cls.life, (*(_WITH_STEP if cls.step else ()), *_OF_LIFE))
 
     @classmethod
-    def check_class(cls, instead: str = "") -> None:
+    def check_class(cls) -> None:
         """Check that it has functions, with known arguments; else a ValueError."""
-        if not cls.functions():
-            raise ValueError(f"{cls.what()} has no static method `step` for each step, and no `life` for a lifetime")
-        super().check_class(instead)
+        super().check_class()
         if cls.step is not None:
             cls.arguments_of_step()
         if cls.life is not None:
@@ -148,10 +143,8 @@ class Fitness(OwnClass):
         if self.life is None:
             return mean
         known = {**facts, "mean": mean, "state": state.view(np.recarray)[0], "by": self}
-        try:
+        with calling(f"fitness {self.name}: `life`", FitnessError):
             value: Any = self.life(**{name: known[name] for name in self.arguments_of_life()})
-        except Exception as error:  # what a user's code may raise has no end
-            raise FitnessError(f"fitness {self.name}: `life` failed: {type(error).__name__}: {error}") from error
         is_number = isinstance(value, int | float | np.number | np.bool_)
         if not is_number or not math.isfinite(value):
             raise FitnessError(f"fitness {self.name}: `life` must return a finite number, it returned {value!r}")

@@ -9,7 +9,7 @@ import numpy as np
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing
-from epuckhebb.controller.own_class import Functions, OwnClass, arguments, call_of, namedtuple_of
+from epuckhebb.controller.own_class import OwnClass, arguments, call_of, calling, namedtuple_of
 from epuckhebb.tmaze.light import Lamp, lights
 from epuckhebb.tmaze.sensors import NO_ROBOTS, Goal, Kernels, SensorGroup, Surroundings
 
@@ -30,7 +30,7 @@ class SensorError(ValueError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sensor(OwnClass, SensorGroup):
+class Sensor(SensorGroup, OwnClass):
     """A sensor of the user's own; subclasses add settings as fields, and a static method `read`, compiled by numba.
 
     readings: the name of each reading. noise: standard deviation of the noise on each. `read` gives the reading, or as
@@ -46,6 +46,8 @@ class Sensor(OwnClass, SensorGroup):
     """
 
     PART: ClassVar[str] = "sensor"
+    KEY: ClassVar[str] = "robot.sensors.sensor"
+    METHODS: ClassVar[tuple[str, ...]] = ("read",)
     readings: ClassVar[tuple[str, ...]] = ("reading",)
     read: ClassVar[Callable[..., Any] | None] = None
 
@@ -92,31 +94,25 @@ class Sensor(OwnClass, SensorGroup):
         return Kernels(compiled(eval(call, parts)), nothing)
 
     @classmethod
-    def functions(cls) -> Functions:
-        """`read`, if it has it."""
-        return () if cls.read is None else (cls.read,)
-
-    @classmethod
     def arguments(cls) -> tuple[str, ...]:
         """The names of the arguments of `read`, in its order; a ValueError if one is unknown."""
-        return arguments(cls.what(), cls.read, _OF_READ, {"by": cls.settings()})
+        return arguments(cls.what(), cls.read, _OF_READ)
+
+    @classmethod
+    def check_class(cls) -> None:
+        """Check its method `read`; else a ValueError."""
+        super().check_class()
+        cls.arguments()
 
     def check(self) -> None:
-        """Check `read` and what it gives for a robot at the origin; else a ValueError."""
-        kind, what = type(self), self.what()
-        if kind.read is None:
-            raise ValueError(f"{what} has no static method `read`, which gives the readings")
-        kind.check_class()
-        names = kind.arguments()
+        """Check what `read` gives for a robot at the origin; else a ValueError."""
         around = _surroundings()
         values = {name: eval(how, {"around": around, "math": math, "by": self._by()}) for name, how in _OF_READ.items()}
-        try:
-            given = kind.read(**{name: values[name] for name in names})
-        except Exception as error:  # what a user's code may raise has no end
-            raise ValueError(f"{what}: `read` failed: {type(error).__name__}: {error}") from error
+        with calling(f"{self.what()}: `read`"):
+            given = type(self).read(**{name: values[name] for name in self.arguments()})  # type: ignore[misc]
         several = given if isinstance(given, tuple) else (given,)
         if len(several) != self.count or (self.count > 1) != isinstance(given, tuple):
-            raise ValueError(f"{what}: `read` must give {' and '.join(self.readings)}, it gave {given!r}")
+            raise ValueError(f"{self.what()}: `read` must give {' and '.join(self.readings)}, it gave {given!r}")
         for name, value in zip(self.readings, several, strict=True):
             self.check_value(value, name)
 

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Protocol
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing
+from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.tmaze.maze import Pose
 from epuckhebb.tmaze.robot import Robot
 from epuckhebb.tmaze.sensors import Kernels, SensorGroup, put_rays
@@ -55,13 +56,14 @@ Move = Callable[[Any, float, float, float, float], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Physics(ABC):
+class Physics(OwnClass, ABC):
     """A physics with its settings.
 
-    name: as in `physics=NAME`. ray_numbers: of each sensor, see `put_rays`. tilts: how many numbers tell its tilt.
+    ray_numbers: of each sensor, see `put_rays`. tilts: how many numbers tell its tilt.
     """
 
-    name: ClassVar[str]
+    PART: ClassVar[str] = "physics"
+    KEY: ClassVar[str] = "physics.kind"
     ray_numbers: ClassVar[int] = 6
     tilts: ClassVar[int] = 0
 
@@ -88,10 +90,10 @@ class Physics(ABC):
         """The function `record(space, tilt, place)` that writes the tilt of the robot into a sample."""
         return nothing
 
-    def check(self, world: Any) -> None:  # noqa: B027  # most worlds can be in any
+    def check(self, world: Any) -> None:  # most worlds can be in any
         """Check that a world can be in this physics; else a ValueError."""
 
-    def check_library(self) -> None:  # noqa: B027  # that of pymunk comes with the program
+    def check_library(self) -> None:  # that of pymunk comes with the program
         """Check that what this physics runs on is installed; else a ValueError."""
 
 

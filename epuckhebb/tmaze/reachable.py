@@ -1,13 +1,13 @@
 """Which places of a maze a robot can reach, and how far it is from the walls."""
 
-from collections.abc import Mapping
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import label
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.tmaze.maze import SIDES, Maze, Place, Side, boxes
+from epuckhebb.tmaze.maze import SIDES, Maze, Place, boxes
 
 GRID = 0.002  # m: of the places that are searched for a way to the goal
 SPARE = 0.001  # m: by about this much a robot sinks into a wall in the physics
@@ -18,14 +18,10 @@ def gap(x: float, y: float, walls: Floats) -> float:
     return float(_gaps(np.array([x]), np.array([y]), walls)[0, 0])
 
 
-def check_reachable(maze: Maze, goals: Mapping[Side, Place], obstacles: int, layout: int, radius: float) -> None:
-    """Check that a robot of this radius [m] fits at the start of a maze and can reach its goals; else a ValueError."""
-    _check_reachable(boxes(maze, obstacles, layout).tobytes(), maze, tuple(goals[side] for side in SIDES), radius)
-
-
 @cache
-def _check_reachable(walls: bytes, maze: Maze, goals: tuple[Place, ...], radius: float) -> None:
-    placed = np.frombuffer(walls).reshape(-1, 4)
+def check_reachable(maze: Maze, goals: tuple[Place, Place], obstacles: int, layout: int, radius: float) -> None:
+    """Check that a robot of this radius [m] fits at the start of a maze and can reach its goals; else a ValueError."""
+    placed = boxes(maze, obstacles, layout)
     here = gap(*maze.start[:2], placed)
     if here < radius - SPARE:
         raise ValueError(
@@ -49,9 +45,9 @@ def reachable(maze: Maze, walls: Floats, radius: float) -> tuple[Floats, NDArray
     """
     axis = np.arange(-maze.arena_m, maze.arena_m + GRID / 2, GRID)
     free = _gaps(axis, axis, walls) >= radius - SPARE
-    there = np.zeros_like(free)
-    there[tuple(np.rint((np.array(maze.start[:2]) + maze.arena_m) / GRID).astype(int))] = True
-    return axis, _flooded(free, there)
+    regions, _ = label(free)
+    column, row = np.rint((np.array(maze.start[:2]) + maze.arena_m) / GRID).astype(int)
+    return axis, free & (regions == regions[column, row])
 
 
 def _gaps(x: Floats, y: Floats, walls: Floats) -> Floats:
@@ -63,25 +59,3 @@ def _gaps(x: Floats, y: Floats, walls: Floats) -> Floats:
         np.minimum(nearest, beside[:, None] ** 2 + before[None, :] ** 2, out=nearest)
     distances: Floats = np.sqrt(nearest)
     return distances
-
-
-def _flooded(free: NDArray[np.bool_], there: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """All free cells that can be reached from `there`, by straight runs along the axes."""
-    runs = [_runs(free, axis) for axis in (0, 1)]
-    there = there & free
-    while True:
-        before = there.sum()
-        for run in runs:
-            reached = np.zeros(run.max() + 1, dtype=np.bool_)
-            reached[run[there]] = True
-            there = reached[run] & free
-        if there.sum() == before:
-            return there
-
-
-def _runs(free: NDArray[np.bool_], axis: int) -> NDArray[np.int64]:
-    """A number for each cell, which the free cells of one straight run along this axis share with no other."""
-    walls_so_far = np.cumsum(~free, axis=axis)
-    line = np.expand_dims(np.arange(free.shape[1 - axis]), axis)
-    numbers: NDArray[np.int64] = walls_so_far + line * (free.shape[axis] + 1)
-    return numbers

@@ -14,6 +14,7 @@ from epuckhebb.controller.ranges import check_range
 from epuckhebb.tmaze.sensors import DistanceSensors, LightSensors, RimSensors, SensorGroup, slices
 
 STEP_S = 0.032  # one control step: sensing, acting, learning and physics
+OUTPUTS = 2  # of a network: for the left and the right wheel
 
 
 class Underside(NamedTuple):

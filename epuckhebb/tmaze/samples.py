@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
-from epuckhebb.controller.network import OUTPUTS, Network
+from epuckhebb.controller.network import Network
 from epuckhebb.tmaze.physics.pymunk import PYMUNK
 from epuckhebb.tmaze.physics_engine import Physics
 
@@ -44,7 +44,7 @@ def empty_samples(count: int, network: Network, physics: Physics = PYMUNK) -> Sa
         time=numbers(),
         pose=numbers(3),
         sensors=numbers(network.inputs),
-        motors=numbers(OUTPUTS),
+        motors=numbers(network.outputs),
         fitness=numbers(),
         change_signal=np.full(count, np.nan),
         rate=numbers(),

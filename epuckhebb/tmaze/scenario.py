@@ -115,32 +115,6 @@ class Scenario:
                 f"scenario.dead_sensors must be a list of whole numbers, 0 to {last} for robot {self.robot.name}, each "
                 f"once, for example [0] or [], got {_plain(dead)}"
             )
-        self._check_faults()
-        if self.goals is not None and set(self.goals) != set(SIDES):
-            raise ValueError(f"scenario.goals must have {' and '.join(SIDES)}, got {sorted(self.goals)}")
-        for side, (x, y) in self.goals_now.items():
-            if max(abs(x), abs(y)) > self.maze.arena_m:
-                raise ValueError(
-                    f"scenario.goals.{side} must lie within {self.maze.arena_m:g} m of the middle of maze "
-                    f"{self.maze.name}, got {x:g}, {y:g}; goals are given in metres"
-                )
-        self.task.check_lamp(self.lamp.intensity)
-        check_placed(self.placed, self.maze)
-        if self.put is not None:
-            check_put(self.put, self.maze, self.robot.radius_m, self.boxes)
-        self.physics.check(self)
-        self._check_changes()
-
-    def check(self) -> None:
-        """Check that the robot can get to its goals, before and after each change. Takes some 35 ms for new walls."""
-        events = self.events
-        for number, (_, world) in enumerate(self.phases):
-            try:
-                check_reachable(world.maze, world.goals_now, world.obstacles, world.layout, world.robot.radius_m)
-            except ValueError as error:
-                raise ValueError(f"{events[number - 1][0]}: {error}" if number else str(error)) from error
-
-    def _check_faults(self) -> None:
         check_range(self, "scenario", "left_wheel", "right_wheel", most=1)
         for side in SIDES:
             slip = getattr(self, f"{side}_slip")
@@ -168,8 +142,19 @@ class Scenario:
                 "would move as with 1"
             )
         check_range(self, "scenario", "wall_friction")
-
-    def _check_changes(self) -> None:
+        if self.goals is not None and set(self.goals) != set(SIDES):
+            raise ValueError(f"scenario.goals must have {' and '.join(SIDES)}, got {sorted(self.goals)}")
+        for side, (x, y) in self.goals_now.items():
+            if max(abs(x), abs(y)) > self.maze.arena_m:
+                raise ValueError(
+                    f"scenario.goals.{side} must lie within {self.maze.arena_m:g} m of the middle of maze "
+                    f"{self.maze.name}, got {x:g}, {y:g}; goals are given in metres"
+                )
+        self.task.check_lamp(self.lamp.intensity)
+        check_placed(self.placed, self.maze)
+        if self.put is not None:
+            check_put(self.put, self.maze, self.robot.radius_m, self.boxes)
+        self.physics.check(self)
         check_changes("changes", self.changes)
         check_changes("hand", self.hand)
         now = self
@@ -178,6 +163,16 @@ class Scenario:
                 now = now.changed(change)
             except (ValueError, TypeError) as error:
                 raise ValueError(f"{where}: {error}") from error
+
+    def check(self) -> None:
+        """Check that the robot can get to its goals, before and after each change. Takes some 35 ms for new walls."""
+        events = self.events
+        for number, (_, world) in enumerate(self.phases):
+            try:
+                goals = world.goals_now["left"], world.goals_now["right"]
+                check_reachable(world.maze, goals, world.obstacles, world.layout, world.robot.radius_m)
+            except ValueError as error:
+                raise ValueError(f"{events[number - 1][0]}: {error}" if number else str(error)) from error
 
     @property
     def events(self) -> list[tuple[str, Mapping[str, Any]]]:

@@ -41,7 +41,9 @@ def senses(robot: Robot, physics: Physics) -> Sense:
     parts: dict[str, Any] = {"put_rays": physics.put_rays(robot)}
     put, look, read = [], [], []
     for k, ring in enumerate(rings):
-        parts[f"ring_{k}"] = _in_frame(ring)
+        azimuth = np.radians([place.azimuth for place in ring])
+        x, y = [place.x for place in ring], [place.y for place in ring]
+        parts[f"ring_{k}"] = np.array([x, y, np.cos(azimuth), np.sin(azimuth)])  # in the robot's frame
         put.append(f"put_rays(space, x, y, cos, sin, ring_{k}, rays[{k}])")
     for k, group in enumerate(robot.sensors):
         ring_of = rings.index(group.places) if isinstance(group, RimSensors) else 0
@@ -78,13 +80,6 @@ def senses(robot: Robot, physics: Physics) -> Sense:
 def _rings(robot: Robot) -> list[tuple[Place, ...]]:
     """The places of all groups on the rim; groups that share places share their rays."""
     return list(dict.fromkeys(group.places for group in robot.sensors if isinstance(group, RimSensors)))
-
-
-def _in_frame(places: tuple[Place, ...]) -> Floats:
-    """Sensors in the robot's frame, (4, n): x, y, and the unit vector each looks along."""
-    azimuth = np.radians([place.azimuth for place in places])
-    x, y = [place.x for place in places], [place.y for place in places]
-    return np.array([x, y, np.cos(azimuth), np.sin(azimuth)])
 
 
 @cache

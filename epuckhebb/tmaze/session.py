@@ -19,7 +19,7 @@ from epuckhebb.controller.compiling.errors import NotCompiledError, explained
 from epuckhebb.controller.compiling.kernel import compile_error
 from epuckhebb.controller.forward_pass import neuron_of
 from epuckhebb.controller.genome import NEURON, WEIGHTS
-from epuckhebb.controller.network import OUTPUTS, PAPER_NETWORK, Network, initial_weights_of
+from epuckhebb.controller.network import PAPER_NETWORK, Network, initial_weights_of
 from epuckhebb.controller.plasticity.rule import (
     INITIAL_RANGE,
     InitialWeights,
@@ -45,6 +45,7 @@ from epuckhebb.tmaze.maze import Pose, Side
 from epuckhebb.tmaze.outcome import Outcome, outcome_of
 from epuckhebb.tmaze.own_fitness import FitnessError, example_arguments, score_of
 from epuckhebb.tmaze.own_sensor import Sensor, own_sensors
+from epuckhebb.tmaze.robot import STEP_S
 from epuckhebb.tmaze.samples import empty_samples
 from epuckhebb.tmaze.scenario import Scenario
 from epuckhebb.tmaze.simulator import Kind, Phase, Simulator, have_more_faults, lights_of, trial_of
@@ -118,7 +119,7 @@ class Session:
             count = -(-self.lifetime.steps // self._record_every)
             count = count if most_samples is None else min(count, most_samples)
             self.samples = empty_samples(count, individual.network, first.physics)
-        self._history = individual.controller.rule.history
+        self._history = fitness.initial_history(individual.controller.rule)
         if individual.after is not None:
             before = Session(individual.after, world, self.lifetime, simulator=simulator)
             before.step(self.lifetime.steps)
@@ -186,7 +187,8 @@ class Session:
         now = self._simulator.kind_of(who.controller, who.network, self._more_faults)
         if now.live is not self._kind.live:
             # A kernel without delays has kept no readings: those before count as the last.
-            self.life.past[:] = np.append(self.life.activation[: world.robot.inputs], self.life.activation[-OUTPUTS:])
+            activation = self.life.activation
+            self.life.past[:] = np.append(activation[: world.robot.inputs], activation[who.network.first_output :])
         self._kind = self._kind._replace(live=now.live, usual=now.usual)
         self._enter(self._phases.pop(0))
 
@@ -342,7 +344,7 @@ def _genotype_of(individual: Individual, kind: Kind, world: Scenario, gain_rad_s
     weights = initial_weights_of(inherited)
     neurons, wiring = NO_NEURONS, network.wiring
     if wiring is not None:
-        neurons = wiring.initial({name: parts[NEURON + name] for name in wiring.evolved}, gain_rad_s)
+        neurons = wiring.initial({name: parts[NEURON + name] for name in wiring.evolved}, gain_rad_s, STEP_S)
     return Genotype(
         weights,
         kind.synapse_state,

@@ -20,7 +20,7 @@ from epuckhebb.controller.plasticity.rule import Rule, initial_synapse_state
 from epuckhebb.controller.plasticity.rules.paper import Paper
 from epuckhebb.tmaze.changes import AT_ONCE
 from epuckhebb.tmaze.faults import Faults, faults_of
-from epuckhebb.tmaze.fitness import LIGHT_CODE_SENSORS, Signal
+from epuckhebb.tmaze.fitness import initial_history, signal_number
 from epuckhebb.tmaze.life import Lifetime, Plasticity, Trial, Workspace, workspace_for
 from epuckhebb.tmaze.lifetime import live
 from epuckhebb.tmaze.lifetime_kernel import kernel_of
@@ -123,11 +123,6 @@ class Simulator:
 
     def _kind(self, controller: Controller, network: Network, more_faults: bool) -> Kind:
         rule, adaptation, robot = controller.rule, controller.adaptation, self.world.robot
-        if rule.signal is Signal.light_code and (robot.light.count, robot.distance.count) != LIGHT_CODE_SENSORS:
-            raise ValueError(
-                f"hebbian.signal=light_code is of the published program, whose robot has 8 light and 8 distance "
-                f"sensors; robot {robot.name} has {robot.light.count} and {robot.distance.count}"
-            )
         compiled_for = self._compiled_for(controller)
         own = compiled_for is type(rule)
         numbers = rule.numbers() if own else (0.0,) * len(compiled_for.settings())
@@ -138,8 +133,8 @@ class Simulator:
             plasticity=Plasticity(
                 float(rule.N) * rule.gain_factor(self.lifetime.gain_rad_s) if own else 0.0,
                 float(rule.floor),
-                int(rule.signal),
-                rule.history,
+                signal_number(rule),
+                initial_history(rule),
                 numbers,
                 gate_numbers(adaptation),
             ),

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.compiling.kernel import compiled, nothing
+from epuckhebb.controller.own_class import OwnClass
 from epuckhebb.tmaze.fitness import distance_to
 from epuckhebb.tmaze.maze import Place, Pose, Side
 from epuckhebb.tmaze.sensors import InputGroup, RewardInput
@@ -49,24 +50,16 @@ class Hooks(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Task:
+class Task(OwnClass):
     """A task; subclasses hold its settings.
 
     inputs: network inputs of the task, after the robot's. has_trials: whether a lifetime has more than one trial.
     """
 
+    PART: ClassVar[str] = "task"
+    KEY: ClassVar[str] = "task.kind"
     inputs: ClassVar[tuple[InputGroup, ...]] = ()
     has_trials: ClassVar[bool] = False
-
-    @property
-    def name(self) -> str:
-        """The name of its file."""
-        return type(self).__module__.rpartition(".")[2]
-
-    @property
-    def input_count(self) -> int:
-        """How many network inputs the task has."""
-        return sum(group.count for group in self.inputs)
 
     @property
     def gives_reward(self) -> bool:

@@ -2,21 +2,20 @@
 
 A building block is an ordinary Python function, which tests can call; when a kernel calls it, numba compiles it into
 that kernel. A *kernel* is a whole loop (a lifetime) that Python calls. Its parts, such as the plasticity rule or the
-robot's senses, are chosen when it is made: `kernel(live, learn=...)` is `live` in which the name `learn` means that
-function. So parts cost nothing while the loop runs, and only those in use are compiled. Numba compiles a building block
-once in a process: functions that make one for a robot or a network, and not for a rule, give the same one each time.
+robot's senses, are chosen when it is made: `kernel(live, values, learn=...)` is `live` in which the name `learn` means
+that function. So parts cost nothing while the loop runs, and only those in use are compiled. Numba compiles a building
+block once in a process: functions that make one for a robot or a network, and not for a rule, give the same one each
+time.
 
 Arithmetic is IEEE float64 in the written order (no `fastmath`), so the same lifetime is always bit-identical.
 `error_model="numpy"` makes 1 / 0 infinite instead of an exception. `_nrt=False` leaves out numba's counting of
 references: a kernel makes no array, and the counting took up to a third of a step with an adaptation.
 """
 
-import hashlib
 import os
 import types
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
-from io import BytesIO
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -24,13 +23,12 @@ import numba
 import platformdirs
 from numba.extending import register_jitable
 
-from epuckhebb.controller.compiling.code_digest import UnknownPartError, digest
 from epuckhebb.controller.compiling.inlining import InlinedCompiler
+from epuckhebb.controller.compiling.sources import UnknownSourceError, kernel_key
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
-_CHECKSUM = hashlib.sha256().digest_size
 _settings: Any = numba.config
 if _settings.DISABLE_JIT:
     raise RuntimeError(
@@ -67,18 +65,20 @@ def in_turn(function: Callable[..., None], constants: Iterable[tuple[int, ...]],
     return compiled(eval(f"lambda {arguments}: ({calls})", {"function": compiled(function)}))
 
 
-def kernel(function: Function, **parts: object) -> Function:
+def kernel(function: Function, values: object, **parts: object) -> Function:
     """Compile a function that Python calls, with these parts in place of its module's global names.
 
-    The machine code is stored on disk, in a folder named by the digest of the kernel's code. After any change of an
-    equation, ours or a user's, it is compiled anew. If the cache cannot be written, is damaged, or the digest cannot
-    read all code, the kernel is compiled in memory.
+    The machine code is stored on disk, in a folder named by its sources and `values`. It is compiled in memory where
+    the cache cannot be written, or a class is not from a file that `FILE.py:NAME` names.
+
+    values: all that the parts are made from, such as network, robot and the class of a rule.
     """
     made = _with_globals(function, parts)
-    with suppress(UnknownPartError):
-        made.__qualname__ = f"{function.__name__}_{digest(made)}"  # symbols of kernels in one process must differ
+    with suppress(UnknownSourceError):
+        key = kernel_key(values)
+        made.__qualname__ = f"{function.__name__}_{key}"  # symbols of kernels in one process must differ
         made.__module__ = function.__module__
-        stored = _stored(made)
+        stored = _stored(made, key)
         if stored is not None:
             return cast(Function, stored)
     return cast(Function, _njit(**_OPTIONS)(made))
@@ -103,9 +103,9 @@ class SameTypes:
             self.call = known[0].entry_point
 
 
-def _stored(made: types.FunctionType) -> Any:
+def _stored(made: types.FunctionType, key: str) -> Any:
     """A kernel whose machine code is kept on disk; None if no folder can be written to."""
-    folder, before = _cache_folder(made.__qualname__.rpartition("_")[2]), _settings.CACHE_DIR
+    folder, before = _cache_folder(key), _settings.CACHE_DIR
     if folder is None:
         return None
     try:
@@ -115,9 +115,9 @@ def _stored(made: types.FunctionType) -> Any:
         return None
     finally:
         _settings.CACHE_DIR = before
-    if not Path(dispatcher._cache.cache_path).is_relative_to(folder):  # numba has looked for another place
+    if not Path(dispatcher.stats.cache_path).is_relative_to(folder):  # numba has looked for another place
         return None
-    _distrust(dispatcher._cache)
+    _tolerate_damage(dispatcher._cache)
     return dispatcher
 
 
@@ -140,23 +140,12 @@ def _with_globals(function: Callable[..., Any], parts: dict[str, object]) -> typ
     return types.FunctionType(code.__code__, {**code.__globals__, **parts}, code.__name__)
 
 
-def _distrust(cache: Any) -> None:
+def _tolerate_damage(cache: Any) -> None:
     """Treat a cache that is damaged, full or lost as empty: then the kernel is compiled.
 
-    Each file ends with the SHA-256 of its content, which unpickling ignores. A file without it is not read: machine
-    code with a flipped bit would give other results, or end the process. `_load_overload` is called because
-    `load_overload` would first import all that compiling needs, and SciPy.
+    `_load_overload` is called because `load_overload` would first import all that compiling needs: 0.6 s of each start.
     """
-    files = cache._cache_file
-    open_file, load_index, load_data = files._open_for_write, files._load_index, files._load_data
     load, save = cache._load_overload, cache.save_overload
-
-    @contextmanager
-    def open_with_checksum(path: str) -> Iterator[BytesIO]:
-        with open_file(path) as file:
-            written = BytesIO()
-            yield written
-            file.write(written.getvalue() + hashlib.sha256(written.getvalue()).digest())
 
     def load_or_none(signature: object, target: object) -> object:
         try:
@@ -170,19 +159,7 @@ def _distrust(cache: Any) -> None:
         with suppress(OSError):  # without space on disk, it stays in memory
             save(signature, result)
 
-    files._open_for_write = open_with_checksum
-    files._load_index = lambda: load_index() if _is_intact(files._index_path) else {}
-    files._load_data = lambda name: load_data(name) if _is_intact(files._data_path(name)) else None
     cache.load_overload, cache.save_overload = load_or_none, save_if_possible
-
-
-def _is_intact(path: str) -> bool:
-    """Whether a cache file is there and ends with the SHA-256 of what is before that."""
-    try:
-        content = Path(path).read_bytes()
-    except OSError:
-        return False
-    return hashlib.sha256(content[:-_CHECKSUM]).digest() == content[-_CHECKSUM:]
 
 
 def in_module(function: Function, name: str) -> Function:

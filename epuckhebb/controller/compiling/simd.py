@@ -43,8 +43,7 @@ _numba.extending.register_model(_Four)(
 def _in_kernels(result: Any, instructions: Callable[..., Any]) -> Callable[[Any], Any]:
     """Let kernels have LLVM's instructions in place of a plain function.
 
-    instructions: a function of LLVM's builder and of the arguments, arrays as pointers to their numbers. `digest` finds
-    it by the attribute `in_kernels` of the plain function.
+    instructions: a function of LLVM's builder and of the arguments, arrays as pointers to their numbers.
     """
 
     def typed(*given: Any) -> Any:
@@ -63,8 +62,8 @@ def _in_kernels(result: Any, instructions: Callable[..., Any]) -> Callable[[Any]
     def attach(plain: Any) -> Any:
         # numba wants the arguments by name.
         names = ", ".join(inspect.signature(plain).parameters)
-        plain.in_kernels = eval(f"lambda typing, {names}: typed({names})", {"typed": typed})
-        call = eval(f"lambda {names}: written({names})", {"written": _numba.extending.intrinsic(plain.in_kernels)})
+        in_kernels = eval(f"lambda typing, {names}: typed({names})", {"typed": typed})
+        call = eval(f"lambda {names}: written({names})", {"written": _numba.extending.intrinsic(in_kernels)})
         _numba.extending.overload(plain, jit_options=BUILDING_BLOCK)(eval(f"lambda {names}: call", {"call": call}))
         return plain
 

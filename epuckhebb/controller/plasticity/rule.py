@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from epuckhebb.controller.arrays import Floats
 from epuckhebb.controller.evolved import Evolved
 from epuckhebb.controller.network import Network
-from epuckhebb.controller.own_class import Functions, OwnClass, arguments, name_of, stored
+from epuckhebb.controller.own_class import OwnClass, arguments, name_of, stored
 from epuckhebb.controller.plasticity.control import Sign
 from epuckhebb.controller.ranges import check_range
 from epuckhebb.controller.wiring import LAYERS
-from epuckhebb.tmaze.fitness import History, Signal
-from epuckhebb.tmaze.robot import STEP_S
 
 QUANTITIES = (
     "correlation",
@@ -28,6 +26,7 @@ QUANTITIES = (
     "fitness",
     "key",
     "step",
+    "step_s",
     "number",
     "synapse_state",
     "by",
@@ -58,9 +57,10 @@ class Rule(OwnClass):
 
     N: base rate, 0 for a robot that does not learn. N_gain_rad_s: wheel gain at which N holds; at another gain N is
     proportional to it, so that a robot learns as much on each metre; 0 if N holds at any gain, as in the paper. floor:
-    the least factor on N, when fitness is low. w_max: bound of the weights. signal: the live fitness that scales the
-    rate. history_s, history_mean: of `signal=lifetime_mean`, the time and the mean that it starts from;
-    carries_history: whether a right lifetime starts from where the left one ended. sign: of the updates, `hebbian` or a
+    the least factor on N, when fitness is low. w_max: bound of the weights. signal: the name of the live
+    fitness that scales the rate, a number that the rule is given at each step. history_s, history_mean: of a live
+    fitness that is a running mean, the time and the mean that it starts from; carries_history: whether a lifetime
+    starts from where the one before ended. sign: of the updates, `hebbian` or a
     control. initial_weights: `evolved` or `random`. reward: how a modulatory neuron receives a reward, as `given` or,
     as a control, `inverted`.
 
@@ -74,6 +74,7 @@ class Rule(OwnClass):
         initial_weight   the weight at the start of the lifetime
         fitness          the live fitness, the same for all synapses
         key, step        of the lifetime's noise, and of this step; with `number`, the place of a random number
+        step_s           how long a step is, s
         number           of this synapse, from 0
         synapse_state    the numbers named in the class attribute `synapse_state`, to be read and set
         by               the rule's settings
@@ -87,6 +88,8 @@ class Rule(OwnClass):
     """
 
     PART: ClassVar[str] = "rule"
+    KEY: ClassVar[str] = "hebbian.rule"
+    METHODS: ClassVar[tuple[str, ...]] = ("synapse",)
     synapse_state: ClassVar[Mapping[str, float]] = {}
     evolved: ClassVar[Mapping[str, Evolved]] = {}
     with_reward: ClassVar[Mapping[str, Evolved]] = {}
@@ -97,7 +100,7 @@ class Rule(OwnClass):
     N_gain_rad_s: float = 0.0
     floor: float = 0.2
     w_max: float = 2.0
-    signal: Signal = Signal.behaviour
+    signal: str = "behaviour"
     history_s: float = 500.0
     history_mean: float = 0.5
     carries_history: bool = False
@@ -116,23 +119,11 @@ class Rule(OwnClass):
                 raise ValueError(f"hebbian.{name} must be a finite number, got {value}")
         check_range(self, "hebbian", "N", "N_gain_rad_s", "floor", "history_s")
         check_range(self, "hebbian", "history_mean", most=1)
-        of_history = ("history_s", "history_mean", "carries_history")
-        changed = next((name for name in of_history if getattr(self, name) != getattr(Rule, name)), None)
-        if changed and self.signal is not Signal.lifetime_mean:
-            raise ValueError(
-                f"hebbian.{changed} does nothing with hebbian.signal={self.signal.name}; give signal=lifetime_mean"
-            )
         check_range(self, "hebbian", "w_max", most=_LARGEST_WEIGHT, above=True)
         if self.reward is not Reward.given and not receives_reward(type(self)):
             raise ValueError(
                 f"hebbian.reward={self.reward.name} does nothing with rule {name_of(type(self))}, which gets no reward"
             )
-
-    @property
-    def history(self) -> History:
-        """What the live fitness starts from, unless it is carried."""
-        steps = float(self.history_s) / STEP_S
-        return History(steps, steps * float(self.history_mean))
 
     @staticmethod
     def synapse(*_: Any) -> float:
@@ -152,24 +143,14 @@ class Rule(OwnClass):
         return gain_rad_s / self.N_gain_rad_s if self.N_gain_rad_s else 1.0
 
     @classmethod
-    def functions(cls) -> Functions:
-        """How a weight changes, and how its coefficients are made."""
-        makers = (evolved.value for evolved in cls.evolved.values() if evolved.value is not None)
-        return cls.synapse, cls.express.__func__, *makers  # type: ignore[attr-defined]  # of a class method
-
-    @classmethod
     def arguments(cls) -> tuple[str, ...]:
         """The names of the arguments of `synapse`, in its order; a ValueError if one is unknown."""
-        records = {"by": cls.settings(), "synapse_state": tuple(cls.synapse_state)}
-        return arguments(cls.what(), cls.synapse, [*QUANTITIES, *coefficient_names(cls)], records)
+        return arguments(cls.what(), cls.synapse, [*QUANTITIES, *coefficient_names(cls)])
 
     @classmethod
-    def check_class(cls, instead: str = "") -> None:
+    def check_class(cls) -> None:
         """Check its method `synapse`; else a ValueError."""
-        if cls.synapse is Rule.synapse:
-            raise ValueError(f"{cls.what()} has no static method `synapse`, which gives a weight's direction")
-        instead = "ask for key, step and number in `synapse` and draw as rule `online` does"
-        super().check_class(instead)
+        super().check_class()
         cls.arguments()
 
 

@@ -133,11 +133,12 @@ def initial_lengths(rule: type[Rule], network: Network, genes: Floats) -> Floats
 
 
 class StepContext(NamedTuple):
-    """What of a step is the same for all synapses. fitness: live. key: of the lifetime's noise."""
+    """What of a step is the same for all synapses. fitness: live. key: of the lifetime's noise. step_s: length [s]."""
 
     fitness: float
     key: np.uint64
     step: int
+    step_s: float
 
 
 Update = Callable[..., float]
@@ -172,8 +173,8 @@ def update_of(rule: type[Rule], network: Network) -> Update:
     """The function that updates all weights of a network once by a rule, and returns the weight change.
 
     The function is `learn(weights, synapse_state, genotype, activation, rate, now, numbers, workspace)`: weights
-    (synapses,) and synapse_state are updated; genotype, workspace: see `epuckhebb.tmaze.life`; activation: (neurons,);
-    rate: N_e; now: the step; numbers: the settings.
+    (synapses,) and synapse_state are updated; genotype, workspace: records that hold what it reads; activation:
+    (neurons,); rate: N_e; now: the step; numbers: the settings.
     """
     if rule is NoRule:
         return zero
@@ -189,6 +190,7 @@ def update_of(rule: type[Rule], network: Network) -> Update:
         "fitness": "now.fitness",
         "key": "now.key",
         "step": "now.step",
+        "step_s": "now.step_s",
         "number": "k",
         "synapse_state": "synapse_state[k]",
         "by": "by",

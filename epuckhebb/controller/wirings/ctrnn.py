@@ -3,7 +3,7 @@
     tau y' = -y + sum w x      y: state of a neuron, tau: its time constant [s], w: weights, x: inputs and activations
     x = tanh(y + bias)         Beer's logistic function becomes tanh, because outputs turn wheels both ways
 
-Euler's method takes steps of 32 ms, but no step is longer than tau: then y becomes the drive at once.
+Euler's method takes the controller's steps, but no step is longer than tau: then y becomes the drive at once.
 
 Beer, R. D. (1995). On the dynamics of small continuous-time recurrent neural networks. Adaptive Behavior 3, 469-509.
 """
@@ -14,17 +14,16 @@ from itertools import product
 from typing import Any, ClassVar
 
 from epuckhebb.controller.evolved import Evolved
-from epuckhebb.controller.network import OUTPUTS, tanh
+from epuckhebb.controller.network import tanh
 from epuckhebb.controller.ranges import check_range
 from epuckhebb.controller.wiring import Wiring
-from epuckhebb.tmaze.robot import STEP_S
 
 
 @dataclass(frozen=True, kw_only=True)
 class CTRNN(Wiring):
     """A continuous-time recurrent network.
 
-    hidden: neurons besides the two of the wheels. tau_gain_rad_s: wheel gain at which time constants hold. At a lower
+    hidden: neurons besides the outputs. tau_gain_rad_s: wheel gain at which time constants hold. At a lower
     gain the robot is slower, and its neurons, too, so that they remember the same way; 0 if they hold at any gain.
     """
 
@@ -43,16 +42,16 @@ class CTRNN(Wiring):
     @property
     def sizes(self) -> tuple[int, ...]:
         """One group: all neurons respond at once."""
-        return (self.hidden + OUTPUTS,)
+        return (self.hidden + self.outputs,)
 
     def synapses(self, inputs: int) -> Iterable[tuple[int, int]]:
         """From each input and each neuron to each neuron."""
-        neurons = range(inputs + 1, inputs + 1 + self.hidden + OUTPUTS)
+        neurons = range(inputs + 1, inputs + 1 + self.hidden + self.outputs)
         return product([*range(inputs), *neurons], neurons)
 
-    def step_s(self, gain_rad_s: float) -> float:
+    def step_s(self, gain_rad_s: float, step_s: float) -> float:
         """See `Wiring`."""
-        return STEP_S * gain_rad_s / self.tau_gain_rad_s if self.tau_gain_rad_s else STEP_S
+        return step_s * gain_rad_s / self.tau_gain_rad_s if self.tau_gain_rad_s else step_s
 
     @staticmethod
     def neuron(drive: float, state: Any, tau: float, bias: float, step_s: float) -> float:

@@ -3,7 +3,7 @@
     h = tanh(W x + V h' + b)    x: inputs, h': the hidden layer in the step before, b: weights of the constant 1
     out = tanh(U h)
 
-Its memory is of steps, and a step is 32 ms at any wheel gain.
+Its memory is of steps, which are as long at any wheel gain.
 
 Elman, J. L. (1990). Finding structure in time. Cognitive Science 14, 179-211.
 """
@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import chain, product
 
-from epuckhebb.controller.network import OUTPUTS, tanh
+from epuckhebb.controller.network import tanh
 from epuckhebb.controller.ranges import check_range
 from epuckhebb.controller.wiring import Wiring
 
@@ -28,14 +28,14 @@ class Elman(Wiring):
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """The hidden layer, then the wheels."""
-        return (self.hidden, OUTPUTS)
+        """The hidden layer, then the outputs."""
+        return (self.hidden, self.outputs)
 
     def synapses(self, inputs: int) -> Iterable[tuple[int, int]]:
-        """From inputs, constant 1 and hidden neurons to each hidden neuron, and from these to the wheels."""
+        """From inputs, constant 1 and hidden neurons to each hidden neuron, and from these to the outputs."""
         hidden = range(inputs + 1, inputs + 1 + self.hidden)
-        wheels = range(hidden.stop, hidden.stop + OUTPUTS)
-        return chain(product(range(hidden.stop), hidden), product(hidden, wheels))
+        outputs = range(hidden.stop, hidden.stop + self.outputs)
+        return chain(product(range(hidden.stop), hidden), product(hidden, outputs))
 
     @staticmethod
     def neuron(drive: float) -> float:

@@ -215,7 +215,6 @@ class Ode(Physics):
     in the robot's frame and angle [rad] by which a robot is turned when it is put somewhere, besides its heading.
     """
 
-    name: ClassVar[str] = "ode"
     ray_numbers: ClassVar[int] = 10
     tilts: ClassVar[int] = 3
 

@@ -17,7 +17,7 @@ a robot that touches two walls at once: pymunk solves their contacts in an order
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import llvmlite.binding
 import numpy as np
@@ -296,8 +296,6 @@ def _is_clear(x: float, y: float, walls: Floats, near: float) -> bool:
 @dataclass(frozen=True, kw_only=True)
 class Pymunk(Physics):
     """Rigid bodies in the plane, which has no settings."""
-
-    name: ClassVar[str] = "pymunk"
 
     def space(self, walls: Floats, world: Any) -> PymunkSpace:
         """See `Physics`."""

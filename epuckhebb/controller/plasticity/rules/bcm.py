@@ -1,6 +1,6 @@
 """The BCM rule: activity above a neuron's usual level strengthens its inputs, activity below weakens them.
 
-    theta_i' = theta_i + (x_i^2 - theta_i) / (time / 32 ms)    sliding threshold, a running mean of x_i^2
+    theta_i' = theta_i + (x_i^2 - theta_i) / (time / step)    sliding threshold, a running mean of x_i^2
     D        = x_j x_i (x_i - theta_i')
 
 Source: Bienenstock, Cooper & Munro, Theory for the development of neuron selectivity, J. Neuroscience 2 (1982), with
@@ -12,7 +12,6 @@ from typing import Any, ClassVar
 
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.ranges import check_range
-from epuckhebb.tmaze.robot import STEP_S
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,10 +24,11 @@ class BCM(Rule):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range(self, "hebbian", "threshold_time_s", least=STEP_S)
+        check_range(self, "hebbian", "threshold_time_s", above=True)
 
     @staticmethod
-    def synapse(correlation: float, post: float, synapse_state: Any, by: Any) -> float:
+    def synapse(correlation: float, post: float, synapse_state: Any, step_s: float, by: Any) -> float:
         """Move the threshold, then D = x_j x_i (x_i - theta_i)."""
-        synapse_state.threshold += (post * post - synapse_state.threshold) * (STEP_S / by.threshold_time_s)
+        share = min(1.0, step_s / by.threshold_time_s)
+        synapse_state.threshold += (post * post - synapse_state.threshold) * share
         return float(correlation * (post - synapse_state.threshold))

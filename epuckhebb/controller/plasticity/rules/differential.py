@@ -1,7 +1,7 @@
 """Differential plasticity: spike-timing-dependent plasticity for rates.
 
-    a_j' = a_j + (x_j - a_j) / (time / 32 ms)    traces of both neurons
-    a_i' = a_i + (x_i - a_i) / (time / 32 ms)
+    a_j' = a_j + (x_j - a_j) / (time / step)    traces of both neurons
+    a_i' = a_i + (x_i - a_i) / (time / step)
     D    = a_j' x_i - x_j a_i'                   pre before post strengthens, post before pre weakens
 
 Source: Caporale & Dan, Annual Review of Neuroscience 31 (2008), for the timing; Di Paolo, Adaptive Behavior 10 (2002),
@@ -13,7 +13,6 @@ from typing import Any, ClassVar
 
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.ranges import check_range
-from epuckhebb.tmaze.robot import STEP_S
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,11 +25,12 @@ class Differential(Rule):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range(self, "hebbian", "trace_time_s", least=STEP_S)
+        check_range(self, "hebbian", "trace_time_s", above=True)
 
     @staticmethod
-    def synapse(pre: float, post: float, synapse_state: Any, by: Any) -> float:
+    def synapse(pre: float, post: float, synapse_state: Any, step_s: float, by: Any) -> float:
         """Move both traces, then D = a_j x_i - x_j a_i."""
-        synapse_state.trace_pre += (pre - synapse_state.trace_pre) * (STEP_S / by.trace_time_s)
-        synapse_state.trace_post += (post - synapse_state.trace_post) * (STEP_S / by.trace_time_s)
+        share = min(1.0, step_s / by.trace_time_s)
+        synapse_state.trace_pre += (pre - synapse_state.trace_pre) * share
+        synapse_state.trace_post += (post - synapse_state.trace_post) * share
         return float(synapse_state.trace_pre * post - pre * synapse_state.trace_post)

@@ -20,7 +20,6 @@ import numpy as np
 from epuckhebb.controller.plasticity.rule import Rule
 from epuckhebb.controller.random import normal
 from epuckhebb.controller.ranges import check_range
-from epuckhebb.tmaze.robot import STEP_S
 
 _FAR = 2**52  # its random numbers lie where no other noise of a lifetime is
 _MOST = 2**17  # synapses; each has a random number of its own at each step
@@ -39,12 +38,18 @@ class Online(Rule):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range(self, "hebbian", "window_s", least=STEP_S)
-        check_range(self, "hebbian", "sigma", above=True)
+        check_range(self, "hebbian", "window_s", "sigma", above=True)
 
     @staticmethod
     def synapse(
-        weight: float, fitness: float, key: np.uint64, step: int, number: int, synapse_state: Any, by: Any
+        weight: float,
+        fitness: float,
+        key: np.uint64,
+        step: int,
+        step_s: float,
+        number: int,
+        synapse_state: Any,
+        by: Any,
     ) -> float:
         """D = W_child - W; at the end of a window a new child."""
         if synapse_state.windows == 0.0 and synapse_state.steps == 0.0:
@@ -52,7 +57,7 @@ class Online(Rule):
             synapse_state.child = weight
         synapse_state.summed += fitness
         synapse_state.steps += 1.0
-        if synapse_state.steps >= math.floor(by.window_s / STEP_S + 1e-9):
+        if synapse_state.steps >= math.floor(by.window_s / step_s + 1e-9):
             mean = synapse_state.summed / synapse_state.steps
             if mean > synapse_state.best:
                 synapse_state.parent = synapse_state.child

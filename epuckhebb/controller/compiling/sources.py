@@ -1,0 +1,84 @@
+"""Names a kernel by its sources: after any edit of an equation, ours or a user's, it is compiled anew."""
+
+import functools
+import hashlib
+import platform
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numba
+import numpy as np
+
+OWN_PACKAGE = "epuckhebb_own_"  # begins the names of the packages in which users' files are loaded
+_ROOT = Path(__file__).parents[2]
+_SCIENCE = ("controller", "tmaze", "adaptation", "flock")  # the packages that kernels are made of
+_OURS = {*sys.stdlib_module_names, "epuckhebb", "numpy"}
+_PLAIN = (bool, int, float, complex, str, bytes, tuple, list, dict)
+
+
+class UnknownSourceError(ValueError):
+    """A class was not loaded as FILE.py:NAME, so it is not known which files it depends on."""
+
+
+def kernel_key(values: object) -> str:
+    """Sixteen hexadecimal digits for a kernel. values: all that its parts are made from, as tuples and dataclasses."""
+    text = re.sub(rf"{OWN_PACKAGE}\w+", "own", repr(values))  # wherever the user's file is
+    others = [name for name in _packages(values) if not name.startswith(OWN_PACKAGE)]
+    if others or " at 0x" in text:
+        raise UnknownSourceError(f"the sources of {', '.join(others) or text} are not known")
+    return _digest(_science(), own_code(values), text)
+
+
+def own_code(values: object) -> str:
+    """A digest of the users' files that the classes of these values are from, as far as they are known."""
+    return _digest(*sorted(_package_digest(package) for package in _packages(values)))
+
+
+def _packages(values: object) -> set[str]:
+    """The packages, but for ours and Python's, that classes of these values are from."""
+    return {kind.__module__.partition(".")[0] for kind in _kinds(values)} - _OURS
+
+
+def _kinds(values: Any) -> Iterator[type]:
+    """The classes in these values, and those of the values."""
+    is_class = isinstance(values, type)
+    yield values if is_class else type(values)
+    inner: Iterable[Any] = values if isinstance(values, tuple) else ()
+    if is_dataclass(values) and not is_class:
+        inner = [getattr(values, field.name) for field in fields(values)]
+    for value in inner:
+        yield from _kinds(value)
+
+
+def _package_digest(package: str) -> str:
+    """A digest of the sources of a user's files, and of what their modules hold: it may come from a file of data."""
+    modules = [(name, module) for name, module in sorted(sys.modules.items()) if name.partition(".")[0] == package]
+    return _digest(*(part for name, module in modules for part in (name.partition(".")[2], *_content(module))))
+
+
+def _content(module: ModuleType) -> Iterator[str | bytes]:
+    yield getattr(module.__loader__, "content", b"")
+    for name, value in vars(module).items():
+        if isinstance(value, np.ndarray):
+            yield from (name, str(value.dtype), value.tobytes())
+        elif isinstance(value, _PLAIN) and not name.startswith("__"):
+            yield f"{name} {value!r}"
+
+
+@functools.cache
+def _science() -> str:
+    """A digest of our sources and of the versions of all that compiles them."""
+    sources = [file.read_bytes() for room in _SCIENCE for file in sorted((_ROOT / room).rglob("*.py"))]
+    return _digest(numba.__version__, np.__version__, platform.python_version(), *sources)
+
+
+def _digest(*parts: str | bytes) -> str:
+    content = hashlib.sha256()
+    for part in parts:
+        content.update(hashlib.sha256(part.encode() if isinstance(part, str) else part).digest())
+    return content.hexdigest()[:16]
