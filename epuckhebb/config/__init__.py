@@ -44,6 +44,7 @@ from epuckhebb.config.schema import (
     ReproduceConfig,
     dump,
     say_unusual,
+    typed,
 )
 from epuckhebb.config.stored import from_values, without_own_code
 from epuckhebb.config.yaml_file import load as settings

@@ -36,6 +36,7 @@ _USUAL = ("training", "hebbian")  # more groups whose choice is as it is in what
 _COMPARED = (*_SHOWN, "training", "change", "experiment")  # keys and groups that can make a difference
 _OF_ANY_NUMBER = ("change", "experiment", "ga")  # groups of which no choice need be made, or several can
 _RECORDING = "lifetime.record_every"  # changes nothing in a lifetime
+_OF_GA = re.compile(r"[+~]*ga[.=]")  # an override of the genetic algorithm
 _LONGEST = 80  # characters of a world in the name of a folder
 
 
@@ -51,8 +52,7 @@ def resolve(
 ) -> None:
     """Complete a configuration as Hydra composed it; it is changed. choices: of each group."""
     with flag_override(cfg, ["struct", "readonly"], [False, False]):
-        for part, key, path, name in list(own_references({one: cfg[one] for one in PART_GROUPS if one in cfg})):
-            part[key] = literal(f"{path.absolute()}:{name}")
+        _find_own_files(cfg)
         if "scenario" not in cfg or cfg.get("changed") is not None:
             return
         try:
@@ -81,6 +81,8 @@ def _resolve(
         cfg.adaptation.name = choices.get("adaptation", NONE)
     if cfg.get("compare"):
         cfg.compare = dict(_compared(str(name), given, config_dir) for name, given in cfg.compare.items())
+    if ":" in str((cfg.get("optimizer") or {}).get("algorithm")) and not any(map(_OF_GA.match, overrides)):
+        cfg.ga = None
     _complete_parts(cfg)
     if usual:
         _fit_rule(cfg, choices["hebbian"], usual.cfg.hebbian)
@@ -143,6 +145,8 @@ def _usual(command: str, choices: Mapping[str, str], overrides: Sequence[str], c
         differ = [group for group in (*_PARTS, *_USUAL) if choices.get(group) != found.choices.get(group)]
         if differ:
             found = by_hydra(command, [*named, *chosen(*differ)], folder)
+        with flag_override(found.cfg, ["struct", "readonly"], [False, False]):
+            _find_own_files(found.cfg)
         return _Usual(found.cfg, [group for group in differ if group in _PARTS])
 
     try:
@@ -220,10 +224,14 @@ def _of_program(word: str) -> dict[str, Any]:
     return _of_anyone(word, None)
 
 
+def _find_own_files(cfg: DictConfig) -> None:
+    """Write down where the user's files are."""
+    for part, key, path, name in list(own_references({group: cfg[group] for group in PART_GROUPS if group in cfg})):
+        part[key] = literal(f"{path.absolute()}:{name}")
+
+
 def _complete_parts(cfg: DictConfig) -> None:
     """Write down where changes by hand are, and what sensors of the user's read."""
-    if ":" in str((cfg.get("optimizer") or {}).get("algorithm")):
-        cfg.ga = None
     if cfg.network.get("wiring") != LAYERS and cfg.network.get("layers") is None:
         cfg.network.pop("layers", None)
     sensors = cfg.robot.get("sensors")

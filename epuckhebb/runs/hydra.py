@@ -29,6 +29,7 @@ from epuckhebb.config import (
     from_values,
     quoted,
     swept_values,
+    typed,
     value_of,
     with_names_compared,
     world_name,
@@ -36,7 +37,6 @@ from epuckhebb.config import (
 from epuckhebb.config.catalogue import IS_HYDRA_1_4, USERS, VERSION_BASE, catalogue, choices_of, register
 from epuckhebb.config.compose import composed_with_hydra
 from epuckhebb.config.resolve import resolve
-from epuckhebb.config.schema import typed
 from epuckhebb.runtime import ConfigError, JobFailedError, data_folder, exit_with_parent, path_of, thread_count
 from epuckhebb.store import check_folder_of_multirun, of_multirun
 
